@@ -1,15 +1,17 @@
-"""How near any two benches can come while the leader goes on, over a step of the whole chain: the larger of two bounds.
+"""How near any two benches can come over a step of the leader, for the whole chain: the larger of two lower bounds.
 
-Both hold where no link can lock. Handles then only move on as the leader does, so between two states handle i goes the
-way D_i between its places at both, and no more. A point of a bench that is t of the way between its handles goes
-(1 - t) D_i + t D_(i+1) at most; one that is e beside or beyond them goes e times the bench's turning more, which is at
-most (D_i + D_(i+1)) / 2 times the track's largest curvature. If two benches met in between, the same two points of
-theirs would have been apart by their gaps at both states: they would have gone at least the sum of both gaps.
+Both hold where no link can lock. Handles then only move on as the leader does, so between two states handle i moves by
+exactly the distance D_i between its places at both. A point of a bench at a fraction t of the way between its handles
+moves by at most (1 - t) D_i + t D_(i+1); a point at a distance e beside or beyond them moves by e times the bench's
+turning more, which is at most (D_i + D_(i+1)) / 2 times the track's largest curvature. If two benches met in between,
+the same two points would have been apart by the gaps at both states: they would have moved by at least the sum of both
+gaps.
 
-That bound shrinks with the way that benches go, also where they go together. The other one, for pairs that it does not
-clear, shrinks with the square of the step, and with how little benches move as seen from each other: over a step h no
-corner leaves the line between its places at both ends by more than B h^2 / 8, B of ``on_track``. docs/contact.md
-has the proofs. All is rounded outwards: gaps and separations by ``signed_distance.rounding_m``, ways by a factor ABOVE.
+That bound shrinks with the moves of benches, even if they move together. The other one, for pairs that it does not
+clear, shrinks with the square of the step, and with the moves of benches relative to each other: over a step h no
+corner leaves the line between its places at both ends by more than B h^2 / 8, with B from ``on_track``. docs/contact.md
+has the proofs. Everything is rounded outwards: gaps and separations by ``signed_distance.rounding_m``, moves by a
+factor ABOVE.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -27,18 +29,18 @@ from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
 _TOLERANCE = 4          # times the position error: two benches may be off, at two states
-_SPACING = 0.3          # of the longest bench, between the first states: a pair two apart has no room for more
-_LEAST_SPACING = 0.05   # of that, where intervals are cut all the same: shorter roots have fewer pairs in reach
+_SPACING = 0.3          # of the longest bench, between the first states: a pair two apart has no more room
+_LEAST_SPACING = 0.05   # of that; intervals are cut anyway, and shorter roots have fewer pairs in reach
 _PARTS_OF_ROOT = 1.05   # so long are the roots of a block that they are cut into so many, were it like the last one,
 _FINER = 0.25           # but no less than this, nor more than its inverse, of what they were
 _MOST = 2_000_000       # of them: some hours
-_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: next to a contact, and to a grazing
-_REACH = 1.25           # of the way that benches go on a root: pairs further apart stay a fifth of it apart
+_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: near a contact, and near a grazing
+_REACH = 1.25           # of the moves of benches on a root: pairs further apart keep a fifth of their gap
 _SHORTEST = 0.1         # of what a gap must exceed: steps to a contact, where gaps are some times that, are longer
-_FAR = 0.05             # and of the longest bench, so that benches that rest have a positive bound too
+_FAR = 0.05             # and of the longest bench, so that benches at rest have a positive bound too
 _AT_ONCE = 2**17        # benches that are sampled together, for the memory
 _FEW = 8                # roots of the first block; later ones are twice as long each
-_SETTLED = 0.5          # of a gap: a bound that is as near to it is not looked at again on parts of its interval
+_SETTLED = 0.5          # relative to a gap: a bound this close to it is not computed again on parts of its interval
 _STILL_M = 1e-200       # two states may round to one place
 
 
@@ -68,10 +70,11 @@ _FIELDS = tuple(each.name for each in fields(ChainSamples))
 
 
 class _ChainIntervals:
-    """Places of the leader, for ``clear``; pairs are looked for once for each root, and parts of it get what is left.
+    """The space of the leader's places for ``clear``; pairs are searched once per root, and its parts get those left.
 
-    A group is a set of pairs with a bound of the gaps of all others on an interval. A root's are those in reach. Those
-    whose bound on an interval is not far below their gaps at its ends are cleared on all its parts too, and left out.
+    A group is a set of pairs with a bound of the gaps of all others on an interval. A root's group holds the pairs in
+    reach. Pairs whose bound on an interval is not far below their gaps at its ends are cleared on all its parts too,
+    and left out.
     """
 
     def __init__(self, domain: SearchDomain, only_beyond: bool, heads_m: dict[float, float]) -> None:
@@ -86,7 +89,7 @@ class _ChainIntervals:
         self._pairs: tuple[Ints, Ints] = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
         self._first: Ints = np.empty(0, dtype=np.int64)     # of each group's pairs
         self._count: Ints = np.empty(0, dtype=np.int64)
-        self._others_m: Floats = np.empty(0)                # a bound of the gaps of each group's other pairs
+        self._others_m: Floats = np.empty(0)                # bounds of the gaps of each group's other pairs
 
     def sample(self, places: Floats, _: Ints) -> ChainSamples:
         """Return samples."""
@@ -108,7 +111,7 @@ class _ChainIntervals:
         return ChainSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in _FIELDS))
 
     def begin(self, samples: ChainSamples, pairs: Ints, _: Ints) -> None:
-        """Take the roots: look which pairs come near on each."""
+        """Take the roots: find the pairs that come near on each."""
         moved_m = np.max(self._moved(samples.rows(pairs[0]), samples.rows(pairs[1])), axis=1)
         reach_m = _REACH * 2 * moved_m + self._far_m
         found = [*self._near(samples, pairs, reach_m)]
@@ -118,7 +121,7 @@ class _ChainIntervals:
         self._others_m = reach_m - 2 * moved_m
 
     def _near(self, samples: ChainSamples, pairs: Ints, reach_m: Floats) -> Iterator[tuple[Ints, Ints]]:
-        """Yield the pairs that are to be looked at on roots: all within reach, but those that others speak for."""
+        """Yield the pairs to examine on roots: all within reach, except those that other pairs cover."""
         corners = Benches(samples.centre, samples.axis, *self._half).corners
         low, high = corners.min(axis=2), corners.max(axis=2)
         low, high = np.minimum(*(low[rows] for rows in pairs)), np.maximum(*(high[rows] for rows in pairs))
@@ -128,15 +131,15 @@ class _ChainIntervals:
             yield i[keep], j[keep]
 
     def _moved(self, a: ChainSamples, b: ChainSamples) -> Floats:
-        """Return how far points of benches (M, N) go at most between samples."""
+        """Return how far points of benches (M, N) move at most between samples."""
         way_m = np.abs(b.along_m - a.along_m)
         out: Floats = np.maximum(way_m[:, :-1], way_m[:, 1:]) + self._turning * (way_m[:, :-1] + way_m[:, 1:])
         return ABOVE * out
 
     def judge(self, a: ChainSamples, b: ChainSamples, group: Ints) -> Judgement:
-        """Judge intervals by what gaps leave of the ways of benches, or of how far they bend; cut as the room asks for.
+        """Judge intervals by gaps less the moves or the bending of benches; cut them as their room suggests.
 
-        Room is how many times as long an interval might have been.
+        Room is the fraction of its length to which an interval would have to shrink to be cleared.
         """
         moved_m, size = self._moved(a, b), self._count[group]
         row = np.repeat(np.arange(group.size), size)
@@ -160,7 +163,7 @@ class _ChainIntervals:
         return Judgement(bound_m, touching, parts_for(least), rest)
 
     def _without(self, settled: Array, at: Ints, row: Ints, low_m: Floats, group: Ints, which: Ints) -> Ints:
-        """Return groups (M,): for ``which`` intervals new ones, without the pairs of theirs that are settled."""
+        """Return groups (M,): new ones for the intervals ``which``, without their settled pairs."""
         out: Ints = group.copy()
         others_m = self._others_m[group]
         np.minimum.at(others_m, row[settled], low_m[settled])
@@ -197,22 +200,22 @@ class _ChainIntervals:
         return gaps(*self._rectangles(samples, row, i, j))
 
     def _rectangles(self, samples: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[Benches, Ints, Ints]:
-        """Return the benches of all states as of one, and pairs of them."""
+        """Return the benches of all states as those of one, and pairs of them."""
         states, count = samples.places.size, self._domain.dragon.benches
         half_length, half_width = (np.tile(half, states) for half in self._half)
         benches = Benches(samples.centre.reshape(-1, 2), samples.axis.reshape(-1, 2), half_length, half_width)
         return benches, row * count + i, row * count + j
 
     def lengths_m(self, start: Floats, stop: Floats) -> Floats:
-        """Return the leader's ways."""
+        """Return the leader's moves."""
         return np.abs(stop - start)
 
 
 class WholeChain:
-    """All pairs of a domain, or those that ``LeadingBenches`` leave: what is cleared of them, and where that ends."""
+    """All pairs of a domain, or those that ``LeadingBenches`` leave: the cleared part, and its end."""
 
     def __init__(self, domain: SearchDomain, only_beyond: bool) -> None:
-        """Take a domain; with ``only_beyond`` pairs count whose inner bench is beyond the track's first segment."""
+        """Take a domain; ``only_beyond`` counts only pairs whose inner bench is beyond the track's first segment."""
         self._domain, self._only_beyond, self.tolerance_m = domain, only_beyond, _TOLERANCE * domain.error_m
         longest_m = float(np.max(domain.dragon.bench_lengths_m))
         self._spacing_m, self._finest_m = _SPACING * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
@@ -222,19 +225,19 @@ class WholeChain:
 
     @property
     def searchable_m(self) -> float:
-        """The leader's place up to which the domain does not begin with too many places."""
+        """The leader's place up to which the domain does not start with too many places."""
         domain, most_m = self._domain, _MOST * self._spacing_m
         near = abs(domain.stop_m - domain.start_m) <= most_m
         return domain.stop_m if near else domain.start_m + domain.sense * most_m
 
     def clear(self, stop_m: float) -> Bracket | None:
-        """Clear all pairs up to a place of the leader; return the first bracket of places that is not."""
+        """Clear all pairs up to a place of the leader; return the first bracket of places that is not clear."""
         self._rows, self._hit = [], None
         self._go_on(self._domain.start_m, stop_m)
         return self._hit
 
     def prove(self, stop_m: float) -> Bracket | None:
-        """Clear up to an earlier place than was asked for before; return the first bracket that is not clear."""
+        """Clear up to an earlier place than before; return the first bracket that is not clear."""
         sense = self._domain.sense
         kept = [row for row in self._rows if sense * row[0] < sense * stop_m]
         self._rows = [(start, sense * min(sense * stop, sense * stop_m), bound) for start, stop, bound in kept]
@@ -245,7 +248,7 @@ class WholeChain:
         return self._hit
 
     def intervals(self) -> Iterator[Interval]:
-        """Yield what is cleared, for the certificate."""
+        """Yield the cleared intervals, for the certificate."""
         for start, stop, bound_m in self._rows:
             yield Interval(ALL, self._head_m(start), self._head_m(stop), self._domain.dragon.benches - 1, bound_m)
 
@@ -256,7 +259,7 @@ class WholeChain:
         return self._heads_m[place]
 
     def _go_on(self, start_m: float, stop_m: float, finest_m: tuple[float, ...] | None = None) -> None:
-        """Clear from one place to another, block by block, or to the first place that is not."""
+        """Clear from one place to another, block by block, or up to the first place that is not clear."""
         here_m, stop_m = (self._within(place) for place in (start_m, stop_m))
         most, spacing_m = max(1, _AT_ONCE // self._domain.dragon.benches), self._spacing_m
         size = min(_FEW, most)
@@ -274,7 +277,7 @@ class WholeChain:
             here_m, size = end_m, min(2 * size, most)
 
     def _within(self, place_m: float) -> float:
-        """Return the place, or the nearest one at which a bench is beyond the first segment if only those count."""
+        """Return the place, or the nearest one with a bench beyond the first segment if only those count."""
         domain = self._domain
         if not self._only_beyond:
             return place_m

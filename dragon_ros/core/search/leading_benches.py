@@ -1,10 +1,10 @@
-"""What benches meet with their front handles on a track's first spiral, cleared over that track once for all alike.
+"""Pairs on a track's first spiral, cleared once for all benches with the same links behind them.
 
-Where the first segment winds in from afar, what follows a bench there depends on where the bench is, and on its links
-from there on. So benches fall into classes with identical remaining link sequences; the first of each leads, and its
-whole class is cleared over the track that its front handles go through. Where that does not clear, each bench's own
-part of it is: what it goes through, without what another one of its class has gone through before. Mixed benches make
-many classes: all behind the head are sampled and bounded together.
+If the first segment winds in from afar, the chain behind a bench there depends on the place of the bench, and on its
+links from there on. So benches fall into classes with identical remaining link sequences; the first of each leads, and
+its whole class is cleared over the track that its front handles pass. Where that fails, each bench's own part of the
+track is cleared: the part that no other bench of its class has passed before. Mixed benches make many classes: all
+behind the head are sampled and bounded together.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -23,18 +23,18 @@ from dragon_ros.core.tracks.composite import Place
 
 _FIRST, _FIRST_RAD = 1.173, 2.0     # of the longest bench, and rad: the larger is between the first places. What
                         # adjacent layers do to each other depends on the angle: far from a contact 2 rad clear at once
-_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: next to a contact, and to a grazing
-_MOST_PLACES = 50_000   # of one window to begin with, for the memory
+_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: near a contact, and near a grazing
+_MOST_PLACES = 50_000   # first places of one window, for the memory
 _MOST_RAD = 2e6         # of a domain: a million first places
 _TOGETHER, _USUAL = 2**20, 256      # handles at the first places of windows that are cleared together, for the memory;
                         # no more than so many benches behind one usually matter
 _POINT = 1e-6           # of the longest link: shorter ones may have both handles at one place
 _IN_CACHE = 2**14       # pairs that are bounded together
-_CLOSER = 20            # halvings of a domain, to a millionth of it, to find up to where it can be proved
+_CLOSER = 20            # halvings of a domain, to a millionth of it, to find how far it can be proved
 
 
 class _SpiralIntervals:
-    """Places of leading benches, for ``clear``: of each window's own, which has so many behind it there."""
+    """The space of leading benches for ``clear``: each window has its own places and number of benches behind."""
 
     def __init__(self, sampler: BenchSampler, windows: 'list[_Window]', tolerance_m: float) -> None:
         self.sampler, self.tolerance_m = sampler, tolerance_m
@@ -55,7 +55,7 @@ class _SpiralIntervals:
         self._window = window
 
     def judge(self, a: BenchSamples, b: BenchSamples, group: Ints) -> Judgement:
-        """Judge intervals by their second-order bounds; cut as the room asks for."""
+        """Judge intervals by their second-order bounds; cut them as their room suggests."""
         behind = self._behind[self._window[group]]
         there = np.arange(2, a.apart.shape[1] + 2) <= behind[:, None]
         touching = np.stack([np.any((each.apart <= 0) & there, axis=1) for each in (a, b)])
@@ -73,7 +73,7 @@ class _SpiralIntervals:
 
 @dataclass(frozen=True)
 class _Window:
-    """Places (monotone) that the front handle of a bench ``of`` a class goes through, with so many ``behind`` it."""
+    """Places (monotone) that the front handle of a bench of class ``of`` passes, with ``behind`` followers."""
 
     of: 'LeadingBenches'
     bench: int
@@ -92,7 +92,7 @@ class _ClearedInterval:
 
 
 class LeadingBenches:
-    """One class of benches over a domain: what is cleared of their pairs with those behind, and where that ends."""
+    """One class of benches over a domain: the cleared part of its pairs with those behind, and its end."""
 
     def __init__(self, domain: SearchDomain, benches: list[int]) -> None:
         """Take a class, given as its ``benches`` from the head on; the first is its ``lead``."""
@@ -108,16 +108,16 @@ class LeadingBenches:
 
     @property
     def tolerance_m(self) -> float:
-        """What a bound must exceed: both benches may be off."""
+        """The error that a bound must exceed: both benches may be off."""
         return 2 * self._domain.error_m
 
     @property
     def _single(self) -> bool:
-        """Whether this is the head alone, which goes one way: its places come in the order of the leader's."""
+        """Whether this is the head alone, which moves one way: its places come in the order of the leader's."""
         return self.benches == [0]
 
     def clear(self, stop_m: float) -> Bracket | None:
-        """Clear what the class meets up to a place of the leader; return the first bracket of places that is not."""
+        """Clear the pairs of the class up to a place of the leader; return the first bracket that is not clear."""
         self.forget()
         for window in self.whole(stop_m):
             (cleared,) = _cleared(self._domain, [window])
@@ -126,14 +126,14 @@ class LeadingBenches:
         return self._hit
 
     def whole(self, stop_m: float) -> Iterator['_Window']:
-        """Yield the window of all that the class meets up to a place of the leader, if that is anything."""
+        """Yield the window of all places that the class passes up to a place of the leader, if there are any."""
         outer, inner = self._track(self.phases(stop_m)[1])
         if self._single and self._on_spiral(self._domain.start_m)[0] < self._on_spiral(stop_m)[0]:
             outer, inner = inner, outer
         yield from self._window(self.lead, outer, inner, self._behind)
 
     def clear_apart(self, stop_m: float, whole: Cleared) -> Bracket | None:
-        """Clear bench by bench what has not been cleared as a whole; return the first bracket that is not clear."""
+        """Clear bench by bench the rest that was not cleared as a whole; return the first bracket that is not clear."""
         phases, ends = self.phases(stop_m)
         if self._single:
             self._hit = self._bracket(self.lead, whole.hit, (phases[0], phases[-1])) if whole.hit else None
@@ -144,15 +144,15 @@ class LeadingBenches:
         return self._hit
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Start again."""
         self._rows, self._hit = [], None
 
     def keep(self, cleared: Cleared, behind: int) -> None:
-        """Add what is clear, with so many benches behind."""
+        """Add cleared intervals, with their number of benches behind."""
         self._rows += [_ClearedInterval(*row, behind) for row in cleared.rows]
 
     def prove(self, stop_m: float) -> Bracket | None:
-        """Clear up to an earlier place than was asked for before; return the first bracket that is not clear."""
+        """Clear up to an earlier place than before; return the first bracket that is not clear."""
         if self._hit is None:
             self._trim(stop_m)
         elif self._single:
@@ -162,14 +162,14 @@ class LeadingBenches:
         return self._hit
 
     def intervals(self) -> Iterator[Interval]:
-        """Yield what is cleared, for the certificate."""
+        """Yield the cleared intervals, for the certificate."""
         segment, origin_m = self._domain.track.segments[0], self._domain.track.origins_m[0]
         for row in self._rows:
             start_m, stop_m = (float(origin_m + segment.metres(place)) for place in (row.start_rad, row.stop_rad))
             yield Interval(self.lead, start_m, stop_m, row.behind, row.bound_m)
 
     def _go_on(self, stop_m: float) -> None:
-        """Clear the head's way up to a place beyond what is cleared of it, or leave out what is cleared beyond."""
+        """Clear the head's track up to a place beyond its cleared part, or drop the cleared part beyond."""
         start, stop = (float(self._on_spiral(place)[0]) for place in (self._domain.start_m, stop_m))
         sign = 1.0 if stop > start else -1.0
         self._rows = [row for row in self._rows if sign * row.stop_rad <= sign * stop]
@@ -178,14 +178,14 @@ class LeadingBenches:
             self._hit = self._bracket(0, rest.hit, (self._domain.start_m, stop_m)) if rest.hit else None
 
     def _trim(self, stop_m: float) -> None:
-        """Leave out what the class has not reached with the leader at a place."""
+        """Drop what the class has not reached when the leader is at a place."""
         outer, inner = self._track(self.phases(stop_m)[1])
         clipped = (replace(row, start_rad=min(max(row.start_rad, inner), outer),
                            stop_rad=min(max(row.stop_rad, inner), outer)) for row in self._rows)
         self._rows = [row for row in clipped if row.start_rad != row.stop_rad]
 
     def _on_spiral(self, gone_m: float) -> Floats:
-        """Return the polar angles of the handles (N+1,) on the spiral; its end's for those beyond."""
+        """Return the polar angles of the handles (N+1,) on the spiral; for those beyond, the angle of its end."""
         chain = self._domain.chain(gone_m)
         return np.where(chain.segment == 0, chain.u, self._domain.track.segments[0].last)
 
@@ -218,7 +218,7 @@ class LeadingBenches:
         return min(hits, key=lambda hit: self._domain.sense * hit.other_m, default=None)
 
     def _parts(self, here: Floats, there: Floats) -> Iterator[_Window]:
-        """Yield each bench's part of the track, without what another one of its class goes through before it."""
+        """Yield each bench's part of the track, without the parts that another one of its class passes before it."""
         last = self._domain.dragon.benches - 1
         reach = self.sampler(np.array(self._track([here, there]))).follow
         for before, bench, after in zip([0, *self.benches], self.benches, [*self.benches[1:], last], strict=False):
@@ -230,13 +230,13 @@ class LeadingBenches:
             yield from self._window(bench, start, stop, last - bench if last - bench < reach else self._behind)
 
     def _bracket(self, bench: int, hit: tuple[float, float, float], within: tuple[float, float]) -> Bracket:
-        """Return where the leader is when a bench's front handle is at two places."""
+        """Return the leader's places when a bench's front handle is at two places."""
         segment, origin_m = self._domain.track.segments[0], self._domain.track.origins_m[0]
         one, two = (self._domain.gone_at(bench, float(origin_m + segment.metres(place)), within) for place in hit[:2])
         return Bracket(one, two, hit[2])
 
     def _window(self, bench: int, start: float, stop: float, behind: int) -> Iterator[_Window]:
-        """Yield the window between two places, if there is anything in it."""
+        """Yield the window between two places, unless it is empty."""
         if start == stop or behind < 2:
             return
         step = max(self._first_m / (self._spiral.b_m * (1 + max(start, stop))), _FIRST_RAD)
@@ -249,12 +249,12 @@ class LeadingBenches:
         yield _Window(self, bench, places if stop > start else places[::-1], behind)
 
     def sampler(self, ends: Floats) -> BenchSampler:
-        """Return what samples the class between two places, with the followers that can matter there."""
+        """Return the sampler of the class between two places, with the followers that can matter there."""
         return _sampler(self._domain, (self.lead,)).reaching(ends)
 
 
 class BodyBenches:
-    """All classes of benches behind the head: their whole tracks are cleared together."""
+    """All classes of benches behind the head; their whole tracks are cleared together."""
 
     def __init__(self, domain: SearchDomain, classes: list[LeadingBenches]) -> None:
         """Take the classes."""
@@ -262,7 +262,7 @@ class BodyBenches:
         self.tolerance_m = 2 * domain.error_m
 
     def clear(self, stop_m: float) -> Bracket | None:
-        """Clear what all classes meet up to a place of the leader; return the first bracket of places that is not."""
+        """Clear the pairs of all classes up to a place of the leader; return the first bracket that is not clear."""
         hit: Bracket | None = None
         for each in self._classes:
             each.forget()
@@ -273,17 +273,17 @@ class BodyBenches:
         return hit
 
     def prove(self, stop_m: float) -> Bracket | None:
-        """Clear up to an earlier place than was asked for before; return the first bracket that is not clear."""
+        """Clear up to an earlier place than before; return the first bracket that is not clear."""
         hits = [hit for each in self._classes if (hit := each.prove(stop_m))]
         return min(hits, key=lambda hit: self._domain.sense * hit.other_m, default=None)
 
     def intervals(self) -> Iterator[Interval]:
-        """Yield what is cleared, for the certificate."""
+        """Yield the cleared intervals, for the certificate."""
         for each in self._classes:
             yield from each.intervals()
 
     def _together(self, windows: list[_Window]) -> Iterator[list[_Window]]:
-        """Yield windows by as many as the memory allows; one by one where links of no length need their own care."""
+        """Yield as many windows at a time as the memory allows; one by one if links of no length need separate care."""
         links_m = self._domain.dragon.link_lengths_m
         size, most, one_by_one = 0, list[_Window](), bool(np.min(links_m) <= _POINT * np.max(links_m))
         for window in windows:
@@ -297,13 +297,13 @@ class BodyBenches:
 
 
 def _sampler(domain: SearchDomain, leads: tuple[int, ...]) -> BenchSampler:
-    """Return what samples leading benches with all that follow."""
+    """Return the sampler of leading benches with all followers."""
     return BenchSampler(domain.track, domain.dragon, leads, domain.dragon.benches - min(leads),
                         domain.count, domain.error_m)
 
 
 def _cleared(domain: SearchDomain, windows: list[_Window]) -> list[Cleared]:
-    """Clear windows, and let their classes keep what is clear."""
+    """Clear windows, and pass the clear intervals to their classes."""
     if not windows:
         return []
     leads = tuple(dict.fromkeys(window.of.lead for window in windows))
@@ -318,9 +318,9 @@ def _cleared(domain: SearchDomain, windows: list[_Window]) -> list[Cleared]:
 
 
 def classes_of(domain: SearchDomain) -> list[LeadingBenches]:
-    """Return the classes of benches that have others to meet: the head, and those of the body that go on alike.
+    """Return the classes of benches that others follow: the head, and body benches with the same links behind them.
 
-    There is one class of the body where all its benches are equal.
+    The body is a single class if all its benches are equal.
     """
     lengths, found = domain.dragon.bench_lengths_m, dict[float, list[list[int]]]()
     for bench, length in enumerate(lengths[1:-2].tolist(), 1):
@@ -335,7 +335,7 @@ def classes_of(domain: SearchDomain) -> list[LeadingBenches]:
 
 
 def searchable_m(domain: SearchDomain) -> float:
-    """Return the leader's place up to which a domain does not begin with too many places, where it is on the spiral."""
+    """Return the leader's place up to which a domain on the spiral does not start with too many places."""
     here, there = (domain.leader.place((gone_m, 0.0)) for gone_m in (domain.start_m, domain.stop_m))
     gone_rad = there.u.hi - here.u.hi
     if here.segment or there.segment or abs(gone_rad) <= _MOST_RAD:
@@ -347,9 +347,9 @@ def searchable_m(domain: SearchDomain) -> float:
 def provable_m(domain: SearchDomain) -> float:
     """Return the leader's place up to which no handle behind the third turns back, so that each moves one way.
 
-    Where links cannot lock, or are equal, none does, and it is where the domain stops. Else one that spans no more than
-    half a turn and comes in where its front handle is nearest to the centre does wherever that is (docs/contact.md,
-    lemmas 1 and 2).
+    If links cannot lock, or are equal, none turns back, and this is where the domain stops. Otherwise a link that spans
+    at most half a turn and comes in where its front handle is nearest to the centre does so everywhere
+    (docs/contact.md, lemmas 1 and 2).
     """
     if not domain.track.may_lock or is_even(domain.dragon.link_lengths_m):
         return domain.stop_m

@@ -1,11 +1,11 @@
-"""What a search for contact goes through: the leader's range of travel, and all chains while it goes one way of that.
+"""The space of a search for contact: the leader's range of travel, and all chains while the leader moves one way.
 
-Where all handles are depends on how far the leader has gone and not on when, so contact is looked for over places; each
-new place is further on or further back than all before. A place of the domain is the distance that the leader has gone,
-in metres. Distances along the track tell the places of handles on it.
+The places of all handles depend on how far the leader has travelled and not on time, so contact is searched over
+places; each new place is further on or further back than all before. A place of the domain is the distance travelled by
+the leader, in metres. Places of handles are distances along the track.
 
-What may touch is a pair: two benches, or a bench and an edge of the venue's obstacles. Edges are numbered behind the
-benches, and are rectangles of no width.
+A pair can touch: two benches, or a bench and an edge of the venue's obstacles. Edges are numbered after the benches,
+and are rectangles of no width.
 """
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -35,17 +35,17 @@ if TYPE_CHECKING:       # scenes without a venue import none of it
     from dragon_ros.core.geometry.venue import Surroundings
 
 _LOCK_RAD = 1e-9        # of 1 + polar angle, before the model's own end at a lock or at the centre: speeds are infinite
-_FLOATS = 1e-13         # of the largest coordinate: what the exact tier promises far out, and keeps near the centre too
+_FLOATS = 1e-13         # of the largest coordinate: the promise of the exact tier far out, and kept near the centre too
 _SLOPE = 1e-6           # to either side, for a slope, of links of 1 m to 2 m: gaps err by 1e-11 m, a slope by 1e-5
-_COARSEST = 0.05        # of the longest bench: where positions err by more, benches cannot be told apart
-_KEPT = 6               # chains: ends of domains and phases are asked for again and again
-_FEW = 12               # chains that are placed sooner one by one than together
-_MANY = 30              # chains for which tables are built, that serve the later ones too
+_COARSEST = 0.05        # relative to the longest bench: if positions err by more, benches cannot be told apart
+_KEPT = 6               # chains: ends of domains and phases are used repeatedly
+_FEW = 12               # chains that are placed faster one by one than together
+_MANY = 30              # chains for which tables are built, which later ones use too
 
 
 @dataclass(frozen=True)
 class RangeOfTravel:
-    """What a leader goes through by its law, from one time to another."""
+    """The leader's range of travel under its law, from one time to another."""
 
     law: HeadLaw
     start_s: float
@@ -57,25 +57,25 @@ class RangeOfTravel:
 
     @property
     def _times(self) -> list[float]:
-        """Times between which the leader goes one way."""
+        """Times between which the leader moves one way."""
         return [self.start_s, *(t_s for t_s in self.law.breaks_s if self.start_s < t_s < self.end_s), self.end_s]
 
     def gone_m(self, t_s: float) -> float:
-        """Return how far the leader has gone since t = 0."""
+        """Return the distance travelled by the leader since t = 0."""
         return float(self.law.travelled_m(t_s)[0])
 
     def farthest_s(self, sense: int) -> float:
-        """Return when the leader is farthest on (``sense`` 1) or back (-1) for the first time."""
+        """Return when the leader is furthest on (``sense`` 1) or back (-1) for the first time."""
         return max(self._times, key=lambda t_s: sense * self.gone_m(t_s))
 
     @property
     def senses(self) -> list[int]:
-        """The senses in which the leader gets beyond where it starts; none where it rests."""
+        """The senses in which the leader gets beyond its start; none if it rests."""
         here = self.gone_m(self.start_s)
         return [sense for sense in (1, -1) if sense * (self.gone_m(self.farthest_s(sense)) - here) > 0]
 
     def onwards_m(self, t_s: float, sense: int) -> float:
-        """Return how far the leader goes on in a sense after a time before it turns or rests, whenever its run ends."""
+        """Return how far the leader moves on in a sense after a time until it turns or rests, whenever its run ends."""
         here_m, most_m, last_s = self.gone_m(t_s), 0.0, t_s
         for last_s in (break_s for break_s in self.law.breaks_s if break_s > t_s):
             on_m = sense * (self.gone_m(last_s) - here_m)
@@ -86,7 +86,7 @@ class RangeOfTravel:
 
     @property
     def reversals(self) -> list[tuple[float, int]]:
-        """Times at which the leader turns round, and the sense in which it went before; a rest turns nothing."""
+        """Times at which the leader reverses, and the sense in which it moved before; a rest reverses nothing."""
         out, going, turned_s = list[tuple[float, int]](), 0, self.start_s
         for before, after in pairwise(self._times):
             moved = self.gone_m(after) - self.gone_m(before)
@@ -108,7 +108,7 @@ class RangeOfTravel:
         return illinois(lambda t_s: self.gone_m(t_s) - gone_m, before, after, one - gone_m, two - gone_m)
 
     def arrival_s(self, gone_m: float, sense: int) -> float:
-        """Return when the leader first has gone so far, on or back from its start, or else when it is nearest."""
+        """Return when the leader has first travelled a distance, on or back from its start, or when it is nearest."""
         if isinstance(self.law, Head):
             return float(np.clip(gone_m / self.law.speed_m_s, self.start_s, self.end_s)) if self.law.speed_m_s else (
                 self.start_s)
@@ -126,7 +126,7 @@ class RangeOfTravel:
 
 
 class Bracket(NamedTuple):
-    """Two places of the leader: one up to which all is clear, another one, and a lower bound of the gaps in between."""
+    """Two places of the leader, the first of which ends the clear part, and a lower bound of the gaps in between."""
 
     clear_m: float
     other_m: float
@@ -134,10 +134,10 @@ class Bracket(NamedTuple):
 
 
 class SearchDomain:
-    """The chains of a scene while its leader goes from ``start_m`` to ``stop_m``; ``states`` counts what is sampled."""
+    """The chains of a scene while its leader goes from ``start_m`` to ``stop_m``; ``states`` counts the samples."""
 
     def __init__(self, scene: Scene, travel: RangeOfTravel, sense: int, progress: Callable[[int], object]) -> None:
-        """Take the way on (``sense`` 1) or back (-1) from the start. Raises InputError where positions err too much."""
+        """Take the travel on (``sense`` 1) or back (-1) from the start. Raises InputError if positions err too much."""
         self.scene, self.dragon, self.sense, self.states = scene, scene.dragon, sense, 0
         simulation = compile_scene(scene)
         self.simulation, self.leader, self.track = simulation, simulation.model.leader, simulation.model.track
@@ -156,7 +156,7 @@ class SearchDomain:
             self.stop_m = max(self.start_m, self.stop_m - self._lock_m())
 
     def _lock_m(self) -> float:
-        """Return the length of track that is left out before a lock."""
+        """Return the length of track that is omitted before a lock."""
         theta, afar = float(self.chain(self.stop_m).u[0]), self.track.from_afar
         assert afar
         return float(_LOCK_RAD * (1 + theta) * afar.curve.b_m * np.hypot(1.0, theta))
@@ -175,7 +175,7 @@ class SearchDomain:
         self._tell(states)
 
     def chain(self, gone_m: float) -> Chain:
-        """Return all handles when the leader has gone so far; the last few are kept."""
+        """Return all handles at a distance travelled by the leader; the last few are cached."""
         if gone_m not in self._kept:
             self._kept = dict([*self._kept.items()][1 - _KEPT:])
             self._kept[gone_m] = self.simulation.model.march((gone_m, 0.0))
@@ -191,7 +191,7 @@ class SearchDomain:
         return marched_many(self.track, self.dragon.link_lengths_m, self.leader.places(gone), self.leader.direction)
 
     def benches(self, gone_m: float) -> Benches:
-        """Return all benches when the leader has gone so far."""
+        """Return all benches at a distance travelled by the leader."""
         chain = self.chain(gone_m)
         return benches_of(chain, self.dragon, axes_of(chain))
 
@@ -201,9 +201,9 @@ class SearchDomain:
         return self.track.distances(chain.segment, chain.u)
 
     def gone_at(self, bench: int, along_m: float, within: tuple[float, float]) -> float:
-        """Return how far the leader has gone when a bench's front handle is at a distance along the track.
+        """Return the distance travelled by the leader when a bench's front handle is at a distance along the track.
 
-        Between the two places of the leader that handle moves one way; beyond what it goes through, an end is returned.
+        Between the two places of the leader that handle moves one way; beyond its range the nearer end is returned.
         """
         if bench == 0 and self.leader.direction == BEHIND:
             gone = self.leader.gone_m(self.track.place_at(along_m))
@@ -230,18 +230,18 @@ class SearchDomain:
                 np.concatenate((gap_m, self.around.gaps(benches, bench, edge))))
 
     def edge_of(self, pair: tuple[int, int]) -> int | None:
-        """Return the edge of a pair; None of two benches."""
+        """Return the edge of a pair; None for two benches."""
         return pair[1] - self.dragon.benches if pair[1] >= self.dragon.benches else None
 
     def rounding_of(self, pair: tuple[int, int]) -> float:
-        """Return what rounding alone may change the gap of a pair by."""
+        """Return how much rounding alone may change the gap of a pair."""
         edge = self.edge_of(pair)
         if edge is None or self.around is None:
             return self.rounding_m
         return max(self.rounding_m, _FLOATS * float(np.abs((self.around.start[edge], self.around.stop[edge])).max()))
 
     def gap(self, pair: tuple[int, int], gone_m: float) -> float:
-        """Return the gap of a pair at a place; no more handles are placed than from the leader to the pair."""
+        """Return the gap of a pair at a place; only the handles from the leader to the pair are placed."""
         edge = self.edge_of(pair)
         last_bench = pair[0] if edge is not None else pair[1]
         first, last = (0, last_bench + 1) if self.leader.direction == BEHIND else (pair[0], self.dragon.benches)
@@ -255,7 +255,7 @@ class SearchDomain:
         return float(gaps(benches, *(np.array([bench - first]) for bench in pair))[0])
 
     def root(self, pair: tuple[int, int], bracket: Bracket) -> float:
-        """Return where the gap of a pair vanishes in a bracket; its other end where it does not."""
+        """Return the place in a bracket where the gap of a pair vanishes; the bracket's other end if it does not."""
         low, high = (self.gap(pair, end) for end in bracket[:2])
         if high > 0 or bracket.clear_m == bracket.other_m:
             return bracket.other_m
@@ -263,7 +263,7 @@ class SearchDomain:
             lambda gone_m: self.gap(pair, gone_m), *bracket[:2], low, high)
 
     def slope(self, pair: tuple[int, int], gone_m: float) -> float:
-        """Return how much a gap closes at a place for each metre of the leader's way."""
+        """Return how much a gap closes at a place per metre travelled by the leader."""
         low, high = sorted((self.start_m, self.stop_m))
         step_m = max(self.step_m, 2.0**10 * ulp(gone_m))
         early, late = max(low, gone_m - step_m), min(high, gone_m + step_m)
@@ -271,33 +271,33 @@ class SearchDomain:
 
     @cached_property
     def step_m(self) -> float:
-        """What slopes are taken over, in proportion to the longest link, by a power of 2; 1 um where all have none."""
+        """The step for slopes, a power of 2 in proportion to the longest link; 1 um if all links are points."""
         longest_m = float(np.max(self.simulation.model.links_m, initial=0.0))
         return _SLOPE * 2.0 ** (floor(log2(longest_m)) - 1) if longest_m else _SLOPE
 
     def coarse(self, pair: tuple[int, int], gone_m: float) -> float:
-        """Return how many times as coarse as near the origin floats are where the head starts, or a pair is."""
+        """Return how many times coarser than near the origin floats are at the head's start, or at a pair."""
         benches, two = self.benches(gone_m), [bench for bench in pair if bench < self.dragon.benches]
         arm_m = np.hypot(benches.half_length[two], benches.half_width[two])
         reach_m = float(np.max(np.hypot(*benches.centre[two].T) + arm_m))
         return max(1.0, max(float(np.hypot(*self.chain(0.0).p[0])), reach_m) * _FLOATS / EXACT.promise_m)
 
     def time_s(self, gone_m: float) -> float:
-        """Return when the leader has first gone so far."""
+        """Return when the leader has first travelled a distance."""
         return self._travel.arrival_s(gone_m, self.sense)
 
     def speed_m_s(self, t_s: float) -> float:
-        """Return how fast the leader is."""
+        """Return the leader's speed."""
         return abs(self.scene.head.speed_at_m_s(t_s))
 
     def gone_m(self, t_s: float) -> float:
-        """Return how far the leader has gone at a time."""
+        """Return the distance travelled by the leader at a time."""
         return self._travel.gone_m(t_s)
 
     def onwards_m(self, t_s: float) -> float:
-        """Return how far the leader goes on after a time before it turns, rests or the model ends; 0 in an empty run.
+        """Return how far the leader moves on after a time until it turns, rests or the model ends; 0 in an empty run.
 
-        That may be beyond where the run stops.
+        That may be beyond the end of the run.
         """
         if self.start_m == self.stop_m:
             return 0.0
@@ -305,10 +305,10 @@ class SearchDomain:
         return max(0.0, min(left_m, self._travel.onwards_m(t_s, self.sense)))
 
     def left_m(self, gone_m: float, sense: int) -> float:
-        """Return how far the model goes on from a place in a sense."""
+        """Return how far the model continues from a place in a sense."""
         limit = self.simulation.model.limits[sense > 0]
         return sense * (limit.gone_m - gone_m) if limit else inf
 
     def place(self, along_m: float) -> Place:
-        """Return the place so far along the track."""
+        """Return the place at a distance along the track."""
         return self.track.place_at(along_m)
