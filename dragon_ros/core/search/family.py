@@ -1,15 +1,15 @@
-"""Up to when no dragon of a whole family touches itself: benches that each differ within tolerances, on one spiral.
+"""The time up to which no dragon of a family touches itself: benches that differ within tolerances, on one spiral.
 
-Every bench of a dragon may have its own width, length and hole inset within the tolerances of the scene's; the pitch is
-one for the track. Rectangles nest, so width and overhang count at their largest; a link may be anything between its
-shortest and its longest. What follows a bench depends on its own place alone, so the search goes through the places of
-the inner bench of a pair, of the other one, of the two links, and through the pitches (``enclosures.sliding_pair``).
-Between the two benches lie links that are each between two lengths: so the other bench's place lies in one strip for
-each number of benches in between, and whatever is outside of all strips is left out. There are two searches in one: the
-head with all benches behind it, and any other bench with all behind it (docs/contact.md).
+Every bench of a dragon may have its own width, length and hole inset within the tolerances of the scene's; the pitch of
+the track is common to all. Rectangles nest, so width and overhang are taken at their largest; a link may have any
+length between its shortest and its longest. The chain behind a bench depends on its own place alone, so the search
+covers the places of the inner bench of a pair and of the other one, the two links, and the pitches
+(``enclosures.sliding_pair``). The links between the two benches are each between two lengths. So the other bench's
+place lies in one strip for each number of benches in between, and everything outside of all strips is left out. There
+are two searches in one: the head with all benches behind it, and any other bench with all behind it (docs/contact.md).
 
-Boxes are cleared, left out or halved, always those first that the leader could reach first. So what it needs to get to
-the first box that is left is proved to be clear.
+Boxes are cleared, left out or halved, always those first that the leader could reach first. So the leader's way to the
+first remaining box is proved clear.
 """
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -46,9 +46,9 @@ TOLERANCES = ('dragon.width_m', 'dragon.head_length_m', 'dragon.body_length_m', 
 _WITHIN = 0.01          # of a metre of the leader's way, or of the longest link if that is shorter: so far short of a
                         # touching dragon is near enough, and is left to spare
 _AT_ONCE, _MOST = 1000, 200_000     # boxes
-_FIRST_RAD = 2.0        # the way of the inner bench about the centre in a first box
+_FIRST_RAD = 2.0        # turn of the inner bench about the centre in a first box
 _MOST_FIRST = 10_000    # first boxes
-_DOWN, _UP = 1 - 2.0**-51, 1 + 2.0**-51     # of a sum of two positive numbers: more than its rounding
+_DOWN, _UP = 1 - 2.0**-51, 1 + 2.0**-51     # for a sum of two positive numbers: more than its rounding
 _OUT = 1 + 2.0**-40     # more than the roundings of a dozen sums and products of positive numbers
 _BENT = 1.09            # no spiral's curvature exceeds 1.09 / r (``min_pitch``)
 _INNER_STEPS = 6        # in which the place of the head is bounded from that of the next bench
@@ -75,7 +75,7 @@ class FamilyProof:
 
 @dataclass(frozen=True)
 class Family:
-    """What the dragons of a family have in common: from least to largest, in metres; ``scale`` is 1 / b in 1/m."""
+    """The common ranges of the dragons of a family: from least to largest, in metres; ``scale`` is 1 / b in 1/m."""
 
     benches: int
     turns: float
@@ -103,23 +103,23 @@ class Family:
 
     @property
     def innermost_rad(self) -> float:
-        """Further out the curvature times each link is below 2."""
+        """The polar angle beyond which the curvature times each link is below 2."""
         return 0.5 * _BENT * self.scale[1] * max(self.head_link_m[1], self.body_link_m[1]) * _OUT
 
     def gone_m(self, theta: Floats | float, scale: Floats | float) -> Floats:
-        """Return what the head has at least gone to get to polar angles, at scales up to these."""
+        """Return the least distance travelled by the head to polar angles, at scales up to these."""
         start = self.start_rad
         out: Floats = np.maximum(arc_between(start, np.maximum(start - np.asarray(theta), 0.0)) / scale / _OUT - (
             (_OUT - 1) * start**2 / self.scale[0]), 0.0)
         return out
 
     def inward_rad(self, gone_m: float) -> float:
-        """Return a polar angle that no head has passed when it has gone so far."""
+        """Return a polar angle that no head has passed after this distance."""
         low_m = self.pitch_m[0]
         return SpiralCurve(low_m, from_turns(self.turns)).inward(gone_m * _OUT).hi / _OUT
 
     def outward_rad(self, gone_m: float) -> float:
-        """Return a polar angle at which or further in every head is when it has gone so far."""
+        """Return a polar angle that every head has passed after this distance."""
         return min(self.start_rad, SpiralCurve(self.pitch_m[1], from_turns(self.turns)).inward(gone_m / _OUT).hi * _OUT)
 
 
@@ -204,13 +204,13 @@ def _link(key: str, length_m: float, within: Mapping[str, float], inset: tuple[f
 
 
 def _travel(scene: Scene, nominal: Contact | NoContact) -> RangeOfTravel:
-    """Return what the leader goes through up to the nominal contact, or to the end of the run."""
+    """Return the range of travel up to the nominal contact, or to the end of the run."""
     end_s = nominal.t_s if isinstance(nominal, Contact) else nominal.end.t_s
     return RangeOfTravel(scene.head, scene.run.start_s, end_s)
 
 
 def _time_to(travel: RangeOfTravel, gone_m: float) -> float:
-    """Return a time by which the leader has not gone further."""
+    """Return a time by which the leader has not travelled further."""
     t_s = travel.arrival_s(gone_m, 1)
     while travel.gone_m(t_s) > gone_m:
         t_s = nextafter(t_s, -np.inf)
@@ -219,7 +219,7 @@ def _time_to(travel: RangeOfTravel, gone_m: float) -> float:
 
 def _search(scene: Scene, family: Family, nominal: Contact | NoContact,
             progress: Callable[[int], object]) -> tuple['_FamilySearch', str]:
-    """Return the finished search, and why it did not have to go further."""
+    """Return the finished search, and why it ended."""
     travel = _travel(scene, nominal)
     begin_m, end_m, why = travel.gone_m(travel.start_s), travel.gone_m(travel.end_s), 'run'
     bend_m = float(family.gone_m(family.innermost_rad, family.scale[1]))
@@ -251,9 +251,9 @@ def _blame(scene: Scene, within: Mapping[str, float], nominal: Contact | NoConta
 
 @dataclass(frozen=True)
 class _PairBoxes:
-    """Boxes (5, n) of variables of ``sliding_pair``, which bench is the inner one (n,), and when they count.
+    """Boxes (5, n) of variables of ``sliding_pair``, which bench is the inner one (n,), and when they matter.
 
-    ``gone_m`` is what the leader has gone at least where a pair of the box occurs.
+    ``gone_m`` is the least distance travelled by the leader for a pair of the box.
     """
 
     low: Floats
@@ -275,8 +275,8 @@ class _PairBoxes:
 class _FamilySearch:
     """Branch and bound over boxes, those first that the leader can reach first.
 
-    ``frontier_m`` is how far it can go without getting to a box that is not clear; at ``limit_m`` it gets to a pair of
-    ``benches`` that overlap.
+    ``frontier_m`` is how far it can travel without reaching a box that is not clear; at ``limit_m`` it reaches a pair
+    of ``benches`` that overlap.
     """
 
     def __init__(self, family: Family, begin_m: float, end_m: float, progress: Callable[[int], object]) -> None:
@@ -285,7 +285,7 @@ class _FamilySearch:
         self.benches: tuple[int, int] | None = None
 
     def run(self) -> None:
-        """Clear boxes until the first that is left is near a pair that overlaps."""
+        """Clear boxes until the first remaining one is near a pair that overlaps."""
         boxes = self._first()
         while boxes.gone_m.size:
             boxes = boxes.some(np.argsort(boxes.gone_m, kind='stable'))
@@ -301,7 +301,7 @@ class _FamilySearch:
         self.frontier_m = min(self.limit_m, self._end_m)
 
     def _first(self) -> _PairBoxes:
-        """Return boxes that hold all pairs up to the end, in steps of the inner bench's place."""
+        """Return boxes that contain all pairs up to the end, in steps of the inner bench's place."""
         family, scale = self.family, self.family.scale
         inner = max(family.inward_rad(self._end_m), family.innermost_rad)
         outer = family.outward_rad(self.begin_m)
@@ -338,7 +338,7 @@ class _FamilySearch:
         return _PairBoxes(low, high, inner, self.family.gone_m(theta, high[SCALE]))
 
     def _halves(self, boxes: _PairBoxes) -> _PairBoxes:
-        """Return the halves of those boxes that are not clear."""
+        """Return the halves of the boxes that are not clear."""
         self.states += boxes.gone_m.size
         self._tell(boxes.gone_m.size)
         near = self._near(boxes)

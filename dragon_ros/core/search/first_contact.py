@@ -1,9 +1,10 @@
 """The first contact of a run: this one exactly, and a certificate that none came before.
 
-The leader's range of travel is searched in each sense that it goes. Pairs whose inner bench lies on a first spiral are
-cleared by ``leading_benches``, over the track once for all benches that are alike; all others by ``WholeChain``, state
-after state. The obstacles of a venue are cleared by ``obstacle_contact``, over the track once for all benches of one
-length. Whatever cannot be cleared first is solved for the zero of the gap, and all is cleared up to there.
+The leader's range of travel is searched in each sense. Pairs whose inner bench lies on a first spiral are cleared by
+``leading_benches``, over the track once for all benches with the same links behind them; all others by ``WholeChain``,
+state after state. The obstacles of a venue are cleared by ``obstacle_contact``, over the track once for all benches of
+one length. The first interval that cannot be cleared is solved for the zero of the gap, and everything is cleared up to
+there.
 """
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -34,13 +35,13 @@ from dragon_ros.core.tiers import EXACT
 
 _BEFORE_M = 1e-9        # of the leader's way, or of the longest bench if it is shorter: so far before a contact all is
                         # cleared
-_TOLD_APART = 4         # times what a bound must exceed is what gaps are there at least
+_TOLD_APART = 4         # gaps there are at least so many times the error that a bound must exceed
 _AHEAD_M = 1e-8         # and doubled: how far ahead of a place that cannot be cleared a contact is looked for
 _AHEAD = 24             # times, so up to 8 cm
 _STEADY = 4             # times as long as a gap takes to close at its last speed may it take
 _ASIDE = 1e3            # times that, to either side of a contact, over which the checker takes how fast a gap closes
 _LAST_PLACES = 4        # of a contact's time, times the leader's speed: so far the place may be off
-_WIDEST_M = 1e-6        # of the leader's way, or of the longest bench if it is shorter: no slack is wider
+_WIDEST_M = 1e-6        # of the leader's way, or of the longest bench if it is shorter: the largest slack
 _GRAZING_M = 1e-7       # likewise: so near to each other benches come that graze
 _HARDLY = 0.99          # of that: a place and its time round
 _TOO_FAR = 'the leader goes too far to be searched'
@@ -53,7 +54,7 @@ class BenchPairs(Protocol):
 
     @property
     def tolerance_m(self) -> float:
-        """What a bound must exceed for the positions that it was computed from."""
+        """The error of the positions, which a bound must exceed."""
         ...
 
     def clear(self, stop_m: float) -> Bracket | None:
@@ -65,7 +66,7 @@ class BenchPairs(Protocol):
         ...
 
     def intervals(self) -> Iterator[Interval]:
-        """Yield what is cleared."""
+        """Yield the cleared intervals."""
         ...
 
 
@@ -96,8 +97,8 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
 def head_passes(scene: Scene, progress: Callable[[int], object] = lambda states: None) -> bool:
     """Return whether it is proved that the head, which comes in on a spiral, touches no bench in the scene's run.
 
-    Other benches may touch each other. Long mixed dragons take a tenth of what ``first_contact`` takes, or less.
-    Raises as that does.
+    Other benches may touch each other. For long mixed dragons this takes at most a tenth of the time of
+    ``first_contact``. Raises as that does.
     """
     travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
     domain = SearchDomain(scene, travel, 1, progress)
@@ -107,7 +108,7 @@ def head_passes(scene: Scene, progress: Callable[[int], object] = lambda states:
 
 
 class _ContactSearch:
-    """What is cleared of a domain so far, and where the first place is that is not."""
+    """The cleared part of a domain so far, and the first place that is not clear."""
 
     def __init__(self, domain: SearchDomain, parts: list[BenchPairs] | None = None) -> None:
         self._domain, self._complete = domain, True
@@ -115,7 +116,7 @@ class _ContactSearch:
 
     @property
     def states(self) -> int:
-        """How many states were evaluated."""
+        """The number of states evaluated."""
         return self._domain.states
 
     def first(self) -> Contact | None:
@@ -124,7 +125,7 @@ class _ContactSearch:
         return self._contact(hit) if hit else None
 
     def bracket(self) -> Bracket | None:
-        """Return the first bracket that is not clear: at the start, where benches touch there."""
+        """Return the first bracket that is not clear: at the start, if benches touch there."""
         domain = self._domain
         least = 0.0 if domain.start_m != domain.stop_m else self._error_m
         if np.min(domain.near(domain.start_m)[1], initial=inf) <= least:
@@ -137,7 +138,7 @@ class _ContactSearch:
         return self.certificate()
 
     def certificate(self) -> Certificate:
-        """Return what is cleared."""
+        """Return the cleared intervals."""
         return Certificate(tuple(each for part in self._parts for each in part.intervals()), self._complete)
 
     def _clear(self) -> Bracket | None:
@@ -266,7 +267,7 @@ class _ContactSearch:
 
     @property
     def _error_m(self) -> float:
-        """What bounds must exceed for the positions."""
+        """The error of positions, which bounds must exceed."""
         return max(part.tolerance_m for part in self._parts)
 
 
@@ -284,32 +285,32 @@ class _Claim:
 
     @cached_property
     def t_s(self) -> float:
-        """When the leader is there."""
+        """The time when the leader is there."""
         return self.domain.time_s(self.gone_m)
 
     @cached_property
     def slope(self) -> float:
-        """How much the gap closes for each metre of the leader's way."""
+        """How much the gap closes per metre of the leader's way."""
         return self.domain.slope(self.pair, self.gone_m)
 
     @cached_property
     def _told_m(self) -> float:
-        """How far the leader has gone at the contact's time, which rounds."""
+        """The distance travelled by the leader at the contact's time, which is rounded."""
         return self.domain.gone_m(self.t_s)
 
     @cached_property
     def _coarse(self) -> float:
-        """How many times as coarse as near the origin floats are there."""
+        """How many times coarser floats are there than near the origin."""
         return self.domain.coarse(self.pair, self._told_m)
 
     @cached_property
     def _rounding_m(self) -> float:
-        """What rounding alone may change the gap by."""
+        """How much rounding alone may change the gap."""
         return self.domain.rounding_of(self.pair)
 
     @cached_property
     def slack_m(self) -> float:
-        """How much of the leader's way positions and times may be off."""
+        """The error of positions and times in metres of the leader's way."""
         domain = self.domain
         step = max(_BEFORE_M * domain.unit, _LAST_PLACES * ulp(self.t_s) * domain.speed_m_s(self.t_s))
         slack = max(step, 2 * self._rounding_m / self.slope) if self.slope > 0 else step
@@ -320,12 +321,12 @@ class _Claim:
 
     @cached_property
     def near_m(self) -> float:
-        """How near to each other benches come that graze, and up to how far before all is clear."""
+        """How near grazing benches come to each other, and how far before that everything is clear."""
         return _GRAZING_M * self.domain.unit * self._coarse
 
     @cached_property
     def _steepest(self) -> float:
-        """How much the gap closes for each metre at most, as the checker takes it; infinite at an end of the model."""
+        """How much the gap closes per metre at most, as the checker takes it; infinite at an end of the model."""
         step_m, wide_m = _ASIDE * _BEFORE_M * self.domain.unit, self.domain.step_m
         steepest = self._closing(step_m)
         if wide_m <= step_m or steepest == inf:
@@ -344,12 +345,12 @@ class _Claim:
 
     @cached_property
     def onwards_m(self) -> float:
-        """How far the leader goes on from there."""
+        """How far the leader continues from there."""
         return self.domain.onwards_m(self.t_s)
 
     @cached_property
     def overlaps(self) -> bool:
-        """Whether the pair overlaps for certain a slack on, or where the leader turns back before."""
+        """Whether the pair certainly overlaps a slack further on, or where the leader turns back before."""
         after_m = min(self.slack_m, self.onwards_m)
         return self.domain.gap(self.pair, self._told_m + self.domain.sense * after_m) < -self._rounding_m
 
@@ -373,7 +374,7 @@ def _together(proofs: Iterable[Certificate]) -> Certificate:
 
 
 def _all_parts(domain: SearchDomain) -> list[BenchPairs]:
-    """Return the parts that a domain is cleared in: its obstacles, if it has any, and the pairs of benches."""
+    """Return the parts of a domain that are cleared separately: its obstacles, if it has any, and pairs of benches."""
     if domain.scene.venue is None:
         return parts_of(domain)
     from dragon_ros.core.search.obstacle_contact import Obstacles

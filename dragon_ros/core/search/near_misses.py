@@ -1,11 +1,11 @@
 """Near misses: local minima of the gap of any two benches over time, below a threshold, before the first contact.
 
-So are those of the gap of a bench to an obstacle of the venue: over the track, once for all benches of one length.
+Near misses of a bench and an obstacle of the venue count too: over the track, once for all benches of one length.
 
-Only intervals whose certified bound is below the threshold are sampled, so nothing is sampled where nothing is near.
-Benches that are alike have the same gaps at the same places: each minimum on a first spiral is found once for its
-class, and each bench of it gets there at a time of its own. Where the leader turns round, a gap that was closing has a
-minimum too. A dip that is narrower than the samples, or shallower than a nanometre, may be missed.
+Only intervals whose certified bound is below the threshold are sampled. Benches with the same links behind them have
+the same gaps at the same places: each minimum on a first spiral is found once for its class, and each bench of it
+reaches the place at its own time. Where the leader reverses, a gap that was closing has a minimum too. A dip that is
+narrower than the samples, or shallower than a nanometre, may be missed.
 """
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -30,19 +30,19 @@ from dragon_ros.core.tracks.segments import BEHIND
 if TYPE_CHECKING:       # scenes without a venue import none of it
     from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
 
-MOST = 1000             # near misses that are told, the nearest first; the others are counted
-_COARSE_M = 1.0         # between places at which obstacles are looked for at all
+MOST = 1000             # near misses listed, the nearest first; the others are only counted
+_COARSE_M = 1.0         # between places at which obstacles are searched at all
 _SPACING_M = 0.02       # between samples along the track: a corner that passes a bench makes dips some decimetres wide
-_LIPSCHITZ = 2.0        # of a gap by the leader's way, about: how far above the threshold a sample of a dip may be
-_SHALLOW_M = 1e-9       # far above what gaps err by: shallower dips are not told from a constant gap
-_AT_ONCE = 64           # samples that are looked at together
+_LIPSCHITZ = 2.0        # of a gap by the leader's way, roughly: how far above the threshold a sample of a dip may be
+_SHALLOW_M = 1e-9       # far above the error of gaps: shallower dips cannot be told from a constant gap
+_AT_ONCE = 64           # samples that are evaluated together
 _GOLDEN = 0.5 * (5**0.5 - 1)
 _ROUNDS = 34            # of golden sections: 0.618^34 of 4 cm are 3 nm, less than a flat minimum resolves
 _REFINED = 1024         # minima that are refined together, for the memory
-_SAME_M = 1e-4          # of the leader's way: two minima of one pair that are nearer are one
-_CLOSING_M = 1e-6       # of the leader's way before it turns round: over so much a gap must have been closing
+_SAME_M = 1e-4          # of the leader's way: two minima of one pair closer than this are one
+_CLOSING_M = 1e-6       # of the leader's way before it reverses: over this length a gap must have been closing
 _NEWTON = 8             # steps to a place: handles are about as fast as the leader, three are enough
-_THERE_M = 1e-9         # from a place that Newton was to find
+_THERE_M = 1e-9         # tolerance for a place found by Newton
 
 Pair = tuple[int, int]
 Gaps = Callable[[Floats, Ints], Floats]     # of places (M,) and pairs (..., 2): gaps (M, K) or (M,)
@@ -50,7 +50,7 @@ Gaps = Callable[[Floats, Ints], Floats]     # of places (M,) and pairs (..., 2):
 
 @dataclass(frozen=True)
 class NearMiss:
-    """Where the gap of two benches (the inner first), or of one to an obstacle, is smallest: time in s, gap in m."""
+    """The smallest gap of two benches (the inner first), or of one to an obstacle: time in s, gap in m."""
 
     benches: tuple[int, ...]
     t_s: float
@@ -82,7 +82,7 @@ class _Dip:
 
 @dataclass(frozen=True)
 class _ClassDip:
-    """A dip of the first bench of a class as another one of it has it, while the leader goes through a phase."""
+    """A dip of the first bench of a class, transferred to another one of it, in one phase of the leader's motion."""
 
     dip: _Dip
     bench: int
@@ -93,8 +93,8 @@ def near_misses(scene: Scene, found: Contact | NoContact, below_m: float,
                 progress: Callable[[int], object] = lambda states: None) -> NearMisses:
     """Return the near misses before the contact (or end) with gaps below ``below_m``; times are right to about 1e-5 s.
 
-    A place that the leader passes more than once gives one each time. ``progress(states)`` is called with every number
-    of states just evaluated.
+    A place that the leader passes several times gives one each time. ``progress(states)`` is called with the number of
+    states evaluated since the last call.
     """
     end_s = found.t_s if isinstance(found, Contact) else compile_scene(scene).end.t_s
     travel = RangeOfTravel(scene.head, scene.run.start_s, end_s)
@@ -120,7 +120,7 @@ def _miss(pair: Pair, t_s: float, gap_m: float, benches: int, names: Sequence[st
 
 
 def _distinct(dips: list[_Dip]) -> list[_Dip]:
-    """Return dips without those of one pair that are the same."""
+    """Return dips without duplicates of one pair."""
     out: list[_Dip] = []
     for dip in sorted(dips, key=lambda dip: (dip.pair, dip.place)):
         if not out or out[-1].pair != dip.pair or dip.place - out[-1].place > _SAME_M:
@@ -129,7 +129,7 @@ def _distinct(dips: list[_Dip]) -> list[_Dip]:
 
 
 def _in_domain(domain: SearchDomain, proof: Certificate, below_m: float) -> tuple[list[_Dip], int]:
-    """Return the dips of a domain, at places of the leader, and how many are left out of the list."""
+    """Return the dips of a domain, at places of the leader, and how many are omitted from the list."""
     out = _of_chain(domain, [each for each in proof.led_by(ALL) if each.bound_m < below_m], below_m)
     alike: list[_ClassDip] = []
     out += _of_obstacles(domain, below_m) if domain.around else []
@@ -143,7 +143,7 @@ def _in_domain(domain: SearchDomain, proof: Certificate, below_m: float) -> tupl
 
 
 def _of_chain(domain: SearchDomain, near: list[Interval], below_m: float) -> list[_Dip]:
-    """Return the dips of all pairs where the whole chain was cleared."""
+    """Return the dips of all pairs that were cleared with the whole chain."""
     out: list[_Dip] = []
     ends = domain.start_m, domain.stop_m
     for span in _spans([(each.start_m, each.stop_m) for each in near]):
@@ -194,7 +194,7 @@ def _gaps(chain: Chain, domain: SearchDomain, first: int, pairs: Ints) -> Floats
 
 
 def _spans(ends: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return intervals that overlap or adjoin as one, growing."""
+    """Return intervals, merged if they overlap or adjoin, in increasing order."""
     out: list[tuple[float, float]] = []
     for low, high in sorted((min(pair), max(pair)) for pair in ends):
         if out and low <= out[-1][1]:
@@ -254,7 +254,7 @@ def _lowest(function: Callable[[Floats], Floats], left: Floats, right: Floats) -
 
 
 def _reached(domain: SearchDomain, part: LeadingBenches, dips: list[_Dip]) -> list[_ClassDip]:
-    """Return each dip of a class's first bench for all benches of the class that get there, phase by phase."""
+    """Return each dip of a class's first bench for all benches of the class that reach it, phase by phase."""
     out: list[_ClassDip] = []
     phases, ends = part.phases(domain.stop_m)
     for (start, stop), here, there in zip(pairwise(phases), ends[:-1], ends[1:], strict=True):
@@ -267,7 +267,7 @@ def _reached(domain: SearchDomain, part: LeadingBenches, dips: list[_Dip]) -> li
 
 
 def _at_places(domain: SearchDomain, phase: tuple[float, float], alike: list[_ClassDip]) -> list[_Dip]:
-    """Return dips at the places of the leader at which benches get there in a phase."""
+    """Return dips at the places of the leader at which benches reach them in a phase."""
     segment, origin_m = domain.track.segments[0], domain.track.origins_m[0]
     along_m = origin_m + segment.metres(np.array([each.dip.place for each in alike]))
     gone_m = _gone_at(domain, np.array([each.bench for each in alike]), along_m, phase)
@@ -276,7 +276,7 @@ def _at_places(domain: SearchDomain, phase: tuple[float, float], alike: list[_Cl
 
 
 def _gone_at(domain: SearchDomain, bench: Ints, along_m: Floats, within: tuple[float, float]) -> Floats:
-    """Return where the leader is when front handles of benches (M,) are at distances (M,) along the track."""
+    """Return the leader's places when front handles of benches (M,) are at distances (M,) along the track."""
     row, gone_m = np.arange(bench.size), np.full(bench.size, 0.5 * sum(within))
     missing = np.zeros(bench.size)
     for _ in range(_NEWTON if bench.size else 0):
@@ -319,7 +319,7 @@ def _of_obstacles(domain: SearchDomain, below_m: float) -> list[_Dip]:
 
 def _obstacle_dips(bounds: 'ObstacleBounds', span: tuple[float, float], below_m: float
                    ) -> Iterator[tuple[int, float, float]]:
-    """Yield number of an obstacle, place of the front handle and gap of a bench's dips on a span of the track."""
+    """Yield the obstacle's number, the front handle's place and the gap of a bench's dips on a span of the track."""
     from dragon_ros.core.search.obstacle_bounds import corners_of
     places = np.linspace(*span, 2 + int((span[1] - span[0]) / _COARSE_M))
     states = bounds.bench.states(places)
@@ -358,7 +358,7 @@ def _boxes(corners: Complexes, reach_m: Floats) -> tuple[Floats, Floats]:
 
 
 def _at_reversals(scene: Scene, travel: RangeOfTravel, below_m: float) -> Iterator[NearMiss]:
-    """Yield what comes nearest where the leader turns round."""
+    """Yield the nearest pairs where the leader reverses."""
     for t_s, sense in travel.reversals:
         domain, gone_m = SearchDomain(scene, travel, sense, lambda states: None), travel.gone_m(t_s)
         benches = domain.benches(gone_m)

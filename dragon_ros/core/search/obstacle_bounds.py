@@ -1,12 +1,12 @@
 """Lower bounds of the gap of a bench to an edge of an obstacle while the bench goes from one place to another.
 
-Where a bench lies depends on its length and on where its front handle is, so an interval of the track stands for all
-benches of one length that go through it. Of two bounds the larger one counts. Both hold from one end of an interval to
-the other, if the rear handle goes one way. *By going:* no point of the bench goes further than its farthest corner, M,
+The pose of a bench depends on its length and on the place of its front handle, so an interval of the track stands for
+all benches of one length that pass it. The larger of two bounds counts. Both hold from one end of an interval to the
+other, if the rear handle moves one way. *By the move:* no point of the bench moves further than its farthest corner, M,
 so the gap is at least half of the sum of its values at the ends less M. *By a direction d*, the best one at an end: a
-corner's coordinate along d has its derivative in the ball of ``SweptBench.slopes``, so it goes by V at most and is
-nowhere below the mean of its values at the ends less V / 2; the least of the corners' counts, less the largest of the
-edge's ends. V shrinks to what the corner goes along d, with the square of the interval.
+corner's coordinate along d has its derivative in the ball of ``SweptBench.slopes``, so it changes by at most V and is
+nowhere below the mean of its values at the ends less V / 2; the least of the corners' bounds, less the larger
+coordinate of the edge's ends, bounds the gap. V shrinks to the corner's move along d, with the square of the interval.
 """
 from dataclasses import dataclass
 
@@ -18,14 +18,14 @@ from dragon_ros.core.geometry.venue import Surroundings
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 from dragon_ros.core.search.bounding_box import BenchStates, SweptBench
 
-_APART_M = 1e-9     # of the sizes: nearer points have no direction; axes of the bench and the edge are tried
+_APART_M = 1e-9     # relative to sizes: nearer points have no direction; axes of the bench and the edge are tried
 
 
 @dataclass(frozen=True)
 class ObstacleBounds:
-    """A bench that goes along a track, and the edges of a venue: gaps at places, and bounds between two of them.
+    """A bench that moves along a track, and the edges of a venue: gaps at places, and bounds between two of them.
 
-    ``error_m`` is what positions may err by; the bounds hold for benches that are so far off.
+    ``error_m`` bounds position errors; the bounds hold for benches with such errors.
     """
 
     bench: SweptBench
@@ -43,7 +43,7 @@ class ObstacleBounds:
         return self.around.gaps_of(centre, axis, self.half_m, edge)
 
     def ways(self, a: BenchStates, b: BenchStates) -> Floats:
-        """Return how far the corners (M, 4) go at most between states; infinite where that is not known."""
+        """Return how far the corners (M, 4) move at most between states; infinite if unknown."""
         ways: Floats = self.bench.slopes(a, b)[1][..., 0]
         return ways
 
@@ -63,14 +63,14 @@ class ObstacleBounds:
         return np.where(np.isnan(low), -np.inf, low)
 
     def rounding_m(self, edge: Ints) -> Floats:
-        """Return the largest error of gaps to edges for rounding alone."""
+        """Return the largest error of gaps to edges due to rounding alone."""
         far_m = np.maximum(np.abs(self.around.start[edge]), np.abs(self.around.stop[edge]))
         out: Floats = np.asarray(rounding_m(far_m, far_m + sum(self.half_m)))
         return out
 
     @property
     def _unsure(self) -> float:
-        """What the derivatives of the corners' coordinates may err by, since the places of handles do."""
+        """The error of the derivatives of the corners' coordinates, due to the error of the places of handles."""
         link, bench = self.bench.link_m, self.bench
         lever = 2 + (bench.half_length_m + bench.half_width_m) * (1 / link if link else bench.track.bend)
         return 8 * self.error_m * (bench.track.bend + (1 / link if link else 0.0)) * lever
@@ -82,7 +82,7 @@ class ObstacleBounds:
         return 0.5 * (front + rear_right), axis
 
     def _directions(self, corners: Complexes, gap_m: Floats, edge: Ints) -> Complexes:
-        """Return for each bench and edge the direction along which they are furthest apart, or nearly so."""
+        """Return for each bench and edge the direction in which they are furthest apart, or nearly so."""
         apart = gap_m > _APART_M * sum(self.half_m)
         out = np.empty(edge.size, dtype=np.complex128)
         if np.any(apart):
@@ -109,7 +109,7 @@ class ObstacleBounds:
         return out
 
     def _along_axes(self, corners: Complexes, edge: Ints) -> Complexes:
-        """Return those of the axes of benches and edges along which they are furthest apart, or overlap least."""
+        """Return those axes of benches and edges along which they are furthest apart, or overlap least."""
         around, (_, axis) = self.around, self._seats(corners)
         across = 1j * around.axis[edge]
         ways = np.stack((across, -across, axis, -axis, 1j * axis, -1j * axis))
@@ -124,8 +124,8 @@ def least_along(d: Complexes, ends: tuple[Complexes, Complexes], slope: Ball, un
                 way_m: Floats) -> Floats:
     """Return the least coordinate along d (M) that corners (M, 4) may have between two states, in m.
 
-    ``slope`` (M, 4, 3) holds their derivatives by a variable that grows by ``h`` (M, 1), of x first, of y last, and
-    these may err by ``unsure``. The corners go ``way_m`` (M, 4) at most.
+    ``slope`` (M, 4, 3) holds their derivatives by a variable that grows by ``h`` (M, 1), of x first, of y last, with
+    errors up to ``unsure``. The corners move by at most ``way_m`` (M, 4).
     """
     back, middle = np.conj(d)[:, None], slope.mid[..., 0] + 1j * slope.mid[..., 2]
     rad = slope.rad[..., 0] + slope.rad[..., 2] + unsure

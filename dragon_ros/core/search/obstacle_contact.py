@@ -1,11 +1,11 @@
-"""What benches meet of a venue while the leader goes on: cleared over the track, once for all benches of one length.
+"""Contact of benches with a venue: cleared over the track, once for all benches of one length.
 
-Where a bench lies depends on its length and on where its front handle is. So an obstacle blocks places of the track for
-each length, and the first bench of a length to get to a blocked place is the one that starts next to it. Each bench
-therefore has a window: what its front handle goes through, up to where the next bench of its length has started, which
-goes through the rest before it. Each window is cleared by itself, up to the first place that cannot be cleared
+The pose of a bench depends on its length and on the place of its front handle. So an obstacle blocks places of the
+track for each length, and the first bench of a length to reach a blocked place is the one that starts next to it. Each
+bench therefore has a window: the places that its front handle passes, up to the start of the next bench of its length,
+which passes the rest before it. Each window is cleared by itself, up to the first place that cannot be cleared
 (``driver``, with the bounds of ``obstacle_bounds``); the leader gets to one of these first. Where handles turn back,
-near the centre of a spiral, the leader's way is taken in phases in which each of them goes one way.
+near the centre of a spiral, the leader's way is split into phases in which each of them moves one way.
 """
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
@@ -25,10 +25,10 @@ from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 _TOLERANCE = 4          # times the position error: a bench may be off, at two states
 _SPACING = 0.5          # of the longest bench, between the first places
 _MOST_PLACES = 50_000   # of one window to begin with, for the memory
-_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: next to a contact, and to a grazing
+_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: near a contact, and near a grazing
 _SHORTEST = 0.1         # of what a gap must exceed: steps to a contact, where gaps are some times that, are longer
-_FAR = 0.05             # of the longest bench: edges that stay further away than this are not looked at
-_PARTS = 3              # into which an interval is cut
+_FAR = 0.05             # of the longest bench: edges that stay further away than this are not examined
+_PARTS = 3              # parts into which an interval is cut
 _LONG = 6.0             # times the longest bench: over a longer way the bound is not worth its many edges
 
 
@@ -45,7 +45,7 @@ class _Samples:
 
 
 class _SweptIntervals:
-    """Intervals of the track, for ``clear``: the edges that come near a bench on one are found by their boxes."""
+    """The space of intervals of the track for ``clear``; the edges near a bench are found by the boxes of intervals."""
 
     def __init__(self, bounds: ObstacleBounds, tolerance_m: float, longest_m: float,
                  count: Callable[[int], None]) -> None:
@@ -61,10 +61,10 @@ class _SweptIntervals:
         return _Samples(np.concatenate([part.places for part in parts]), _joined([part.states for part in parts]))
 
     def begin(self, samples: _Samples, pairs: Ints, window: Ints) -> None:
-        """Take the roots: each interval looks for edges by itself."""
+        """Take the roots: each interval finds its own edges."""
 
     def judge(self, a: _Samples, b: _Samples, group: Ints) -> Judgement:
-        """Bound the gaps of benches to edges; what stays further away than ``_FAR`` is not looked at."""
+        """Bound the gaps of benches to edges; edges that stay further away than ``_FAR`` are not examined."""
         far_m, bounds = _FAR * self._longest_m + 2 * self.tolerance_m, self._bounds
         way_m = np.max(bounds.ways(a.states, b.states), axis=1)
         short = np.flatnonzero(way_m <= _LONG * self._longest_m)
@@ -88,7 +88,7 @@ class _SweptIntervals:
         return self._bounds.around.in_boxes(low, high)
 
     def lengths_m(self, start: Floats, stop: Floats) -> Floats:
-        """Return the ways of the front handle."""
+        """Return the moves of the front handle."""
         return np.abs(stop - start)
 
 
@@ -109,7 +109,7 @@ class Window:
 
 
 class Obstacles:
-    """All benches of a domain with all obstacles: what is cleared, and where that ends."""
+    """All benches of a domain with all obstacles: the cleared part, and its end."""
 
     def __init__(self, domain: SearchDomain) -> None:
         """Take a domain whose scene has a venue."""
@@ -126,13 +126,13 @@ class Obstacles:
         return self._hit
 
     def prove(self, stop_m: float) -> Bracket | None:
-        """Clear up to an earlier place than was asked for before; return the first bracket that is not clear."""
+        """Clear up to an earlier place than before; return the first bracket that is not clear."""
         if self._hit:
             self._hit = self._first(stop_m, (*self._finest_m, _SHORTEST * self.tolerance_m))
         return self._hit
 
     def intervals(self) -> Iterator[Interval]:
-        """Yield none: a checker finds out by itself where obstacles are near."""
+        """Yield nothing: a checker finds by itself where obstacles are near."""
         return iter(())
 
     def _first(self, stop_m: float, finest_m: tuple[float, ...]) -> Bracket | None:
@@ -160,7 +160,7 @@ class Obstacles:
 
     def _earliest(self, hits: list[tuple[int, tuple[float, float, float]]], phase: tuple[float, float]
                   ) -> Bracket | None:
-        """Return the bracket that the leader comes to first, given those of the front handles of some benches."""
+        """Return the bracket that the leader reaches first, given those of the front handles of some benches."""
         domain, first = self._domain, None
         while hits:
             bench, (clear_m, other_m, bound_m) = hits[0]
@@ -173,30 +173,30 @@ class Obstacles:
 
 
 def phases(domain: SearchDomain, stop_m: float) -> list[tuple[float, float]]:
-    """Return the parts of the leader's way up to a place in which every handle goes one way, in its order."""
+    """Return the parts of the leader's way up to a place in which every handle moves one way, in its order."""
     start_m = domain.start_m
     turns = domain.leader.turning_m(start_m, stop_m, 2)[::1 if start_m < stop_m else -1]
     return [] if start_m == stop_m else [*pairwise(dict.fromkeys([start_m, *turns, stop_m]))]
 
 
 def swept_bench(domain: SearchDomain, number: int) -> SweptBench:
-    """Return the bench of a number as one that goes along the track."""
+    """Return the bench of a number as one that moves along the track."""
     dragon = domain.dragon
     return SweptBench(domain.track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
                       0.5 * dragon.width_m)
 
 
 def windows_of(domain: SearchDomain, benches: Ints, phase: tuple[float, float], spacing_m: float) -> list[Window]:
-    """Return what the front handles of benches of one length go through in a phase, each place once.
+    """Return the intervals that the front handles of benches of one length pass in a phase, each place once.
 
-    A bench is left what one of its length that is ahead of it has not gone through before it.
+    A bench gets the places that no bench of its length ahead of it has passed before.
     """
     here, there = (domain.along_m(end)[benches] for end in phase)
     turns = turning_m(domain.track, float(domain.dragon.link_lengths_m[benches[0]]))
     out = list[Window]()
     for n, bench in enumerate(benches.tolist()):
         start, stop, sense = float(here[n]), float(there[n]), 1.0 if there[n] > here[n] else -1.0
-        ahead = n - 1 if sense > 0 else n + 1       # distances along the track fall from the head to the tail
+        ahead = n - 1 if sense > 0 else n + 1       # distances along the track decrease from the head to the tail
         if 0 <= ahead < benches.size and sense * (there[ahead] - here[ahead]) > 0:
             stop = sense * min(sense * stop, sense * float(here[ahead]))
         if start == stop:

@@ -11,7 +11,7 @@ from dragon_ros.core.venue import INSIDE
 
 
 def check_start(scene: Scene) -> None:
-    """Raise FieldError where an obstacle covers or touches a bench as the run starts, or one is not inside."""
+    """Raise FieldError if an obstacle covers or touches a bench as the run starts, or a bench is not inside."""
     if scene.venue is None:
         return
     around, simulation = surroundings_of(scene.venue), compile_scene(scene)
@@ -25,7 +25,7 @@ def check_start(scene: Scene) -> None:
 
 
 def check_sides(scene: Scene) -> None:
-    """Raise FieldError where an obstacle covers the middle of the head as the run starts, or that is not inside."""
+    """Raise FieldError if an obstacle covers the middle of the head as the run starts, or it is not inside."""
     assert scene.venue
     around = surroundings_of(scene.venue)
     with suppress(ModelEnd):

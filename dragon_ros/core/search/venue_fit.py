@@ -1,7 +1,7 @@
 """How near the benches of a run come to each obstacle of a venue, between bounds, by branch and bound.
 
-Where a bench lies depends on its length and on where its front handle is, so cells are intervals of the track that the
-front handles of benches of one length go through, each with one edge of an obstacle (``obstacle_bounds``).
+The pose of a bench depends on its length and on the place of its front handle. So cells are intervals of the track that
+the front handles of benches of one length pass, each with one edge of an obstacle (``obstacle_bounds``).
 """
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,17 +21,17 @@ from dragon_ros.core.search.venue import check_sides
 from dragon_ros.core.tiers import EXACT
 
 _AT_ONCE = 8192     # cells
-_PARTS = 4          # into which a cell is cut
-_FIRST_M = 2.0      # as long are the first intervals, about
-_MOST_FIRST = 20_000    # of them, for one kind of bench
-_PAIRS_AT_ONCE = 2_000_000      # places and edges whose distances are taken together, for the memory
-_SAME_M = 4e-12     # twice what positions may err by: a gap that is so little below the margin may have it
-_MOST = 3_000_000   # cells that are looked at
+_PARTS = 4          # parts into which a cell is cut
+_FIRST_M = 2.0      # approximate length of the first intervals
+_MOST_FIRST = 20_000    # first intervals for one kind of bench
+_PAIRS_AT_ONCE = 2_000_000      # pairs of places and edges whose distances are computed together, for the memory
+_SAME_M = 4e-12     # twice the position error: a gap that is less below the margin may still have it
+_MOST = 3_000_000   # cells examined
 
 
 @dataclass(frozen=True)
 class ObstacleGap:
-    """The smallest signed gap to an obstacle: ``high_m`` is reached by a bench at ``t_s``, none is below ``low_m``.
+    """The smallest signed gap to an obstacle: a bench reaches ``high_m`` at ``t_s``, and none goes below ``low_m``.
 
     ``point_m`` is the bench's middle there.
     """
@@ -46,7 +46,7 @@ class ObstacleGap:
 
 @dataclass(frozen=True)
 class VenueFit:
-    """The smallest gap to each obstacle, the smallest first, and the gap that is wanted."""
+    """The smallest gap to each obstacle, the smallest first, and the required gap."""
 
     gaps: tuple[ObstacleGap, ...]
     margin_m: float
@@ -54,7 +54,7 @@ class VenueFit:
 
     @property
     def lacking(self) -> tuple[ObstacleGap, ...]:
-        """What a bench touches, or comes nearer to than the margin, the worst first."""
+        """The obstacles that a bench touches, or comes nearer to than the margin, the worst first."""
         return tuple(one for one in self.gaps if one.high_m < self.margin_m - _SAME_M or one.high_m <= 0)
 
     @property
@@ -93,7 +93,7 @@ class _EdgeIntervals:
 
     @property
     def size(self) -> int:
-        """How many."""
+        """The number of intervals."""
         return int(self.edge.size)
 
     @property
@@ -112,7 +112,7 @@ class _EdgeIntervals:
 
 
 class _Nearing(InOrder):
-    """A search for the smallest gap to each obstacle: the best so far, where, and what was put aside."""
+    """A search for the smallest gap to each obstacle: the best so far, where, and bounds of the rest."""
 
     at_once = _AT_ONCE
 
@@ -126,14 +126,14 @@ class _Nearing(InOrder):
         self._bounds: ObstacleBounds = ObstacleBounds.__new__(ObstacleBounds)
 
     def run(self, bench: SweptBench, intervals: Floats, kind: int) -> None:
-        """Search intervals (2, M) of the way of one kind of bench."""
+        """Search intervals (2, M) of the track for one kind of bench."""
         self._bounds, self._kind = ObstacleBounds(bench, self._around), kind
         run(self, self._roots(Boxes(*intervals[:, None])))
 
     def _roots(self, boxes: Boxes) -> _EdgeIntervals:
         """Return the cells that may matter: an edge is at least as far as its distance from a middle, less the rest.
 
-        What is nearest to any middle bounds the gap to each obstacle from above.
+        The nearest edge to any middle bounds the gap to each obstacle from above.
         """
         longest = float(np.max(boxes.high - boxes.low, initial=0.0))
         boxes = boxes.cut(int(min(max(1, np.ceil(longest / _FIRST_M)), max(1, _MOST_FIRST // boxes.size))))
@@ -171,7 +171,7 @@ class _Nearing(InOrder):
         return out
 
     def judge(self, cells: _EdgeIntervals) -> _EdgeIntervals:
-        """Bound the gaps of cells, put aside those that hold nothing smaller, and cut the others."""
+        """Bound the gaps of cells, set aside those that hold nothing smaller, and cut the others."""
         places, index = np.unique(cells.ends, return_inverse=True)
         index, states, owner = index.reshape(2, -1), self._bounds.bench.states(places), self._around.owner[cells.edge]
         self.looks += cells.size
@@ -195,7 +195,7 @@ class _Nearing(InOrder):
 
 
 def _gaps(ranges: HandleRanges, kinds: list[Ints], search: '_Nearing') -> list[ObstacleGap]:
-    """Return what was found of each obstacle, with a bench that is there, and when."""
+    """Return the result for each obstacle, with a bench that is there, and when."""
     scene, around = ranges.scene, search._around
     size_m = compile_scene(scene).size_m
     error_m = EXACT.promise_for_m(size_m) + float(rounding_m(max(size_m, around.far_m), float(np.max(
