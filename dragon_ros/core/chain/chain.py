@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from dragon_ros.core.chain.forward import Handles, blocks_of, forward, forward_many, together
+from dragon_ros.core.chain.forward import Handles, blocks_of, forward, row_by_row, together
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import dot
 from dragon_ros.core.tracks.composite import Place, Places, Track
@@ -267,12 +267,11 @@ def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Cha
     On a single spiral all handles are solved ``together``, elsewhere one after the other; both take as long.
     Raises as ``forward``.
     """
-    blocks = blocks_of(links_m, direction)
     one = np.array([leader.segment]), np.array([leader.u.hi]), np.array([leader.u.lo])
-    if len(track.segments) == 1 and (found := together(track, blocks, one, direction)):
+    if len(track.segments) == 1 and (found := together(track, links_m[:, None], one, direction)):
         (segment, u, lo), spent = found
         return chain_of(track, links_m, direction, (segment[:, 0], u[:, 0], lo[:, 0]), spent)
-    handles = forward(track, blocks, leader, direction)
+    handles = forward(track, blocks_of(links_m, direction), leader, direction)
     return chain_of(track, links_m, direction, arrays_of(handles), handles.evaluations)
 
 
@@ -281,7 +280,9 @@ def marched_many(track: Track, links_m: Floats, leaders: Places, direction: int)
 
     Links are those of all (N,), or of each (M, N), as ``forward_many`` allows it.
     """
-    rows, spent = forward_many(track, blocks_of(links_m, direction), leaders, direction)
+    links = links_m[:, None] if links_m.ndim == 1 else links_m.T
+    rows, spent = together(track, links, leaders, direction) or row_by_row(
+        track, blocks_of(links_m, direction), leaders, direction)
     return chain_of(track, links_m, direction, (rows[0].T, rows[1].T, rows[2].T), spent)
 
 

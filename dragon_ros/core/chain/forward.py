@@ -109,8 +109,20 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
     a first segment that winds in from afar. With ``settle``, which may put each row in order, rows end where the track
     does. Raises as ``forward`` does.
     """
-    if not settle and (found := together(track, blocks, leaders, direction)):
+    if not settle and blocks and (found := together(track, _links_of(blocks), leaders, direction)):
         return found
+    return row_by_row(track, blocks, leaders, direction, settle)
+
+
+def _links_of(blocks: tuple[Block, ...]) -> Floats:
+    """Return the links of blocks from the leader on, (N, 1) or (N, M)."""
+    return np.concatenate([np.broadcast_to(block.link_m, (block.stop - block.start, np.size(block.link_m)))
+                           for block in blocks])
+
+
+def row_by_row(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int,
+               settle: Callable[[Places], Places] | None = None) -> tuple[Places, int]:
+    """Return ``forward_many`` from handle to handle, each row an array."""
     rows, spent = [leaders], 0
     for block in blocks:
         past: list[Floats] = []
@@ -132,18 +144,16 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
     return _stacked(rows), spent
 
 
-def together(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int) -> tuple[Places, int] | None:
+def together(track: Track, links_m: Floats, leaders: Places, direction: int) -> tuple[Places, int] | None:
     """Return ``forward_many`` by a simultaneous solver for all handles; None if they must be placed row by row.
 
     It exists for few leaders of long chains, for which a row is too short an array: 30 chains of 223 links take a
-    fifth of the time of ``forward_many`` row by row, and one takes as long as ``forward``.
-    It works behind leaders on a spiral from afar, unless handles almost turn back.
+    fifth of the time of ``row_by_row``, and one takes as long as ``forward``. It works behind leaders on a spiral from
+    afar, unless handles almost turn back. Links are from the leader on, (N, 1), or those of each chain, (N, M).
     """
     (number, begin, begin_lo), spiral = leaders, track.from_afar
-    if direction != BEHIND or not spiral or np.any(number) or not blocks:
+    if direction != BEHIND or not spiral or np.any(number):
         return None
-    links_m = np.concatenate([np.broadcast_to(block.link_m, (block.stop - block.start, np.size(block.link_m)))
-                              for block in blocks])
     if not 0 < begin.size <= _MOST_LEADERS or len(links_m) < FEWEST_ROWS or not np.all(links_m):
         return None
     found = placed(spiral, (begin, begin_lo), links_m / spiral.curve.b_m)

@@ -86,10 +86,10 @@ def test_chains_of_any_links_that_are_placed_at_once_are_those_placed_link_by_li
 
 def test_only_where_handles_almost_turn_back_are_they_placed_link_by_link():
     model = compile_scene(CLASSIC).model
-    blocks = blocks_of(model.links_m, BEHIND)
+    links = model.links_m[:, None]
 
     def served(t_s):
-        return together(model.track, blocks, model.leader.places((np.array([t_s]), np.zeros(1))), BEHIND) is not None
+        return together(model.track, links, model.leader.places((np.array([t_s]), np.zeros(1))), BEHIND) is not None
     assert [served(t_s) for t_s in (*CLASSIC_TIMES[:-2], 425.0)] == [True] * 9
     assert not served(CLASSIC_TIMES[-1])
 
@@ -102,7 +102,7 @@ def test_handles_are_placed_at_once_unless_the_second_moves_on_by_less_than_a_tw
         leader = np.zeros(1, dtype=np.int64), np.array([theta]), np.zeros(1)
         pace = (follower(theta + step, head) - follower(theta - step, head)) / (2 * step)
         if abs(pace - 0.05) > 1e-3:
-            assert (together(track, blocks_of(links, BEHIND), leader, BEHIND) is None) == (pace < 0.05)
+            assert (together(track, links[:, None], leader, BEHIND) is None) == (pace < 0.05)
 
 
 @pytest.mark.parametrize(('scene', 'most'), [
