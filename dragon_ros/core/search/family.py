@@ -180,8 +180,8 @@ def _covered(scene: Scene) -> tuple[Dragon, Spiral]:
                          'use track.kind: spiral')
     speeds = [law.speed_m_s] if isinstance(law, Head) else [v for _, v in law.knots] if isinstance(law, Profile) else []
     if not speeds or min(speeds) < 0 or law.lead != 'head':
-        raise FieldError('head', type(law).__name__.lower(), 'families are covered where the head leads by a speed law '
-                         'and does not go back', 'let it lead with speeds of at least 0')
+        raise FieldError('head', type(law).__name__.lower(), 'families are covered if the head leads by a speed law '
+                         'and does not go back', 'use a head law with speeds of at least 0')
     return dragon, track
 
 

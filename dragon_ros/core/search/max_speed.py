@@ -90,8 +90,8 @@ def max_speed(scene: Scene, progress: Callable[[int], object] = lambda looks: No
                          'lock speeds have no bound', 'stop earlier')
     found = _Speeding(scene, progress).run()
     if not isfinite(found.bound):
-        raise FieldError('run.stop_s', scene.run.stop_s, 'the run comes so near to a lock that floats tell no bound of '
-                         'the speeds', 'stop earlier')
+        raise FieldError('run.stop_s', scene.run.stop_s, 'the run ends so near to a lock that rounding leaves the '
+                         'speeds without a bound', 'stop earlier')
     return found
 
 

@@ -265,7 +265,7 @@ class _Descending:
         """Compute the corners of boxes; return the halves of those that are not clear and not near the contact."""
         if self._done > _MOST:
             raise DragonError(f'min-pitch: nothing is proved below a pitch of {2 * pi / np.min(boxes.low[1]):.9g} m '
-                              f'after {self._done} cells; there may be benches that always all but touch')
+                              f'after {self._done} cells; some benches may almost touch at every pitch')
         self._done += boxes.size
         unclear, axis = self._unclear(np.stack((boxes.low[0], boxes.high[0], boxes.low[1], boxes.high[1])))
         near = 2 * pi / boxes.low[1] - 2 * pi / self._best <= self.task.within_m
@@ -358,7 +358,7 @@ class _Descending:
         link, off = float(dragon.link_lengths_m[-1]), self._angle_errors(placed.theta[ends[1], -2], cells[3])
         line = line_distance(link * cells[2], placed.delta[ends[1], -1], 2 * off) / cells[2] - 0.5 * dragon.width_m
         if np.any(line <= reach + 2 * self._tolerance_m):
-            raise DragonError('min-pitch: the benches of one turn are not enough to tell; not covered for this dragon')
+            raise DragonError('min-pitch: one turn of benches is too few to prove this dragon, which is not covered')
 
     def _note(self, places: Floats, separation: Floats) -> None:
         """Record the touching place with the largest pitch; the head is never further out than at its start."""

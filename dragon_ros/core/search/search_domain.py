@@ -147,8 +147,9 @@ class SearchDomain:
         self.rounding_m = _FLOATS * simulation.size_m
         self.error_m = max(EXACT.promise_m * self.unit, self.rounding_m)    # tiny dragons are placed as exactly
         if self.error_m > _COARSEST * longest_m:
-            raise InputError(f'track: {simulation.size_m:.3g} m out positions err by up to {self.error_m:.2g} m, the '
-                             f'most to tell benches apart is {_COARSEST * longest_m:.2g} m; take a smaller track')
+            raise InputError(f'track: {simulation.size_m:.3g} m from the origin positions err by up to '
+                             f'{self.error_m:.2g} m, and benches can be told apart up to '
+                             f'{_COARSEST * longest_m:.2g} m; use a smaller track')
         self._kept: dict[float, Chain] = {}
         stop_s = travel.farthest_s(sense)
         self.start_m, self.stop_m = travel.gone_m(travel.start_s), travel.gone_m(stop_s)

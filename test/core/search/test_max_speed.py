@@ -195,7 +195,7 @@ def test_a_run_that_ends_in_or_at_a_lock_is_refused():
         scene = Scene(dragon, Spiral(0.55, 5.0))
         with pytest.raises(FieldError, match=r'run\.stop_s.* reaches a lock at .* no bound.*stop earlier'):
             max_speed(scene)
-        with pytest.raises(FieldError, match=r'run\.stop_s.* near to a lock that floats tell no bound'):
+        with pytest.raises(FieldError, match=r'run\.stop_s.* near to a lock that rounding leaves the speeds without'):
             max_speed(replace(scene, run=Run(0, compile_scene(scene).end.t_s)))
 
 
