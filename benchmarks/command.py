@@ -15,8 +15,8 @@ PAGES = {'limits': 'benchmarks.limits', 'accuracy': 'benchmarks.workprec',
          'promises': 'benchmarks.promises', 'contact': 'benchmarks.contacts',
          'effects': 'benchmarks.effects', 'tick': 'benchmarks.ticks',
          'first': 'benchmarks.first_ticks', 'scale': 'benchmarks.scale',
-         'bag': 'benchmarks.bags', 'memory': 'benchmarks.memory', 'startup': 'benchmarks.startup',
-         'study': 'benchmarks.study'}
+         'bag': 'benchmarks.bags', 'simulate': 'benchmarks.simulate', 'memory': 'benchmarks.memory',
+         'startup': 'benchmarks.startup', 'study': 'benchmarks.study'}
 ALL = 'all'
 _CHECKOUT = Path(__file__).parents[1]
 _CHAINS, _CHAINS_OF_ALL = 1000, 100_000
@@ -37,9 +37,9 @@ def main(argv: list[str]) -> int:
                          'effects: what each effect adds to a tick; tick: where the time of one tick goes; '
                          'first: what the first tick of a track takes; '
                          'scale: growth of each stage, and rates held over DDS; '
-                         'bag: throughput and size of bags by compression; memory: that of a recorder during a long '
-                         'run; startup: of every executable; study: rows a second of studies on Dask; all: one after '
-                         'the other, for half an hour or more')
+                         'bag: throughput and size of bags by compression; simulate: its speed by the number of '
+                         'workers; memory: that of a recorder during a long run; startup: of every executable; '
+                         'study: rows a second of studies on Dask; all: one after the other, for half an hour or more')
     options.add_argument('--output', type=Path, metavar='FOLDER',
                          help='folder for the results (cost; for all: docs/cost of the checkout). A page that is there '
                          'already keeps its text, only its table is renewed')

@@ -9,8 +9,8 @@ from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError, MissingError
 
 # The pages of docs/cost, which `benchmarks` makes in a checkout.
-PAGES = ('limits', 'accuracy', 'promises', 'contact', 'effects', 'tick', 'first', 'scale', 'bag', 'memory', 'startup',
-         'study', 'all')
+PAGES = ('limits', 'accuracy', 'promises', 'contact', 'effects', 'tick', 'first', 'scale', 'bag', 'simulate', 'memory',
+         'startup', 'study', 'all')
 _BUDGET_S = 6.0
 _ABOUT = """Measure what accuracy, effects, a contact and bags cost for a scene on this machine.
 

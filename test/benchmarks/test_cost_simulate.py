@@ -1,0 +1,15 @@
+"""``./dragon cost simulate``: each number of workers is measured, and the bag's bytes are copied."""
+from benchmarks import simulate
+from dragon_ros.cli.pool import workers_of
+
+
+def test_every_number_of_workers_is_measured():
+    rows = simulate.measure(1e-4)
+    assert [row.workers for row in rows] == [0, *range(1, 2 * workers_of(None) + 1), None]
+    assert len({row.mb for row in rows}) == 1
+    assert all(row.wall_s > 0 for row in rows)
+    text = simulate.table(rows)
+    assert '| one worker on one core |' in text
+    assert '| its bytes copied |' in text
+    assert len(simulate.csv_text(rows).splitlines()) == len(rows) + 1
+    assert simulate.picture(rows).axes[0].get_xlabel() == 'times real time'
