@@ -72,5 +72,5 @@ def _run(arguments: Namespace) -> int:
     command_line.write_output(None, text)
     from dragon_ros.cost.picture import picture
     with figures.style():
-        figures.write(picture(costs), output, caption=f'{figures.short(str(arguments.scene))}, on this machine')
+        figures.write(picture(costs), output)
     return command_line.OK

@@ -34,7 +34,7 @@ def page(teams: list[TeamGrade], whole: int, lang: str) -> str:
             '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
             f'<meta name="color-scheme" content="light dark">\n<title>{title}</title>\n'
             f'<style>\n{_STYLE.read_text(encoding="utf-8")}</style>\n</head>\n')
-    body = [f'<body class="{"many" if many else "one"}">', '<div id="overview">', f'<h1>{title}</h1>',
+    body = [f'<body class="{"many" if many else "one"}">', '<main>', '<div id="overview">', f'<h1>{title}</h1>',
             f'<p class="quiet">{_said("made_by", lang, version=__version__)}</p>']
     if len(teams) < whole:
         body.append(f'<p class="problem">{_said("interrupted", lang, done=len(teams), whole=whole)}</p>')
@@ -43,7 +43,7 @@ def page(teams: list[TeamGrade], whole: int, lang: str) -> str:
     body.append('</div>')
     for number, team in enumerate(teams, 1):
         body += _team(number, team, many, lang)
-    return head + '\n'.join([*body, '</body>', '</html>'])
+    return head + '\n'.join([*body, '</main>', '</body>', '</html>'])
 
 
 def _said(key: str, lang: str, **parameters: object) -> str:
@@ -96,11 +96,11 @@ def _team(number: int, team: TeamGrade, many: bool, lang: str) -> Iterator[str]:
     yield f'<section class="team" id="team-{number}">'
     if many:
         yield f'<p class="back"><a href="#overview">← {_said("back", lang)}</a></p>'
-    yield f'<h2>{escape(team.name)}</h2>'
+    yield f'<h1 class="name">{escape(team.name)}</h1>'
     if team.files:
         yield f'<p class="quiet">{escape(", ".join(team.files))}</p>'
     if team.problems:
-        yield f'<h3>{_said("problems", lang)}</h3><ul>'
+        yield f'<h2>{_said("problems", lang)}</h2><ul>'
         yield from (f'<li class="problem">{escape(line)}</li>' for line in team.problems)
         yield '</ul>'
     if team.sheets:
@@ -108,14 +108,14 @@ def _team(number: int, team: TeamGrade, many: bool, lang: str) -> Iterator[str]:
     if team.answers:
         yield from _answers(team.answers, lang)
     if team.notes:
-        yield f'<h3>{_said("notes", lang)}</h3><ul>'
+        yield f'<h2>{_said("notes", lang)}</h2><ul>'
         yield from (f'<li>{_said(key, lang, **parameters)}</li>' for key, parameters in team.notes)
         yield '</ul>'
     pictures = [one for one in team.sheets if one.heat is not None and one.verdict != 'right']
     if pictures:
-        yield f'<h3>{_said("pictures", lang)}</h3><div class="cards">'
+        yield f'<h2>{_said("pictures", lang)}</h2><div class="cards">'
         for one in pictures:
-            yield f'<div class="card"><h4>{one.result} {_said(one.sheet, lang)}</h4>'
+            yield f'<div class="card"><h3>{one.result} {_said(one.sheet, lang)}</h3>'
             yield from _picture(one, lang)
             yield '</div>'
         yield '</div>'
@@ -126,8 +126,9 @@ def _results(sheets: Iterable[SheetGrade], lang: str) -> Iterator[str]:
     heads = [_said('results', lang), '', _said('cells', lang), _said('worst', lang), _said('where', lang),
              *(_said('within', lang, bound=bound) for bound in BOUNDS)]
     numbers = {2, 3, *range(5, 5 + len(BOUNDS))}
-    yield f'<h3>{_said("results", lang)}</h3><div class="wide"><table><thead><tr>'
-    yield ''.join(f'<th{" class=n" if n in numbers else ""}>{head if n else ""}</th>' for n, head in enumerate(heads))
+    yield f'<h2>{_said("results", lang)}</h2><div class="wide"><table><thead><tr>'
+    yield '<td></td><td></td>' + ''.join(f'<th{" class=n" if n in numbers else ""}>{heads[n]}</th>'
+                                         for n in range(2, len(heads)))
     yield '</tr></thead><tbody>'
     for one in sheets:
         name = f'{one.result} {_said(one.sheet, lang)}'
@@ -147,7 +148,7 @@ def _results(sheets: Iterable[SheetGrade], lang: str) -> Iterator[str]:
 
 
 def _answers(answers: Iterable[AnswerGrade], lang: str) -> Iterator[str]:
-    yield f'<h3>{_said("answers", lang)}</h3><div class="wide"><table><thead><tr><th></th><th></th>'
+    yield f'<h2>{_said("answers", lang)}</h2><div class="wide"><table><thead><tr><td></td><td></td>'
     heads = [_said(key, lang) for key in ('given', 'truth', 'error', 'diagnosis')]
     yield ''.join(f'<th class="n">{head}</th>' for head in heads[:3])
     yield f'<th>{heads[3]}</th></tr></thead><tbody>'
