@@ -73,7 +73,7 @@ def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event, workers:
         if workers == 1 or count * size < _WORTH_BYTES or size > MESSAGE_BYTES:
             return _in_this_process(scene, bag, [f'{namespace}/{name}' for name in names], parts, stop, bar)
         done = 0
-        made = in_order(_Simulated, (scene, numbers, bag.options.compression), parts, workers)
+        made = in_order(_PackedTicks, (scene, numbers, bag.options.compression), parts, workers)
         with closing(made):
             for (_, end), chunks in zip(parts, made, strict=True):
                 for chunk in chunks:
@@ -105,7 +105,7 @@ def _in_this_process(scene: Scene, bag: BagWriter, topics: list[str], parts: lis
     return parts[-1][1]
 
 
-class _Simulated:
+class _PackedTicks:
     """Ticks of a scene as packed chunks: what a process of ``simulate`` does."""
 
     def __init__(self, scene: Scene, numbers: list[int], compression: str) -> None:

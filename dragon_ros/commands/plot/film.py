@@ -32,7 +32,7 @@ _BRANDS = (b'iso6', b'mp41', b'av01')       # in place of those of an image sequ
 _PARENTS = (b'moov', b'trak', b'mdia', b'edts')
 
 
-class Writer(Protocol):
+class FilmWriter(Protocol):
     """Takes frames of one size."""
 
     def add(self, frame: Array) -> None:
@@ -46,7 +46,7 @@ class Writer(Protocol):
 
 
 @contextmanager
-def movie(path: Path, size: tuple[int, int], fps: int, frames: int, codec: str | None = None) -> Iterator[Writer]:
+def movie(path: Path, size: tuple[int, int], fps: int, frames: int, codec: str | None = None) -> Iterator[FilmWriter]:
     """Write frames to a temporary file and rename it at the end; an interrupted film leaves nothing.
 
     Raises InputError for other formats, MissingError where nothing can write the format or the file.
@@ -68,7 +68,7 @@ def movie(path: Path, size: tuple[int, int], fps: int, frames: int, codec: str |
         part.unlink(missing_ok=True)
 
 
-def _writer(path: Path, part: Path, size: tuple[int, int], fps: int, frames: int, codec: str | None) -> Writer:
+def _writer(path: Path, part: Path, size: tuple[int, int], fps: int, frames: int, codec: str | None) -> FilmWriter:
     """Return the writer for the path's suffix."""
     kind = path.suffix.lower()
     if kind == '.gif':

@@ -79,7 +79,7 @@ def _of(i: Ints, j: Ints, gap_m: Floats) -> Closeness:
     return Closeness(float(gap_m[least]), closest, i[rows], j[rows], gap_m[rows])
 
 
-class _Bodies(NamedTuple):
+class _ComplexBenches(NamedTuple):
     """The benches of one sample as complex numbers (N,): centres, axes, and axes conjugated; and half diagonals."""
 
     centre: Complexes
@@ -110,7 +110,7 @@ class _NearList:
     close: int
     list: PartedPairs
 
-    def change_m(self, bodies: _Bodies) -> float:
+    def change_m(self, bodies: _ComplexBenches) -> float:
         """Return an upper bound on the change of gaps since then: bound 2 of the module."""
         turn = bodies.axis[self.first:self.end] * self.turned_back
         held = bodies.centre.item(self.held)
@@ -125,14 +125,14 @@ class _NearList:
         away += np.abs(moved)
         return 2 * float(np.maximum.reduce(away))
 
-    def moved(self, bodies: _Bodies, spent_m: float, nearest_m: float) -> '_NearList':
+    def moved(self, bodies: _ComplexBenches, spent_m: float, nearest_m: float) -> '_NearList':
         """Return the part with the present state as its reference."""
         centre = bodies.centre[self.first:self.end]
         return replace(self, from_held=centre - bodies.centre[self.held],
                        turned_back=bodies.back[self.first:self.end].copy(), spent_m=spent_m, nearest_m=nearest_m)
 
 
-def _listed(bodies: _Bodies, p: Floats, benches: Benches, part: tuple[int, int, int], reach_m: float,
+def _listed(bodies: _ComplexBenches, p: Floats, benches: Benches, part: tuple[int, int, int], reach_m: float,
             above_m: float) -> tuple[_NearList, Floats] | None:
     """Return the list of the pairs of a part with gaps up to ``reach_m``, and their separations; None for a crowd.
 
@@ -159,13 +159,13 @@ def _listed(bodies: _Bodies, p: Floats, benches: Benches, part: tuple[int, int, 
     return blank.moved(bodies, 0.0, float(np.min(apart, initial=inf))), apart
 
 
-def _middle(bodies: _Bodies, first: int, end: int) -> int:
+def _middle(bodies: _ComplexBenches, first: int, end: int) -> int:
     """Return the reference bench: halfway between the nearest to the origin and the farthest of a part."""
     radius = np.abs(bodies.centre[first:end])
     return first + int(np.argmin(np.abs(radius - 0.5 * (np.min(radius) + np.max(radius)))))
 
 
-def _seen_part(part: _NearList, bodies: _Bodies, p: Floats, benches: Benches, limit_m: float,
+def _seen_part(part: _NearList, bodies: _ComplexBenches, p: Floats, benches: Benches, limit_m: float,
                skin_m: float) -> tuple[_NearList, Ints] | None:
     """Return a part after one more sample, and which of its pairs may be within a limit; None for a crowd."""
     change_m = part.change_m(bodies)
@@ -215,7 +215,7 @@ class _Kept:
     centre: Complexes
     turned_back: Complexes
 
-    def across_m(self, bodies: _Bodies) -> float:
+    def across_m(self, bodies: _ComplexBenches) -> float:
         """Return a lower bound on the gap of pairs across the ends of parts: bound 3 of the module."""
         if len(self.parts) == 1:
             return inf
@@ -241,7 +241,7 @@ def _first_kept(p: Floats, benches: Benches, found: Closeness) -> _Kept | None:
                  bodies.centre.copy(), bodies.back)
 
 
-def _cuts(bodies: _Bodies, apart_m: float) -> list[tuple[int, int, int]]:
+def _cuts(bodies: _ComplexBenches, apart_m: float) -> list[tuple[int, int, int]]:
     """Return the first, stop and end of each part; pairs across an end differ in distance from the origin by that much.
 
     There is a single part unless the dragon is large and winds about the origin.
@@ -259,9 +259,9 @@ def _cuts(bodies: _Bodies, apart_m: float) -> list[tuple[int, int, int]]:
     return list(zip(firsts, stops, ends, strict=True))
 
 
-def _bodies(benches: Benches, far: Floats) -> _Bodies:
+def _bodies(benches: Benches, far: Floats) -> _ComplexBenches:
     centre, axis = (np.ascontiguousarray(values).view(np.complex128)[:, 0] for values in (benches.centre, benches.axis))
-    return _Bodies(centre, axis, axis.conjugate(), far)
+    return _ComplexBenches(centre, axis, axis.conjugate(), far)
 
 
 def _sizes(benches: Benches) -> bytes:

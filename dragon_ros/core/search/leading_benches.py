@@ -36,7 +36,7 @@ _CLOSER = 20            # halvings of a domain, to a millionth of it, to find ho
 class _SpiralIntervals:
     """The space of leading benches for ``clear``: each window has its own places and number of benches behind."""
 
-    def __init__(self, sampler: BenchSampler, windows: 'list[_Window]', tolerance_m: float) -> None:
+    def __init__(self, sampler: BenchSampler, windows: 'list[_ClassWindow]', tolerance_m: float) -> None:
         self.sampler, self.tolerance_m = sampler, tolerance_m
         self._behind = np.array([window.behind for window in windows])
         self._lead = np.array([sampler.leads.index(window.of.lead) for window in windows])
@@ -72,7 +72,7 @@ class _SpiralIntervals:
 
 
 @dataclass(frozen=True)
-class _Window:
+class _ClassWindow:
     """Places (monotone) that the front handle of a bench of class ``of`` passes, with ``behind`` followers."""
 
     of: 'LeadingBenches'
@@ -125,7 +125,7 @@ class LeadingBenches:
                 self.clear_apart(stop_m, cleared)
         return self._hit
 
-    def whole(self, stop_m: float) -> Iterator['_Window']:
+    def whole(self, stop_m: float) -> Iterator['_ClassWindow']:
         """Yield the window of all places that the class passes up to a place of the leader, if there are any."""
         outer, inner = self._track(self.phases(stop_m)[1])
         if self._single and self._on_spiral(self._domain.start_m)[0] < self._on_spiral(stop_m)[0]:
@@ -217,7 +217,7 @@ class LeadingBenches:
                 for window, cleared in zip(windows, _cleared(self._domain, windows), strict=True) if cleared.hit]
         return min(hits, key=lambda hit: self._domain.sense * hit.other_m, default=None)
 
-    def _parts(self, here: Floats, there: Floats) -> Iterator[_Window]:
+    def _parts(self, here: Floats, there: Floats) -> Iterator[_ClassWindow]:
         """Yield each bench's part of the track, without the parts that another one of its class passes before it."""
         last = self._domain.dragon.benches - 1
         reach = self.sampler(np.array(self._track([here, there]))).follow
@@ -235,7 +235,7 @@ class LeadingBenches:
         one, two = (self._domain.gone_at(bench, float(origin_m + segment.metres(place)), within) for place in hit[:2])
         return Bracket(one, two, hit[2])
 
-    def _window(self, bench: int, start: float, stop: float, behind: int) -> Iterator[_Window]:
+    def _window(self, bench: int, start: float, stop: float, behind: int) -> Iterator[_ClassWindow]:
         """Yield the window between two places, unless it is empty."""
         if start == stop or behind < 2:
             return
@@ -246,7 +246,7 @@ class LeadingBenches:
             turns = turning_places(self._chords[self.lead:self.lead + 2], *sorted((start, stop)))
             places = np.concatenate((places, turns))
         places = distinct(places)
-        yield _Window(self, bench, places if stop > start else places[::-1], behind)
+        yield _ClassWindow(self, bench, places if stop > start else places[::-1], behind)
 
     def sampler(self, ends: Floats) -> BenchSampler:
         """Return the sampler of the class between two places, with the followers that can matter there."""
@@ -282,10 +282,10 @@ class BodyBenches:
         for each in self._classes:
             yield from each.intervals()
 
-    def _together(self, windows: list[_Window]) -> Iterator[list[_Window]]:
+    def _together(self, windows: list[_ClassWindow]) -> Iterator[list[_ClassWindow]]:
         """Yield as many windows at a time as the memory allows; one by one if links of no length need separate care."""
         links_m = self._domain.dragon.link_lengths_m
-        size, most, one_by_one = 0, list[_Window](), bool(np.min(links_m) <= _POINT * np.max(links_m))
+        size, most, one_by_one = 0, list[_ClassWindow](), bool(np.min(links_m) <= _POINT * np.max(links_m))
         for window in windows:
             more = window.places.size * min(window.behind, _USUAL)
             if most and (one_by_one or size + more > _TOGETHER):
@@ -302,7 +302,7 @@ def _sampler(domain: SearchDomain, leads: tuple[int, ...]) -> BenchSampler:
                         domain.count, domain.error_m)
 
 
-def _cleared(domain: SearchDomain, windows: list[_Window]) -> list[Cleared]:
+def _cleared(domain: SearchDomain, windows: list[_ClassWindow]) -> list[Cleared]:
     """Clear windows, and pass the clear intervals to their classes."""
     if not windows:
         return []
