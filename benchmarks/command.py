@@ -16,7 +16,8 @@ PAGES = {'limits': 'benchmarks.limits', 'accuracy': 'benchmarks.workprec',
          'effects': 'benchmarks.effects', 'tick': 'benchmarks.ticks',
          'first': 'benchmarks.first_ticks', 'scale': 'benchmarks.scale',
          'bag': 'benchmarks.bags', 'simulate': 'benchmarks.simulate', 'memory': 'benchmarks.memory',
-         'startup': 'benchmarks.startup', 'study': 'benchmarks.study'}
+         'startup': 'benchmarks.startup', 'study': 'benchmarks.study',
+         'venue': 'benchmarks.venues'}
 ALL = 'all'
 _CHECKOUT = Path(__file__).parents[1]
 _CHAINS, _CHAINS_OF_ALL = 1000, 100_000
@@ -39,7 +40,8 @@ def main(argv: list[str]) -> int:
                          'scale: growth of each stage, and rates held over DDS; '
                          'bag: throughput and size of bags by compression; simulate: its speed by the number of '
                          'workers; memory: that of a recorder during a long run; startup: of every executable; '
-                         'study: rows a second of studies on Dask; all: one after the other, for half an hour or more')
+                         'study: rows a second of studies on Dask; venue: design fit and contact in a town, by corners, '
+                         'way and benches; all: one after the other, for half an hour or more')
     options.add_argument('--output', type=Path, metavar='FOLDER',
                          help='folder for the results (cost; for all: docs/cost of the checkout). A page that is there '
                          'already keeps its text, only its table is renewed')

@@ -10,7 +10,7 @@ from dragon_ros.core.errors import InputError, MissingError
 
 # The pages of docs/cost, which `benchmarks` makes in a checkout.
 PAGES = ('limits', 'accuracy', 'promises', 'contact', 'effects', 'tick', 'first', 'scale', 'bag', 'simulate', 'memory',
-         'startup', 'study', 'all')
+         'startup', 'study', 'venue', 'all')
 _BUDGET_S = 6.0
 _ABOUT = """Measure what accuracy, effects, a contact and bags cost for a scene on this machine.
 

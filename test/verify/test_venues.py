@@ -15,6 +15,7 @@ from properties import examples
 from venues import MORE, SCENES, with_venue
 
 from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Profile
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search import obstacle_contact
 from dragon_ros.core.search.first_contact import first_contact
@@ -135,6 +136,17 @@ def test_a_run_without_a_venue_touches_no_obstacle_and_a_family_has_none():
     assert 'scene.venue: nobody checks' in refusal(family)
 
 
+def test_an_obstacle_that_the_last_bench_alone_comes_to_is_not_missed():
+    """The dragon goes back: the first bench of that length is never where the last one is."""
+    behind = LineObstacle('behind', ((5.0, -1.0), (5.0, 1.0)))
+    back = Profile(((0.0, -1.0),))
+    values = written(Scene(ALONG.dragon, ALONG.track, back, Run(stop_s=10.0), venue=Venue((behind,))))
+    assert values['contact']['benches'] == [4]
+    assert "bench 4 and 'behind' overlap" in proved(values)
+    values['contact'] = {'t_s': None}
+    assert "overlaps 'behind'" in refusal(values)
+
+
 def test_a_solver_that_misses_the_wall_is_refused(monkeypatch):
     monkeypatch.setattr(obstacle_contact.Obstacles, 'clear', lambda self, stop_m: None)
     assert "overlaps 'wall'" in refusal(as_values(AHEAD, first_contact(AHEAD)))
@@ -173,12 +185,13 @@ def test_corners_leave_straight_lines_by_no_more_than_the_sag(low, high, tight):
     poses = [between(share) for share in np.linspace(0, 1, 21).tolist()]
     part = Edge('post', poses[10].near + 1.0 + 1j, poses[10].near + 1.5 + 2j).near(poses[10].near, 9.0)
     shares = np.linspace(0, 1, 21)[:, None]
-    for other in (False, True):
-        seen = np.array([corners(pose) if other else (corners(part) - pose.near) / pose.heading for pose in poses])
+    wall = Edge('wall', poses[10].near - 5.0 + 0.3j, poses[10].near + 5.0 + 0.3j).near(poses[10].near, 9.0)
+    for edge, other in ((part, False), (wall, False), (part, True)):        # the wall's ends are far from its middle
+        seen = np.array([corners(pose) if other else (corners(edge) - pose.near) / pose.heading for pose in poses])
         off = np.abs(seen - seen[0] - shares * (seen[-1] - seen[0]))
-        sag = interval._sag_at(part, other)
+        sag = interval._sag_at(edge, other)
         assert np.max(off) <= sag + 1e-12
-        assert np.max(off) >= tight * sag
+        assert np.max(off) >= (0.9 * tight if edge is wall else tight) * sag
 
 
 @pytest.mark.parametrize('name', ['street', 'turn', 'spiral', 'mixed spiral', 'coils', 'a link of no length'])

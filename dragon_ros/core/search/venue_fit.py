@@ -208,10 +208,12 @@ def _gaps(ranges: HandleRanges, kinds: list[Ints], search: '_Nearing') -> list[O
         places = np.array([search.where[number][1] for number in numbers])
         bounds = ObstacleBounds(bench_of(ranges, int(benches[0])), around)
         states, (low, high) = bounds.bench.states(places), ranges.ranges_m[:, benches]
-        middles = np.mean(corners_of(states), axis=1)
+        middles, sizes = np.mean(corners_of(states), axis=1), np.diff(firsts)[numbers]
+        edges = np.concatenate([np.arange(firsts[number], firsts[number + 1]) for number in numbers])
+        gap_m = bounds.gaps(states.rows(np.repeat(np.arange(len(numbers)), sizes)), edges)
+        least = np.minimum.reduceat(gap_m, np.cumsum(sizes) - sizes)
         for row, number in enumerate(numbers):
-            edge = np.arange(firsts[number], firsts[number + 1])
-            high_m = float(np.min(bounds.gaps(states.rows(np.full(edge.size, row)), edge)))
+            high_m = float(least[row])
             bench = int(benches[np.argmax(np.minimum(places[row] - low, high - places[row]))])
             low_m = min(high_m, float(min(search.low[number], search.best[number]))) - error_m
             out[number] = ObstacleGap(around.names[number], low_m, high_m, bench, ranges.when_s(
