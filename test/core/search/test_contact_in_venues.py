@@ -14,6 +14,7 @@ from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Profile
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.geometry.contacts import OBSTACLE
+from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.bounding_box import by_length
@@ -155,7 +156,18 @@ def test_bounds_leave_room_for_what_positions_and_roundings_may_err():
     fell = exact.bounds(*ends, gaps, edge) - unsure.bounds(*ends, gaps, edge)
     assert np.all(fell >= 0.0)
     assert np.max(fell) > 1e-7
-    assert np.all(exact.rounding_m(edge) > 0)
+
+
+def test_the_bound_at_one_place_is_the_gap_less_what_it_may_be_rounded_by():
+    far_m = 1e6
+    around = surroundings_of(Venue((LineObstacle('long', ((-far_m, 30.0), (far_m, 30.0))),)))
+    scene, edge = SCENES['street'], np.zeros(1, dtype=np.int64)
+    domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 20.0), 1, lambda states: None)
+    bounds = ObstacleBounds(swept_bench(domain, 1), around)
+    state = bounds.bench.states(np.array([10.0]))
+    gap_m = bounds.gaps(state, edge)
+    lost_m = float((gap_m - bounds.bounds(state, state, (gap_m, gap_m), edge))[0])
+    assert lost_m == pytest.approx(2 * far_m * 2.0**-46, rel=0.1)
 
 
 def test_without_a_venue_nothing_of_venues_is_imported():
