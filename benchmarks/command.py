@@ -40,8 +40,8 @@ def main(argv: list[str]) -> int:
                          'scale: growth of each stage, and rates held over DDS; '
                          'bag: throughput and size of bags by compression; simulate: its speed by the number of '
                          'workers; memory: that of a recorder during a long run; startup: of every executable; '
-                         'study: rows a second of studies on Dask; venue: design fit and contact in a town, by corners, '
-                         'way and benches; all: one after the other, for half an hour or more')
+                         'study: rows a second of studies on Dask; venue: design fit and contact in a town; all: one '
+                         'after the other, for half an hour or more')
     options.add_argument('--output', type=Path, metavar='FOLDER',
                          help='folder for the results (cost; for all: docs/cost of the checkout). A page that is there '
                          'already keeps its text, only its table is renewed')
