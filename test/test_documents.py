@@ -29,6 +29,7 @@ SUBSTITUTES = {
     './dragon demo': (None, 'ten seconds and four processes; test/nodes/test_graph.py runs it'),
     './dragon python test/bags/crash.py': (None, 'twenty minutes; test/bags/test_crash.py kills some'),
     './dragon python test/soak/soak.py': (None, 'an hour'),
+    './dragon python test/soak/moved_clock.py': (None, 'minutes, with a C compiler'),
     './dragon mutants': (None, 'minutes; test/mutants tests what it changes and runs'),
     './dragon test': (None, 'these are the tests'),
     './dragon check': (None, 'these are the tests'),
