@@ -30,6 +30,7 @@ SUBSTITUTES = {
     './dragon python test/bags/crash.py': (None, 'twenty minutes; test/bags/test_crash.py kills some'),
     './dragon python test/soak/soak.py': (None, 'an hour'),
     './dragon python test/soak/moved_clock.py': (None, 'minutes, with a C compiler'),
+    './dragon python test/soak/backlog.py': (None, 'minutes, in which processes are stopped'),
     './dragon mutants': (None, 'minutes; test/mutants tests what it changes and runs'),
     './dragon test': (None, 'these are the tests'),
     './dragon check': (None, 'these are the tests'),
