@@ -52,7 +52,7 @@ class Parser(argparse.ArgumentParser):
             from dragon_ros.cli import completion
             completion.answer(self)
         if any('\0' in text for text in args or ()):
-            self.error('an argument has a NUL in it, which no name and no number has')
+            self.error('an argument contains a NUL character; remove it')
         arguments = super().parse_args(args, namespace)
         if 'formats' in arguments:
             _settle_format(self, arguments)
@@ -85,7 +85,7 @@ def _finite(text: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f'{shown(text)} is not a number; write digits alone, such as 0.5') from None
+        raise argparse.ArgumentTypeError(f'{shown(text)} is not a number; write it like 0.5') from None
     if not isfinite(value):
         raise argparse.ArgumentTypeError(f'{shown(text)} is not a finite number')
     return value
@@ -105,7 +105,7 @@ def _assignment(text: str) -> str:
 
 
 def program() -> str:
-    """Return what the user types before a command's name: the words that started this process."""
+    """Return what the user types before a command's name, as used to start this process."""
     if 'DRAGON_PROGRAM' in os.environ:      # set by the script ./dragon
         return os.environ['DRAGON_PROGRAM']
     started = Path(sys.argv[0])
@@ -123,22 +123,22 @@ def parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
 def add_scene_options(options: argparse.ArgumentParser, scene: str | None = DEFAULT_SCENE) -> None:
     """Add --scene, --set and --accuracy. Without a default for --scene, a node's parameter applies."""
     options.add_argument('--scene', default=scene, metavar='NAME|FILE',
-                         help='scene by name or file' + (' (%(default)s)' if scene else ''))
+                         help='name or file of the scene' + (' (%(default)s)' if scene else ''))
     options.add_argument('--set', action='append', default=[], metavar='KEY=VALUE', dest='overrides',
-                         type=_assignment, help='override a key of the scene, e.g. track.pitch_m=0.5; repeatable')
-    options.add_argument('--accuracy', metavar='METRES|TIER', help='largest position error, in metres or by tier')
+                         type=_assignment, help='override a scene key, such as track.pitch_m=0.5; repeatable')
+    options.add_argument('--accuracy', metavar='METRES|TIER', help='largest position error, in metres or as a tier')
 
 
 def add_source_options(options: argparse.ArgumentParser) -> None:
-    """Add the options of a scene, and --bag and --namespace, which replace it."""
+    """Add the scene options and their alternative, --bag with --namespace."""
     add_scene_options(options)
-    add_bag(options, 'show this recording instead of a scene')
+    add_bag(options, 'recording to show instead of a scene')
     add_namespace_option(options)
 
 
 def add_namespace_option(options: argparse.ArgumentParser) -> None:
     """Add --namespace, which selects a dragon of a bag (``bags.read.frames.namespace_of``)."""
-    options.add_argument('--namespace', metavar='NAME', help='namespace of the dragon, for a bag with several')
+    options.add_argument('--namespace', metavar='NAME', help='namespace of the dragon, if the bag has several')
 
 
 def add_bag(options: argparse.ArgumentParser, text: str, required: bool = False) -> None:
@@ -168,7 +168,7 @@ def add_format_option(options: argparse.ArgumentParser, formats: tuple[str, ...]
                       ) -> None:
     """Add --format, which defaults to the suffix of --output; ``pictures`` are other suffixes."""
     options.add_argument('--format', choices=formats, default=_Default(formats[0]),
-                         help='output format (%(default)s, or as the suffix of --output says)')
+                         help='output format (%(default)s, or by the suffix of --output)')
     options.set_defaults(formats=formats, pictures=pictures)
 
 
@@ -181,14 +181,16 @@ def _settle_format(parser: argparse.ArgumentParser, arguments: argparse.Namespac
     chosen = _SUFFIXES.get(suffix)
     if suffix in _OTHERS or (chosen is None and isinstance(arguments.format, _Default)):
         others = f', or a picture, {", ".join(arguments.pictures)}' if arguments.pictures else ''
-        parser.error(f'argument --output: {output} would be {suffix[1:]}; the formats here are {", ".join(formats)}'
+        parser.error(f'argument --output: {output}: {suffix[1:]} is not supported here; the formats are '
+                     f'{", ".join(formats)}'
                      f'{others}')
     if chosen is None or chosen == arguments.format:
         return
     if chosen not in formats:
-        parser.error(f'argument --output: {output} would be {chosen}; the formats here are {", ".join(formats)}')
+        parser.error(f'argument --output: {output}: {chosen} is not supported here; the formats are '
+                     f'{", ".join(formats)}')
     if not isinstance(arguments.format, _Default):
-        parser.error(f'argument --format: {arguments.format} contradicts --output {output}; leave one of them out')
+        parser.error(f'argument --format: {arguments.format} conflicts with --output {output}; give only one of them')
     arguments.format = chosen
 
 
@@ -198,7 +200,7 @@ def names_scene(arguments: argparse.Namespace) -> bool:
 
 
 def gives_scene(arguments: argparse.Namespace) -> bool:
-    """Return whether any option of a scene is given."""
+    """Return whether any scene option is given."""
     return bool(arguments.overrides) or arguments.accuracy is not None or names_scene(arguments)
 
 
@@ -206,7 +208,7 @@ def check_taken(what: str, given: dict[str, bool], takes: set[str]) -> None:
     """Reject the first given option that would be ignored. Raises InputError."""
     unused = sorted(name for name, is_given in given.items() if is_given and name not in takes)
     if unused:
-        raise InputError(f'{unused[0]}: {what} does not take it; leave it out')
+        raise InputError(f'{unused[0]}: {what} does not accept it; omit it')
 
 
 def scene_from(arguments: argparse.Namespace) -> 'Scene':
@@ -225,7 +227,7 @@ def check_is_bag(path: Path) -> None:
     """Reject the name or file of a scene where a recording is expected. Raises InputError."""
     from dragon_ros.configuration import scene_names
     if path.suffix in ('.yaml', '.yml') or (str(path) in scene_names() and not path.exists()):
-        raise InputError(f'BAG {path}: is a scene, not a recording; write --scene {path}')
+        raise InputError(f'BAG {path}: it is a scene, not a recording; write --scene {path}')
 
 
 def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
@@ -241,7 +243,7 @@ def write_output(path: Path | None, content: str | bytes) -> None:
     """Write to a file, or text to standard output. Raises InputError, MissingError."""
     if path is None:
         if isinstance(content, bytes):
-            raise InputError('--format: this one is written to a file only; give --output FILE', field='output')
+            raise InputError('--format: this format can only be written to a file; give --output FILE', field='output')
         print(content)
         return
     try:

@@ -6,8 +6,8 @@ import socket
 from collections import deque
 from collections.abc import Sequence
 
-_PORTS = 7400, 250      # DDS-RTPS 9.6.1: the first one, and how many a domain has
-_MOST_KEPT = 16         # domains that a process reserves; older ones are held by their participants, if used
+_PORTS = 7400, 250      # DDS-RTPS 9.6.1: the first port, and the number of ports per domain
+_MOST_KEPT = 16         # domains that a process reserves; older ones are kept by their participants, if used
 _KEPT: deque[socket.socket] = deque()
 
 

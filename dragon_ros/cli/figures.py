@@ -14,7 +14,7 @@ HATCH = '////'          # of what touches: the colours are alike in black and wh
 DASHES: tuple[Any, ...] = ('solid', (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1, 1, 1, 1, 1)),
                            (0, (8, 3)))
 QUIET = '#555555'       # of notes and guide lines
-OBSTACLE = '#DDD8CE'    # of a venue, and all that is not inside
+OBSTACLE = '#DDD8CE'    # of a venue's obstacles and of everything outside its boundary
 
 _STYLE = {
     'figure.constrained_layout.use': True, 'figure.constrained_layout.h_pad': 0.1,
@@ -37,7 +37,7 @@ _CAPTION_ID = 'caption'
 
 
 def short(name: str) -> str:
-    """Return a name as a title shows it: a long one without its middle."""
+    """Return a name for a title; a long one loses its middle."""
     half = _LONGEST_NAME // 2
     return name if len(name) <= _LONGEST_NAME else f'{name[:half]}…{name[-half:]}'
 
@@ -113,9 +113,9 @@ def _add_caption(figure: Any, caption: str) -> None:
 
 
 def _in_metres(figure: Any) -> dict[str, str]:
-    """Return what an SVG says of how its coordinates are metres, where it has a track; ``route`` reads it.
+    """Return the text that records the scale of an SVG with a track, for ``route`` to read.
 
-    SVG has 72 units an inch, and v downwards from the top.
+    SVG has 72 units per inch, with v downwards from the top.
     """
     found = [axes for axes in figure.axes if any(one.get_gid() == TRACK_ID for one in axes.patches)]
     if not found:

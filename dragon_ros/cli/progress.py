@@ -1,4 +1,4 @@
-"""Progress of long work on a terminal. Work of less than a second shows nothing and imports nothing."""
+"""Show the progress of long work on a terminal. Work of less than a second shows and imports nothing."""
 import sys
 import time
 from collections.abc import Iterable, Iterator

@@ -1,4 +1,4 @@
-"""Times and handles on a command line: numbers and ranges, separated by commas."""
+"""Parse times and handles on a command line: numbers and ranges, separated by commas."""
 from collections.abc import Callable, Iterator
 from re import compile as pattern
 
@@ -23,7 +23,7 @@ def handles_of(text: str | None, benches: int, option: str = '--handles') -> lis
     handles = [int(value) for value in _values(text, option, int)]
     for handle in handles:
         if not 0 <= handle <= benches:
-            raise InputError(f'{option} {shown(handle)}: the dragon has the handles 0 to {benches}',
+            raise InputError(f'{option} {shown(handle)}: the dragon has handles 0 to {benches}',
                              field=option.removeprefix('--'))
     return handles
 
@@ -35,11 +35,11 @@ def _values(text: str, option: str, read: Callable[[str], float]) -> Iterator[fl
         try:
             values = _range(part, option, read)
         except ValueError:
-            raise InputError(f'{option} {shown(text)}: {shown(part)} is no number and no range; write 0,60,300 or '
-                             '0-10 or START:STOP:STEP', field=option.removeprefix('--')) from None
+            raise InputError(f'{option} {shown(text)}: {shown(part)} is neither a number nor a range; write 0,60,300 '
+                             'or 0-10 or START:STOP:STEP', field=option.removeprefix('--')) from None
         room -= len(values)
         if room < 0:
-            raise InputError(f'{option} {text}: asks for more than {_MOST} values; use a larger step',
+            raise InputError(f'{option} {text}: it asks for more than {_MOST} values; use a larger step',
                              field=option.removeprefix('--'))
         yield from values
 
@@ -52,7 +52,7 @@ def _range(part: str, option: str, read: Callable[[str], float]) -> list[float]:
         return [read(part)]
     start, stop, step = (*map(read, ends), 1) if len(ends) == 2 else map(read, ends)
     if not (step > 0 and stop >= start):
-        raise InputError(f'{option} {part}: step must be positive and stop not before start',
+        raise InputError(f'{option} {part}: the step must be positive, and the stop not before the start',
                          field=option.removeprefix('--'))
     count = int(min((stop - start) / step * (1 + 1e-12), _MOST)) + 1
     return [start + k * step for k in range(count)]

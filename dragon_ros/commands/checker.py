@@ -1,4 +1,4 @@
-"""The independent checker of certificates, as a process that shares nothing with the solver."""
+"""Run the independent checker of certificates, in a process that shares nothing with the solver."""
 import json
 import subprocess
 import sys
@@ -8,7 +8,7 @@ from typing import Any
 
 from dragon_ros.core.errors import InputError
 
-_EFFORT = 1000      # times the usual steps: the clock ends a proof here
+_EFFORT = 1000      # multiple of the usual budget; here the timer limits the proof
 
 
 def command(certificate: str, effort: str | None = None) -> list[str]:
@@ -18,11 +18,11 @@ def command(certificate: str, effort: str | None = None) -> list[str]:
 
 
 def prove(values: Any, most_s: float) -> str:
-    """Return the sentence that a certificate proves within a time. Raises InputError where it does not."""
+    """Return the sentence that a certificate proves within a time limit. Raises InputError if it does not."""
     try:
         text = json.dumps(values)
     except (TypeError, ValueError):
-        raise InputError('its certificate is refused: it is none') from None
+        raise InputError('its certificate is refused: it is not a valid certificate') from None
     with subprocess.Popen(command('-', str(_EFFORT)), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                           stderr=subprocess.PIPE, text=True) as process:
         end = Timer(most_s, process.kill)
@@ -39,7 +39,7 @@ def prove(values: Any, most_s: float) -> str:
 
 
 def _told(process: subprocess.Popen[str], text: str) -> str:
-    """Give the checker a certificate, show its progress on a terminal, and return why it refuses, if it does."""
+    """Send a certificate to the checker, show its progress on a terminal, and return why it refuses, if it does."""
     assert process.stdin is not None
     assert process.stderr is not None
     with suppress(BrokenPipeError), process.stdin as file:

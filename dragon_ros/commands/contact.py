@@ -1,4 +1,4 @@
-"""``contact``: the first contact of a scene."""
+"""``contact``: find the first contact of a scene."""
 import json
 import time
 from argparse import Namespace
@@ -22,30 +22,30 @@ def main(argv: list[str]) -> int:
     options = command_line.parser('contact', 'Find the first contact between two benches that are not neighbours '
                                   'in the chain, or between a bench and an obstacle of the venue.',
                                   'contact --scene winding --format json')
-    command_line.add_bag(options, 'take the scene of a bag, and what a led dragon has walked in it (no scene options)')
+    command_line.add_bag(options, 'bag whose scene and led walk are searched (no scene options)')
     command_line.add_scene_options(options)
     command_line.add_namespace_option(options)
-    options.add_argument('--trust', action='store_true', help='search the scene in the bag however large it is '
+    options.add_argument('--trust', action='store_true', help='search the scene in the bag, whatever its size '
                          '(budgets: docs/limits.md)')
     options.add_argument('--near-misses', type=float, metavar='METRES',
-                         help='also report near misses: the smallest gaps below this of two benches, or of a bench and '
-                         'an obstacle')
+                         help='also report near misses: gaps below this between two benches, or between a bench and an '
+                         'obstacle')
     options.add_argument('--within', action='append', default=[], metavar='KEY=METRES',
-                         help='prove until when no dragon touches itself whose KEY is within METRES of the scene: '
-                         'dragon.width_m, head_length_m, body_length_m and hole_inset_m of each bench by itself, and '
-                         'track.pitch_m; on one spiral, led by the head; repeatable')
+                         help='prove a time before which no dragon within these tolerances touches itself; KEY is '
+                         'dragon.width_m, head_length_m, body_length_m or hole_inset_m, independent for each bench, or '
+                         'track.pitch_m; one spiral, led by the head; repeatable')
     options.add_argument('--certificate', type=Path, metavar='FILE',
-                         help='write the intervals that prove that nothing touched earlier, as JSON')
+                         help='write the proof that no benches touch earlier, as JSON')
     options.add_argument('--verify', type=Path, metavar='FILE',
-                         help="check a certificate with none of the solver's code (no scene options)")
-    options.add_argument('--effort', metavar='TIMES', help='with --verify: spend so many times the usual budget before '
-                         'giving up (1); where that is too little, it says how much is enough')
+                         help="check a certificate independently of the solver's code (no scene options)")
+    options.add_argument('--effort', metavar='TIMES', help='with --verify: multiple of the usual budget (1); if it is '
+                         'too small, the error names one that is enough')
     command_line.add_output_options(options)
     return command_line.guarded('contact', partial(_run, options.parse_args(argv)))
 
 
 def _check(arguments: Namespace) -> None:
-    """Refuse options that would be ignored."""
+    """Reject options that would be ignored."""
     if arguments.verify is not None:
         given = {f'--{name}': getattr(arguments, name.replace('-', '_')) is not None
                  for name in ('accuracy', 'namespace', 'near-misses', 'certificate')}
@@ -54,11 +54,11 @@ def _check(arguments: Namespace) -> None:
                   '--trust': arguments.trust, '--format': arguments.format != 'text', 'BAG': arguments.bag is not None}
         command_line.check_taken('--verify', given, set())
     elif arguments.effort is not None:
-        raise InputError('--effort: belongs to --verify; a search has none')
+        raise InputError('--effort: it requires --verify; add it, or omit --effort')
     if arguments.within and arguments.near_misses is not None:
-        raise InputError('--near-misses: a family has none of its own; leave out --within or --near-misses')
+        raise InputError('--near-misses: not available for a family of dragons; omit --within or --near-misses')
     if arguments.near_misses is not None and arguments.format == 'csv':
-        raise InputError('--near-misses: --format csv is one row, of the contact; take text or json')
+        raise InputError('--near-misses: --format csv has only the row of the contact; use text or json')
 
 
 def _run(arguments: Namespace) -> int:
@@ -94,10 +94,10 @@ def _scene_of(arguments: Namespace) -> 'Scene':
     if not arguments.bag:
         if arguments.namespace is not None or arguments.trust:
             option = '--trust' if arguments.trust else '--namespace'
-            raise InputError(f'{option}: belongs to a BAG; a scene has no topics')
+            raise InputError(f'{option}: it requires a BAG; omit it for a scene')
         return command_line.scene_from(arguments)
     if command_line.gives_scene(arguments):
-        raise InputError('BAG: brings its scene; leave out --scene, --set and --accuracy')
+        raise InputError('BAG: it contains its scene; omit --scene, --set and --accuracy')
     from dragon_ros.bags.read.frames import namespace_of, scene_of_bag, walked_scene
     from dragon_ros.bags.read.reader import BagReader
     command_line.check_is_bag(arguments.bag)
@@ -105,12 +105,13 @@ def _scene_of(arguments: Namespace) -> 'Scene':
         namespace = namespace_of(bag, arguments.namespace)
         scene = scene_of_bag(bag, namespace, arguments.trust)
         if scene is None:
-            raise InputError(f'{arguments.bag}: does not contain its scene')
+            raise InputError(f'{arguments.bag}: it does not contain its scene; record it with dragon_ros, or give '
+                             '--scene')
         return walked_scene(bag, scene, namespace)
 
 
 def _verify(certificate_file: Path, effort: str | None, output: Path | None) -> int:
-    """Check a certificate in a process that knows nothing of the solver; its progress and errors go to stderr."""
+    """Check a certificate in a process without the solver; its progress and errors go to stderr."""
     import subprocess
 
     from dragon_ros.commands.checker import command

@@ -1,4 +1,4 @@
-"""``contact --within``: up to when no dragon of a family touches itself."""
+"""``contact --within``: a time before which no dragon of a family touches itself."""
 import json
 import time
 from argparse import Namespace
@@ -16,7 +16,7 @@ from dragon_ros.scenes import certificate
 
 
 def run(scene: Scene, arguments: Namespace) -> int:
-    """Print what is proved of the family that ``--within`` describes; return the exit code."""
+    """Print the proved result for the family that ``--within`` describes; return the exit code."""
     within, start = _tolerances(arguments.within), time.perf_counter()
     with Progress('contact', 'boxes') as bar:
         proof = first_contact_within(scene, within, bar.update)
@@ -29,7 +29,7 @@ def run(scene: Scene, arguments: Namespace) -> int:
 
 
 def _tolerances(given: Sequence[str]) -> dict[str, float]:
-    """Return tolerances by their keys. Raises InputError for what is not KEY=METRES, and for a key that comes twice."""
+    """Return tolerances by key. Raises InputError unless each is KEY=METRES, with distinct keys."""
     out = dict[str, float]()
     for one in given:
         key, equals, text = one.partition('=')
@@ -38,9 +38,9 @@ def _tolerances(given: Sequence[str]) -> dict[str, float]:
         except ValueError:
             value = float('nan')
         if not equals or not isfinite(value):
-            raise InputError(f'--within {one}: it is KEY=METRES, such as dragon.width_m=0.005')
+            raise InputError(f'--within {one}: it is not KEY=METRES; write for example dragon.width_m=0.005')
         if key in out:
-            raise InputError(f'--within {one}: {key} is given twice; leave one out')
+            raise InputError(f'--within {one}: {key} is given twice; give it once')
         out[key] = value
     return out
 
@@ -60,7 +60,7 @@ def _text(values: dict[str, Any]) -> str:
            f'the first contact of the scene itself: {nominal["t_s"]:.12g} s')
     why = {'contact': f'benches {_pair(values["benches"])} may touch from {values["limit_s"] or 0:.6f} s on',
            'run': 'the run ends then',
-           'bend': 'nearer to the centre links might lock, and nothing is proved',
+           'bend': 'closer to the centre, links might lock and nothing is proved',
            'effort': 'the search gave up'}[values['why']]
     return (f'no dragon touches itself before {floor(values["proved_s"] * 1e6) * 1e-6:.6f} s ({which}); {why}\n  {own} '
             f'({stats["states"]} boxes in {stats["elapsed_s"]:.3f} s)')

@@ -1,4 +1,4 @@
-"""Contacts in bags: the first contact and the clearance over time."""
+"""Find the first contact and the clearance over time in a bag."""
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import isfinite
@@ -23,7 +23,7 @@ _STAMPED = 'clearance/stamped'
 def first_contact_in(bag: BagReader, namespace: str, scene: Scene | None, trust: bool = False) -> dict[str, Any]:
     """Return the first contact and its source: the topic ``collision``, or a recomputation from the scene.
 
-    The scene is a stranger's: unless the reader trusts it, the search keeps its budgets, or is ``unsearched``.
+    The scene is untrusted input: unless ``trust`` is set, a search beyond the budgets is skipped (``unsearched``).
     """
     reported = _reported(bag, f'{namespace}/collision')
     if reported is not None:
@@ -42,7 +42,7 @@ def first_contact_in(bag: BagReader, namespace: str, scene: Scene | None, trust:
 
 
 def searched(scene: Scene, trust: bool) -> Contact | NoContact:
-    """Return the first contact of a scene. Raises InputError where that takes more than the budgets."""
+    """Return the first contact of a scene. Raises InputError if the search exceeds its budgets."""
     benches, states = scene.dragon.benches, 0
     if benches > SEARCHED_BENCHES and not trust:
         raise InputError(f'the scene has {benches} benches and is searched for contacts up to {SEARCHED_BENCHES}; '
@@ -59,9 +59,9 @@ def searched(scene: Scene, trust: bool) -> Contact | NoContact:
 
 
 def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) -> tuple[float | None, str | None]:
-    """Return when a run ends in its contact (None: it has none), and the sentence that proves it if a search may not.
+    """Return when a run ends in its contact (None without one), and the sentence that proves it if no search did.
 
-    Beyond the budgets of a search the claim in the bag counts if the checker proves it. Raises InputError.
+    If a search would exceed its budgets, the claim in the bag counts once the checker has proved it. Raises InputError.
     """
     try:
         found = searched(scene, trust)
@@ -69,7 +69,7 @@ def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) ->
         claim = claimed_contact(bag, namespace)
         if claim is None:
             raise
-        from dragon_ros.commands.checker import prove  # starts a process, which few bags need
+        from dragon_ros.commands.checker import prove  # starts a process, needed for few bags
         try:
             said = prove(of_claim(scene, claim), PROOF_S)
         except InputError as why:

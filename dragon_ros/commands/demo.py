@@ -1,4 +1,4 @@
-"""``demo``: runs the whole package once: nodes as processes, a bag, its replay, a check, a picture."""
+"""``demo``: run the whole package once: nodes as processes, a bag, its replay, a check, a picture."""
 import re
 import signal
 import subprocess
@@ -26,7 +26,7 @@ from dragon_ros.messages.decode import Status, read_diagnostics
 from dragon_ros.scenes.load import load_scene
 
 SCENE = 'first_contact'
-_DISCOVERY_S = 4.0      # until the recorder knows the monitor, which may report before it otherwise
+_DISCOVERY_S = 4.0      # until the recorder has discovered the monitor, which might otherwise report too early
 _READERS = 'handles=2,benches=2,velocities=1'
 _COMPARED = ('handles', 'benches', 'velocities', 'collision')
 _PROGRESS = re.compile(r'at ([\d.]+) s, tick')
@@ -34,13 +34,13 @@ _LONGEST_S = 120.0
 
 
 def _end(*_: object) -> NoReturn:
-    """End as on Ctrl-C, so that no process remains."""
+    """Exit as on Ctrl-C, so that no process remains."""
     raise KeyboardInterrupt
 
 
 @contextmanager
 def _later() -> Iterator[None]:
-    """Let a signal wait for the end of this block: between its start and its note a process would be left behind."""
+    """Defer signals to the end of this block, so that no process is started without being registered."""
     came: list[int] = []
     before = {number: signal.signal(number, lambda number, _: came.append(number)) for number in ending()}
     try:
@@ -60,19 +60,19 @@ def run(arguments: Namespace) -> int:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise MissingError(f'--output {folder}: cannot be made: {error.strerror}') from None
+        raise MissingError(f'--output {folder}: it cannot be created: {error.strerror}') from None
     with _alone(folder):
         return _demonstrate(folder, arguments.pace)
 
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Keep a second demo out of the folder."""
+    """Reserve the folder for this demo."""
     with (folder / 'lock').open('w') as lock:
         try:
             flock(lock, LOCK_EX | LOCK_NB)
         except BlockingIOError:
-            raise MissingError(f'{folder}: another demo is running there; wait, or give another --output') from None
+            raise MissingError(f'{folder}: another demo is using it; wait, or give another --output') from None
         yield
 
 
@@ -87,7 +87,7 @@ def _demonstrate(folder: Path, pace: float) -> int:
             threading.Thread(target=_interrupt_if_any_fails, args=(start.recorders, sim), daemon=True).start()
             lines = _progress_of(sim)
             next(lines, None)
-            # While the run is shown, the next monitor and recorder start and find each other, in another domain.
+            # During the run, the next monitor and recorder already start and discover each other in another domain.
             then = stack.enter_context(_processes(folder / 'replay.log'))
             _bystanders(then, again)
             for _ in lines:
@@ -116,7 +116,7 @@ def _compared(folder: Path, live: Path) -> tuple[Comparison, list[Path]]:
 
 
 def _told(comparison: Comparison, live: Path, again: Path, pictures: list[Path]) -> int:
-    """Compare live and replayed, and print all results."""
+    """Compare the live and the replayed bag, and print all results."""
     with BagReader(live) as bag, BagReader(again) as replayed:
         event, second = _event(bag), _event(replayed)
         same = _by_topic(bag) == _by_topic(replayed)
@@ -154,7 +154,7 @@ def _processes(log: Path) -> Iterator['_Processes']:
         start = _Processes(file)
         try:
             yield start
-            # The recorder stops last: it hears everything from the monitor.
+            # The recorder stops last, so that it receives everything from the monitor.
             for process in (*start.monitors, *start.recorders):
                 process.send_signal(signal.SIGINT)
                 _finished(process)
@@ -188,7 +188,7 @@ class _Processes:
         return process
 
     def wait_for_contact(self) -> None:
-        """Wait until the monitor has reported: it may lag behind."""
+        """Wait until the monitor, which may lag behind, has reported."""
         end = time.monotonic() + _LONGEST_S
         while 'contact of benches' not in Path(self.log.name).read_text(encoding='utf-8'):
             if time.monotonic() > end:
@@ -203,7 +203,7 @@ def _bystanders(start: _Processes, bag: Path) -> None:
 
 
 def _interrupt_if_any_fails(others: 'list[subprocess.Popen[str]]', sim: 'subprocess.Popen[str]') -> None:
-    """Stop the simulator, which waits for its readers, where one of them fails."""
+    """Stop the simulator, which waits for its readers, if one of them fails."""
     for process in others:
         if process.wait():
             sim.send_signal(signal.SIGINT)
@@ -226,7 +226,7 @@ def _progress_of(sim: 'subprocess.Popen[str]') -> Iterator[float]:
 
 
 def _finished(process: 'subprocess.Popen[str]') -> None:
-    """Wait for a process. Raises DragonError where it fails or hangs."""
+    """Wait for a process. Raises DragonError if it fails or hangs."""
     name = process.args[3] if isinstance(process.args, list) else '?'
     try:
         code = process.wait(timeout=_LONGEST_S)
@@ -237,7 +237,7 @@ def _finished(process: 'subprocess.Popen[str]') -> None:
 
 
 def _by_topic(bag: BagReader) -> dict[str, list[tuple[int, bytes]]]:
-    """Return the messages of each topic with a stamp, in order; topics are not ordered among each other."""
+    """Return the stamped messages of each topic in order; the order between topics is undefined."""
     out: dict[str, list[tuple[int, bytes]]] = {}
     for message in bag.messages([f'/dragon/{name}' for name in _COMPARED]):
         out.setdefault(message.topic, []).append((message.t_ns, message.data))

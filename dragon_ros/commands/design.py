@@ -1,4 +1,4 @@
-"""``design``: questions about what to build, each a subcommand whose answer has bounds."""
+"""``design``: design questions, each a subcommand whose answer has bounds."""
 import json
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from dragon_ros.cli.progress import Progress
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError, InputError
 
-if TYPE_CHECKING:       # each question imports what it needs
+if TYPE_CHECKING:       # each question imports only its own modules
     from dragon_ros.core.scene import Scene
     from dragon_ros.core.tracks.s_turn import TurnAnswer
     from dragon_ros.core.tracks.spec import STurn
@@ -34,7 +34,7 @@ class Question(NamedTuple):
 
 def main(argv: list[str]) -> int:
     """Answer a design question; return the exit code."""
-    options = command_line.parser('design', 'Answer a question about what to build.',
+    options = command_line.parser('design', 'Answer a design question.',
                                   'design turn')
     questions = options.add_subparsers(dest='question', required=True, metavar='QUESTION')
     for name, question in QUESTIONS.items():
@@ -56,7 +56,7 @@ def _run(question: Question, arguments: Namespace) -> int:
 def _turn_options(parser: ArgumentParser) -> None:
     """Add the scene options and --contact; the scene is the turn's."""
     command_line.add_scene_options(parser, 'turning')
-    parser.add_argument('--contact', action='store_true', help='also look for a contact in the smallest circle')
+    parser.add_argument('--contact', action='store_true', help='also search for a contact in the smallest circle')
 
 
 def _turn_answer(arguments: Namespace) -> dict[str, Any]:
@@ -115,7 +115,7 @@ def _turn_text(values: dict[str, Any]) -> str:
              'another ratio does not shorten it: in this circle the sum of the radii and the angle of the arcs are set']
     lines.append(_ratio_line(values['least_radius_m'], values['largest_ratio']))
     if values['length_there_m']:
-        lines.append(f'a smaller circle shortens it: down to {values["smallest_diameter_m"]:.9g} m, both arcs of '
+        lines.append(f'a smaller circle shortens it: at {values["smallest_diameter_m"]:.9g} m, with both arcs of '
                      f'{least:.9g} m, it is {values["length_there_m"]:.12g} m long')
     if bent := values['with_line']:
         lines.append(f'in this circle, arcs of {bent["radius_m"]:.9g} m with a line of {bent["line_m"]:.9g} m between '
@@ -131,15 +131,16 @@ def _turn_text(values: dict[str, Any]) -> str:
 def _ratio_line(least_m: float, largest: float | None) -> str:
     """Return what limits the ratio; None for no limit."""
     if largest is None:
-        return 'nothing limits the ratio: links of no length cannot lock'
-    return (f'what limits the ratio: both radii must be at least {least_m:.9g} m, 1.01 times half the longest link, or '
-            f'links could lock; that allows ratios from {1 / largest:.9g} to {largest:.9g}')
+        return 'the ratio is not limited: links of zero length cannot lock'
+    return (f'limits of the ratio: both radii must be at least {least_m:.9g} m, 1.01 times half the longest link, so '
+            f'that links cannot lock; this allows ratios from {1 / largest:.9g} to {largest:.9g}')
 
 
 def _max_speed_options(parser: ArgumentParser) -> None:
     """Add the scene options and the limit; the scene is the turn's."""
     command_line.add_scene_options(parser, 'turning')
-    parser.add_argument('--limit', type=float, default=2.0, metavar='M_S', help='of every handle, in m/s (%(default)g)')
+    parser.add_argument('--limit', type=float, default=2.0, metavar='M_S', help='speed limit of every handle, in m/s '
+                                                                                '(%(default)g)')
 
 
 def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
@@ -149,7 +150,7 @@ def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
     from dragon_ros.core.search.max_speed import max_speed
     limit = number('--limit', arguments.limit, above=0.0, high=1e9)
     scene = command_line.scene_from(arguments)
-    with Progress('max-speed', 'places') as bar:
+    with Progress('max-speed', 'positions') as bar:
         found = max_speed(scene, bar.update)
     speed, uncertainty = found.leader_m_s(limit)
     return {'speed_m_s': speed, 'uncertainty_m_s': uncertainty, 'limit_m_s': limit, **asdict(found)}
@@ -161,20 +162,20 @@ def _max_speed_text(values: dict[str, Any]) -> str:
             f'profile, its peak speed) and no handle exceeds {values["limit_m_s"]:.9g} m/s\n'
             f'handle {values["handle"]} is the fastest, {values["ratio"]:.12g} times the leader, when the leader is '
             f'{values["along_m"]:.7g} m along the track (on a turn: from its entry)\n'
-            f'{values["looks"]} places were examined')
+            f'{values["looks"]} positions were evaluated')
 
 
 def _min_pitch_options(parser: ArgumentParser) -> None:
     """Add the scene options, the circle and the bounds."""
     command_line.add_scene_options(parser)
     parser.add_argument('--diameter', type=float, default=9.0, metavar='METRES',
-                        help='of the turning circle (%(default)g)')
+                        help='diameter of the turning circle (%(default)g)')
     parser.add_argument('--largest', type=float, default=1.0, metavar='METRES',
                         help='largest pitch considered (%(default)g)')
     parser.add_argument('--within', type=float, default=2e-11, metavar='METRES',
                         help='width of the bracket (%(default)g)')
     parser.add_argument('--smallest', type=float, metavar='METRES',
-                        help='of mixed benches, a pitch at which benches touch')
+                        help='for mixed benches: a pitch at which benches touch')
 
 
 def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
@@ -200,16 +201,16 @@ def _min_pitch_text(values: dict[str, Any]) -> str:
     above = 'from there to' if values['proved'] else 'there and at'
     return '\n'.join([
         f'the smallest pitch is {values["high_m"]:.12f} m: {above} {values["largest_m"]:g} m there is no '
-        'contact on the way in' + ('' if values['proved'] else '; pitches in between are not examined'),
+        'contact on the way in' + ('' if values['proved'] else '; pitches in between are not evaluated'),
         f'at {values["low_m"]:.12f} m benches {inner} and {outer} touch, with the head at radius '
         f'{values["radius_m"]:.6f} m',
-        f'{values["states"]:,} {"windings" if values["proved"] else "states"} were examined'])
+        f'{values["states"]:,} {"windings" if values["proved"] else "states"} were evaluated'])
 
 
 def _fit_options(parser: ArgumentParser) -> None:
     """Add the scene options and the square."""
     command_line.add_scene_options(parser)
-    parser.add_argument('--square', type=float, metavar='METRES', help='side of a square to fit into')
+    parser.add_argument('--square', type=float, metavar='METRES', help='side of the given square')
 
 
 def _fit_answer(arguments: Namespace) -> dict[str, Any]:
@@ -229,12 +230,12 @@ def _fit_answer(arguments: Namespace) -> dict[str, Any]:
 
 
 def _venue_answer(scene: 'Scene', arguments: Namespace) -> dict[str, Any]:
-    """Return the smallest gap to each obstacle of a scene's venue, and whether all are as large as is wanted."""
+    """Return the smallest gap to each obstacle of a scene's venue, and whether all are as large as required."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.venue_fit import venue_fit
     if arguments.square is not None:
-        raise InputError('--square: belongs to a scene without a venue; leave it out, or the venue (--set venue=null)')
+        raise InputError('--square: not available for a scene with a venue; omit it, or the venue (--set venue=null)')
     with Progress('fit', 'looks') as bar:
         found = venue_fit(scene, progress=bar.update)
     return {'venue': [asdict(one) for one in found.gaps], 'room': _room(scene), 'margin_m': found.margin_m,
@@ -242,7 +243,7 @@ def _venue_answer(scene: 'Scene', arguments: Namespace) -> dict[str, Any]:
 
 
 def _room(scene: 'Scene') -> Values:
-    """Return how far benches reach to the left and right of the track at every metre of it: sampled, not proved."""
+    """Return how far benches reach left and right of the track at every metre along it: sampled, not proved."""
     from dragon_ros.core.search.swept_area import room_every_metre, swept_area
     swept = swept_area(scene)
     at, room = room_every_metre(scene, swept)
@@ -251,14 +252,14 @@ def _room(scene: 'Scene') -> Values:
 
 
 def _room_text(room: Values) -> list[str]:
-    """Return where the widest street is needed, as text; nothing for a way shorter than a metre."""
+    """Return the width of street that the run requires, as text; nothing for a walk shorter than a metre."""
     if not room['at_m']:
         return []
     rows = zip(room['left_m'], room['right_m'], room['at_m'], strict=True)
     left, right, at = max(rows, key=lambda row: row[0] + row[1])
-    return [f'the widest street that benches need is {left + right:.3f} m, at {at:g} m along the track: {left:.3f} m '
-            f'left and {right:.3f} m right of it; sampled at places {100 * room["sampled_m"]:.0f} cm apart, not proved '
-            '(--format json has every metre)']
+    return [f'the street must be at least {left + right:.3f} m wide, at {at:g} m along the track: {left:.3f} m to its '
+            f'left and {right:.3f} m to its right; sampled every {100 * room["sampled_m"]:.0f} cm, not proved '
+            '(--format json lists every metre)']
 
 
 def _venue_text(values: dict[str, Any]) -> str:
@@ -275,7 +276,7 @@ def _venue_text(values: dict[str, Any]) -> str:
     lacking = ', '.join(values['lacking'])
     lines.append(f'the dragon does not fit, with less than {margin} to {lacking}' if lacking else
                  f'the dragon fits, with {margin} to all' if values['fits'] else
-                 f'whether the dragon fits with {margin} is undecided: that is between the bounds')
+                 f'undecided whether the dragon fits with {margin}, which lies between the bounds')
     return '\n'.join(lines)
 
 
@@ -305,17 +306,17 @@ def _verdict(centred: bool | None, free: bool | None) -> str:
     if free is False:
         return 'the dragon does not fit'
     if centred is None or free is None:
-        return 'that is between the bounds: whether the dragon fits is undecided'
+        return 'undecided whether the dragon fits: the square lies between the bounds'
     return 'the dragon fits' if centred else 'the dragon fits off the centre only'
 
 
 QUESTIONS = {
     'turn': Question('the length of the S-turn, and whether it can be shortened', 'turn --set track.ratio=3',
                      _turn_options, _turn_answer, _turn_text),
-    'max-speed': Question('the largest speed of the leader at which no handle ever exceeds a limit',
+    'max-speed': Question('the largest speed of the leader at which no handle exceeds a limit',
                           'max-speed --limit 2', _max_speed_options, _max_speed_answer, _max_speed_text),
     'min-pitch': Question('the smallest pitch at which the head reaches a circle without any contact on the way in',
                           'min-pitch --diameter 9', _min_pitch_options, _min_pitch_answer, _min_pitch_text),
-    'fit': Question('the smallest square that holds the whole dragon during a run, and whether it fits a given one',
+    'fit': Question('the smallest square that contains the dragon throughout a run, and whether a given one is enough',
                     'fit --square 24', _fit_options, _fit_answer, _fit_text),
 }

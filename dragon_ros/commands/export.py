@@ -1,4 +1,4 @@
-"""``export``: the ticks of a bag as CSV, Parquet or NumPy arrays."""
+"""``export``: write the ticks of a bag as CSV, Parquet or NumPy arrays."""
 import csv
 import zipfile
 from argparse import Namespace
@@ -36,20 +36,20 @@ def run(arguments: Namespace) -> int:
 
 
 class _ExportedTicks:
-    """The ticks to export, which can be read repeatedly."""
+    """The ticks to export; they can be iterated repeatedly."""
 
     def __init__(self, bag: BagReader, arguments: Namespace) -> None:
         self._bag, self._every = bag, arguments.every
         self._namespace = namespace_of(bag, arguments.namespace)
         first = next(frames(bag, self._namespace), None)
         if first is None:
-            raise InputError(f'{bag.path}: has no handles in namespace {self._namespace}')
+            raise InputError(f'{bag.path}: it has no handles in namespace {self._namespace}')
         self.first = first
         self.handles = handles_of(arguments.handles, len(first.handles_m) - 1)
         self._ticks = next(t.messages for t in bag.topics if t.name == f'{self._namespace}/handles')
 
     def frames(self, what: str) -> Iterator[BagFrame]:
-        """Yield them, with a progress bar. Raises InputError where the number of handles changes."""
+        """Yield the ticks with a progress bar. Raises InputError if the number of handles changes."""
         shown = Progress(what, 'ticks', self._ticks)(frames(self._bag, self._namespace))
         for frame in islice(shown, 0, None, self._every):
             if frame.handles_m.shape != self.first.handles_m.shape:
@@ -100,7 +100,7 @@ def _columns(some: list[BagFrame], handles: list[int]) -> list[Array]:
 
 
 def _npz(source: _ExportedTicks, file: IO[bytes]) -> None:
-    """Write the arrays one after the other, each in its own pass: no array is ever in memory as a whole."""
+    """Write the arrays one by one, each in its own pass, so that no whole array is ever in memory."""
     first, handles = source.first, source.handles
     times = np.array([frame.t_ns for frame in source.frames('t_ns')], np.int64)
     parts: dict[str, Callable[[BagFrame], Array]] = {'handles_m': lambda frame: frame.handles_m[handles]}
@@ -141,14 +141,14 @@ def _stacked(archive: zipfile.ZipFile, name: str, rows: int, values: Iterator[Ar
 
 @contextmanager
 def _created(path: Path, overwrite: bool) -> Iterator[IO[bytes]]:
-    """Create a file; one that was not written to its end is removed."""
+    """Create a file, and remove it if writing does not complete."""
     try:
         with whole_or_none(path, overwrite) as file:
             yield file
     except FileExistsError:
-        raise MissingError(f'{path}: exists already; give another --output, or --force to replace it') from None
+        raise MissingError(f'{path}: it already exists; give another --output, or --force to replace it') from None
     except OSError as error:
-        raise MissingError(f'--output {path}: cannot be written: {error.strerror}') from None
+        raise MissingError(f'--output {path}: it cannot be written: {error.strerror}') from None
 
 
 _FORMATS: dict[str, Callable[[_ExportedTicks, IO[bytes]], None]] = {'csv': _csv, 'parquet': _parquet, 'npz': _npz}

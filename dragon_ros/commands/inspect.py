@@ -1,4 +1,4 @@
-"""``inspect``: what is in a bag and how far it can be trusted; checks it against the model, or repairs it."""
+"""``inspect``: summarise a bag, check it against the model, or repair it."""
 import json
 from argparse import Namespace
 from collections.abc import Callable
@@ -29,12 +29,12 @@ from dragon_ros.messages.channels import channel_of
 from dragon_ros.scenes.load import scene_values
 from dragon_ros.scenes.provenance import RECORD
 
-if TYPE_CHECKING:       # what checks and repairs is imported where it does
+if TYPE_CHECKING:       # modules for checking and repairing are imported on use
     from dragon_ros.bags.check.compare import Comparison
 
 _SHOWN = 20     # lines of faults
 _STEPS = 8      # of the clearance over time
-_LOOKS = 200    # for the clearance, unless asked otherwise
+_LOOKS = 200    # for the clearance, by default
 _TAKES: dict[str, set[str]] = {'--repair': set(), '--check': {'--check', '--trust', '--namespace'},
                                'a summary': {'--trust', '--looks', '--namespace'}}
 
@@ -83,7 +83,7 @@ def _examined(path: Path) -> Contents:
 
 
 def _dragon(arguments: Namespace, damaged: bool = False) -> dict[str, Any]:
-    """Return what the bag, or the intact part of a damaged one, says about its dragon."""
+    """Return the data on the dragon in a bag, or in the intact part of a damaged one."""
     with BagReader(arguments.bag, damaged) as bag:
         return _about_dragon(bag, arguments)
 
@@ -125,8 +125,8 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
         namespace = namespace_of(bag, arguments.namespace)
         scene, frame_id = scene_of_bag(bag, namespace, arguments.trust), frame_of_bag(bag, namespace)
         if scene is None:
-            raise BagError(f'{arguments.bag}: does not contain its scene (metadata record {RECORD}, key scene, or the '
-                           'topic scene); it cannot be recomputed')
+            raise BagError(f'{arguments.bag}: it cannot be recomputed without its scene (metadata record {RECORD}, key '
+                           'scene, or the topic scene); record the topic scene')
         contact_s, proof = None, None
         if ends_in_contact(bag, namespace) and not scene.is_led:
             contact_s, proof = end_in_contact(bag, namespace, scene, arguments.trust)
@@ -171,11 +171,11 @@ def _check_text(values: dict[str, Any]) -> str:
     """Return the text of a check."""
     line = f'{values["bag"]}: {values["equal"]} messages are bit for bit those of the model'
     if values['close']:
-        why = (f'version {values["other_version"]} made the bag, so all topics are held to twice the promise'
+        why = (f'version {values["other_version"]} made the bag, so the limit is twice the promise for all topics'
                if values['other_version'] else f'made with another kernel: {values["other_kernel"]}'
-               if values['other_kernel'] else "another machine's mathematics library")
-        line += (f', {values["close"]} keep the promise of tier {values["tier"]} with other bits (the largest '
-                 f'difference is {values["worst_m"]:.3g} m: {why})')
+               if values['other_kernel'] else 'the mathematics library of another machine')
+        line += (f', {values["close"]} keep the promise of tier {values["tier"]} with different bits (the '
+                 f'largest difference is {values["worst_m"]:.3g} m: {why})')
     missing = values['missing_count']
     line += f', {values["fault_count"] - missing} are not' + (f'; {missing} are missing' if missing else '')
     lines = [line] + [f'  {fault}' for fault in values['faults'][:_SHOWN]]
@@ -206,7 +206,7 @@ def _about_lines(about: dict[str, str]) -> list[str]:
 
 def _scene_lines(scene: dict[str, Any] | None) -> list[str]:
     if scene is None:
-        return ['  no scene is recorded in it']
+        return ['  it contains no scene']
     dragon, track, run = scene['dragon'], scene['track'], scene['run']
     benches = dragon.get('benches') or sum(group['count'] for group in dragon['groups'])
     on = f'pitch {track["pitch_m"]:g} m' if 'pitch_m' in track else f'{len(track["pieces"])} pieces of track'
@@ -235,11 +235,11 @@ def _ticks(row: dict[str, Any]) -> str:
 
 
 def _contact_line(found: dict[str, Any]) -> str:
-    source = {'collision': 'as the monitor reported it', 'scene': 'recomputed from the scene'}.get(found['source'])
+    source = {'collision': 'reported by the monitor', 'scene': 'recomputed from the scene'}.get(found['source'])
     if source is None:
-        return '  first contact: unknown, there is neither a scene nor a report in it'
+        return '  first contact: unknown; the bag contains neither a scene nor a report'
     if 'unsearched' in found:
-        return f'  first contact: unknown, {found["unsearched"]}'
+        return f'  first contact: unknown; {found["unsearched"]}'
     if found['t_s'] is None:
         return f'  no contact ({source})'
     where = '' if found['in_bag'] else ', which is not in this bag'
@@ -271,7 +271,7 @@ def _integrity_lines(values: dict[str, Any]) -> list[str]:
 
 
 def _length_lines(topics: list[dict[str, Any]]) -> list[str]:
-    """Say how many messages were compared in length with their types, and why others were not."""
+    """Return how many messages were compared in length with their types, and why others were not."""
     compared = sum(row['lengths_compared'] for row in topics)
     return [f'  lengths: {compared} messages compared with their types',
             *(f'  lengths not compared: {row["messages"] - row["lengths_compared"]} of {row["topic"]} '

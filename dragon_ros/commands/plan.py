@@ -1,4 +1,4 @@
-"""``plan``: a scene drawn to scale for print, with the area that benches sweep, gaps to obstacles and times."""
+"""``plan``: draw a scene to scale for printing, with the swept area, gaps to obstacles and times."""
 import json
 from argparse import Namespace
 from dataclasses import dataclass
@@ -28,14 +28,14 @@ PAPERS_MM = {'A4': (297.0, 210.0), 'A3': (420.0, 297.0)}
 _EDGE_MM, _FOOT_MM = 12.0, 34.0     # around a page, and below its drawing
 _MARK_M = 10.0
 _MOST_PAGES = 24
-_COARSEST, _FEW_PAGES = 500, 4      # a scale beyond which a few pages are better than one
+_COARSEST, _FEW_PAGES = 500, 4      # beyond this scale, several pages are better than one
 _AROUND_M = 2.0         # of what is drawn
 _TEXT_PT = 9
 _BROKEN = '#C00000'
 _ROWS = 34              # of a page's table
-_NARROWEST = 3          # places whose room is shown
+_NARROWEST = 3          # positions at which the required room is shown
 _NEARLY_M = 0.01
-_WIDE = 0.62            # of a letter, in heights of the text
+_WIDE = 0.62            # of a letter, relative to the text height
 
 
 def run(arguments: Namespace) -> int:
@@ -43,7 +43,7 @@ def run(arguments: Namespace) -> int:
     path: Path = arguments.output
     kind = arguments.format or path.suffix.lower().lstrip('.')
     if kind not in ('pdf', 'geojson'):
-        raise InputError(f'--output {path}: a plan is .pdf or .geojson; rename it, or give --format')
+        raise InputError(f'--output {path}: the suffix must be .pdf or .geojson; rename it, or give --format')
     scene = command_line.scene_from(arguments)
     plan = Plan(scene, arguments.title or Path(arguments.scene).stem)
     if kind == 'geojson':
@@ -59,7 +59,7 @@ def run(arguments: Namespace) -> int:
 
 @dataclass(frozen=True)
 class Gap:
-    """The smallest gap to a named part of the venue, and where it is: two points (2, 2) in m.
+    """The smallest gap to a named part of the venue, between two points (2, 2) in m.
 
     ``within_m`` is how much smaller it may be.
     """
@@ -73,7 +73,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is drawn of a scene."""
+    """The contents of the plan of a scene."""
 
     scene: 'Scene'
     title: str
@@ -96,13 +96,13 @@ class Plan:
 
     @cached_property
     def marks_m(self) -> Floats:
-        """Distances of the marks along the track, where any front handle goes."""
+        """Distances along the track of the marks that front handles pass."""
         at = self.swept.at_m
         return np.arange(ceil(at[0] / _MARK_M), at[-1] // _MARK_M + 1) * _MARK_M
 
     @cached_property
     def room_m(self) -> tuple[Floats, Floats]:
-        """Distances along the track every metre, and the room needed there to the left and right."""
+        """Every metre of the track, and the room required there to its left and right."""
         from dragon_ros.core.search.swept_area import room_every_metre
         return room_every_metre(self.scene, self.swept)
 
@@ -132,7 +132,7 @@ class Plan:
 
     @cached_property
     def passes_s(self) -> tuple[Floats, Floats]:
-        """When head and tail pass the marks, between times a four-hundredth of the run apart; nan where they do not."""
+        """When head and tail pass the marks, to a four-hundredth of the run; nan if they do not."""
         from dragon_ros.core.batches import states
         simulation = compile_scene(self.scene)
         run = self.scene.run
@@ -143,20 +143,20 @@ class Plan:
 
     @cached_property
     def fastest(self) -> str:
-        """The largest speed of any handle, in words."""
+        """A sentence on the largest speed of any handle."""
         from dragon_ros.core.errors import DragonError
         from dragon_ros.core.search.max_speed import max_speed
         try:
             found = max_speed(self.scene)
         except DragonError:
-            return 'the largest speed of a bench has no bound in this run'
+            return 'the speeds of benches have no upper bound in this run'
         peak = getattr(self.scene.head, 'speed_m_s', None)
-        factor = f'no handle is faster than {found.bound:.4f} times the leader (proved)'
+        factor = f'no handle exceeds {found.bound:.4f} times the leader (proved)'
         return factor if peak is None else f'{factor}: {found.bound * abs(peak):.3f} m/s'
 
 
 def _passed(at_m: Floats, times_s: Floats, marks_m: Floats) -> Floats:
-    """Return the first time at which a handle is at each mark."""
+    """Return the first time at which a handle reaches each mark."""
     out = np.full(marks_m.shape, np.nan)
     for n, mark in enumerate(marks_m.tolist()):
         side = at_m >= mark
@@ -189,7 +189,7 @@ def geojson(plan: Plan) -> str:
 
 
 def _sheet(arguments: Namespace, plan: Plan) -> tuple[str, int, Floats]:
-    """Return paper, scale and the window (2, 2) in m that is drawn. Raises FieldError for a scale that is none."""
+    """Return paper, scale and the drawn window (2, 2) in m. Raises FieldError for an invalid scale."""
     x, y = plan.line.T
     left, bottom, right, top = plan.swept.whole.bounds
     low = np.array((min(left, x.min()), min(bottom, y.min()))) - _AROUND_M
@@ -223,7 +223,7 @@ def _fits(size_m: Floats, paper: str, scale: int) -> bool:
 
 
 def _pages(plan: Plan, paper: str, scale: int, window: Floats) -> list['Figure']:
-    """Return the pages: the drawing in as many as it takes, then tables."""
+    """Return the pages: the drawing, then the tables."""
     page_m = _drawn_mm(paper) * scale / 1000
     counts = np.maximum(1, np.ceil((window[1] - window[0]) / page_m - 1e-9)).astype(int)
     if counts.prod() > _MOST_PAGES:
@@ -253,7 +253,7 @@ def _page(plan: Plan, paper: str, note: str, head: str) -> 'Figure':
 
 
 def _drawing(plan: Plan, paper: str, scale: int, window: Floats, note: str) -> 'Figure':
-    """Return a page with what is in a window (2, 2)."""
+    """Return a page with the contents of a window (2, 2)."""
     width, height = PAPERS_MM[paper]
     figure = _page(plan, paper, note, f'plan 1:{scale}')
     size = _drawn_mm(paper)
@@ -279,7 +279,7 @@ def _drawing(plan: Plan, paper: str, scale: int, window: Floats, note: str) -> '
 
 
 def _said(plan: Plan) -> str:
-    """Return what is proved and what is not."""
+    """Return the notes on what is proved and what is not."""
     venue, gaps, wanted = plan.scene.venue, '', ''
     if venue is not None:
         within_mm = 1000 * max(gap.within_m for gap in plan.gaps)
@@ -291,7 +291,7 @@ def _said(plan: Plan) -> str:
 
 
 def _fill(axes: 'Axes', area: Any, **style: Any) -> None:
-    """Fill polygons, with their holes."""
+    """Fill polygons, leaving out their holes."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
     label = style.pop('label', None)
@@ -341,7 +341,7 @@ def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> None:
 
 
 def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Floats, float]]) -> None:
-    """Draw the smallest gaps as dimensions, those that break the margin in red."""
+    """Draw the smallest gaps as dimensions, in red if they are below the margin."""
     for gap in plan.gaps:
         middle = gap.ends_m.mean(axis=0)
         if not _seen(middle, window):
@@ -358,7 +358,7 @@ def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Float
 
 
 def _free_offset(axes: 'Axes', at: Floats, label: str, taken: list[tuple[Floats, float]]) -> tuple[float, float]:
-    """Return where a label goes, in points from its place: the nearest place that none of the others has."""
+    """Return the offset of a label in points: the nearest one that overlaps no other label."""
     scale = axes.figure.dpi / 72
     here = np.asarray(axes.transData.transform(at)) / scale
     half = 0.5 * _WIDE * _TEXT_PT * len(label)
@@ -374,11 +374,11 @@ def _free_offset(axes: 'Axes', at: Floats, label: str, taken: list[tuple[Floats,
 
 
 def _widest(plan: Plan) -> list[tuple[float, float, float]]:
-    """Return where most room is needed: distances along the track, and the room to the left and right."""
+    """Return where most room is required: distances along the track, and the room to its left and right."""
     stations, room = plan.room_m
     out: list[tuple[float, float, float]] = []
     for n in np.argsort(-room.sum(axis=1), kind='stable').tolist():
-        if room[n].sum() < room.min(axis=0).sum() + _NEARLY_M:      # no more than on a line
+        if room[n].sum() < room.min(axis=0).sum() + _NEARLY_M:      # no more than on a straight line
             break
         if all(abs(stations[n] - at) > _MARK_M for at, *_ in out):
             out.append((float(stations[n]), float(room[n, 0]), float(room[n, 1])))
@@ -388,7 +388,7 @@ def _widest(plan: Plan) -> list[tuple[float, float, float]]:
 
 
 def _draw_room(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Floats, float]]) -> None:
-    """Draw the room that is needed at the widest places."""
+    """Draw the required room at the widest positions."""
     for at_m, left, right in _widest(plan):
         points, headings = _poses(plan, np.array([at_m]))
         normal = np.array((-headings[0, 1], headings[0, 0]))
@@ -428,7 +428,7 @@ def _time(t_s: float) -> str:
 
 
 def _table(plan: Plan, paper: str, rows: list[tuple[str, ...]], note: str) -> 'Figure':
-    """Return a page with when head and tail pass each mark, the gaps and the room."""
+    """Return a page of tables: times of head and tail at each mark, gaps, room."""
     width, height = PAPERS_MM[paper]
     figure = _page(plan, paper, note, 'times, gaps and room')
     x, top, line = _EDGE_MM + 2, height - _EDGE_MM - 4, 4.3
@@ -441,7 +441,7 @@ def _table(plan: Plan, paper: str, rows: list[tuple[str, ...]], note: str) -> 'F
         x += 72
     texts = [('smallest gaps', 'black')] + [(f'{gap.name}: {gap.gap_m:.3f} m{" (broken)" if gap.is_broken else ""}',
                                              _BROKEN if gap.is_broken else 'black') for gap in plan.gaps[:_ROWS - 8]]
-    texts += [('', 'black'), ('most room needed', 'black')] + [
+    texts += [('', 'black'), ('most room required', 'black')] + [
         (f'at {at:g} m: {left:.2f} m left, {right:.2f} m right', 'black') for at, left, right in _widest(plan)]
     for n, (text, colour) in enumerate(texts):
         figure.text((x + 4) / width, (top - line * n) / height, text, fontsize=_TEXT_PT, color=colour)

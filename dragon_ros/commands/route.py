@@ -1,4 +1,4 @@
-"""``route``: a scene whose track follows a drawing, with a table of its pieces and of what had to be changed."""
+"""``route``: make a scene whose track follows a drawing, with a table of its pieces and of all changes."""
 import json
 import subprocess
 import sys
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dragon_ros.core.tracks.spec import Composite
     from dragon_ros.messages.decode import PathMessage
 
-_EASY = 2.0             # least radii: the radius of corners unless one is given
+_EASY = 2.0             # default radius of corners, in multiples of the smallest radius
 _FRAME = 'dragon'
 _PATH = 'nav_msgs/msg/Path'
 _RECEIVER = 'dragon_ros.nodes.one_path'
@@ -33,7 +33,7 @@ _FORMATS = '.svg, .geojson, .wkt, .csv, or a bag with a nav_msgs/Path'
 
 @dataclass(frozen=True)
 class _Laid:
-    """A scene along a drawing, and how it came about."""
+    """A scene along a drawing, and the data it was made from."""
 
     scene: 'Scene'
     line: DrawnLine
@@ -44,7 +44,7 @@ class _Laid:
 
 
 def run(arguments: Namespace) -> int:
-    """Make a scene of a drawing; return the exit code."""
+    """Make a scene from a drawing; return the exit code."""
     laid = _laid(arguments, _without_venue(arguments), _line(arguments))
     print(_text(laid, arguments.tolerance))
     if arguments.output is not None:
@@ -79,7 +79,7 @@ def _line(arguments: Namespace) -> DrawnLine:
     elif suffix == '.mcap' or path.is_dir():
         line = _recorded(path, arguments)
     else:
-        raise InputError(f'{path}: a drawing is {_FORMATS}')
+        raise InputError(f'{path}: its format is not supported; give {_FORMATS}')
     return line.turned_round() if arguments.reverse else line
 
 
@@ -89,7 +89,7 @@ def _origin_deg(text: str | None) -> tuple[float, float] | None:
     try:
         lon, lat = map(float, text.split(','))
     except ValueError:
-        raise FieldError('--origin', text, 'it has two numbers', 'write LONGITUDE,LATITUDE') from None
+        raise FieldError('--origin', text, 'it must be two numbers', 'write LONGITUDE,LATITUDE') from None
     return number('--origin', lon, low=-180, high=180), number('--origin', lat, low=-90, high=90)
 
 
@@ -98,7 +98,7 @@ def _unit(arguments: Namespace) -> float | None:
 
 
 def _recorded(path: Path, arguments: Namespace) -> DrawnLine:
-    """Return the last path that a bag holds on a topic."""
+    """Return the last path that a bag contains on a topic."""
     from dragon_ros.bags.read.reader import BagReader
     from dragon_ros.messages.decode import read_path
     with BagReader(path) as bag:
@@ -112,28 +112,28 @@ def _recorded(path: Path, arguments: Namespace) -> DrawnLine:
 
 
 def _live(arguments: Namespace) -> DrawnLine:
-    """Return the first path that arrives on a topic; a process with ROS waits for it."""
+    """Return the first path that arrives on a topic, received by a process with ROS."""
     from dragon_ros.messages.decode import read_path
     if arguments.topic is None:
-        raise InputError(f'DRAWING: give one ({_FORMATS}), or --topic for a live path', field='drawing')
+        raise InputError(f'DRAWING: it is missing; give one ({_FORMATS}), or --topic for a live path', field='drawing')
     timeout_s = number('--timeout', arguments.timeout, above=0.0, high=_LONGEST_S)
     done = subprocess.run([sys.executable, '-m', _RECEIVER, arguments.topic, repr(timeout_s)], capture_output=True,
                           check=False, stdin=subprocess.DEVNULL)
     if done.returncode:
         said = done.stderr.decode(errors='replace').strip().rpartition('\n')[2]
-        raise MissingError(f'--topic {arguments.topic}: {said or "the process that waits for it has failed"}')
+        raise MissingError(f'--topic {arguments.topic}: {said or "the receiving process failed"}')
     return _moved(arguments.topic, read_path(done.stdout), arguments)
 
 
 def _moved(topic: str, message: 'PathMessage', arguments: Namespace) -> DrawnLine:
-    """Return a path in the dragon's frame: moved by the pose that is given of its own, or refused."""
+    """Return a path in the dragon's frame, transformed by --frame-pose. Raises InputError if that is missing."""
     points = message.points_m
     if arguments.frame_pose is not None:
         x, y, degrees = _pose(arguments.frame_pose)
         points = complex(x, y) + points * np.exp(1j * degrees * pi / 180)
     elif message.frame_id != _FRAME:
         raise InputError(f'{topic}: its path is in the frame {shown(message.frame_id)}, and the dragon is in '
-                         f'{_FRAME!r}; say where that frame lies: --frame-pose X,Y,DEGREES (0,0,0 if they are one)',
+                         f'{_FRAME!r}; give its pose: --frame-pose X,Y,DEGREES (0,0,0 if they coincide)',
                          field='frame_pose')
     return DrawnLine(topic, (points,))
 
@@ -142,7 +142,7 @@ def _pose(text: str) -> tuple[float, float, float]:
     try:
         x, y, degrees = map(float, text.split(','))
     except ValueError:
-        raise FieldError('--frame-pose', text, 'it has two metres and degrees', 'write for example 1.5,-2,90') from None
+        raise FieldError('--frame-pose', text, 'it must be X,Y,DEGREES', 'write for example 1.5,-2,90') from None
     return (number('--frame-pose', x, low=-1e9, high=1e9), number('--frame-pose', y, low=-1e9, high=1e9),
             number('--frame-pose', degrees, low=-1e6, high=1e6))
 
@@ -156,7 +156,7 @@ def _laid(arguments: Namespace, base: 'Scene', line: DrawnLine) -> _Laid:
     given = arguments.radius
     radius_m = _EASY * least_m if given is None else number('--radius', given, above=0.0, high=1e6)
     if radius_m < least_m:
-        raise FieldError('--radius', radius_m, f'{least_m:.4g} m is the tightest bend that these benches can take, '
+        raise FieldError('--radius', radius_m, f'these benches can walk bends of {least_m:.4g} m or more, '
                          '1.01 times half the longest link', f'give at least {least_m:.4g}, or use shorter benches')
     tolerance_m = number('--tolerance', arguments.tolerance, low=1e-5, high=1e3)
     route = along(line.parts, radius_m, least_m * (1 + 1e-9), tolerance_m)
@@ -167,12 +167,12 @@ def _laid(arguments: Namespace, base: 'Scene', line: DrawnLine) -> _Laid:
 
 
 def _without_venue(arguments: Namespace) -> 'Scene':
-    """Return the scene of the options but for its venue, which is not that of its own track."""
+    """Return the scene of the options without its venue, which does not belong to the new track."""
     return command_line.scene_from(Namespace(**{**vars(arguments), 'overrides': [*arguments.overrides, 'venue=null']}))
 
 
 def _on(arguments: Namespace, track: 'Composite') -> 'Scene':
-    """Return the scene of the options on a track; what stands where it starts is refused there."""
+    """Return the scene of the options on a track. Raises InputError if an obstacle stands at its start."""
     pieces = [{'kind': type(piece).__name__.lower(), **{key: value for key, value in asdict(piece).items()
                                                         if value is not None}} for piece in track.pieces]
     values = json.dumps({'kind': 'joined', 'start_m': track.start_m, 'pieces': pieces})
@@ -211,27 +211,27 @@ def _notes(laid: _Laid, tolerance_m: float) -> list[str]:
     route, track = laid.route, laid.track
     arcs = sum(hasattr(piece, 'radius_m') for piece in route.pieces)
     notes = [f'{laid.line.name}: {track.end_m - route.lead_in_m:.3f} m, {len(route.pieces)} pieces ({arcs} arcs)',
-             f'it strays {1000 * route.strays_m:.2f} mm from the drawing at most, but for what was changed (tolerance '
-             f'{1000 * tolerance_m:g} mm)', _tightest(laid), *map(_changed, route.changes)]
+             f'apart from the changes, it deviates from the drawing by at most {1000 * route.strays_m:.2f} mm '
+             f'(tolerance {1000 * tolerance_m:g} mm)', _tightest(laid), *map(_changed, route.changes)]
     if route.lead_in_m:
-        notes.append(f'changed: it begins with a bend, so a line of {route.lead_in_m:g} m was put before it')
+        notes.append(f'changed: it starts with a bend, so a line of {route.lead_in_m:g} m was added before it')
     return [*notes, _start(laid)]
 
 
 def _tightest(laid: _Laid) -> str:
     if not laid.track.bend:
-        return 'it has no bend'
+        return 'it has no bends'
     k = max(range(len(laid.track.segments)), key=lambda k: laid.track.segments[k].bend)
     at = complex(laid.track.segments[k].at(laid.track.segments[k].after(0.0).hi))
     return (f'the tightest bend is {1 / laid.track.bend:.4g} m, piece {k + 1} at ({at.real:.3f}, {at.imag:.3f}) m; '
-            f'these benches can take {laid.least_m:.4g} m')
+            f'the smallest that these benches can walk is {laid.least_m:.4g} m')
 
 
 def _changed(change: 'Change') -> str:
     x, y = change.place_m
-    what = 'the corner' if change.is_corner else 'what bends too tightly'
-    return (f'changed: {what} at ({x:.3f}, {y:.3f}) m has a radius of {change.radius_m:.4g} m now, and is up to '
-            f'{change.off_m:.3g} m from the drawing')
+    what = 'the corner' if change.is_corner else 'the bend'
+    return (f'changed: {what} at ({x:.3f}, {y:.3f}) m now has a radius of {change.radius_m:.4g} m and deviates by up '
+            f'to {change.off_m:.3g} m from the drawing')
 
 
 def _start(laid: _Laid) -> str:
@@ -245,4 +245,4 @@ def _start(laid: _Laid) -> str:
         whole_m = float('inf')
     if start_m + laid.route.lead_in_m >= whole_m - 1e-6:
         return f'{text}; the whole dragon stands on the drawing'
-    return f'{text}; what does not fit behind it stands on a straight line before the drawing'
+    return f'{text}; the rest of the dragon stands on a straight line before the drawing'

@@ -1,4 +1,4 @@
-"""``simulate``: writes the bag of a scene, without ROS and as fast as the machine allows."""
+"""``simulate``: write the bag of a scene, without ROS and as fast as the machine allows."""
 import sys
 import time
 from argparse import Namespace
@@ -32,7 +32,7 @@ def run(arguments: Namespace) -> int:
     if arguments.rate is not None:
         scene = replace(scene, run=replace(scene.run, rate_hz=arguments.rate))
     count, began = compile_scene(scene).last_tick + 1, time.perf_counter()
-    tick(scene, 0)      # what cannot be simulated is refused before another bag is replaced
+    tick(scene, 0)      # reject a scene that cannot be simulated before replacing another bag
     writer = BagWriter(arguments.output, arguments.force, BagOptions(arguments.compression))
     with prompt_switches(), stopped_by_signals() as stop, writer as bag:
         _introduce(scene, bag, arguments.namespace)
@@ -45,7 +45,7 @@ def run(arguments: Namespace) -> int:
 
 
 def _introduce(scene: Scene, bag: BagWriter, namespace: str) -> None:
-    """Write the provenance of the run, as `sim` and `record` do: metadata, attachment, and the latched topics."""
+    """Write the provenance of the run like `sim` and `record`: metadata, attachment and latched topics."""
     text = provenance.scene_file(scene, {'frame_id': _FRAME_ID})
     settings = {key: str(value) for key, value in vars(bag.options).items()}
     bag.describe(provenance.RECORD, provenance.run_metadata(text, scene, settings | provenance.versions()))

@@ -1,4 +1,4 @@
-"""Sources of pictures and of the web view: a scene, which is computed, or a bag, which is read."""
+"""Sources for pictures and the web view: a scene, which is computed, or a bag, which is read."""
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -22,18 +22,18 @@ from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.venue import Venue
 
-if TYPE_CHECKING:       # a picture of a scene starts without bags, and one without contacts without their search
+if TYPE_CHECKING:       # a picture of a scene imports no bag reader, and one without contacts no search
     from dragon_ros.bags.read.reader import BagReader
     from dragon_ros.core.geometry.contacts import Observation
     from dragon_ros.core.geometry.signed_distance import Witness
     from dragon_ros.core.search.certificate import Contact, NoContact
 
-_AT_ONCE = 64               # states that are computed together
-_SAG_M = 1e-4               # of the drawn track: smooth in a picture of one bench
+_AT_ONCE = 64               # states per batch
+_SAG_M = 1e-4               # of the drawn track, smooth even in a picture of one bench
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
 Check = Callable[[], None]      # raises where the work is wanted no more
 _HAIR_S = 1e-9
-_AROUND = 2.0               # lengths of the dragon by which a window may reach beyond it
+_AROUND = 2.0               # largest margin of a window, in lengths of the dragon
 _MARGIN = 0.03              # of a window
 
 
@@ -49,7 +49,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class Touch:
-    """A first contact: when, between which benches (inner first), where, and which corner meets which edge.
+    """A first contact: its time, benches (inner first), point, and the corner and edge that meet.
 
     Where a bench touches an obstacle, ``benches`` has that one alone, and ``obstacle`` is the name. ``decimals`` are
     those of the point that are right: fewer if it was interpolated from ticks.
@@ -75,25 +75,25 @@ class Source(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name in pictures."""
+        """The name in pictures."""
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """Times of its first and last tick."""
+        """Times of the first and last tick."""
 
     @property
     def track(self) -> Floats | None:
-        """Points (P, 2) of its track, None if unknown."""
+        """Points (P, 2) of the track, None if unknown."""
 
     @property
     def venue(self) -> Venue | None:
-        """Where it goes, None if unknown."""
+        """The venue, None if unknown or absent."""
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
         """Return at most ``most`` ticks between two times, both included, evenly spaced."""
 
     def moments(self, times_s: Floats) -> Iterator[Moment]:
-        """Yield the dragon at increasing times; a source with ticks alone gives the nearest tick."""
+        """Yield the dragon at increasing times; a source with only ticks yields the nearest ones."""
 
     def first_touch(self, progress: Progress) -> Touch | None:
         """Return the first contact, or None."""
@@ -148,7 +148,7 @@ class SceneSource:
         return first_contact(self.scene, lambda _: next(steps))
 
     def first_touch(self, progress: Progress = iter) -> Touch | None:
-        """Return the first contact of the run, exactly."""
+        """Return the exact first contact of the run."""
         from dragon_ros.core.search.certificate import Contact
         found = self.searched(progress)
         if not isinstance(found, Contact):
@@ -166,9 +166,9 @@ def moment(source: Source, t_s: float) -> Moment:
 
 
 def window(track: Floats | None, moments: Iterable[Moment]) -> Floats:
-    """Return the corners (2, 2) in m, lower left and upper right, of what a picture of these moments shows.
+    """Return the window of a picture of these moments: its lower left and upper right corner (2, 2) in m.
 
-    That is the dragon and its track, wherever they lie: of a track much longer than the dragon the part around it.
+    It contains the dragon and its track, or the part around the dragon if the track is much longer.
     """
     corners = np.concatenate([one.benches.corners.reshape(-1, 2) for one in moments])
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -181,10 +181,10 @@ def window(track: Floats | None, moments: Iterable[Moment]) -> Floats:
 
 
 def decimals_of(step_s: float) -> int:
-    """Return how many decimals of a point in m are right that was interpolated from ticks ``step_s`` apart.
+    """Return the number of correct decimals of a point in m, interpolated from ticks ``step_s`` apart.
 
-    A cubic through ticks is off by about the fourth power of the step, in units of a bend's radius; near a run's start
-    there are fewer ticks, so the third power is taken.
+    The error of a cubic through ticks is about the fourth power of the step, in units of the bend radius; the third
+    power is used, because there are fewer ticks near the start of a run.
     """
     return 6 if step_s <= 0 else min(6, max(0, floor(-3 * log10(step_s))))
 
@@ -198,8 +198,8 @@ def check_times(source: Source, times_s: Iterable[float]) -> None:
 
 
 def clearances(source: Source, times_s: Floats, progress: Progress) -> tuple[Floats, Floats]:
-    """Return times (T,) and the smallest signed gap in m at each (T,), nan where no two benches are near."""
-    from dragon_ros.core.geometry.near_pairs import NearPairs  # few pictures ask
+    """Return times (T,) and the smallest signed gap in m at each (T,), nan if no two benches are close."""
+    from dragon_ros.core.geometry.near_pairs import NearPairs  # few pictures need it
     near = NearPairs()
     rows = np.array([(one.t_s, near.look(one.p, one.benches).clearance_m)
                      for one in progress(source.moments(times_s))]).reshape(-1, 2)
@@ -207,7 +207,7 @@ def clearances(source: Source, times_s: Floats, progress: Progress) -> tuple[Flo
 
 
 def thinned(first: int, last: int, most: int) -> Ints:
-    """Return the integers from first to last, or ``most`` of them, evenly spaced, with both ends."""
+    """Return the integers from first to last, or ``most`` evenly spaced ones, both ends included."""
     count = last - first + 1
     return np.linspace(first, last, min(count, most)).round().astype(int) if count > most else np.arange(
         first, last + 1)
@@ -221,7 +221,7 @@ def witness_at(moment: Moment, pair: tuple[int, int]) -> 'Witness':
 
 @dataclass(frozen=True)
 class BagSource:
-    """A dragon whose topics are in one namespace of an open bag; its times are those of its ticks."""
+    """A dragon whose topics are in one namespace of an open bag, available at its ticks."""
 
     bag: 'BagReader'
     namespace: str
@@ -233,12 +233,12 @@ class BagSource:
 
     @cached_property
     def _scene(self) -> Scene | None:
-        """The scene in the bag with what a led dragon has walked; None without one."""
+        """The scene in the bag, including the walk of a led dragon; None without one."""
         from dragon_ros.bags.read.frames import scene_of_bag, walked_scene
         try:
             scene = scene_of_bag(self.bag, self.namespace)
             return scene and walked_scene(self.bag, scene, self.namespace)
-        except InputError:      # a scene beyond its budgets; what was recorded is shown all the same
+        except InputError:      # a scene beyond the budgets; the recording is shown anyway
             return None
 
     @cached_property
@@ -279,7 +279,7 @@ class BagSource:
         return out
 
     def moments(self, times_s: Floats) -> Iterator[Moment]:
-        """Yield the tick nearest to each of increasing times, without ticks that lack benches."""
+        """Yield the tick nearest to each of increasing times, skipping ticks without benches."""
         rows = self._nearest(times_s)
         wanted = {self._ticks[row][0] for row in rows.tolist()}
         first_ns, last_ns = (self._ticks[row][1] for row in (int(rows[0]), int(rows[-1])))
@@ -295,7 +295,7 @@ class BagSource:
         return np.unique(np.where(times_s - ticks[before] < ticks[after] - times_s, before, after))
 
     def first_touch(self, progress: Progress) -> Touch | None:
-        """Return the first contact that a monitor finds in the bag, at the interpolated time of its bracket."""
+        """Return the first contact that a monitor finds in the bag, at the time interpolated in its bracket."""
         from dragon_ros.core.geometry.tracker import ContactTracker
         tracker = ContactTracker()
         for observation, _ in progress(self._observations(self._ticks[0][1], self._ticks[-1][1])):
@@ -317,14 +317,14 @@ class BagSource:
 
 
 def dragon_in(bag: 'BagReader', namespace: str | None = None) -> BagSource:
-    """Return the dragon in a bag. Raises InputError where it is ambiguous, or where its topics are missing."""
+    """Return the dragon in a bag. Raises InputError if it is ambiguous or if its topics are missing."""
     from dragon_ros.bags.read.frames import namespace_of
     chosen = namespace_of(bag, namespace)
     having = {topic.name for topic in bag.topics if topic.messages}
     for topic in ('handles', 'benches'):
         if f'{chosen}/{topic}' not in having:
-            raise InputError(f'{bag.path}: has no messages on {chosen}/{topic}, which a picture needs; '
-                             'record both handles and benches (scene key effects)')
+            raise InputError(f'{bag.path}: it has no messages on {chosen}/{topic}; pictures need '
+                             'handles and benches (scene key effects)')
     return BagSource(bag, chosen)
 
 
@@ -333,11 +333,11 @@ def opened(arguments: Namespace) -> Iterator[Source]:
     """Open the source that ``command_line.add_source_options`` selects, for the duration of a ``with`` block."""
     if arguments.bag is None:
         if arguments.namespace is not None:
-            raise InputError('--namespace: belongs to --bag; a scene has no topics')
+            raise InputError('--namespace: it requires --bag; omit it for a scene')
         yield SceneSource(Path(arguments.scene).stem, command_line.scene_from(arguments))
         return
     if command_line.gives_scene(arguments):
-        raise InputError('--bag: shows what was recorded; leave out --scene, --set and --accuracy')
+        raise InputError('--bag: it replaces the scene; omit --scene, --set and --accuracy')
     from dragon_ros.bags.read.reader import BagReader
     with BagReader(arguments.bag) as bag:
         yield dragon_in(bag, arguments.namespace)

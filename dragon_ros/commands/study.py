@@ -1,4 +1,4 @@
-"""``study``: varies a scene, asks each, and shows what came out."""
+"""``study``: run a parameter study and summarise its results."""
 import json
 import shlex
 import sys
@@ -20,20 +20,20 @@ if TYPE_CHECKING:
 
 
 def main(argv: list[str]) -> int:
-    """Compute or draw a study; return the exit code (1 where a signal ended it; the same command goes on then)."""
+    """Compute or draw a study; return the exit code (1 if a signal ended it; the same command then continues)."""
     options = command_line.parser(
-        'study', 'Vary a scene as a study file says, ask each, and keep a row for each as Parquet (docs/studies.md). '
-        'What is there already is not computed again.',
+        'study', 'Vary a scene as described in a study file, answer its questions for each variant, and store one row '
+        'per variant as Parquet\n(docs/studies.md). Existing rows are not computed again.',
         'study pitch_map --output pitch_map --plot')
     options.add_argument('study', metavar='NAME|FILE|FOLDER',
-                         help='a study by name or file; or the folder of one, to go on with it or to draw it')
+                         help='name or file of a study, or the folder of one to continue or draw')
     options.add_argument('--output', type=Path, metavar='DIR', help='folder for the data set')
-    options.add_argument('--samples', type=int, metavar='N', help='number of samples (as the study says)')
-    options.add_argument('--workers', type=int, metavar='N', help='processes on this host (one a core)')
-    options.add_argument('--scheduler', metavar='ADDRESS|FILE', help='join a running Dask cluster, by the address or '
-                         'the scheduler file of its scheduler')
-    options.add_argument('--plot', action='store_true', help='draw what is there into the folder, as PNG and SVG; of a '
-                         'FOLDER nothing is computed then')
+    options.add_argument('--samples', type=int, metavar='N', help='number of samples (as in the study)')
+    options.add_argument('--workers', type=int, metavar='N', help='processes on this host (one per core)')
+    options.add_argument('--scheduler', metavar='ADDRESS|FILE', help='running Dask cluster to use, by the address or '
+                         'file of its scheduler')
+    options.add_argument('--plot', action='store_true', help='draw the results into the folder, as PNG and SVG; given '
+                         'a FOLDER, only draw')
     options.add_argument('--format', choices=('text', 'json'), default='text', help='output format (%(default)s)')
     return command_line.guarded('study', partial(_run, options.parse_args(argv)))
 
@@ -43,7 +43,8 @@ def _run(arguments: Namespace) -> int:
         from dragon_ros.studies import answers, cluster, dataset
         from dragon_ros.studies.study import load_study
     except ImportError as error:
-        raise MissingError(f"{error.name}: is not installed; studies need it: pip install 'dragon_ros[study]', or use "
+        raise MissingError(f"{error.name}: it is not installed; studies need it: pip install 'dragon_ros[study]', or "
+                           "use "
                            './dragon study, which installs it') from None
     folder, is_folder = _folder_of(arguments)
     data = dataset.open_set(folder) if is_folder else dataset.DataSet(folder, load_study(arguments.study))
@@ -54,7 +55,7 @@ def _run(arguments: Namespace) -> int:
     if not (is_folder and arguments.plot):
         code = _computed(arguments, data, cluster.complete)
     elif arguments.workers is not None or arguments.scheduler is not None:
-        raise InputError('--plot: draws a folder as it is; leave out --workers and --scheduler', field='plot')
+        raise InputError('--plot: a folder is drawn without computing; omit --workers and --scheduler', field='plot')
     found = answers.summary(data)
     print(json.dumps(found) if arguments.format == 'json' else answers.text(found))
     if arguments.plot:
@@ -66,26 +67,26 @@ def _run(arguments: Namespace) -> int:
 
 
 def _folder_of(arguments: Namespace) -> tuple[Path, bool]:
-    """Return the folder of the data set, and whether it was given in place of a study."""
+    """Return the folder of the data set, and whether it was given instead of a study."""
     given = Path(arguments.study)
     if given.is_dir():
         if arguments.output is not None:
-            raise InputError('--output: the folder of a study is its output; leave it out', field='output')
+            raise InputError('--output: the folder of a study is its own output; omit it', field='output')
         return given, True
     if arguments.output is None:
-        raise InputError('--output: say in which folder the rows are kept, such as --output study', field='output')
+        raise InputError('--output: it is missing; give a folder for the rows, such as --output study', field='output')
     return arguments.output, False
 
 
 def _computed(arguments: Namespace, data: 'DataSet', complete: Callable[..., 'StudyProgress']) -> int:
-    """Compute what is missing, with a progress bar; return the exit code."""
+    """Compute missing rows with a progress bar; return the exit code."""
     from dragon_ros.cli.pool import workers_of
     from dragon_ros.studies import dataset
     workers = None if arguments.workers is None else workers_of(arguments.workers)
     with stopped_by_signals() as stop, dataset.writing(data.folder, data.study) as kept:
         there = kept.count
         if there:
-            print(f'study: {there} of {data.study.rows} rows are there already', file=sys.stderr)
+            print(f'study: {there} of {data.study.rows} rows already exist', file=sys.stderr)
         with Progress('study', 'rows', data.study.rows, initial=there) as shown:
             done = complete(kept, stop, partial(_show, shown, there), workers, arguments.scheduler)
     if done.done == done.total:
@@ -100,7 +101,7 @@ def _show(shown: Progress, there: int, state: 'StudyProgress') -> None:
 
 
 def _again(arguments: Namespace) -> str:
-    """Return the command line that goes on."""
+    """Return the command line that continues the study."""
     given = {'--output': arguments.output, '--samples': arguments.samples, '--workers': arguments.workers,
              '--scheduler': arguments.scheduler}
     words = ['./dragon', 'study', arguments.study]

@@ -1,4 +1,4 @@
-"""``table``: positions and velocities of handles at given times."""
+"""``table``: print positions and velocities of handles at given times."""
 import json
 import sys
 from argparse import Namespace
@@ -16,7 +16,7 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
 
-if TYPE_CHECKING:       # a table of a scene starts without bags
+if TYPE_CHECKING:       # a table of a scene imports no bag reader
     from dragon_ros.bags.read.frames import BagFrame
     from dragon_ros.bags.read.reader import BagReader
 
@@ -41,7 +41,7 @@ def _check(arguments: Namespace) -> None:
 
 
 def run(arguments: Namespace) -> int:
-    """Print what the arguments ask for; return the exit code."""
+    """Print the requested tables; return the exit code."""
     _check(arguments)
     if arguments.paper:
         from dragon_ros.commands.contest import paper_tables
@@ -75,7 +75,7 @@ def _write_contest(folder: Path, scene: Scene) -> int:
 
 def table(scene: Scene, times_s: list[float], handles: list[int],
           progress: Callable[[int], object] = lambda times: None) -> list[Row]:
-    """Return one row for each time and handle, in the order of COLUMNS; ``progress(times)`` is called now and then."""
+    """Return one row for each time and handle, in the order of COLUMNS; ``progress(times)`` is called regularly."""
     rows: list[Row] = []
     for some in batches(scene, times_s):
         p, velocity = some.handles_m[:, handles], some.velocity_m_s[:, handles]
@@ -99,7 +99,7 @@ def _bag_rows(arguments: Namespace) -> list[Row]:
             values = values_of(frame, handles).tolist()
             out += [(frame.t_ns / NS, handle, *row) for handle, row in zip(handles, values, strict=True)]
     if not out:
-        raise InputError(f'{arguments.bag}: has no tick at or after the --times; it ends at {bag.end_ns / NS:.9f} s')
+        raise InputError(f'{arguments.bag}: it has no tick at or after the --times; it ends at {bag.end_ns / NS:.9f} s')
     return out
 
 
@@ -127,7 +127,7 @@ _FORMATS: dict[str, Callable[[list[Row]], str | bytes]] = {'text': _text, 'csv':
 
 
 def values_of(frame: 'BagFrame', handles: list[int]) -> Floats:
-    """Return (handles, 5): x and y in m, vx, vy and speed in m/s; nan where the bag has no velocities."""
+    """Return (handles, 5): x and y in m, vx, vy and speed in m/s; nan if the bag has no velocities."""
     out = np.full((len(handles), 5), np.nan)
     out[:, :2] = frame.handles_m[handles]
     if frame.velocity_m_s is not None:

@@ -1,4 +1,4 @@
-"""``urdf``: the dragon of a scene as a robot, for RViz, MoveIt, Gazebo and others."""
+"""``urdf``: write the dragon of a scene as a robot, for RViz, MoveIt, Gazebo and others."""
 from argparse import SUPPRESS
 from pathlib import Path
 
@@ -7,9 +7,9 @@ from dragon_ros.cli import command_line
 
 def main(argv: list[str]) -> int:
     """Write the URDF; return the exit code."""
-    options = command_line.parser('urdf', 'Write the dragon of a scene as a robot in URDF: benches are links of the '
-                                  'true sizes, handles revolute joints.\nTopic joint_states (effect joints) has their '
-                                  'angles.',
+    options = command_line.parser('urdf', 'Write the dragon of a scene as a robot in URDF: benches are links of true '
+                                  'size, handles are revolute joints.\nThe topic joint_states (effect joints) carries '
+                                  'their angles.',
                                   'urdf winding --set dragon.benches=9 --output dragon.urdf')
     command_line.add_scene_options(options)
     options.add_argument('scene', nargs='?', default=SUPPRESS, metavar='SCENE', help='the same as --scene')

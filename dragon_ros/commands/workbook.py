@@ -5,11 +5,11 @@ from typing import Any, Protocol
 
 from dragon_ros.core.errors import InputError, MissingError
 
-_MOST_ROWS = 2**20 - 1      # of a sheet, below the names of its columns
+_MOST_ROWS = 2**20 - 1      # rows of a sheet, below the column names
 
 
 class _NumberedRows(Sized, Iterable[Iterable[Any]], Protocol):
-    """Rows that know their number."""
+    """Rows with a known number."""
 
 
 def xlsx_of(head: Iterable[str], rows: _NumberedRows) -> bytes:

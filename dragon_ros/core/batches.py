@@ -26,8 +26,8 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
     """
     simulation = compile_scene(scene)
     if not 0 <= first <= stop <= simulation.last_tick + 1:
-        raise FieldError('ticks', f'{first} to {stop}', f'the run has the ticks 0 to {simulation.last_tick}',
-                         'ask for some of these')
+        raise FieldError('ticks', f'{first} to {stop}', f'the run has ticks 0 to {simulation.last_tick}',
+                         'give some of these')
     size = max(1, _TICK_HANDLES // (scene.dragon.benches + 1)) if np.all(simulation.model.links_m) else 1
     for begin in range(first, stop, size):
         times_ns = [scene.run.time_ns(k) for k in range(begin, min(begin + size, stop))]
@@ -98,5 +98,5 @@ def batches(scene: Scene, times_s: Sequence[float], size: int | None = None) -> 
 
 def _check_room(out: Floats, shape: tuple[int, ...]) -> None:
     if out.shape != shape or out.dtype != np.float64 or not (out.flags.c_contiguous and out.flags.writeable):
-        raise FieldError('out', f'{out.dtype} {out.shape}', f'{shape} are to be filled in',
+        raise FieldError('out', f'{out.dtype} {out.shape}', f'the result has shape {shape}',
                          'give a writable array of that shape, float64 in C order')

@@ -18,7 +18,7 @@ def number(field: str, value: Any, *, low: float | None = None, above: float | N
     if isinstance(value, bool) or not isinstance(value, (int, float, Real)):
         raise FieldError(field, value, f'it is {_kind(value)}, not a number', _unquoted(value) or 'give a number')
     if not _is_finite(value):
-        raise FieldError(field, value, 'only finite numbers are', 'give a finite number')
+        raise FieldError(field, value, 'it is not finite', 'give a finite number')
     if low is not None and value < low:
         raise FieldError(field, value, f'the smallest is {low:g}', f'give at least {low:g}')
     if above is not None and value <= above:

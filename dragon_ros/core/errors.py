@@ -44,7 +44,7 @@ class FieldError(InputError):
 
     def __init__(self, field: str, value: Any, limit: str, cure: str) -> None:
         """Name the field, its value, the allowed values and the cure."""
-        super().__init__(f'{field}: {shown(value)} is not possible, {limit}; {cure}',
+        super().__init__(f'{field}: {shown(value)} is not valid: {limit}; {cure}',
                          field=field, value=value, limit=limit, cure=cure)
 
 

@@ -41,19 +41,19 @@ NEEDS = {Effect.CLEARANCE: Effect.BENCHES, Effect.CONTACT: Effect.CLEARANCE, Eff
 MEANINGS = {
     Effect.VELOCITY: 'velocities of all handles',
     Effect.BENCHES: 'the benches as rectangles',
-    Effect.CLEARANCE: 'the smallest gap of benches that are not neighbours, or of one and an obstacle of the venue; '
+    Effect.CLEARANCE: 'the smallest gap between benches that are not neighbours, or to an obstacle of the venue; '
                       'the gaps of those that touch',
     Effect.CONTACT: 'which benches touch each other or an obstacle, and where',
-    Effect.MARKERS: 'the benches that touch, to be shown',
+    Effect.MARKERS: 'markers of the benches that touch',
     Effect.ACCELERATIONS: 'accelerations of all handles',
     Effect.FORCES: 'tensions of all links, for equal masses at the handles and a track without friction',
-    Effect.NOISE: 'handles as a noisy sensor would see them; the scene section noise says how noisy',
-    Effect.TRAILS: 'the way that the head has come lately; the scene section trails says how far back',
+    Effect.NOISE: 'handles as measured by a noisy sensor; the scene section noise sets the noise',
+    Effect.TRAILS: 'the recent path of the head; the scene section trails sets its duration',
     Effect.CLOCK: '/clock, the simulation time for other nodes',
     Effect.DIAGNOSTICS: 'how well each tick was solved',
-    Effect.LEADER: 'place, way and speed of the leading handle; always on where the head law is commanded',
-    Effect.CLOUD: 'the handles with their velocities as one stamped cloud of points, which viewers colour by speed',
-    Effect.JOINTS: 'the angles between the benches, and where the head bench is: the dragon as a robot',
+    Effect.LEADER: 'position, heading and speed of the leading handle; always on if the head law is commanded',
+    Effect.CLOUD: 'the handles with their velocities as one stamped point cloud, which viewers can colour by speed',
+    Effect.JOINTS: 'the angles between benches and the pose of the head bench: the dragon as a robot',
     Effect.PATH: 'the track as a nav_msgs/Path, published once',
 }
 
@@ -64,7 +64,7 @@ def effects_of(names: Iterable[object]) -> Effect:
     for name in names:
         if not isinstance(name, str) or name not in known():
             raise FieldError('effects', name, f'the effects are {", ".join(known())}',
-                             did_you_mean(name, known(), 'name only these'))
+                             did_you_mean(name, known(), 'give only these'))
         effects |= known()[name]
     return effects
 
@@ -87,7 +87,7 @@ def known() -> dict[str, Effect]:
 
 @lru_cache(maxsize=256)
 def switches(effects: Effect) -> SimpleNamespace:
-    """Return whether each effect is on, by its name: a tick queries them one by one, and a Flag is slow."""
+    """Return whether each effect is on, by name; a tick queries them one by one, for which a Flag is too slow."""
     return SimpleNamespace(**{name: effect in effects for name, effect in known().items()})
 
 

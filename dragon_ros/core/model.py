@@ -148,8 +148,8 @@ class Model:
         angle, link = head_lock_angle((self.links_m / curve.b_m).tolist())
         if curve.start.hi < angle:
             raise ChainLockError(
-                f'the chain is locked from the start: link {link} finds no place while the head is nearer to the '
-                f'centre than {curve.b_m * angle:.6g} m; give a larger track.start_turns or track.pitch_m, or '
+                f'the chain is locked from the start: link {link} cannot be placed while the head is closer to '
+                f'the centre than {curve.b_m * angle:.6g} m; give a larger track.start_turns or track.pitch_m, or '
                 'shorter benches', link=link, radius_m=curve.b_m * angle, t_s=0.0)
         if not angle:
             return None, TravelEnd(curve.length_m, 'track')
@@ -239,7 +239,8 @@ class Simulation:
         if run.stop_s is not None and (limit is None or run.stop_s <= limit.t_s):
             return End(run.stop_s, 'stop')
         if limit is None:
-            raise FieldError('run.stop_s', None, 'the leader never reaches an end', 'say when to stop')
+            raise FieldError('run.stop_s', None, 'the run has no end, because the leader never reaches one', 'give a '
+                                                                                                             'stop')
         if limit.t_s < run.start_s:
             raise self._beyond(run.start_s, limit)
         return limit
@@ -248,15 +249,15 @@ class Simulation:
     def last_tick(self) -> int:
         """Number of the last tick of the run."""
         if self.end.t_s > LATEST_S:
-            raise FieldError('run.stop_s', None, f'the run would end at {self.end.t_s:.6g} s and stamps end at '
-                             f'{LATEST_S} s', 'say when to stop')
+            raise FieldError('run.stop_s', None, f'the run would end at {self.end.t_s:.6g} s, after the last stamp, '
+                             f'{LATEST_S} s', 'give an earlier stop')
         run = self.scene.run
         return run.tick_at(max(run.start_ns, floor(self.end.t_s * NS)))
 
     def time_ns(self, k: int) -> int:
         """Return the time of tick k. Raises FieldError if the run has no such tick."""
         if not 0 <= k <= self.last_tick:
-            raise FieldError('k', k, f'the run has the ticks 0 to {self.last_tick}', 'ask for one of these')
+            raise FieldError('k', k, f'the run has ticks 0 to {self.last_tick}', 'give one of these')
         return self.scene.run.time_ns(k)
 
     def check_time(self, t_s: float) -> None:

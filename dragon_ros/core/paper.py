@@ -38,8 +38,8 @@ def steps_of(t_s: float) -> int:
     """Return the number of Euler steps up to ``t_s``. Raises FieldError for a time between two steps."""
     steps = round(t_s / STEP_S)
     if abs(steps * STEP_S - t_s) > 1e-9 * max(1.0, abs(t_s)):
-        raise FieldError('t_s', t_s, f'the paper computes whole steps of {STEP_S:g} s only',
-                         f'ask for {steps * STEP_S:.2f} s, or for another accuracy')
+        raise FieldError('t_s', t_s, f'the paper computes only whole steps of {STEP_S:g} s',
+                         f'give {steps * STEP_S:.2f} s, or choose another accuracy')
     return steps
 
 
@@ -53,7 +53,7 @@ def place(track: Track, links_m: Floats, speed_m_s: float, t_s: float) -> PaperC
     for link, length_m in enumerate(_links(links_m)):
         turned = _turn(spiral.b_m, thetas[-1], radii[-1], length_m)
         if turned is None:
-            raise ChainLockError(f'the paper finds no place for link {link} within {WITHIN_M} m at radius '
+            raise ChainLockError(f"the paper's recipe cannot place link {link} within {WITHIN_M} m at radius "
                                  f'{radii[-1]:.6f} m; ask for an earlier time', link=link, t_s=t_s)
         evaluations += turned
         thetas.append(thetas[-1] + turned * STEP_RAD)

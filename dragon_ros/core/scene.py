@@ -34,7 +34,7 @@ class Run:
         if self.stop_s is not None:
             settle(self, stop_s=number('run.stop_s', self.stop_s, high=LATEST_S))
             if self.stop_s < self.start_s:
-                raise FieldError('run.stop_s', self.stop_s, f'the run starts at {self.start_s} s', 'stop later')
+                raise FieldError('run.stop_s', self.stop_s, f'the run starts at {self.start_s} s', 'give a later stop')
 
     @property
     def start_ns(self) -> int:
@@ -101,11 +101,11 @@ class Scene:
     def _check_paper(self) -> None:
         """Reject scenes that the paper's recipe does not support."""
         if not isinstance(self.track, Spiral) or not isinstance(self.head, Head) or self.head.lead != 'head':
-            raise FieldError('accuracy', self.accuracy, "the paper's recipe is for one spiral, led by the head at a "
-                             'constant speed', 'ask for another tier')
+            raise FieldError('accuracy', self.accuracy, "the paper's recipe requires one spiral, led by the head at a "
+                             'constant speed', 'choose another tier')
         if not is_even(self.dragon.link_lengths_m):
-            raise FieldError('accuracy', self.accuracy, "the paper's recipe is for benches equal behind the head",
-                             'ask for another tier, or make them equal')
+            raise FieldError('accuracy', self.accuracy, "the paper's recipe requires equal benches behind the head",
+                             'choose another tier, or make them equal')
 
     @property
     def is_led(self) -> bool:
@@ -117,7 +117,7 @@ class Scene:
         """The track if it is a single spiral. Raises FieldError otherwise."""
         if isinstance(self.track, Spiral):
             return self.track
-        raise FieldError('track.kind', type(self.track).__name__.lower(), 'this needs a single spiral',
+        raise FieldError('track.kind', type(self.track).__name__.lower(), 'a single spiral is required',
                          'use track.kind: spiral')
 
     @property
@@ -125,5 +125,5 @@ class Scene:
         """The leader's speed if it is constant. Raises FieldError otherwise."""
         if isinstance(self.head, Head):
             return self.head.speed_m_s
-        raise FieldError('head.kind', type(self.head).__name__.lower(), 'this needs a constant speed',
+        raise FieldError('head.kind', type(self.head).__name__.lower(), 'a constant speed is required',
                          'use head.speed_m_s')

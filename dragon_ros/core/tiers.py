@@ -83,5 +83,5 @@ def tier_for(accuracy: Any, size_m: float = 0.0) -> Tier:
 
 def _beyond_floats(accuracy: Any, size_m: float) -> FieldError:
     best = best_m(size_m)
-    return FieldError('accuracy', accuracy, f'with coordinates up to {max(size_m, _FLOAT_SIZE_M):.4g} m floats keep no '
-                      f'more than {best:.3g} m', f'ask for {best:.3g} m or more, or for exact')
+    return FieldError('accuracy', accuracy, f'with coordinates up to {max(size_m, _FLOAT_SIZE_M):.4g} m floats resolve '
+                      f'only {best:.3g} m', f'ask for {best:.3g} m or more, or for exact')

@@ -15,7 +15,7 @@ from dragon_ros.core.limits import VENUE_CORNERS
 INSIDE = 'inside'       # the name of the boundary, among the names of obstacles
 _FARTHEST_M = 1e9
 _LONGEST = 100          # characters of a name
-_AROUND = 'list its corners in their order around it'
+_AROUND = 'list its corners in order around it'
 
 Point = tuple[float, float]
 Points = tuple[Point, ...]
@@ -55,8 +55,8 @@ class LineObstacle:
         name = _name(field, self.name)
         points = _points(f'{field}.points_m', name, self.points_m)
         if len(points) < 2:
-            raise FieldError(f'{field}.points_m', name, f'a line has at least 2 different points, this one '
-                             f'{len(points)}', 'give more, or leave it out')
+            raise FieldError(f'{field}.points_m', name, f'a line needs at least 2 different points, this one has '
+                             f'{len(points)}', 'add points, or remove it')
         return LineObstacle(name, points)
 
 
@@ -79,10 +79,10 @@ class Venue:
     def __post_init__(self) -> None:
         """Reject a venue that is empty or too large, and invalid polygons and lines."""
         if not self.obstacles and self.inside is None:
-            raise FieldError('venue.obstacles', 0, 'a venue has obstacles or an inside', 'give one, or leave out venue')
+            raise FieldError('venue.obstacles', 0, 'a venue needs obstacles or an inside', 'add one, or remove venue')
         count = corners(self)
         if count > VENUE_CORNERS:
-            raise FieldError('venue', f'{count} corners', f'the most are {VENUE_CORNERS}',
+            raise FieldError('venue', f'{count} corners', f'the limit is {VENUE_CORNERS}',
                              'simplify its outlines, or keep only what is near the track')
         inside = self.inside
         if inside is not None:
@@ -97,8 +97,8 @@ class Venue:
         known = {INSIDE}
         for n, one in enumerate(self.obstacles, 1):
             if one.name in known:
-                raise FieldError(f'venue.obstacles.{n}.name', one.name, 'another one has that name' if
-                                 one.name != INSIDE else 'that is the name of the boundary', 'give it another')
+                raise FieldError(f'venue.obstacles.{n}.name', one.name, 'another obstacle has this name' if
+                                 one.name != INSIDE else 'it is the name of the boundary', 'give it another name')
             known.add(one.name)
 
     @property
@@ -126,7 +126,7 @@ def _origin(value: Any) -> Point | None:
     if value is None:
         return None
     if not isinstance(value, tuple) or len(value) != 2:
-        raise FieldError('venue.origin_deg', value, 'it is no place', 'write [longitude, latitude]')
+        raise FieldError('venue.origin_deg', value, 'it is not a position', 'write [longitude, latitude]')
     lon, lat = (number('venue.origin_deg', one, low=-most, high=most)
                 for one, most in zip(value, (180.0, 90.0), strict=True))
     return lon, lat
@@ -144,19 +144,20 @@ def _ring(field: str, name: str, values: Any) -> Points:
     points = _points(field, name, values)
     points = points[:-1] if len(points) > 1 and points[0] == points[-1] else points
     if len(points) < 3:
-        raise FieldError(field, name, f'a polygon has at least 3 different corners, this one {len(points)}', _AROUND)
+        raise FieldError(field, name, 'a polygon needs at least 3 different corners, this one has '
+                                      f'{len(points)}', _AROUND)
     return points
 
 
 def _points(field: str, name: str, values: Any) -> Points:
     """Return points without consecutive repetitions. Raises FieldError for an invalid coordinate."""
     if not isinstance(values, tuple) or not all(isinstance(one, tuple) and len(one) == 2 for one in values):
-        raise FieldError(field, values, f'those of {name!r} are no points', 'write for example [[0, 0], [4, 0]]')
+        raise FieldError(field, values, f'{name!r} needs a list of points', 'write for example [[0, 0], [4, 0]]')
     flat = [*chain.from_iterable(values)]
     for n, one in enumerate(flat):
         if type(one) not in (float, int) or not isfinite(one) or abs(one) > _FARTHEST_M:
-            raise FieldError(f'{field}.{n // 2 + 1}', one, f'a coordinate of {name!r} is a finite number of metres up '
-                             f'to {_FARTHEST_M:g}', 'give that point in metres')
+            raise FieldError(f'{field}.{n // 2 + 1}', one, f'coordinates of {name!r} must be finite and at most '
+                             f'{_FARTHEST_M:g} m', 'give this point in metres')
     points = [*zip((float(x) + 0.0 for x in flat[::2]), (float(y) + 0.0 for y in flat[1::2]), strict=True)]
     return (*points[:1], *(after for before, after in pairwise(points) if after != before))
 

@@ -1,6 +1,6 @@
-"""Certificates of first contact, written from the solver's proof; ``dragon_ros.verify`` checks them.
+"""Write certificates of first contact from the solver's proof; ``dragon_ros.verify`` checks them.
 
-A bag of a run that ends in its first contact carries what its certificate claims, beside its scene.
+The bag of a run that ends in its first contact stores the claim of its certificate beside its scene.
 """
 from collections.abc import Sequence
 from math import ceil
@@ -12,31 +12,31 @@ from dragon_ros.core.search.certificate import ALL, Contact, Interval, NoContact
 from dragon_ros.core.search.family import FamilyProof
 from dragon_ros.scenes.load import scene_values
 
-_VERSION = 2        # of the format and of what its claims mean; certificates up to 0.2.0 have none, and count as 1
+_VERSION = 2        # of the format and the meaning of its claims; certificates up to 0.2.0 carry none and count as 1
 _WITH_VENUE = 3     # of certificates of a scene with a venue
-_MOST = 20_000      # rows of a certificate: hints where to cut
+_MOST = 20_000      # rows of a certificate; they only hint where to split
 _NAMES = {ALL: 'all', 0: 'head', 1: 'body'}
 
 
 def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
-    """Return a certificate as plain values. Raises InputError where there is none.
+    """Return a certificate as plain values. Raises InputError if there is none.
 
-    It has what is claimed and where to cut; the bounds of the intervals are the solver's own, and nobody needs them.
+    It contains the claim and where to split intervals, but not the solver's bounds, which the checker does not use.
     """
     proof = found.certificate
     if not proof.complete:
-        raise InputError('--certificate: this run has none: benches come together so slowly that the last stretch '
-                         'before the contact cannot be told from it')
+        raise InputError('--certificate: this run has none: the benches approach so slowly that the last interval '
+                         'before the contact cannot be distinguished from it')
     return _certificate(scene, _contact(found), _rows(proof.intervals))
 
 
 def claim_of(found: Contact | NoContact) -> dict[str, Any] | None:
-    """Return what a certificate claims of a run, without its scene and intervals; None where there is none."""
+    """Return the claim of a certificate, without its scene and intervals; None if the run has no certificate."""
     return _contact(found) if found.certificate.complete else None
 
 
 def of_claim(scene: Scene, claim: Any) -> dict[str, Any]:
-    """Return a claim about a scene as a certificate without intervals, which are hints alone: nothing is believed."""
+    """Return a claim about a scene as a certificate without intervals, which are only hints to the checker."""
     return _certificate(scene, claim, [])
 
 
@@ -49,7 +49,7 @@ def _certificate(scene: Scene, contact: Any, rows: list[dict[str, Any]]) -> dict
 
 
 def family_values(scene: Scene, proof: FamilyProof) -> dict[str, Any]:
-    """Return a certificate of a family as plain values: what is claimed, which the checker proves anew."""
+    """Return the certificate of a family as plain values: the claim, which the checker proves independently."""
     return {'family': 1, 'scene': scene_values(scene), 'within': dict(proof.within), 'proved_s': proof.proved_s}
 
 
@@ -62,7 +62,7 @@ def _contact(found: Contact | NoContact) -> dict[str, Any]:
 
 
 def _rows(intervals: Sequence[Interval]) -> list[dict[str, Any]]:
-    """Return rows; where there are more than anyone needs, each stands for several intervals that follow each other."""
+    """Return the rows; beyond the most that are written, each covers several consecutive intervals."""
     most, joined = ceil(len(intervals) / _MOST), 1
     out: list[dict[str, Any]] = []
     for row in map(_row, intervals):

@@ -1,7 +1,7 @@
-"""Lines to walk along in drawings: SVG, GeoJSON and CSV, as parts in metres with y upwards.
+"""Read the line to walk from a drawing (SVG, GeoJSON, WKT or CSV) as parts in metres, with y upwards.
 
-SVG is read by svgelements, which knows its paths, shapes, transforms, units and viewBox. It is given the chosen element
-and the groups around it alone, by a parser that refuses what is too large, too deep, or declares entities.
+svgelements interprets SVG paths, shapes, transforms, units and viewBox. It receives only the chosen element and its
+groups, from a parser that rejects files that are too large or too deep, or that declare entities.
 """
 import csv
 import io
@@ -27,26 +27,27 @@ if TYPE_CHECKING:
 _SVG = '{http://www.w3.org/2000/svg}'
 _LABEL = '{http://www.inkscape.org/namespaces/inkscape}label'
 _SHAPES = ('path', 'polyline', 'line', 'polygon', 'rect', 'circle', 'ellipse')
-_AROUND = ('svg', 'g', 'a', 'switch')     # what is in defs, symbols or masks is not drawn there
+_AROUND = ('svg', 'g', 'a', 'switch')     # contents of defs, symbols and masks are not drawn in place
 _PX_M = 0.0254 / 96     # CSS: a pixel is a 96th of an inch
 _MOST_LISTED = 12
-_JOINED = 1e-9          # of a coordinate: how far apart ends are that are one
+_JOINED = 1e-9          # of a coordinate: ends closer than this are one point
 _SCALE = re.compile(r'1\s*:\s*(\d+(?:\.\d*)?)')
-METRES = 'metres of the SVG: '      # and six numbers a to f, in its description: x = a u + c v + e, y = b u + d v + f
+METRES = 'metres of the SVG: '      # then six numbers a to f, in the description: x = a u + c v + e, y = b u + d v + f
 _NUMBER = r'[-+0-9.eE]{1,30}'
 _METRES = re.compile(METRES + r'matrix\((' + ', '.join([_NUMBER] * 6) + r')\)')
-_FAILS = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RecursionError)     # of svgelements
+# What svgelements raises for invalid drawings.
+_FAILS = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RecursionError)
 
 
 @dataclass(frozen=True)
 class DrawnLine:
-    """A line of a drawing: its name there, and its parts in metres, each beginning where the one before ends."""
+    """A line of a drawing: its name, and its parts in metres, each starting where the previous one ends."""
 
     name: str
     parts: tuple[DrawnPart, ...]
 
     def turned_round(self) -> 'DrawnLine':
-        """Return the line in the other direction."""
+        """Return the line in the opposite direction."""
         return DrawnLine(self.name, tuple(_turned_round(part) for part in reversed(self.parts)))
 
 
@@ -60,61 +61,61 @@ def _turned_round(part: DrawnPart) -> DrawnPart:
 
 
 def metres_a_unit(scale: str | None, unit_m: float | None) -> tuple[float, bool] | None:
-    """Return metres for each unit and whether that is a metre of paper; None if neither a scale nor a unit is given.
+    """Return metres per unit, and whether the unit is a metre of paper; None if neither scale nor unit is given.
 
     Raises FieldError.
     """
     if scale is not None and unit_m is not None:
-        raise FieldError('--unit', unit_m, f'--scale {scale} says the same', 'leave one of them out')
+        raise FieldError('--unit', unit_m, f'it conflicts with --scale {scale}', 'give only one of them')
     if scale is None:
         return None if unit_m is None else (unit_m, False)
     found = _SCALE.fullmatch(scale.strip())
     if not found or not float(found[1]) > 0:
-        raise FieldError('--scale', scale, 'a scale is one to so many', 'write for example 1:200')
+        raise FieldError('--scale', scale, 'a scale has the form 1:N', 'write for example 1:200')
     return float(found[1]), True
 
 
 def bytes_of(path: Path) -> bytes:
-    """Return a drawing's bytes within the budget. Raises MissingError, InputError."""
+    """Return the bytes of a drawing, within the budget. Raises MissingError, InputError."""
     try:
         with path.open('rb') as file:
             data = file.read(DRAWING_BYTES + 1)
     except (OSError, ValueError) as error:
         raise MissingError(f'{shown(str(path))[1:-1]}: cannot be read: {getattr(error, "strerror", error)}') from None
     if len(data) > DRAWING_BYTES:
-        raise InputError(f'{path}: is too large; the largest drawing has {DRAWING_BYTES} bytes')
+        raise InputError(f'{path}: the file is too large; the limit is {DRAWING_BYTES} bytes')
     return data
 
 
 def chosen(path: Path, what: str, names: list[str], asked: str | None, option: str = '--path') -> int:
-    """Return which of several lines of a drawing is asked for. Raises InputError that lists them."""
+    """Return the index of the requested line of a drawing. Raises InputError with a list of the lines."""
     if asked is not None and asked in names:
         return names.index(asked)
     if asked is None and len(names) == 1:
         return 0
     if not names:
-        raise InputError(f'{path}: has no {what}; draw the line that the head walks', field='path')
+        raise InputError(f'{path}: it contains no {what}; draw the line that the head walks', field='path')
     listed = ', '.join(shown(name)[1:-1] for name in names[:_MOST_LISTED])
     listed += f' and {len(names) - _MOST_LISTED} more' if len(names) > _MOST_LISTED else ''
     if asked is None:
-        raise InputError(f'{path}: has {len(names)} {what}s: {listed}; say which one is walked: {option} '
+        raise InputError(f'{path}: it contains {len(names)} {what}s ({listed}); choose one, for example {option} '
                          f'{shown(names[0])[1:-1]}', field='path')
-    raise InputError(f'{path}: {option} {shown(asked)} is not in it; '
+    raise InputError(f'{path}: it contains no {option} {shown(asked)}; '
                      f'{did_you_mean(asked, names, f"its {what}s are {listed}")}', field='path')
 
 
 # CSV
 
 def csv_line(path: Path, unit_m: float) -> DrawnLine:
-    """Return the points of a CSV file: the columns x and y (or x_m, y_m), or the first two where it has no header."""
+    """Return the points of a CSV file: columns x and y (or x_m, y_m), or the first two if there is no header."""
     text = _text(path, bytes_of(path))
     try:
         rows = [(number, row) for number, row in enumerate(csv.reader(io.StringIO(text), _dialect(text)), 1)
                 if any(cell.strip() for cell in row) and not row[0].lstrip().startswith('#')]
     except csv.Error as error:
-        raise InputError(f'{path}: is not CSV: {error}') from None
+        raise InputError(f'{path}: it is not CSV: {error}') from None
     if len(rows) > DRAWING_POINTS + 1:
-        raise InputError(f'{path}: has {len(rows)} rows; a drawing has {DRAWING_POINTS} points at most')
+        raise InputError(f'{path}: it has {len(rows)} rows; the limit is {DRAWING_POINTS} points')
     columns = (0, 1)
     if rows and not _is_number(rows[0][1][0]):
         columns = _columns(path, rows.pop(0)[1])
@@ -126,11 +127,11 @@ def _text(path: Path, data: bytes) -> str:
     try:
         return data.decode('utf-8-sig')
     except UnicodeDecodeError:
-        raise InputError(f'{path}: is not UTF-8 text') from None
+        raise InputError(f'{path}: it is not UTF-8 text; save it as UTF-8') from None
 
 
 def _dialect(text: str) -> type[csv.Dialect]:
-    """Return a dialect with the delimiter of the first line that has one: semicolon, tab, comma or blanks."""
+    """Return a dialect with the delimiter of the first data line: semicolon, tab, comma or blanks."""
     head = next((line for line in text.splitlines() if line.strip() and not line.lstrip().startswith('#')), '')
 
     class Dialect(csv.excel):
@@ -152,21 +153,21 @@ def _columns(path: Path, head: list[str]) -> tuple[int, int]:
     for pair in (('x_m', 'y_m'), ('x', 'y')):
         if all(name in names for name in pair):
             return names.index(pair[0]), names.index(pair[1])
-    raise InputError(f'{path}: its columns are {shown(", ".join(names))[1:-1]}; name those of the points x and y, in '
-                     'metres (degrees are read from GeoJSON)')
+    raise InputError(f'{path}: its columns are {shown(", ".join(names))[1:-1]}; name the two with coordinates x and y, '
+                     'in metres (for degrees, use GeoJSON)')
 
 
 def _point(path: Path, number: int, row: list[str], columns: tuple[int, int]) -> complex:
     try:
         point = complex(*(float(row[column]) for column in columns))
     except (ValueError, IndexError):
-        raise InputError(f'{path}:{number}: {shown(",".join(row))[1:-1]} has no two numbers') from None
+        raise InputError(f'{path}:{number}: {shown(",".join(row))[1:-1]} is not two numbers; give x and y') from None
     return _within(path, point)
 
 
 def _within(path: Path, point: complex) -> complex:
     if not abs(point) < 1e9:
-        raise InputError(f'{path}: a point at ({point.real:g}, {point.imag:g}) is too far away; the farthest is 1e9 m')
+        raise InputError(f'{path}: a point at ({point.real:g}, {point.imag:g}) is too far away; the limit is 1e9 m')
     return point
 
 
@@ -184,17 +185,17 @@ def map_line(path: Path, asked: str | None, origin_deg: tuple[float, float] | No
     x, y = get_coordinates(lines[at].geometry).T
     points = np.array([_within(path, point) for point in (x + 1j * y).tolist()], dtype=np.complex128)
     if len(points) > DRAWING_POINTS:
-        raise InputError(f'{path}: has {len(points)} points; a drawing has {DRAWING_POINTS} at most')
+        raise InputError(f'{path}: it has {len(points)} points; the limit is {DRAWING_POINTS}')
     return DrawnLine(names[at], (points,))
 
 
 # SVG
 
 def svg_line(path: Path, asked: str | None, scale: tuple[float, bool] | None) -> DrawnLine:
-    """Return a path of an SVG file by its id, or by its label of Inkscape; the lower left corner of the page is (0, 0).
+    """Return a path of an SVG file by its id or Inkscape label; the lower left corner of the page is (0, 0).
 
-    ``scale`` is metres for each unit of the viewBox, or for each metre of paper. A picture that says how its
-    coordinates are metres, as those of ``plot`` do, takes none.
+    ``scale`` is metres per unit of the viewBox, or per metre of paper. Pictures that define their own scale, such as
+    those of ``plot``, take none.
     """
     root = _tree(path, bytes_of(path))
     shapes = list(_shapes(root, [root]))
@@ -202,31 +203,31 @@ def svg_line(path: Path, asked: str | None, scale: tuple[float, bool] | None) ->
     at = chosen(path, 'path', names, _id_of(shapes, names, asked))
     matrix = _metres_of(root)
     if matrix is None and scale is None:
-        raise InputError(f'{path}: says nothing about metres; give --scale 1:200 (of the drawing on paper), or --unit '
-                         'METRES (for each unit of the drawing)', field='scale')
+        raise InputError(f'{path}: it defines no scale; give --scale 1:200 (of the drawing on paper), or '
+                         '--unit with the metres per unit of the drawing', field='scale')
     if matrix is not None and scale is not None:
-        raise InputError(f'{path}: says itself how it is to scale; leave out --scale and --unit', field='scale')
+        raise InputError(f'{path}: it defines its own scale; omit --scale and --unit', field='scale')
     return DrawnLine(names[at], tuple(_parts(path, *_read(path, *shapes[at]), matrix, scale)))
 
 
 def _id_of(shapes: list[tuple[list['Element'], 'Element']], names: list[str], asked: str | None) -> str | None:
-    """Return the id of the one path with a label, where no path has it for an id."""
+    """Return the id of the only path with this label, if no path has it as an id."""
     labelled = [name for name, shape in zip(names, shapes, strict=True) if asked in _said(*shape, _LABEL)]
     return labelled[0] if asked is not None and asked not in names and len(labelled) == 1 else asked
 
 
 def _name(number: int, above: list['Element'], element: 'Element') -> str:
-    """Return the id of a shape, or of the group that holds nothing else; its number where it has none."""
+    """Return the id of a shape, or of a group that contains nothing else; its number if there is none."""
     return next(iter(_said(above, element, 'id')), f'#{number}')
 
 
 def _said(above: list['Element'], element: 'Element', key: str) -> list[str]:
-    """Return what a shape, or the group that holds nothing else, has for an attribute."""
+    """Return an attribute of a shape and of the groups that contain nothing else."""
     return [value for one in (element, *(above[-1:] if len(above[-1]) == 1 else [])) if (value := one.get(key))]
 
 
 def _tree(path: Path, data: bytes) -> 'Element':
-    """Return the elements of a file, whose depth and number are checked as it is parsed, without entities."""
+    """Parse a file without entities; depth and number of elements are checked on the way."""
     builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate(namespace_separator='}')
     depth, count = 0, 0
 
@@ -234,8 +235,8 @@ def _tree(path: Path, data: bytes) -> 'Element':
         nonlocal depth, count
         depth, count = depth + 1, count + 1
         if depth > XML_DEPTH or count > XML_ELEMENTS:
-            raise InputError(f'{path}: is nested {depth} deep or has {count} elements; at most {XML_DEPTH} and '
-                             f'{XML_ELEMENTS} are read')
+            raise InputError(f'{path}: it is nested {depth} deep or has {count} elements; the limits are {XML_DEPTH} '
+                             f'and {XML_ELEMENTS}')
         builder.start(_qualified(tag), {_qualified(key): value for key, value in attributes.items()})
 
     def end(tag: str) -> None:
@@ -244,16 +245,16 @@ def _tree(path: Path, data: bytes) -> 'Element':
         builder.end(_qualified(tag))
 
     def entity(*_: object) -> None:
-        raise InputError(f'{path}: declares entities, which are not read; save it as plain SVG')
+        raise InputError(f'{path}: it declares entities, which are not supported; save it as plain SVG')
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.CharacterDataHandler, parser.EntityDeclHandler = builder.data, entity
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise InputError(f'{path}: is not SVG: {error}') from None
+        raise InputError(f'{path}: it is not SVG: {error}') from None
     except ValueError as error:     # an encoding that Python lacks
-        raise InputError(f'{path}: is not SVG: {shown(str(error))[1:-1]}') from None
+        raise InputError(f'{path}: it is not SVG: {shown(str(error))[1:-1]}') from None
     return builder.close()
 
 
@@ -266,7 +267,7 @@ def _kind(element: 'Element') -> str:
 
 
 def _shapes(element: 'Element', above: list['Element']) -> Iterator[tuple[list['Element'], 'Element']]:
-    """Yield each shape that is drawn, with the elements around it from the root on."""
+    """Yield each drawn shape with its ancestors, root first."""
     for below in element:
         kind = _kind(below)
         if kind in _SHAPES:
@@ -276,7 +277,7 @@ def _shapes(element: 'Element', above: list['Element']) -> Iterator[tuple[list['
 
 
 def _metres_of(root: 'Element') -> tuple[float, ...] | None:
-    """Return the matrix from user units to metres that a picture says in its description."""
+    """Return the matrix from user units to metres that a picture's description contains."""
     for element in root.iter():
         found = _METRES.search(element.text or '')
         if found:
@@ -290,10 +291,10 @@ def _metres_of(root: 'Element') -> tuple[float, ...] | None:
 
 
 def _read(path: Path, above: list['Element'], element: 'Element') -> tuple[Any, Any]:
-    """Return the document of svgelements that holds one shape and the groups around it, and the shape."""
+    """Return the svgelements document of one shape within its groups, and the shape."""
     if len(element.get('d', '') + element.get('points', '')) > DRAWING_BYTES // 4:
-        raise InputError(f'{path}: {shown(element.get("id"))}: is too long; at most {DRAWING_BYTES // 4} characters '
-                         'are read')
+        raise InputError(f'{path}: {shown(element.get("id"))}: its path is too long; the limit is '
+                         f'{DRAWING_BYTES // 4} characters; split it')
     try:
         from svgelements import SVG, Shape
         from svgelements import Path as SvgPath
@@ -311,12 +312,12 @@ def _read(path: Path, above: list['Element'], element: 'Element') -> tuple[Any, 
         raise InputError(f'{path}: {shown(element.get("id") or _kind(element))}: cannot be read'
                          f'{f": {shown(str(error))[1:-1]}" if str(error) else ""}; check its numbers') from None
     if shape is None or len(shape) < 2:
-        raise InputError(f'{path}: {shown(element.get("id") or _kind(element))}: has no length')
+        raise InputError(f'{path}: {shown(element.get("id") or _kind(element))}: it has no length; choose another path')
     return document, shape
 
 
 def _copy(element: 'Element') -> 'Element':
-    """Return an element without what is below it and without attributes of other namespaces."""
+    """Return an element without its children and without attributes of other namespaces."""
     kept = {key: value for key, value in element.attrib.items() if not key.startswith('{')}
     kept.pop('class', None)
     return ElementTree.Element(element.tag, kept)
@@ -324,12 +325,12 @@ def _copy(element: 'Element') -> 'Element':
 
 def _parts(path: Path, document: Any, shape: Any, matrix: tuple[float, ...] | None,
            scale: tuple[float, bool] | None) -> Iterator[DrawnPart]:
-    """Yield the parts of a shape of svgelements in metres; lines in a row are one part."""
+    """Yield the parts of an svgelements shape in metres; consecutive lines are one part."""
     from svgelements import Arc, Close, CubicBezier, Line, Move, QuadraticBezier
     try:
         bare = _to_metres(document, matrix, scale)
     except _FAILS:
-        raise InputError(f'{path}: its width, height or viewBox has no size; give it one') from None
+        raise InputError(f'{path}: its width, height or viewBox is zero; give it a size') from None
 
     def to_m(point: Any) -> complex:
         return _within(path, bare(point))
@@ -337,10 +338,10 @@ def _parts(path: Path, document: Any, shape: Any, matrix: tuple[float, ...] | No
     points: list[complex] = []
     segments = list(shape)
     if len(segments) > DRAWING_POINTS:
-        raise InputError(f'{path}: has {len(segments)} points; a drawing has {DRAWING_POINTS} at most')
+        raise InputError(f'{path}: it has {len(segments)} points; the limit is {DRAWING_POINTS}')
     if any(isinstance(one, Move) for one in segments[1:]):
-        raise InputError(f'{path}: {shown(shape.id)}: has several parts; split it (Inkscape: Path > Break Apart) and '
-                         'name one', field='path')
+        raise InputError(f'{path}: {shown(shape.id)}: it has several parts; split it (Inkscape: Path > Break Apart) '
+                         'and name one', field='path')
     for one in segments[1:]:
         start, end = to_m(one.start), to_m(one.end)
         if isinstance(one, (Line, Close)):
@@ -362,13 +363,13 @@ def _parts(path: Path, document: Any, shape: Any, matrix: tuple[float, ...] | No
 
 
 def _ellipse(path: Path, to_m: Any, arc: Any) -> EllipseArc:
-    """Return an arc by conjugate half axes: a transform maps them to such; svgelements turns it as it turns them."""
+    """Return an arc by its conjugate half axes, which any affine transform maps to conjugate half axes."""
     centre = to_m(arc.center)
     a, b = to_m(arc.prx) - centre, to_m(arc.pry) - centre
     start = to_m(arc.start) - centre
     area = (a.conjugate() * b).imag
     if not area or not isfinite(arc.sweep):
-        raise InputError(f'{path}: an arc has no width; draw it as a line')
+        raise InputError(f'{path}: an arc has zero width; draw it as a line')
     begin = atan2((a.conjugate() * start).imag / area, -(b.conjugate() * start).imag / area)
     mirrored = (arc.prx.x - arc.center.x) * (arc.pry.y - arc.center.y) < (arc.prx.y - arc.center.y) * (
         arc.pry.x - arc.center.x)
@@ -376,7 +377,7 @@ def _ellipse(path: Path, to_m: Any, arc: Any) -> EllipseArc:
 
 
 def _to_metres(document: Any, matrix: tuple[float, ...] | None, scale: tuple[float, bool] | None) -> Any:
-    """Return the map from points of svgelements, in pixels with y downwards, to metres with y upwards."""
+    """Return the map from svgelements points (pixels, y downwards) to metres with y upwards."""
     from svgelements import Matrix
     back = ~Matrix(document.viewbox_transform)      # to units of the viewBox
     height = float(document.height)

@@ -1,9 +1,9 @@
-"""Head laws of one's own: Python entry points in the group ``dragon_ros.head_laws``.
+"""Custom head laws: Python entry points in the group ``dragon_ros.head_laws``.
 
 An entry point is a function that takes the settings of a scene file as keyword arguments and returns a ``Head`` or a
-``Profile`` of ``dragon_ros.core.chain.head_law``, the same one whenever it is asked. The scene then holds what it
-returned, not its name: a bag makes its run again without the plug-in. So only a scene file or a command line loads one,
-never a bag or a topic.
+``Profile`` of ``dragon_ros.core.chain.head_law``, the same one for the same settings. The scene stores the returned
+law, not the name of the entry point, so a bag can be recomputed without the plug-in. Only a scene file or a command
+line loads an entry point, never a bag or a topic.
 """
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ KEYS = ('kind', 'law', 'settings')
 
 
 def plugged(document: Document) -> Head | Profile:
-    """Return the head law that a document's section names. Raises InputError where there is none, or none like it."""
+    """Return the head law that the section head names. Raises InputError if it is missing or invalid."""
     given = document.section('head')
     document.check_keys('head.', given, KEYS)
     name, settings = given.get('law'), given.get('settings', {})
@@ -29,21 +29,21 @@ def plugged(document: Document) -> Head | Profile:
     try:
         make = found.load()
         laws = [make(**settings) for _ in range(2)]
-    except Exception as error:      # noqa: BLE001 - it is somebody else's code
+    except Exception as error:      # noqa: BLE001 - it is third-party code
         document.refuse('head.law', f'{name} ({found.value}) failed: {type(error).__name__}: {error}')
     law: Any = laws[0]
     if type(law) not in (Head, Profile):
-        document.refuse('head.law', f'{name} ({found.value}) returned {type(law).__name__}; it has to return a Head or '
+        document.refuse('head.law', f'{name} ({found.value}) returned {type(law).__name__}; it must return a Head or '
                         'a Profile of dragon_ros.core.chain.head_law')
     if law != laws[1]:
-        document.refuse('head.law', f'{name} ({found.value}) returned two laws for the same settings; a run could not '
-                        'be made again')
+        document.refuse('head.law', f'{name} ({found.value}) returned two different laws for the same settings, so the '
+                        'run would not be reproducible')
     return law      # type: ignore[no-any-return]
 
 
 def _found(document: Document, name: Any) -> 'EntryPoint':
-    """Return the entry point of a name; it is not loaded yet."""
-    from importlib.metadata import entry_points  # a tenth of the time of a table
+    """Return the entry point with a name, without loading it."""
+    from importlib.metadata import entry_points  # takes a tenth of the time of a table
     known = entry_points(group=GROUP)
     found = [one for one in known if one.name == name]
     if len(found) != 1:

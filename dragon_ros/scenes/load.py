@@ -30,19 +30,19 @@ SECTIONS: dict[str, dict[str, type]] = {
     'trails': {'': Trails},
     'venue': {'': Venue},
 }       # by kind; the first is the default
-_ABSENT = ('venue',)        # sections without which there is none of it
+_ABSENT = ('venue',)        # sections that have no default
 # Lists of mappings in a section, by their key.
 PARTS: dict[str, dict[str, type]] = {'pieces': dict(PIECES), 'groups': {'': Group}, 'obstacles': dict(OBSTACLES)}
 _EXAMPLES = {'pieces': '{kind: line, length_m: 5}', 'groups': '{count: 100, length_m: 2.2}',
              'obstacles': '{kind: line, name: wall, points_m: [[0, 0], [9, 0]]}'}
-_PAIRS = {'at_m': 'a point; write for example [1.5, 2]', 'origin_deg': 'a place; write [longitude, latitude]'}
+_PAIRS = {'at_m': 'a point; write for example [1.5, 2]', 'origin_deg': 'a position; write [longitude, latitude]'}
 _WORDS = ('lead', 'ramps', 'side', 'name')
 CHOICES = ('solver', 'markers')
 SINGLES = ('accuracy', 'effects', *CHOICES)
 _MOST_SHOWN = 100       # characters of a --set in an error
 # Lines of corners of a venue, as provenance writes them.
 _CORNERS = re.compile(r"^[ -]*(?:points_m|inside)?:? *'?[-+.e0-9, ]+'?\n", re.MULTILINE)
-ABOUT = 'about'     # free notes about a scene, without any effect
+ABOUT = 'about'     # free notes on a scene; they have no effect
 
 
 def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
@@ -57,7 +57,7 @@ def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
 
 
 def _read(name_or_file: str) -> Document:
-    """Return the document of a name or file, with what the file of its venue says; that lies beside it."""
+    """Return the document of a name or file, completed by the venue file beside it."""
     path = _find(name_or_file)
     document = read_document(path)
     _take_file(document, path.parent)
@@ -65,7 +65,7 @@ def _read(name_or_file: str) -> Document:
 
 
 def _take_file(document: Document, folder: Path) -> None:
-    """Put what the file of a venue says in its place, if it names one. Raises InputError."""
+    """Replace the key venue.file, if it is given, by the contents of that file. Raises InputError."""
     section = document.values.get('venue')
     if not isinstance(section, dict):
         return
@@ -75,28 +75,29 @@ def _take_file(document: Document, folder: Path) -> None:
     from dragon_ros.scenes.venue_files import venue_values
     name, origin = section.pop('file'), section.pop('origin_deg', None)
     if not isinstance(name, str):
-        document.refuse('venue.file', f'{shown(name)} is not the name of a file; write for example street.geojson')
+        document.refuse('venue.file', f'{shown(name)} is not a file name; write for example street.geojson')
     if origin is not None and not (_is_pair(origin) and all(type(one) in (int, float) for one in origin)):
-        document.refuse('venue.origin_deg', f'{shown(origin)} is no place; write [longitude, latitude]')
+        document.refuse('venue.origin_deg', f'{shown(origin)} is not a position; write [longitude, latitude]')
     drawn = venue_values(folder / name, None if origin is None else (float(origin[0]), float(origin[1])))
     for key in drawn.keys() & section.keys():
         if drawn[key]:
-            document.refuse(f'venue.{key}', f'{name} brings it too; leave one out')
+            document.refuse(f'venue.{key}', f'{name} defines it too; remove one of them')
     document.values['venue'] = {**drawn, **section}
 
 
 def _refuse_late_origin(document: Document) -> None:
-    """Refuse an origin from an option or a change, where the scene's file has been projected about another."""
+    """Reject an origin from an option or a change if the venue file is already projected about another one."""
     place = document.places.get('venue.origin_deg', '')
     if 'venue.file' in document.places and place and not place.startswith(f'{document.name}:') and (
             document.values['venue'].get('origin_deg') is not None):
-        document.refuse('venue.origin_deg', 'the file of the venue lies about its own; write it beside venue.file')
+        document.refuse('venue.origin_deg', 'the venue file was projected about its own origin; set the origin beside '
+                                            'venue.file')
 
 
 def _scene_with_plugin(document: Document) -> Scene:
-    """Return the scene of a document from the user, whose head law may be one of their own.
+    """Return the scene of a document from the user, which may name a custom head law.
 
-    A venue's file that an option or a change names lies where the user is.
+    A venue file named by an option or a change is relative to the working directory.
     """
     _take_file(document, Path())
     if document.section('head').get('kind') == PLUGIN:
@@ -105,9 +106,9 @@ def _scene_with_plugin(document: Document) -> Scene:
 
 
 def changed_scene(name_or_file: str, changes: Mapping[str, Any]) -> Scene:
-    """Return the scene of a name or file with the values of a mapping like a scene file's on top.
+    """Return the scene of a name or file, changed by a mapping that is laid out like a scene file.
 
-    A section's keys are changed one by one; where another kind is chosen, the section's other keys go.
+    Keys of a section are changed one by one; if another kind is chosen, the section's other keys are dropped.
     Raises InputError with the key.
     """
     document = _read(name_or_file)
@@ -123,16 +124,16 @@ def changed_scene(name_or_file: str, changes: Mapping[str, Any]) -> Scene:
 
 
 def _as_lists(value: Any) -> Any:
-    """Return tuples and arrays as lists, as YAML has them."""
+    """Return tuples and arrays as lists, as in YAML."""
     if isinstance(value, Mapping):
         return {key: _as_lists(one) for key, one in value.items()}
     return [_as_lists(one) for one in value] if isinstance(value, (tuple, list)) else value
 
 
 def strangers_scene(name: str, text: str, trust: bool = False) -> Scene:
-    """Return the scene that a text describes which stood in a bag or came on a topic.
+    """Return the scene that a text from a bag or a topic describes.
 
-    Unless the reader trusts it, it is read within the budgets of ``core.limits``. Raises InputError.
+    Unless ``trust`` is set, the budgets of ``core.limits`` apply. Raises InputError.
     """
     if not trust:
         _within(name, 'characters', len(text), SCENE_CHARACTERS + VENUE_BYTES)
@@ -143,20 +144,20 @@ def strangers_scene(name: str, text: str, trust: bool = False) -> Scene:
         _within(name, 'benches', scene.dragon.benches, SCENE_BENCHES)
     _check_compiled(document, scene)
     if not trust:
-        with suppress(FieldError):      # a run without an end: whoever walks its ticks refuses it
+        with suppress(FieldError):      # a run without an end is rejected where its ticks are iterated
             _within(name, 'ticks', compile_scene(scene).last_tick + 1, SCENE_TICKS)
     return scene
 
 
 def _characters_of_corners(text: str) -> int:
-    """Return how many characters of a scene's text are lines that hold corners of a venue and nothing else."""
+    """Return the number of characters of a scene's text in lines that contain only corners of a venue."""
     return sum(map(len, _CORNERS.findall(text)))
 
 
 def _within(name: str, what: str, value: int, most: int) -> None:
     if value > most:
-        raise InputError(f'{name}: has {value} {what}; from a stranger at most {most} are taken; give --trust if you '
-                         'know where it comes from', field=what, value=value, limit=most)
+        raise InputError(f'{name}: it has {value} {what}; the limit for untrusted scenes is {most}; give --trust if '
+                         'you know where it comes from', field=what, value=value, limit=most)
 
 
 def scene_of(document: Document) -> Scene:
@@ -167,7 +168,7 @@ def scene_of(document: Document) -> Scene:
 
 
 def _check_compiled(document: Document, scene: Scene) -> None:
-    """Refuse what only the track laid out in the plane can tell. Raises InputError."""
+    """Reject errors that show only once the track is laid out in the plane. Raises InputError."""
     try:
         compile_scene(scene)
         if scene.venue is not None:
@@ -178,11 +179,11 @@ def _check_compiled(document: Document, scene: Scene) -> None:
 
 
 def _settings(document: Document) -> Scene:
-    """Return a document's scene as settings alone, nothing compiled; a law of one's own is none of it."""
+    """Return a document's scene as settings, without compiling anything or loading a custom head law."""
     if document.section('head').get('kind') == PLUGIN:
-        document.refuse('head.kind', 'a head law of your own is loaded for a scene file, never for a bag or topic')
+        document.refuse('head.kind', 'custom head laws are loaded only from scene files, not from bags or topics')
     if isinstance(document.values.get('venue'), dict) and 'file' in document.values['venue']:
-        document.refuse('venue.file', 'a file is read for a scene file, never for a bag or topic')
+        document.refuse('venue.file', 'files are read only for scene files, not for bags or topics')
     document.check_keys('', document.values, (*SECTIONS, *SINGLES, ABOUT))
     try:
         values = document.values
@@ -199,7 +200,7 @@ def _settings(document: Document) -> Scene:
 
 
 def _placed(document: Document, error: FieldError) -> InputError:
-    """Return the error of a field with its place in the document."""
+    """Return the error of a field with its position in the document."""
     return InputError(f'{document.place(error.fields["field"])}: {error}', **error.fields)
 
 
@@ -220,7 +221,7 @@ def _find(name_or_file: str) -> Path:
         return Path(name_or_file)
     if name_or_file not in known:
         hint = did_you_mean(name_or_file, known, 'give one of these or the path of a .yaml file')
-        raise MissingError(f'scene: {shown(name_or_file)} is not known, the scenes are {", ".join(known)}; {hint}')
+        raise MissingError(f'scene: {shown(name_or_file)} is not known; the scenes are {", ".join(known)}; {hint}')
     return configuration_folder() / 'scenes' / f'{name_or_file}.yaml'
 
 
@@ -240,7 +241,7 @@ def _plain(value: Any) -> Any:
 
 
 def _build(document: Document, name: str, kinds: dict[str, type]) -> Any:
-    """Build one section's dataclass from its mapping; ``kind`` selects one where there are several."""
+    """Build the dataclass of a section from its mapping; ``kind`` selects one if there are several."""
     return _made(document, name, kinds, dict(document.section(name)))
 
 
@@ -254,7 +255,7 @@ def _made(document: Document, name: str, kinds: dict[str, type], given: dict[str
     known = [f.name for f in fields(kind)]
     for key, other in ((f.name, other) for other, one in kinds.items() for f in fields(one)):
         if key in given and key not in known:
-            document.refuse(f'{name}.{key}', f'unknown key for kind {chosen}; write kind: {other} for it')
+            document.refuse(f'{name}.{key}', f'unknown key for kind {chosen}; it belongs to kind: {other}')
     document.check_keys(f'{name}.', given, (*known, 'kind') if len(kinds) > 1 else known)
     for f in fields(kind):
         if f.default is MISSING and f.name not in given:
@@ -285,7 +286,8 @@ def _value(document: Document, name: str, value: Any) -> Any:
         return _points(document, name, value)
     if key == 'holes_m':
         if not isinstance(value, list):
-            document.refuse(name, f'{shown(value)} is no list of rings; write for example [[[1, 1], [2, 1], [2, 2]]]')
+            document.refuse(name, f'{shown(value)} is not a list of rings; write for example [[[1, 1], [2, 1], [2, '
+                                  '2]]]')
         return tuple(_points(document, f'{name}.{n}', one) for n, one in enumerate(value, 1))
     if key in PARTS:
         if not isinstance(value, list):
@@ -295,13 +297,13 @@ def _value(document: Document, name: str, value: Any) -> Any:
 
 
 def _points(document: Document, name: str, value: Any) -> tuple[tuple[Any, ...], ...]:
-    """Return points: a list of pairs, or text as WKT has it, which is shorter (``0 0, 4 0, 4 3``)."""
+    """Return points: a list of pairs, or the shorter text of WKT (``0 0, 4 0, 4 3``)."""
     if isinstance(value, str):
         pairs = [one.split() for one in value.split(',')]
         try:
             return tuple(tuple(map(float, pair)) for pair in pairs)
         except ValueError:
-            document.refuse(name, f"{shown(value)} holds no points; write for example '0 0, 4 0, 4 3'")
+            document.refuse(name, f"{shown(value)} contains no points; write for example '0 0, 4 0, 4 3'")
     if not isinstance(value, list) or not all(_is_pair(one) for one in value):
         document.refuse(name, f'{shown(value)} is not a list of points; write for example [[0, 0], [4, 0], [4, 3]]')
     return tuple(tuple(map(plain_number, pair)) for pair in value)

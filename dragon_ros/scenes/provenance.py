@@ -21,15 +21,15 @@ from dragon_ros.version import __version__
 
 RECORD = 'dragon_ros'
 ATTACHMENT = 'scene.yaml'
-CLAIM = 'first_contact'     # key of ``about``, where the run ends in its contact: what its certificate claims
-# What OpenBLAS calls the function that names the kernel it runs: as built by distributions, and in wheels of numpy.
+CLAIM = 'first_contact'     # key of ``about`` for the claim of the certificate, if the run ends in its contact
+# The OpenBLAS function that names the running kernel, in builds of distributions and in numpy's wheels.
 _CORE_NAMES = ('openblas_get_corename', 'openblas_get_corename64_', 'scipy_openblas_get_corename64_',
                'scipy_openblas_get_corename')
 
 
 @lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
-    """Return the versions of the software, and the git commit in a checkout (``+`` where modified)."""
+    """Return the versions of the software and, in a checkout, the git commit (with ``+`` if modified)."""
     found = {'dragon_ros': __version__, 'python': platform.python_version(), 'numpy': np.__version__}
     commit = _git('rev-parse', 'HEAD')
     if commit:
@@ -39,9 +39,9 @@ def versions() -> dict[str, str]:
 
 @lru_cache(maxsize=1)
 def kernels() -> dict[str, str]:
-    """Return which kernels compute here, as they decide the last bits: those of BLAS and of numpy.
+    """Return the kernels of BLAS and numpy on this machine, which determine the last bits.
 
-    Of BLAS its name, version and kernel (``unknown`` where it does not tell), of numpy the CPU features it uses.
+    For BLAS: name, version and kernel (``unknown`` if it does not report one). For numpy: the CPU features it uses.
     """
     about: Mapping[str, Any] = np.show_config(mode='dicts')
     blas = about.get('Build Dependencies', {}).get('blas', {})
@@ -52,9 +52,9 @@ def kernels() -> dict[str, str]:
 
 
 def other_kernel(made: Mapping[str, str]) -> str | None:
-    """Return in words what decides bits otherwise here than where a bag with a metadata record was made.
+    """Describe the kernels that differ between this machine and the one that made a bag, given its metadata record.
 
-    None where nothing does, or nothing is recorded.
+    None if nothing differs or nothing is recorded.
     """
     here = {'numpy': np.__version__, **kernels()}
     return '; '.join(f'{key} {_only_in(there, value)}, here {_only_in(value, there)}' for key, value in here.items()
@@ -72,7 +72,7 @@ def scene_file(scene: Scene, settings: Mapping[str, Any] | None = None) -> str:
 
 
 def _with_short_points(value: Any) -> Any:
-    """Return the values of a venue with lists of points as text, which is read and written many times as fast."""
+    """Return the values of a venue with lists of points as text, which is much faster to read and write."""
     if isinstance(value, dict):
         return {key: _with_short_points(one) for key, one in value.items()}
     if isinstance(value, list) and value and all(isinstance(one, list) and len(one) == 2 and
@@ -82,7 +82,7 @@ def _with_short_points(value: Any) -> Any:
 
 
 def differing_scene_file(scene: Scene, about: Mapping[str, Any]) -> str:
-    """Return a scene file with its track and what differs from the defaults; ``about`` says where it comes from."""
+    """Return a scene file with the track and all non-default keys; ``about`` records its origin."""
     usual = scene_values(Scene())
     values = {key: value for key, value in scene_values(scene).items() if key == 'track' or value != usual.get(key)}
     return yaml.safe_dump({'about': {**about}, **values}, sort_keys=False, default_flow_style=None, width=120)
@@ -91,7 +91,7 @@ def differing_scene_file(scene: Scene, about: Mapping[str, Any]) -> str:
 def run_metadata(text: str, scene: Scene | None, recorder: Mapping[str, str]) -> dict[str, str]:
     """Return the metadata record of a bag with the scene file ``text``; ``recorder`` holds settings of its recorder.
 
-    ``scene`` is what the text describes, None where this version cannot read it.
+    ``scene`` is the scene that the text describes; None if this version cannot read it.
     """
     record = {'scene': text, **{f'about.{_text(key)}': _text(value) for key, value in _about(text).items()}}
     if scene is not None:
@@ -102,14 +102,14 @@ def run_metadata(text: str, scene: Scene | None, recorder: Mapping[str, str]) ->
 
 
 def _only_in(words: str, others: str) -> str:
-    """Return the words that are not among others: lists of CPU features share most of theirs."""
+    """Return the words that are missing in another list; lists of CPU features mostly agree."""
     known = set(others.split())
     left = [word for word in words.split() if word not in known]
     return shown(' '.join(left)) if left else 'fewer'
 
 
 def _blas_kernel() -> str:
-    """Return the kernel that OpenBLAS runs, found among the libraries that numpy's linear algebra links to."""
+    """Return the kernel of OpenBLAS, found through the libraries that numpy's linear algebra links to."""
     linked = find_spec('numpy.linalg._umath_linalg')
     with suppress(OSError):
         library = ctypes.CDLL(linked.origin if linked else None)

@@ -1,6 +1,6 @@
-"""The JSON Schema of scene files, made from the dataclasses that they describe: for editors, and for other programs.
+"""The JSON Schema of scene files, made from their dataclasses, for editors and other programs.
 
-It covers names, types and choices. Limits of numbers are checked where a scene is built, with clearer errors.
+It covers names, types and choices. Limits of numbers are checked when a scene is built, with clearer errors.
 """
 import json
 from collections.abc import Mapping
@@ -23,17 +23,17 @@ _PLAIN: dict[Any, Schema] = {int: {'type': 'integer'}, float: {'type': 'number'}
                              type(None): {'type': 'null'}}
 
 
-# Points of a venue: pairs, or text as WKT has it.
+# Points of a venue: pairs, or the text of WKT.
 _POINTS: Schema = {'anyOf': [{'type': 'array', 'minItems': 2, 'items': {
     'type': 'array', 'prefixItems': [{'type': 'number'}] * 2, 'items': False, 'minItems': 2}}, {'type': 'string'}]}
 _VENUE_FILE: Schema = {
-    'file': {'description': 'a GeoJSON or WKT file beside this one that has the obstacles and the inside',
+    'file': {'description': 'GeoJSON or WKT file beside this one with the obstacles and the inside',
              'type': 'string', 'default': None},
-    'origin_deg': {'description': 'longitude and latitude of the origin; the middle of a file in degrees, unless given',
+    'origin_deg': {'description': 'longitude and latitude of the origin (the centre of a file in degrees)',
                    'type': ['array', 'null'], 'items': {'type': 'number'}, 'minItems': 2, 'maxItems': 2,
                    'default': None}}
 _PLUGIN: Schema = {
-    'description': 'A head law of your own, by the name of its entry point, with what it takes (docs/ros.md).',
+    'description': 'A custom head law, by the name of its entry point, with its settings (docs/ros.md).',
     'type': 'object', 'additionalProperties': False, 'required': ['kind', 'law'],
     'properties': {'kind': {'const': PLUGIN}, 'law': {'type': 'string'},
                    'settings': {'type': 'object', 'default': {}}}}
@@ -63,7 +63,7 @@ def text() -> str:
 
 
 def _section(kinds: Mapping[str, type]) -> Schema:
-    """Return the schema of a section: one of its kinds, by default the first."""
+    """Return the schema of a section: any of its kinds, by default the first."""
     made = [kind_schema(name, one, needed=number > 0) for number, (name, one) in enumerate(kinds.items())]
     return made[0] if len(made) == 1 else {'oneOf': made}
 

@@ -1,7 +1,7 @@
-"""Venues and drawings in files: GeoJSON, whose degrees are projected to metres about their middle, and WKT in metres.
+"""Read venues and drawings: GeoJSON, whose degrees are projected to metres about their centre, and WKT in metres.
 
-A feature's name is its property ``name``. The polygon named ``inside`` is the one that benches must not leave. By RFC
-7946 GeoJSON has degrees; a file says otherwise by ``"units": "m"`` at its top, or by a ``crs`` as it was before that.
+A feature's name is its property ``name``. Benches must stay in the polygon named ``inside``. GeoJSON has degrees (RFC
+7946) unless the file has ``"units": "m"`` at its top, or a ``crs`` as in the older specification.
 """
 import json
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ _SHOWN = {'Point': 'draw it as a small polygon', 'MultiPoint': 'draw each as a s
 
 @dataclass(frozen=True)
 class Feature:
-    """A named geometry of shapely, in metres."""
+    """A named shapely geometry, in metres."""
 
     name: str | None
     geometry: Any
@@ -38,18 +38,18 @@ def read_drawing(path: Path, origin_deg: tuple[float, float] | None = None) -> D
 
     Degrees become metres east and north of ``origin_deg`` (longitude, latitude), or of the middle of all that is drawn.
     Metres stay as they are; there ``origin_deg`` says where (0, 0) lies.
-    Raises MissingError where it cannot be read, InputError where it is none.
+    Raises MissingError if the file cannot be read, InputError if it is invalid.
     """
     text = _text_of(path)
     if path.suffix.lower() == '.wkt':
         return Drawing(tuple(_wkt_features(path, text)), origin_deg)
     if path.suffix.lower() not in ('.geojson', '.json'):
-        raise InputError(f'{path}: the suffix is none of .geojson, .json and .wkt; rename it')
+        raise InputError(f'{path}: the suffix is not .geojson, .json or .wkt; rename the file')
     return _geojson(path, text, origin_deg)
 
 
 def venue_values(path: Path, origin_deg: tuple[float, float] | None = None) -> dict[str, Any]:
-    """Return obstacles, inside and origin in a file as a scene file has them. Raises as ``read_drawing``."""
+    """Return the obstacles, inside and origin of a file, as in a scene file. Raises the errors of ``read_drawing``."""
     obstacles: list[dict[str, Any]] = []
     out: dict[str, Any] = {}
     drawing = read_drawing(path, origin_deg)
@@ -71,8 +71,8 @@ def _text_of(path: Path) -> str:
         with path.open('rb') as file:
             data = file.read(VENUE_BYTES + 1)
         if len(data) > VENUE_BYTES:
-            raise InputError(f'{path}: is too large; the largest file of a venue has {VENUE_BYTES} bytes; keep only '
-                             'what is near the track')
+            raise InputError(f'{path}: it is too large; the limit for a venue is {VENUE_BYTES} bytes; keep only the '
+                             'surroundings of the track')
         return data.decode()
     except OSError as error:
         raise MissingError(f'{path}: cannot be read: {error.strerror}') from None
@@ -82,7 +82,7 @@ def _text_of(path: Path) -> str:
 
 
 def _inside(path: Path, geometry: Any) -> tuple[list[list[float]], list[dict[str, Any]]]:
-    """Return the outer ring of the inside, and its holes as obstacles: benches may not enter either."""
+    """Return the outer ring of the inside, and its holes as obstacles."""
     parts = list(_parts(geometry))
     if len(parts) != 1 or parts[0].geom_type != 'Polygon':
         raise InputError(f'{path}: {INSIDE}: it is a {geometry.geom_type} of {len(parts)} parts, not one polygon; join '
@@ -93,23 +93,23 @@ def _inside(path: Path, geometry: Any) -> tuple[list[list[float]], list[dict[str
 
 
 def _obstacles(path: Path, name: str, geometry: Any) -> list[dict[str, Any]]:
-    """Return a feature as obstacles: its parts have numbers where there are several."""
+    """Return a feature as obstacles, one for each part, numbered if there are several."""
     parts = list(_parts(geometry))
     if not parts:
-        raise InputError(f'{path}: {name}: it is empty; draw it, or take it out')
+        raise InputError(f'{path}: {name}: it is empty; draw it or remove it')
     names = [name] if len(parts) == 1 else [f'{name} {n}' for n in range(1, len(parts) + 1)]
     return [_obstacle(path, *one) for one in zip(names, parts, strict=True)]
 
 
 def _obstacle(path: Path, name: str, part: Any) -> dict[str, Any]:
     if part.is_empty:
-        raise InputError(f'{path}: {name}: it is empty; draw it, or take it out')
+        raise InputError(f'{path}: {name}: it is empty; draw it or remove it')
     if part.geom_type == 'Polygon':
         ring, *holes = _rings(path, name, part)
         return {'kind': 'polygon', 'name': name, 'points_m': ring, **({'holes_m': holes} if holes else {})}
     if part.geom_type in ('LineString', 'LinearRing'):
         return {'kind': 'line', 'name': name, 'points_m': _points(part)}
-    raise InputError(f'{path}: {name}: a {part.geom_type} has no extent; {_SHOWN.get(part.geom_type, "take it out")}')
+    raise InputError(f'{path}: {name}: a {part.geom_type} has no extent; {_SHOWN.get(part.geom_type, "remove it")}')
 
 
 def _parts(geometry: Any) -> Iterator[Any]:
@@ -122,19 +122,19 @@ def _parts(geometry: Any) -> Iterator[Any]:
 
 def _rings(path: Path, name: str, polygon: Any) -> list[list[list[float]]]:
     if polygon.is_empty:
-        raise InputError(f'{path}: {name}: it is empty; draw it, or take it out')
+        raise InputError(f'{path}: {name}: it is empty; draw it or remove it')
     return [_points(ring) for ring in (polygon.exterior, *polygon.interiors)]
 
 
 def _points(line: Any) -> list[list[float]]:
-    """Return the points of a line in the plane; heights are left out."""
+    """Return the points of a line in the plane; heights are dropped."""
     from shapely import get_coordinates
     found: list[list[float]] = get_coordinates(line).tolist()
     return found
 
 
 def _wkt_features(path: Path, text: str) -> Iterator[Feature]:
-    """Yield the features of lines such as ``fountain: POLYGON ((0 0, 1 0, 1 1))``; # begins a comment."""
+    """Yield the features of lines such as ``fountain: POLYGON ((0 0, 1 0, 1 1))``; # starts a comment."""
     from shapely import from_wkt
     from shapely.errors import ShapelyError
     for number, line in enumerate(text.splitlines(), 1):
@@ -146,7 +146,7 @@ def _wkt_features(path: Path, text: str) -> Iterator[Feature]:
         try:
             yield Feature(name or None, from_wkt(wkt))
         except (ShapelyError, ValueError) as error:
-            raise InputError(f'{path}:{number}: is not WKT: {str(error).partition(chr(10))[0]}; write for example '
+            raise InputError(f'{path}:{number}: it is not WKT: {str(error).partition(chr(10))[0]}; write for example '
                              'fountain: POLYGON ((0 0, 4 0, 4 3))') from None
 
 
@@ -154,12 +154,12 @@ def _geojson(path: Path, text: str, origin_deg: tuple[float, float] | None) -> D
     try:
         values = json.loads(text, parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
-        raise InputError(f'{path}: is not GeoJSON: {str(error)[:160]}') from None
+        raise InputError(f'{path}: it is not GeoJSON: {str(error)[:160]}') from None
     if not isinstance(values, dict):
-        raise InputError(f'{path}: is not GeoJSON: it holds no object')
+        raise InputError(f'{path}: it is not GeoJSON: its top level is not an object')
     features = tuple(_features(path, values))
     if not features:
-        raise InputError(f'{path}: is empty; draw obstacles, or a polygon named {INSIDE}')
+        raise InputError(f'{path}: it is empty; draw obstacles, or a polygon named {INSIDE}')
     crs = _crs(path, values)
     if crs is None:
         return Drawing(features, origin_deg)
@@ -167,17 +167,17 @@ def _geojson(path: Path, text: str, origin_deg: tuple[float, float] | None) -> D
 
 
 def _no_number(text: str) -> Any:
-    raise ValueError(f'{text} is no finite number; draw that point again')
+    raise ValueError(f'{text} is not a finite number; draw that point again')
 
 
 def _features(path: Path, values: dict[str, Any]) -> Iterator[Feature]:
     if values.get('type') == 'FeatureCollection':
         listed = values.get('features')
         if not isinstance(listed, list):
-            raise InputError(f'{path}: is not GeoJSON: its features are no list')
+            raise InputError(f'{path}: it is not GeoJSON: "features" is not a list')
         for one in listed:
             if not isinstance(one, dict):
-                raise InputError(f'{path}: is not GeoJSON: a feature is no object')
+                raise InputError(f'{path}: it is not GeoJSON: a feature is not an object')
             yield from _features(path, one)
     elif values.get('type') == 'Feature':
         properties = values.get('properties')
@@ -196,11 +196,11 @@ def _geometry(path: Path, name: object, values: Any) -> Any:
         return shape(values)
     except (ShapelyError, ValueError, TypeError, AttributeError, LookupError) as error:
         why = str(error).partition('\n')[0][:160] or 'no geometry'
-        raise InputError(f'{label}: is not GeoJSON: {why}') from None
+        raise InputError(f'{label}: it is not GeoJSON: {why}') from None
 
 
 def _crs(path: Path, values: dict[str, Any]) -> str | None:
-    """Return the reference system of the coordinates; None for metres in a plane of their own."""
+    """Return the coordinate reference system; None for local metres."""
     units = values.get('units')
     if units is not None and units not in ('m', 'degrees'):
         raise InputError(f'{path}: units: {shown(units)} is neither "m" nor "degrees"')
@@ -210,7 +210,7 @@ def _crs(path: Path, values: dict[str, Any]) -> str | None:
     name = given.get('properties', {}).get('name') if isinstance(given, dict) and isinstance(
         given.get('properties'), dict) else None
     if given is not None and not isinstance(name, str):
-        raise InputError(f'{path}: crs: it names no reference system; take it out, or write "units": "m" for metres')
+        raise InputError(f'{path}: crs: it names no reference system; remove it, or write "units": "m" for metres')
     return 'OGC:CRS84' if name is None or name.endswith(_DEGREES) else str(name)
 
 
@@ -221,16 +221,16 @@ def _projected(path: Path, features: tuple[Feature, ...], crs: str,
     from shapely import get_coordinates, transform
     every = np.concatenate([get_coordinates(one.geometry) for one in features])
     if not every.size or not np.all(np.isfinite(every)):
-        raise InputError(f'{path}: a coordinate is missing, or is no finite number; draw it again')
+        raise InputError(f'{path}: a coordinate is missing or not a finite number; draw that point again')
     if crs == 'OGC:CRS84' and not (np.all(np.abs(every[:, 0]) <= 180) and np.all(np.abs(every[:, 1]) < 90)):
-        raise InputError(f'{path}: its coordinates are no degrees (longitude, latitude); write "units": "m" at its top '
-                         'if they are metres')
+        raise InputError(f'{path}: its coordinates are not degrees (longitude, latitude); if they are metres, write '
+                         '"units": "m" at its top')
     try:
         from pyproj import Transformer
         from pyproj.exceptions import ProjError
     except ImportError:
         raise MissingError(f"{path}: degrees become metres by pyproj: pip install 'dragon_ros[maps]' or pip install "
-                           'pyproj; or write "units": "m" at its top if they are metres') from None
+                           'pyproj; or, if they are metres, write "units": "m" at its top') from None
     try:
         to_degrees = Transformer.from_crs(crs, 'OGC:CRS84', always_xy=True)
         degrees = np.stack(to_degrees.transform(*every.T), axis=1)
@@ -244,12 +244,12 @@ def _projected(path: Path, features: tuple[Feature, ...], crs: str,
     except ProjError as error:
         raise InputError(f'{path}: crs: {shown(crs)} cannot be projected: {str(error)[:160]}') from None
     if not all(np.all(np.isfinite(get_coordinates(one.geometry))) for one in moved):
-        raise FieldError(f'{path}', crs, 'a coordinate lies outside of it', 'check the crs of the file')
+        raise FieldError(f'{path}', crs, 'a coordinate lies outside this reference system', 'check the crs of the file')
     return Drawing(moved, (lon, lat))
 
 
 def degrees_of(geometry: Any, origin_deg: tuple[float, float]) -> Any:
-    """Return a geometry of shapely in metres about an origin as longitudes and latitudes, to 1e-10 degrees (10 um).
+    """Convert a shapely geometry from metres about an origin to longitude and latitude, to 1e-10 degrees (10 um).
 
     Raises MissingError without pyproj.
     """
@@ -259,7 +259,7 @@ def degrees_of(geometry: Any, origin_deg: tuple[float, float]) -> Any:
         from pyproj import Transformer
     except ImportError:
         raise MissingError("venue.origin_deg: metres become degrees by pyproj: pip install 'dragon_ros[maps]' or pip "
-                           'install pyproj; or leave the origin out (--set venue.origin_deg=null) for metres') from None
+                           'install pyproj; or omit the origin (--set venue.origin_deg=null) to keep metres') from None
     project = Transformer.from_crs(_plane(origin_deg), 'OGC:CRS84', always_xy=True)
 
     def degrees(points: Any) -> Any:

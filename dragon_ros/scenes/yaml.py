@@ -11,24 +11,24 @@ import yaml
 from dragon_ros.core.errors import InputError, MissingError, did_you_mean, shown
 from dragon_ros.core.limits import SCENE_FILE_BYTES, YAML_DEPTH, YAML_VALUES
 
-_LONG = 16_384      # characters that PyYAML alone reads in 30 ms
+_LONG = 16_384      # characters, which pure PyYAML reads in 30 ms
 _EXPONENT = pattern(r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+')
 
 
 @dataclass
 class Document:
-    """The mapping in a file, and the place of each dotted key (``file:line``)."""
+    """The mapping in a file, and the position of each dotted key (``file:line``)."""
 
     name: str
     values: dict[str, Any]
     places: dict[str, str] = field(default_factory=dict)
 
     def refuse(self, key: str, why: str) -> NoReturn:
-        """Raise an InputError that names the place of ``key``."""
+        """Raise an InputError that names the position of ``key``."""
         raise InputError(f'{self.place(key)}: {key}: {why}', field=key)
 
     def place(self, key: str) -> str:
-        """Return the place of ``key``, of a key below it, or of the nearest section above it.
+        """Return the position of ``key``, of a key below it, or of the nearest section above it.
 
         Items of lists have numbers, from 1: ``track.pieces.2``. A list itself is where its key stands.
         """
@@ -55,7 +55,7 @@ class Document:
 
 
 def read_own(path: Path) -> Document:
-    """Read a YAML mapping that comes with the package, by libyaml where PyYAML has it: ten times as fast."""
+    """Read a YAML mapping that comes with the package, by libyaml if PyYAML has it (ten times as fast)."""
     return _document(str(path), path.read_text(encoding='utf-8'), getattr(yaml, 'CSafeLoader', _Loader))
 
 
@@ -71,7 +71,7 @@ def read_document(path: Path) -> Document:
         reason = 'it is not UTF-8 text' if isinstance(error, UnicodeDecodeError) else str(error)
         raise MissingError(f'{shown(str(path))[1:-1]}: cannot be read: {reason}') from None
     if len(data) > SCENE_FILE_BYTES:
-        raise InputError(f'{path}: is too large; the largest YAML file that is read has {SCENE_FILE_BYTES} bytes')
+        raise InputError(f'{path}: it is too large; the limit for YAML files is {SCENE_FILE_BYTES} bytes')
     return parse_document(str(path), text)
 
 
@@ -86,21 +86,21 @@ def _document(name: str, text: str, kind: Callable[[str], Any]) -> Document:
         loader, root = _composed(text, kind)
         check_size(root)
         if root is not None and not isinstance(root, yaml.MappingNode):
-            raise InputError(f'{name}: holds no mapping of keys and values')
+            raise InputError(f'{name}: it is not a mapping of keys to values')
         if root is not None:
             _collect(document, root, '')
             document.values = _value_of(loader, root)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         mark = getattr(error, 'problem_mark', None)
         place = f'{name}:{mark.line + 1}' if mark else name
-        raise InputError(f'{place}: is not YAML: {getattr(error, "problem", None) or error}') from None
+        raise InputError(f'{place}: it is not YAML: {getattr(error, "problem", None) or error}') from None
     return document
 
 
 def _composed(text: str, kind: Callable[[str], Any]) -> tuple[Any, yaml.Node | None]:
-    """Return a loader and the root of a text: by libyaml where PyYAML has it and the text is long, as it is faster.
+    """Return a loader and the root of a text. Long texts use libyaml, if PyYAML has it, because it is faster.
 
-    A text that it refuses, or that is too deep, is read by ``kind``, which has the words and the places of all errors.
+    ``kind`` reads texts that libyaml rejects or that are nested too deeply, because its errors carry text and position.
     Raises YAMLError or ValueError.
     """
     fast = getattr(yaml, 'CSafeLoader', None)
@@ -114,7 +114,7 @@ def _composed(text: str, kind: Callable[[str], Any]) -> tuple[Any, yaml.Node | N
 
 
 def _is_shallow(text: str, kind: Any) -> bool:
-    """Return whether a text is nested no deeper than is read; libyaml would compose it in recursion."""
+    """Return whether a text is within the nesting limit; libyaml would compose it recursively."""
     depth = 0
     for event in yaml.parse(text, kind):
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
@@ -135,12 +135,12 @@ def _value_of(loader: Any, root: yaml.Node) -> Any:
     """Return the value of a node. Raises YAMLError, ValueError or RecursionError."""
     try:
         return loader.construct_document(root)
-    except (AttributeError, LookupError, TypeError, OverflowError) as error:    # PyYAML, of a tag such as !!int ''
-        raise ValueError(f'a value does not suit its tag ({error})') from None
+    except (AttributeError, LookupError, TypeError, OverflowError) as error:    # from a tag such as !!int ''
+        raise ValueError(f'a value does not match its tag ({error})') from None
 
 
 class _Loader(yaml.SafeLoader):
-    """A loader that refuses deep nesting as it scans: PyYAML alone takes time in its square, and then recurses."""
+    """A loader that rejects deep nesting as it scans; PyYAML takes quadratic time for it, then recurses."""
 
     def fetch_flow_collection_start(self, kind: Any) -> None:
         self._refuse_deeper_than(self.flow_level)
@@ -157,7 +157,7 @@ class _Loader(yaml.SafeLoader):
 
 
 def check_size(root: yaml.Node | None) -> None:
-    """Raise ValueError where aliases expand to too many values, or a value contains itself."""
+    """Raise ValueError if aliases expand to too many values, or if a value contains itself."""
     sizes: dict[int, int] = {}
 
     def size(node: yaml.Node) -> int:
@@ -166,7 +166,7 @@ def check_size(root: yaml.Node | None) -> None:
             sizes[id(node)] = 1 + sum(map(size, _below(node)))
         return sizes[id(node)]
     if root is not None and size(root) > YAML_VALUES:
-        raise ValueError(f'with its aliases expanded it has more than {YAML_VALUES} values')
+        raise ValueError(f'it has more than {YAML_VALUES} values once its aliases are expanded')
 
 
 def _below(node: yaml.Node) -> list[yaml.Node]:
@@ -181,7 +181,7 @@ def _collect(document: Document, node: yaml.MappingNode, prefix: str) -> None:
         dotted = f'{prefix}{key.value}'
         place = f'{document.name}:{key.start_mark.line + 1}'
         if dotted in document.places:
-            raise InputError(f'{place}: {dotted}: is given twice, first in {document.places[dotted]}', field=dotted)
+            raise InputError(f'{place}: {dotted}: it is given twice, first in {document.places[dotted]}', field=dotted)
         document.places[dotted] = place
         if isinstance(value, yaml.MappingNode):
             _collect(document, value, f'{dotted}.')
@@ -198,5 +198,5 @@ def _collect_items(document: Document, node: yaml.SequenceNode, key: str) -> Non
 
 
 def plain_number(value: Any) -> Any:
-    """Return a number that YAML 1.1 parses as text, such as 1e-9; anything else, quoted numbers too, unchanged."""
+    """Return a number that YAML 1.1 parses as text, such as 1e-9; anything else is unchanged, quoted numbers too."""
     return float(value) if isinstance(value, str) and _EXPONENT.fullmatch(value) else value

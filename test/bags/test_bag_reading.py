@@ -240,7 +240,7 @@ def test_yaml_with_a_few_aliases_is_read():
 
 @pytest.mark.parametrize(('scene', 'says'), [
     ('dragon: {benches: 0}', 'dragon.benches'), ('nonsense: 3', 'nonsense'), ('x' * 10**5, 'characters'),
-    ('dragon: {benches: 1.0e+300}', 'dragon.benches'), ('- 1', 'no mapping')])
+    ('dragon: {benches: 1.0e+300}', 'dragon.benches'), ('- 1', 'not a mapping')])
 def test_a_bad_scene_in_a_bag_is_refused_in_words_that_name_bag_and_key(tmp_path, scene, says):
     path = tmp_path / 'a.mcap'
     with BagWriter(path) as bag:

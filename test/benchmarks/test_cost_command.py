@@ -50,8 +50,8 @@ def test_the_package_knows_the_names_of_all_pages():
 
 
 @pytest.mark.parametrize(('page', 'option', 'value', 'says'), [
-    ('tick', '--minutes', '1', '--minutes: page tick does not take it'),
-    ('memory', '--minutes', '0', '--minutes: 0.0 is not possible')])
+    ('tick', '--minutes', '1', '--minutes: page tick does not accept it'),
+    ('memory', '--minutes', '0', '--minutes: 0.0 is not valid')])
 def test_an_option_that_a_page_does_not_take_is_refused_in_one_line(capsys, page, option, value, says):
     assert command.main([page, option, value]) == 2
     error = capsys.readouterr().err

@@ -118,11 +118,11 @@ def test_output_goes_to_a_file_on_request(capsys, tmp_path, form):
     (['table', '--handles', '224'], '0 to 223'),
     (['table', '--handles', 'head'], '--handles'),
     (['table', '--handles', '0-300'], '0 to 223'),
-    (['table', '--handles', '5-1'], 'stop not before start'),
+    (['table', '--handles', '5-1'], 'the stop not before the start'),
     (['table', '--times', '0:1e9:1e-3'], 'a larger step'),
     (['table', '--format', 'xlsx'], 'give --output'),
-    (['table', '--format', 'csv', '--output', 'x.json'], 'csv contradicts'),
-    (['contact', '--output', 'x.xlsx'], 'the formats here are text, csv, json'),
+    (['table', '--format', 'csv', '--output', 'x.json'], 'csv conflicts'),
+    (['contact', '--output', 'x.xlsx'], 'the formats are text, csv, json'),
     (['contact', '--set', 'dragon.benches', '5'], 'write --set dragon.benches=VALUE, without a space'),
     (['contact', '--set', 'dragon.benches="40"'], 'write 40 without quotes'),
     (['contact', '--scene', 'turning', '--set', 'track.diameter_m=4'], 'give more than 5.75238 m with track.ratio 1'),
@@ -185,7 +185,7 @@ def test_a_suffix_of_no_format_is_refused_unless_the_format_is_given(capsys, tmp
     given, _, err = run(capsys, 'table', '--handles', '0', *chosen, '--output', str(path))
     assert given == code
     assert path.exists() == (code == 0)
-    assert code == 0 or f'would be {suffix[1:]}; the formats here are text, csv, json, xlsx' in err
+    assert code == 0 or f'{suffix[1:]} is not supported here; the formats are text, csv, json, xlsx' in err
 
 
 def test_a_workbook_holds_the_rows_of_the_table(capsys, tmp_path):
@@ -302,7 +302,7 @@ def test_the_defaults_that_help_names_are_those_of_the_code(name):
 
 @pytest.mark.parametrize(('question', 'scene'), [('turn', 'turning'), ('max-speed', 'turning'), ('fit', 'winding')])
 def test_a_design_question_names_the_scene_that_it_takes(capsys, question, scene):
-    assert f'scene by name or file ({scene})' in ' '.join(run(capsys, 'design', question, '--help')[1].split())
+    assert f'name or file of the scene ({scene})' in ' '.join(run(capsys, 'design', question, '--help')[1].split())
 
 
 def test_design_gives_the_length_of_the_turn_and_the_largest_speed(capsys):
@@ -321,7 +321,7 @@ def test_a_turn_of_links_of_no_length_has_no_limit_of_its_ratio(capsys):
     groups = 'dragon={kind: mixed, groups: [{count: 3, length_m: 0.55}]}'
     code, out, err = run(capsys, 'design', 'turn', '--set', groups)
     assert (code, err) == (0, '')
-    assert 'nothing limits the ratio' in out
+    assert 'the ratio is not limited' in out
     assert json.loads(run(capsys, 'design', 'turn', '--set', groups, '--format', 'json')[1])['largest_ratio'] is None
 
 

@@ -122,11 +122,12 @@ def test_options_that_a_table_would_ignore_are_rejected(capsys, tmp_path, monkey
     assert main(['table', *options]) == 2
     out, err = capsys.readouterr()
     assert not out
-    assert 'does not take it' in err
+    assert 'does not accept it' in err
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(('change', 'says'), [('dragon.benches=2', 'has none'), ('dragon.benches=0', 'benches')])
+@pytest.mark.parametrize(('change', 'says'), [('dragon.benches=2', 'needs a first '
+                                                                   'contact'), ('dragon.benches=0', 'benches')])
 def test_what_has_no_result_is_refused(capsys, tmp_path, change, says):
     assert main(['table', '--contest', str(tmp_path / 'a'), '--set', change]) == 2
     assert says in capsys.readouterr().err

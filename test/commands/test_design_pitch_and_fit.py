@@ -53,11 +53,11 @@ def test_fit_in_a_venue_tells_each_gap_and_what_lacks_margin(capsys, margin_m, c
     assert (found, json.loads(out)['venue'][0]['name']) == (code, 'lamp post')
     room = json.loads(out)['room']
     width, at = max(zip(np.add(room['left_m'], room['right_m']), room['at_m'], strict=True))
-    text = re.search(r'need is ([.\d]+) m, at (\d+) m along .* sampled', said)
+    text = re.search(r'at least ([.\d]+) m wide, at (\d+) m along .* sampled', said)
     assert (float(text[1]), float(text[2])) == (pytest.approx(width, abs=6e-4), at)
     assert np.diff(room['at_m']).tolist() == [1.0] * (len(room['at_m']) - 1)
     code, _, err = run(capsys, 'fit', '--scene', 'street', '--square', '9')
-    assert (code, '--square: belongs to a scene without a venue' in err) == (2, True)
+    assert (code, '--square: not available for a scene with a venue' in err) == (2, True)
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [

@@ -130,7 +130,7 @@ def test_a_broken_margin_is_said(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [
-    (['--output', 'a.png'], 'a plan is .pdf or .geojson'),
+    (['--output', 'a.png'], 'the suffix must be .pdf or .geojson'),
     (['--output', 'a.pdf', '--set', 'dragon.benches=5', '--scale', '1:20'], 'from 1:50 to 1:1000'),
     (['--output', 'a.pdf', '--scale', '1:50'], 'give a smaller scale')])
 def test_options_are_checked(capsys, tmp_path, monkeypatch, arguments, says):

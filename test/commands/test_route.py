@@ -32,8 +32,8 @@ def test_a_corner_becomes_a_scene_whose_dragon_stands_on_the_drawing(capsys, tmp
     scene_file = tmp_path / 'scene.yaml'
     code, out, err = run(capsys, corner, '--radius', 4, '--set', 'dragon.benches=30', '--output', scene_file)
     assert (code, err) == (0, '')
-    assert 'the tightest bend is 4 m, piece 2 at (56.000, 0.000) m; these benches can take 1.444 m' in out
-    assert 'the corner at (60.000, 0.000) m has a radius of 4 m now, and is up to 1.66 m from the drawing' in out
+    assert 'the tightest bend is 4 m, piece 2 at (56.000, 0.000) m; the smallest that these benches can walk' in out
+    assert 'the corner at (60.000, 0.000) m now has a radius of 4 m and deviates by up to 1.66 m from' in out
     scene = load_scene(str(scene_file))
     assert scene.dragon.benches == 30
     assert [getattr(piece, 'radius_m', None) for piece in scene.track.pieces] == [None, 4.0, None]
@@ -97,9 +97,9 @@ def test_the_last_plan_in_a_bag_is_moved_by_the_pose_of_its_frame(capsys, planne
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [
-    ([], "its path is in the frame 'map', and the dragon is in 'dragon'; say where"),
-    (['--frame-pose', '1,2'], 'it has two metres and degrees'), (['--topic', '/pan'], 'did you mean /plan?'),
-    (['--scale', '1:200'], 'a nav_msgs/Path does not take it')])
+    ([], "its path is in the frame 'map', and the dragon is in 'dragon'; give its pose"),
+    (['--frame-pose', '1,2'], 'it must be X,Y,DEGREES'), (['--topic', '/pan'], 'did you mean /plan?'),
+    (['--scale', '1:200'], 'a nav_msgs/Path does not accept it')])
 def test_a_plan_in_another_frame_is_refused_and_so_is_what_it_does_not_take(capsys, planned, arguments, says):
     code, out, err = run(capsys, planned, *arguments)
     assert (code, out) == (2, '')
@@ -107,7 +107,7 @@ def test_a_plan_in_another_frame_is_refused_and_so_is_what_it_does_not_take(caps
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [
-    (['--radius', 1], 'give at least 1.444, or use shorter benches'), (['--path', 'a'], 'a CSV file does not take it'),
+    (['--radius', 1], 'give at least 1.444, or use shorter benches'), (['--path', 'a'], 'CSV file does not accept it'),
     (['--start', 200], 'give at most 1'), (['--tolerance', 0], '--tolerance'), (['--unit', -1], '--unit')])
 def test_options_are_checked(capsys, corner, arguments, says):
     code, out, err = run(capsys, corner, *arguments)

@@ -60,7 +60,8 @@ def test_a_bag_with_a_short_link_holds_its_promise(link_m, tmp_path, capsys):
 def test_a_link_without_a_direction_is_refused_with_its_cure(link_m, tmp_path, capsys):
     length_m = 2 * INSET_M + max(link_m, 2e-16)
     for build in (lambda: Dragon(20, length_m), lambda: Mixed((Group(2.2), Group(length_m), Group(2.2, 9)))):
-        with pytest.raises(FieldError, match=r'too short to have a direction in floats; give 0.55 m for no link'):
+        with pytest.raises(FieldError, match=r'too short to have an accurate direction; give 0.55 m for a link of '
+                                             r'zero length'):
             build()
     certificate = tmp_path / 'c.json'
     scene = load_scene('winding', ['dragon.benches=20', 'dragon.head_length_m=0.55', 'track.start_turns=4.5'])

@@ -94,10 +94,10 @@ def test_the_rows_of_a_study_are_arrays_in_python(computed):
 
 @pytest.mark.parametrize(('arguments', 'said'), [
     (['nothing', '--output', 'x'], "study: no study is called 'nothing'; the studies are pitch_map, tolerances"),
-    (['pitch_map'], 'study: --output: say in which folder'),
+    (['pitch_map'], 'study: --output: it is missing; give a folder'),
     (['.'], 'study.yaml: cannot be read'),
-    (['.', '--output', 'x'], '--output: the folder of a study is its output'),
-    (['pitch_map', '--output', 'x', '--samples', '3'], 'samples: 3 is not possible, a grid has its own number, 77'),
+    (['.', '--output', 'x'], '--output: the folder of a study is its own output'),
+    (['pitch_map', '--output', 'x', '--samples', '3'], 'samples: 3 is not valid: a grid has its own number, 77'),
     (['tolerances', '--output', 'x', '--samples', '0'], '--samples: 0'),
     (['tolerances', '--output', 'x', '--workers', '0'], '--workers: 0'),
     (['tolerances', '--output', 'x', '--workers', '2', '--scheduler', 'tcp://127.0.0.1:9'], 'brings its own workers'),
@@ -116,4 +116,4 @@ def test_a_missing_library_is_named_with_the_cure(tmp_path):
                f'sys.exit(main(["study", "pitch_map", "--output", {str(tmp_path)!r}]))'
         done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
         assert done.returncode == 2
-        assert f"{name}: is not installed; studies need it: pip install 'dragon_ros[study]'" in done.stderr
+        assert f"{name}: it is not installed; studies need it: pip install 'dragon_ros[study]'" in done.stderr

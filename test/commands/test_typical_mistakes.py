@@ -8,27 +8,28 @@ from dragon_ros.__main__ import main
 
 # What is typed, and what the answer must say of it.
 COMMANDS = {
-    'tabel': 'did you mean table', 'table --time soon': "'soon' is no number", 'table --times 0-': 'write 0,60,300',
-    'table --times 500': '432.917924', 'table --handles 300': '0 to 223', 'table --handles 1,,2': 'is no number',
+    'tabel': 'did you mean table', 'table --time soon': "'soon' is neither a number", 'table --times 0-': 'write '
+                                                                                                          '0,60,300',
+    'table --times 500': '432.917924', 'table --handles 300': '0 to 223', 'table --handles 1,,2': 'is neither a number',
     'table --times 10:0:1': 'step must be positive', 'table --set dragon.benches 5': 'without a space',
     'table --set dragon.benches=-3': 'give at least 1', 'table --set dragon.bench=5': 'did you mean benches',
     'table --set track.pitch_m=0': 'more than 0', 'table --scene windig': 'did you mean winding',
-    'table --scene bad.yaml': 'bad.yaml:1: dragon.benches', 'table --scene text.txt': 'no mapping',
+    'table --scene bad.yaml': 'bad.yaml:1: dragon.benches', 'table --scene text.txt': 'not a mapping',
     'table --scene nowhere.yaml': 'cannot be read', 'table --accuracy quick': 'the tiers are',
-    'table --output t.xls': 'the formats here are', 'table --output t.xlsx --format csv': 'contradicts',
+    'table --output t.xls': 'the formats are', 'table --output t.xlsx --format csv': 'conflicts',
     'table --output nowhere/t.csv': 'cannot be written', 'table a.mcap': 'is not an MCAP file',
-    'table winding': 'write --scene winding', 'table --paper --times 3': 'does not take it',
+    'table winding': 'write --scene winding', 'table --paper --times 3': 'does not accept it',
     'contact --within dragon.width_m': 'KEY=METRES',
     'contact --within dragon.width=0.005': 'did you mean dragon.width_m',
-    'contact --set run.stop_s=-1': 'stop later', 'design': 'QUESTION', 'design turns': "choose from 'turn'",
+    'contact --set run.stop_s=-1': 'give a later stop', 'design': 'QUESTION', 'design turns': "choose from 'turn'",
     'design turn --set track.diameter_m=5': 'give more than 5.752', 'design min-pitch --diameter 0': 'more than 0',
     'design max-speed --scene winding': 'stop earlier', 'design fit --rectangle 3': 'design fit --help', 'plot': 'KIND',
     'plot speeds --time 9999': 'ask for a time in it', 'plot dragon --output a.bmp': 'end it in .png, .svg, .pdf',
     'design fit winding': 'write --scene winding', 'contact --scene WINDING': 'did you mean winding',
     'inspect': 'BAG', 'inspect nowhere.mcap': 'cannot be read', 'export a.mcap': '--output',
-    'simulate --output a.mcap': '--force', 'simulate --rate fast --output b.mcap': 'write digits alone',
+    'simulate --output a.mcap': '--force', 'simulate --rate fast --output b.mcap': 'write it like 0.5',
     'view --port 99999999': '0 to 65535', 'cost --scene nowhere': 'is not known', 'grade': 'nothing is given',
-    'grade text.txt': 'no XLSX', 'grade --pitch 45cm': 'write digits alone'}
+    'grade text.txt': 'no XLSX', 'grade --pitch 45cm': 'write it like 0.5'}
 
 
 @pytest.mark.parametrize('line', COMMANDS)
@@ -59,7 +60,7 @@ CALLS = {
     'state list': (lambda: run().state([1, 2]), 'give a number'),
     'state text': (lambda: run().state('1'), 'without quotes'), 'state late': (lambda: run().state(1e9), '432.9'),
     'state nan': (lambda: run().state(float('nan')), 'finite'), 'state early': (lambda: run().state(-1), 'at least 0'),
-    'frame': (lambda: run().frame(1.5), 'whole number'), 'frame late': (lambda: run().frame(10**9), 'has the ticks'),
+    'frame': (lambda: run().frame(1.5), 'whole number'), 'frame late': (lambda: run().frame(10**9), 'has ticks'),
     'out': (lambda: run().states([1.0], out=5), 'two arrays'),
     'scene': (lambda: dr.scene('windig'), 'did you mean winding'), 'scene 5': (lambda: dr.scene(5), 'give text'),
     'scene key': (lambda: dr.scene(track={'pitch': 1}), 'did you mean pitch_m'),

@@ -30,26 +30,26 @@ def test_a_venue_says_how_large_it_is_and_not_its_corners():
 
 
 @pytest.mark.parametrize(('make', 'says'), [
-    (lambda: Venue(), r'venue\.obstacles: 0 .*; give one, or leave out venue'),
+    (lambda: Venue(), r'venue\.obstacles: 0 .*; add one, or remove venue'),
     (lambda: Venue((PolygonObstacle('a', SQUARE),), margin_m=-1), r'venue\.margin_m: -1 '),
     (lambda: Venue((PolygonObstacle('', SQUARE),)), r"venue\.obstacles\.1\.name: '' .*name it"),
     (lambda: Venue((PolygonObstacle('a\n', SQUARE),)), r'venue\.obstacles\.1\.name: .* printable'),
-    (lambda: Venue((PolygonObstacle('a', SQUARE), LineObstacle('a', SQUARE))), r"\.2\.name: 'a' .*another one has"),
+    (lambda: Venue((PolygonObstacle('a', SQUARE), LineObstacle('a', SQUARE))), r"\.2\.name: 'a' .*another obstacle"),
     (lambda: Venue((LineObstacle(INSIDE, SQUARE),)), r"\.1\.name: 'inside' .*name of the boundary"),
     (lambda: Venue((PolygonObstacle('bow', (SQUARE[0], SQUARE[2], SQUARE[1], SQUARE[3])),)),
      r"venue\.obstacles\.1: 'bow' .*crosses or touches itself at \(2, 2\) m; list its corners"),
     (lambda: Venue((PolygonObstacle('flat', ((0, 0), (1, 0), (2, 0))),)), r"obstacles\.1: 'flat' "),
-    (lambda: Venue((PolygonObstacle('few', ((0, 0), (1, 0), (0, 0))),)), r"points_m: 'few' .* this one 2;"),
-    (lambda: Venue((PolygonObstacle('none', ()),)), r"points_m: 'none' .* this one 0;"),
-    (lambda: Venue((PolygonObstacle('a', SQUARE, ((),)),)), r"holes_m\.1: 'a' .* this one 0;"),
+    (lambda: Venue((PolygonObstacle('few', ((0, 0), (1, 0), (0, 0))),)), r"points_m: 'few' .* this one has 2;"),
+    (lambda: Venue((PolygonObstacle('none', ()),)), r"points_m: 'none' .* this one has 0;"),
+    (lambda: Venue((PolygonObstacle('a', SQUARE, ((),)),)), r"holes_m\.1: 'a' .* this one has 0;"),
     (lambda: Venue((PolygonObstacle('a', SQUARE, (((9, 9), (8, 9), (8, 8)),)),)), r"obstacles\.1: 'a' .*hole"),
-    (lambda: Venue((LineObstacle('dot', ((1, 1), (1, 1))),)), r"points_m: 'dot' .* 2 different points, this one 1;"),
-    (lambda: Venue((LineObstacle('b', ((0, 0), (nan, 1))),)), r"points_m\.2: nan .*coordinate of 'b' is a finite"),
+    (lambda: Venue((LineObstacle('dot', ((1, 1), (1, 1))),)), r"points_m: 'dot' .* 2 .* points, this one has 1;"),
+    (lambda: Venue((LineObstacle('b', ((0, 0), (nan, 1))),)), r"points_m\.2: nan .*coordinates of 'b' must be finite"),
     (lambda: Venue((LineObstacle('b', ((0, 0), (1, True))),)), r'points_m\.2: True '),
-    (lambda: Venue((LineObstacle('b', ((0, 0), (2e9, 1))),)), r'points_m\.2: 2000000000\.0 .*up to 1e\+09'),
-    (lambda: Venue((), ((0, 0), (1, 1))), r"venue\.inside: 'inside' .* this one 2"),
+    (lambda: Venue((LineObstacle('b', ((0, 0), (2e9, 1))),)), r'points_m\.2: 2000000000\.0 .*at most 1e\+09'),
+    (lambda: Venue((), ((0, 0), (1, 1))), r"venue\.inside: 'inside' .* this one has 2"),
     (lambda: Venue((LineObstacle('b', tuple((n, 0) for n in range(VENUE_CORNERS + 1))),)),
-     r"venue: '100001 corners' .*the most are 100000; simplify")])
+     r"venue: '100001 corners' .*the limit is 100000; simplify")])
 def test_what_is_no_venue_is_refused_with_its_name_and_the_cure(make, says):
     with pytest.raises(FieldError, match=says):
         make()

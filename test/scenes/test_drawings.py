@@ -80,7 +80,7 @@ def test_a_path_is_found_by_id_label_or_the_group_that_holds_it_alone(tmp_path):
                          '<g id="track"><path d="M 0,0 h 5"/></g><circle id="fountain" r="3"/>')
     for asked, name in (('p1', 'p1'), ('wall', 'p1'), ('track', 'track')):
         assert svg_line(path, asked, (1.0, False)).name == name
-    with pytest.raises(DragonError, match=r'has 3 paths: p1, track, fountain; say which one is walked: --path p1'):
+    with pytest.raises(DragonError, match=r'contains 3 paths .p1, track, fountain.; choose one, for example --path p1'):
         svg_line(path, None, (1.0, False))
     with pytest.raises(DragonError, match=r'did you mean track\?'):
         svg_line(path, 'trak', (1.0, False))
@@ -89,12 +89,12 @@ def test_a_path_is_found_by_id_label_or_the_group_that_holds_it_alone(tmp_path):
 @pytest.mark.parametrize(('text', 'says'), [
     ('<svg><path d="M0 0 h', 'is not SVG'), ('', 'is not SVG'),
     ('<!DOCTYPE s [<!ENTITY a "b">]><svg>&a;</svg>', 'entities'),
-    ('<svg>' + '<g>' * XML_DEPTH + '</g>' * XML_DEPTH + '</svg>', 'nested'), ('<svg/>', 'has no path'),
+    ('<svg>' + '<g>' * XML_DEPTH + '</g>' * XML_DEPTH + '</svg>', 'nested'), ('<svg/>', 'contains no path'),
     ('<svg><path id="a" d="M0 0 h 5 M 1 1 h 5"/></svg>', 'several parts'),
     ('<svg><path id="a" d="M0 0"/></svg>', 'no length'),
     ('<svg><path id="a" d="M0 0 L 1e300 5"/></svg>', 'too far away'),
     ('<svg><path id="a" d="M0 0 C 1 1e400 5 5 9 9"/></svg>', 'too far away'),
-    ('<svg width="9mm" viewBox="0 0 1e400 9"><path id="a" d="M0 0 h 5"/></svg>', 'has no size'),
+    ('<svg width="9mm" viewBox="0 0 1e400 9"><path id="a" d="M0 0 h 5"/></svg>', 'viewBox is zero'),
     ('<svg><path id="a" d="M0 0 L nan 5"/></svg>', 'check its numbers'),
     ('<svg><path id="a" d="M0 0 A 1 1 0 0"/></svg>', 'check its numbers')])
 def test_what_is_no_drawing_is_refused_in_words(tmp_path, text, says):
@@ -121,7 +121,7 @@ def test_csv_is_read_with_or_without_a_header(tmp_path, text):
 def test_csv_names_the_line_that_holds_no_numbers(tmp_path):
     path = tmp_path / 'a.csv'
     path.write_text('x,y\n0,0\n1,b\n')
-    with pytest.raises(DragonError, match=r'a\.csv:3: 1,b has no two numbers'):
+    with pytest.raises(DragonError, match=r'a\.csv:3: 1,b is not two numbers'):
         csv_line(path, 1.0)
 
 
@@ -132,7 +132,7 @@ def test_a_line_of_geojson_is_found_by_its_name(tmp_path):
     path.write_text(json.dumps({'type': 'FeatureCollection', 'units': 'm', 'features': features}))
     (part,) = map_line(path, 'way', None).parts
     assert part.tolist() == [1j, 9 + 1j, 9 + 7j]
-    with pytest.raises(DragonError, match='has 2 lines: wall, way'):
+    with pytest.raises(DragonError, match='contains 2 lines .wall, way.'):
         map_line(path, None, None)
 
 

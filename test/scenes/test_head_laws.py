@@ -53,9 +53,9 @@ def test_a_law_of_ones_own_leads_the_dragon_and_its_scene_stands_without_it(tmp_
 
 
 @pytest.mark.parametrize(('head', 'says'), [
-    ('{kind: plugin, law: text}', 'returned str; it has to return a Head or a Profile'),
+    ('{kind: plugin, law: text}', 'returned str; it must return a Head or a Profile'),
     ('{kind: plugin, law: broken}', 'RuntimeError: no such dance'),
-    ('{kind: plugin, law: restless}', 'two laws for the same settings'),
+    ('{kind: plugin, law: restless}', 'two different laws for the same settings'),
     ('{kind: plugin, law: gone}', 'AttributeError'),
     ('{kind: plugin, law: waves}', 'broken, gone, restless, text, wave'),
     ('{kind: plugin}', 'None is not known'),
@@ -74,6 +74,6 @@ def test_no_law_is_loaded_because_a_bag_or_a_topic_names_it():
     sys.modules.pop('own_laws', None)
     text = 'head: {kind: plugin, law: wave}'
     for read in (lambda: scene_of(parse_document('bag', text)), lambda: strangers_scene('a bag', text, trust=True)):
-        with pytest.raises(InputError, match='never for a bag or topic'):
+        with pytest.raises(InputError, match='not from bags or topics'):
             read()
     assert 'own_laws' not in sys.modules

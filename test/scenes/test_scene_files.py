@@ -51,24 +51,25 @@ def test_an_empty_file_is_the_classic_scene():
     ('accuracy: 1e-16', r'f:1: accuracy: 1e-16 .* 2e-12'),
     ('head: {speed_m_s: yes}', r'f:1: head.speed_m_s: True'),
     ('head: {speed_m_s: .nan}', r'f:1: head.speed_m_s: nan'),
-    ('head: {}\nhead: {}', r'f:2: head: is given twice, first in f:1'),
+    ('head: {}\nhead: {}', r'f:2: head: it is given twice, first in f:1'),
     ('run: {stop_s: 1, start_s: 2}', r'f:1: run.stop_s: 1'),
     ('track: {kind: circle}', r'f:1: track.kind: .circle. is not known'),
     ('dragon: {kind: [a]}', r'f:1: dragon.kind: ..a.. is not known'),
-    (f'dragon: {{benches: {"9" * 400}}}', r'f:1: dragon.benches: 9+\.\.\.9+ is not possible, only finite'),
-    (f'track: {{pitch_m: 0x{"f" * 9000}}}', r'f:1: track.pitch_m: a huge int is not possible, only finite'),
-    ('[' * 60_000, r'f:1: is not YAML: it is nested more than 32 deep'),
-    ('? ' * 30_000, r'f:1: is not YAML: it is nested more than 32 deep'),
-    ('\n'.join(' ' * n + 'a:' for n in range(60)), r'f:33: is not YAML: it is nested more than 32 deep'),
-    ('run: !!int ""', r'f: is not YAML: a value does not suit its tag'),
-    ('run: !!bool x', r'f: is not YAML: a value does not suit its tag'),
-    ('run: !!timestamp x', r'f: is not YAML: a value does not suit its tag'),
-    ('a: [', r'f:\d: is not YAML'),
-    ('- a', r'f: holds no mapping'),
+    (f'dragon: {{benches: {"9" * 400}}}', r'f:1: dragon.benches: 9+\.\.\.9+ is not valid: it is not finite'),
+    (f'track: {{pitch_m: 0x{"f" * 9000}}}', r'f:1: track.pitch_m: a huge int is not valid: it is not finite'),
+    ('[' * 60_000, r'f:1: it is not YAML: it is nested more than 32 deep'),
+    ('? ' * 30_000, r'f:1: it is not YAML: it is nested more than 32 deep'),
+    ('\n'.join(' ' * n + 'a:' for n in range(60)), r'f:33: it is not YAML: it is nested more than 32 deep'),
+    ('run: !!int ""', r'f: it is not YAML: a value does not match its tag'),
+    ('run: !!bool x', r'f: it is not YAML: a value does not match its tag'),
+    ('run: !!timestamp x', r'f: it is not YAML: a value does not match its tag'),
+    ('a: [', r'f:\d: it is not YAML'),
+    ('- a', r'f: it is not a mapping'),
     ('&a [*a]', r'f: '),
     ('track: {pitch_m: 1e400}', r'f:1: track.pitch_m'),
     ('1: 2', r'f:1: 1: unknown key'),
-    ('track: {kind: turn, start_turns: 3}', r'f:1: track.start_turns: unknown key for kind turn; write kind: spiral'),
+    ('track: {kind: turn, start_turns: 3}', r'f:1: track.start_turns: unknown key for kind turn; it belongs to kind: '
+                                            r'spiral'),
     ('track: {kind: turn, ratio: 3}', r'f:1: track.ratio: .*bends tighter than'),
     ('track: {kind: joined}', r'f:1: track.pieces: it is missing; kind joined requires it'),
     ('track: {kind: joined, pieces: 3}', r'f:1: track.pieces: 3 is not a list of pieces'),
@@ -90,7 +91,7 @@ def test_an_empty_file_is_the_classic_scene():
     ('dragon: {kind: mixed, groups: [{length_m: 2, count: 0}]}', r'f:1: dragon.groups.1.count: 0 .* smallest is 1'),
     ('head: {kind: profile}', r'f:1: head.knots: it is missing'),
     ('head: {kind: profile, knots: [1, 2]}', r'f:1: head.knots: .* is not a list of pairs'),
-    ('head: {kind: profile, knots: [[0, fast]]}', r'f:1: head.knots.1: .fast. is not possible, it is text'),
+    ('head: {kind: profile, knots: [[0, fast]]}', r'f:1: head.knots.1: .fast. is not valid: it is text'),
     ('head: {lead: middle}', r'f:1: head.lead: .middle.'),
     ('accuracy: paper\nhead: {lead: tail}', r'f:1: accuracy: .paper.* one spiral, led by the head'),
 ], ids=lambda text: text[:40])
@@ -198,7 +199,7 @@ def test_a_binary_file_is_no_scene(tmp_path):
 
 
 def test_a_file_that_is_too_large_is_refused_before_it_is_read(tmp_path):
-    with pytest.raises(InputError, match=r'/dev/zero: is too large; the largest YAML file that is read has \d+ bytes'):
+    with pytest.raises(InputError, match=r'/dev/zero: it is too large; the limit for YAML files is \d+ bytes'):
         load_scene('/dev/zero')
     with pytest.raises(MissingError, match='cannot be read: embedded null byte'):
         load_scene('a\0.yaml')
@@ -208,7 +209,7 @@ def test_a_file_that_is_too_large_is_refused_before_it_is_read(tmp_path):
     ('# ' + 'x' * 2**16, '65538 characters'), ('dragon: {benches: 20001}', '20001 benches'),
     ('run: {rate_hz: 1000000, stop_s: 2000}', '432917925 ticks')])
 def test_a_stranger_s_scene_beyond_a_budget_is_read_only_if_it_is_trusted(text, says):
-    with pytest.raises(InputError, match=f'from here: has {says}; .* at most [0-9]+ are taken; give --trust'):
+    with pytest.raises(InputError, match=f'from here: it has {says}; the limit .* is [0-9]+; give --trust'):
         strangers_scene('from here', text)
     assert strangers_scene('from here', text, trust=True) == scene_of(parse_document('f', text))
 

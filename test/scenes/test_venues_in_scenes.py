@@ -62,20 +62,21 @@ def test_corners_of_a_venue_have_a_budget_of_their_own():
     text = scene_file(scene)
     assert len(text) > 9 * SCENE_CHARACTERS
     assert strangers_scene('bag', text) == scene
-    with pytest.raises(InputError, match=r'bag: has \d+ characters'):
+    with pytest.raises(InputError, match=r'bag: it has \d+ characters'):
         strangers_scene('bag', f'{text}\n# {"-" * SCENE_CHARACTERS}\n')
-    with pytest.raises(InputError, match=r'bag: has \d+ characters'):
+    with pytest.raises(InputError, match=r'bag: it has \d+ characters'):
         strangers_scene('bag', f'{text}\n{"  - 1 1, 2 2" * (VENUE_BYTES // 10)}\n')
 
 
 def test_a_bag_cannot_have_a_file_read():
-    with pytest.raises(InputError, match=r'venue\.file: a file is read for a scene file, never for a bag or topic'):
+    with pytest.raises(InputError, match=r'venue\.file: files are read only for scene files'):
         strangers_scene('bag', f'{TRACK}venue: {{file: /etc/passwd}}')
 
 
 @pytest.mark.parametrize(('venue', 'says'), [
     ('{obstacles: [{kind: line, name: wall, points_m: [[0, 3], [9]]}]}', r'f:3: venue\.obstacles\.1\.points_m: '),
-    ("{obstacles: [{kind: line, name: wall, points_m: '0 3, x 1'}]}", r"f:3: .*points_m: '0 3, x 1' holds no points"),
+    ("{obstacles: [{kind: line, name: wall, points_m: '0 3, x 1'}]}", r"f:3: .*points_m: '0 3, x 1' contains no "
+                                                                      r"points"),
     ('{obstacles: [{kind: line, name: wall}]}', r'f:3: venue\.obstacles\.1\.points_m: it is missing'),
     ('{obstacles: [{kind: disc, name: wall}]}', r'f:3: venue\.obstacles\.1\.kind: .disc. is not known; the kinds are'),
     ('{obstacles: [{name: wall}]}', r'f:3: venue\.obstacles\.1: it holds .*write for example {kind: line'),
@@ -146,20 +147,20 @@ def test_degrees_become_metres_about_their_middle(tmp_path):
 
 
 @pytest.mark.parametrize(('name', 'text', 'says'), [
-    ('a.geojson', '{', 'is not GeoJSON'), ('a.geojson', '[]', 'it holds no object'),
-    ('a.geojson', '{"type": "FeatureCollection"}', 'its features are no list'),
-    ('a.geojson', '{"type": "FeatureCollection", "features": [3]}', 'a feature is no object'),
+    ('a.geojson', '{', 'is not GeoJSON'), ('a.geojson', '[]', 'not an object'),
+    ('a.geojson', '{"type": "FeatureCollection"}', 'not a list'),
+    ('a.geojson', '{"type": "FeatureCollection", "features": [3]}', 'a feature is not an object'),
     ('a.geojson', '{"type": "FeatureCollection", "features": []}', 'is empty; draw obstacles'),
-    ('a.geojson', '{"type": "Feature", "properties": {"name": "post"}, "geometry": null}', 'post: is not GeoJSON'),
+    ('a.geojson', '{"type": "Feature", "properties": {"name": "post"}, "geometry": null}', 'post: it is not GeoJSON'),
     ('a.geojson', '{"type": "Point", "coordinates": [1, 2], "units": "m"}', 'obstacle 1: a Point has no extent; draw'),
     ('a.geojson', '{"type": "Polygon", "coordinates": [], "units": "m"}', 'obstacle 1: it is empty'),
     ('a.geojson', '{"type": "Polygon", "coordinates": 3, "units": "m"}', 'is not GeoJSON'),
-    ('a.geojson', '{"type": "LineString", "coordinates": [[1, 2], [300, 2]]}', 'no degrees .*write "units": "m"'),
-    ('a.geojson', '{"type": "LineString", "coordinates": [[1, 2], [NaN, 2]]}', 'no finite number'),
+    ('a.geojson', '{"type": "LineString", "coordinates": [[1, 2], [300, 2]]}', 'not degrees .*write "units": "m"'),
+    ('a.geojson', '{"type": "LineString", "coordinates": [[1, 2], [NaN, 2]]}', 'not a finite number'),
     ('a.geojson', '{"type": "LineString", "coordinates": [[1, 2], [3, 2]], "units": "feet"}', "'feet' is neither"),
     ('a.geojson', '{"type": "LineString", "coordinates": [[1, 2], [3, 2]], "crs": 3}', 'crs: it names no reference'),
-    ('a.wkt', 'wall: LINE (0 0)', r'a\.wkt:1: is not WKT: '), ('a.wkt', 'POINT (1 2)', 'a Point has no extent'),
-    ('a.svg', '', 'the suffix is none of'), ('b.wkt', None, 'b.wkt: cannot be read'),
+    ('a.wkt', 'wall: LINE (0 0)', r'a\.wkt:1: it is not WKT: '), ('a.wkt', 'POINT (1 2)', 'a Point has no extent'),
+    ('a.svg', '', 'the suffix is not'), ('b.wkt', None, 'b.wkt: cannot be read'),
     ('a.geojson', '{"type": "FeatureCollection", "units": "m", "features": [' + ', '.join(
         ['{"type": "Feature", "properties": {"name": "inside"}, "geometry": {"type": "LineString", "coordinates": '
          '[[0, 0], [1, 1]]}}'] * 2) + ']}', 'inside: it is a LineString')])
@@ -172,11 +173,11 @@ def test_bad_files_are_refused_in_one_line(tmp_path, name, text, says):
 
 
 @pytest.mark.parametrize(('venue', 'says'), [
-    ('{file: 3}', 'venue.file: 3 is not the name of a file'),
-    ('{file: v.wkt, origin_deg: 3}', 'origin_deg: 3 is no place'),
-    ('{origin_deg: [1, 2]}', 'has obstacles or an inside'),
-    ('{inside: "0 0, 1 0, 1 1", origin_deg: [1, 91]}', 'origin_deg: 91 is not possible, the largest is 90'),
-    ('{file: v.wkt, obstacles: []}', r'venue.obstacles: v.wkt brings it too; leave one out'),
+    ('{file: 3}', 'venue.file: 3 is not a file name'),
+    ('{file: v.wkt, origin_deg: 3}', 'origin_deg: 3 is not a position'),
+    ('{origin_deg: [1, 2]}', 'needs obstacles or an inside'),
+    ('{inside: "0 0, 1 0, 1 1", origin_deg: [1, 91]}', 'origin_deg: 91 is not valid: the largest is 90'),
+    ('{file: v.wkt, obstacles: []}', r'venue.obstacles: v.wkt defines it too; remove one of them'),
     ('{file: none.wkt}', 'none.wkt: cannot be read')])
 def test_a_file_is_named_as_a_whole(tmp_path, venue, says):
     written(tmp_path, 'wall: LINESTRING (0 3, 50 3)', 'v.wkt')
@@ -205,7 +206,7 @@ def test_the_origin_of_a_file_in_degrees_stays_with_the_scene(tmp_path):
     scene = load_scene(str(path))
     assert scene.venue.origin_deg == pytest.approx((113.101, 23.0005), abs=1e-12)
     assert strangers_scene('bag', scene_file(scene)) == scene
-    with pytest.raises(InputError, match=r'origin_deg.*write it beside venue.file'):
+    with pytest.raises(InputError, match=r'origin_deg.*set the origin beside venue.file'):
         load_scene(str(path), ['venue.origin_deg=[113.1, 23.0]'])
     assert load_scene(str(path), ['venue.origin_deg=null']).venue.origin_deg is None
 

@@ -72,7 +72,7 @@ def test_every_row_has_every_column(study):
 def test_a_scene_that_is_refused_is_a_row_that_says_why(study):
     row = row_of(study('vary: {track.pitch_m: [-1]}\nask: [lock]'), 0)
     assert row['status'] == 'refused'
-    assert 'track.pitch_m: -1 is not possible' in row['reason']
+    assert 'track.pitch_m: -1 is not valid' in row['reason']
     assert row['lock_t_s'] is None
 
 
@@ -134,7 +134,7 @@ def test_the_smallest_pitch_of_mixed_benches_is_a_bracket_that_is_not_proved_abo
 @pytest.mark.parametrize(('options', 'why'), [
     ('', 'smallest_m'), (', smallest_m: 0.2', 'head starts inside the circle'),
     (', smallest_m: 0.89', 'no benches touch'),
-    (', smallest_m: 0.45, largest_m: 0.5', 'benches touch at it')])
+    (', smallest_m: 0.45, largest_m: 0.5', 'benches touch at this pitch')])
 def test_a_bracket_of_mixed_benches_that_holds_no_pitch_is_refused(study, options, why):
     groups = '[{length_m: 3.41}, {count: 28, length_m: 2.2}, {length_m: 2.2001}]'
     given = SMALL_CIRCLE.replace(', largest_m: 0.9', '') if 'largest' in options else SMALL_CIRCLE

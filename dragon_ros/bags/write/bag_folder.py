@@ -26,7 +26,7 @@ class BagFolder:
             path.mkdir(exist_ok=replace)
             self._lock = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
         except FileExistsError:
-            raise MissingError(f'{path}: exists already; give another --output, or --force to replace it') from None
+            raise MissingError(f'{path}: it already exists; give another --output, or --force to replace it') from None
         except OSError as error:
             raise MissingError(f'{path}: cannot be written: {error.strerror}; give another --output') from None
         try:

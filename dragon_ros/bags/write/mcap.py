@@ -579,6 +579,6 @@ def _create(path: Path, overwrite: bool) -> FileIO:
         file.close()
         raise MissingError(f'{path}: another recorder is writing it; give another --output') from None
     except FileExistsError:
-        raise MissingError(f'{path}: exists already; give another --output, or --force to replace it') from None
+        raise MissingError(f'{path}: it already exists; give another --output, or --force to replace it') from None
     except OSError as error:
         raise MissingError(f'{path}: cannot be written: {error.strerror}; give another --output') from None

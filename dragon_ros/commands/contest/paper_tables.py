@@ -1,4 +1,4 @@
-"""The paper's three tables: printed, reproduced by its own recipe, true, and the error of the print."""
+"""The paper's three tables: printed, reproduced by its own recipe, true, and the error of the printed value."""
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ TITLES = {1: 'Table 1. Positions (m)', 2: 'Table 2. Speeds (m/s)',
 
 @dataclass(frozen=True)
 class PrintedNumber:
-    """One printed number beside its true value; in ``printed`` the signs lost in print are restored."""
+    """One printed number beside its true value; ``printed`` restores the signs lost in print."""
 
     table: int
     handle: int
@@ -66,7 +66,7 @@ def text(rows: list[PrintedNumber]) -> str:
 
 
 def csv_text(rows: list[PrintedNumber]) -> str:
-    """Return one line for each printed number."""
+    """Return one CSV line for each printed number."""
     return csv_of(_values(rows[0]), [_values(cell).values() for cell in rows]).rstrip('\n')
 
 

@@ -1,4 +1,4 @@
-"""The result files of the contest problem behind the paper (CUMCM 2024 A), in its layout, as CSV and XLSX."""
+"""The result files of the contest problem behind the paper (CUMCM 2024 A), as CSV and XLSX in its layout."""
 import csv
 import re
 from collections.abc import Callable
@@ -50,10 +50,11 @@ def result_1(scene: Scene) -> list[ResultSheet]:
 
 
 def result_2(scene: Scene) -> list[ResultSheet]:
-    """Return positions and speeds at the moment of the first contact. Raises InputError where there is none."""
+    """Return positions and speeds at the first contact. Raises InputError if there is none."""
     found = first_contact(scene)
     if not isinstance(found, Contact):
-        raise InputError('--contest: result2 is about the first contact, and this scene has none')
+        raise InputError('--contest: result2 needs a first contact, which this scene does not have; choose a scene '
+                         'such as winding')
     p, speed = _state(scene, [found.t_s])
     return [ResultSheet('Sheet1', 'result2', ('横坐标x (m)', '纵坐标y (m)', '速度 (m/s)'),
                         tuple(handle_names(scene.dragon.benches)), np.column_stack((p[0], speed[0])))]
@@ -91,7 +92,7 @@ def _state(scene: Scene, times_s: list[float]) -> tuple[Floats, Floats]:
 
 
 def write(folder: Path, wound: Scene, turning: Scene, progress: Callable[[], object] = lambda: None) -> list[Path]:
-    """Write all results into a folder and return the paths; XLSX only where openpyxl is installed.
+    """Write all results into a folder and return the paths; XLSX only if openpyxl is installed.
 
     ``progress()`` is called after each of 3 results and up to 8 files.
     """
@@ -123,7 +124,7 @@ def _cells(sheet: ResultSheet) -> list[list[str]]:
 
 def _write_csv(folder: Path, name: str, sheet: ResultSheet) -> Path:
     path = folder / (f'{name}.csv' if sheet.file == name else f'{name}_{sheet.file}.csv')
-    with path.open('w', encoding='utf-8-sig', newline='') as file:     # Excel takes a file without the mark for GBK
+    with path.open('w', encoding='utf-8-sig', newline='') as file:     # without the mark, Excel reads the file as GBK
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(('', *sheet.columns))
         writer.writerows([row, *cells] for row, cells in zip(sheet.rows, _cells(sheet), strict=True))
@@ -131,7 +132,7 @@ def _write_csv(folder: Path, name: str, sheet: ResultSheet) -> Path:
 
 
 def _write_xlsx(path: Path, sheets: list[ResultSheet]) -> Path:
-    """Write a book: openpyxl makes all of it but the cells of the sheets, which takes it twenty times as long."""
+    """Write a workbook with openpyxl, except for the cells, which openpyxl writes twenty times as slowly."""
     from openpyxl import Workbook
     book, saved = Workbook(), BytesIO()
     book.remove(book.active)
@@ -149,7 +150,7 @@ def _write_xlsx(path: Path, sheets: list[ResultSheet]) -> Path:
 
 
 def _filled(page: str, sheet: ResultSheet, style: int) -> bytes:
-    """Return a sheet's XML with its cells in place of the one that openpyxl wrote (ECMA-376 part 1, 18.3.1.80)."""
+    """Return a sheet's XML with its cells replacing openpyxl's only one (ECMA-376 part 1, 18.3.1.80)."""
     head, rest = page.split('<sheetData>', 1)
     heads = ''.join(f'<c t="inlineStr"><is><t>{escape(name)}</t></is></c>' for name in ('', *sheet.columns))
     lines = [f'<row>{heads.replace(_NO_NAME, "<c/>", 1)}</row>']

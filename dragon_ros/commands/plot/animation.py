@@ -31,7 +31,7 @@ from dragon_ros.version import __version__
 
 MOST_FRAMES = 3000
 _INCHES = 4.6               # of the longer side of the axes
-_SAMPLES = 24               # moments whose dragons set the window
+_SAMPLES = 24               # moments that determine the window
 _HAIR_S = 1e-9
 _FILM_IN = 7.2             # the height of a film in inches, whatever its pixels: text has the same share of all
 _FILM_INSET = (0.52, 0.66, 0.12, 0.21)
@@ -44,7 +44,7 @@ def frame_times(source: Source, start_s: float | None, stop_s: float | None, pac
     """Return the time of each frame. Raises InputError for times outside the source and for too many frames."""
     for name, value in (('--pace', pace), ('--fps', fps)):
         if not 0 < value <= 1e6:
-            raise FieldError(name, value, 'it must be positive', 'try --pace 20 --fps 20')
+            raise FieldError(name, value, 'it must exceed 0', 'give for example 20')
     first, last = (at if given is None else given for at, given in zip(source.span_s, (start_s, stop_s), strict=True))
     check_times(source, (first, last))
     frames = 1 + int((last - first) * fps / pace)

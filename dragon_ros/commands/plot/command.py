@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     Drawing = tuple[Figure, str]        # and what times a caption names
 
 _MOST_TIMES = 8         # that a caption names
-_KINDS = {      # what each draws, and an example
+_KINDS = {      # description and example of each kind
     'dragon': ('the dragon at one time, or up to six side by side', '--times 60,240 --output dragon.png'),
     'contact': ('the first contact, with a close-up', '--bag run.mcap --output contact.svg'),
-    'clearance': ('the smallest gap of all benches over time', '--output clearance.png --output clearance.svg'),
-    'speeds': ('the speed along the chain at some times', '--times 0,60,120,180,240,300'),
+    'clearance': ('the smallest gap between benches over time', '--output clearance.png --output clearance.svg'),
+    'speeds': ('the speed of each handle along the chain, at some times', '--times 0,60,120,180,240,300'),
     'animation': ('the run as an animation: .gif, .mp4 (a film with clearance and speeds), .html (the web view in one '
                   'file)', '--start 400 --stop 413 --pace 2 --around head --follow --output run.mp4'),
 }
@@ -127,7 +127,7 @@ def _contact(arguments: Namespace, source: 'Source') -> 'Drawing':
     from dragon_ros.commands.plot.dragon import contact_picture
     touch = source.first_touch(_shown('ticks'))
     if touch is None:
-        raise InputError(f'{source.name}: no benches touch, so there is no contact to draw')
+        raise InputError(f'{source.name}: no benches touch in this run; draw the dragon instead (plot dragon)')
     return contact_picture(source, touch), f'{touch.t_s:.6f} s'
 
 

@@ -1,4 +1,4 @@
-"""Pictures of a dragon: its benches on their track, and the contact with a close-up."""
+"""Pictures of a dragon: its benches on the track, and the contact with a close-up."""
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -27,13 +27,13 @@ _ROUNDING_M = 1e-9          # an overlap that is less deep is a contact
 _CLOSE_LENGTHS = 0.62       # half the side of the close-up, in bench lengths
 RING: dict[str, Any] = {'linestyle': 'none', 'marker': 'o', 'markersize': 12, 'markerfacecolor': 'none',
                         'markeredgecolor': POINT, 'markeredgewidth': 1.4}
-_LEAST_IN = np.array((2.7, 1.6))            # of axes: room for a title and for ticks
+_LEAST_IN = np.array((2.7, 1.6))            # around axes, for a title and for ticks
 _DECORATION_IN = np.array((0.85, 0.85))     # title, labels and ticks around axes
 _LEGEND_IN = 5.0, 0.7       # width and height, a title of the figure included
 
 
 def dragon_picture(source: Source, times_s: list[float], zoom: Zoom | None = None) -> Figure:
-    """Return a figure with one panel for each time, all of one window (figure 7 of the paper has 60 s and 240 s).
+    """Return a figure with one panel per time, all with the same window (figure 7 of the paper: 60 s and 240 s).
 
     With a ``zoom`` each panel has its own window, and an inset that shows where it is. Raises InputError for times
     outside the source, and for more than fit on a page.
@@ -105,7 +105,7 @@ def contact_picture(source: Source, touch: Touch) -> Figure:
     _look_closer(close, source, one, touch)
     whole.indicate_inset_zoom(close, edgecolor=POINT, alpha=0.8, linewidth=0.8)
     for part in whole.get_children():
-        if isinstance(part, ConnectionPatch):       # before Matplotlib 3.10 a layout made room for these lines
+        if isinstance(part, ConnectionPatch):       # before Matplotlib 3.10, layouts reserved room for these lines
             part.set_in_layout(False)
     whole.set_title(figures.titled(source.name, f'first contact at {touch.t_s:.6f} s', inches[0]))
     close.set_title(_meeting(touch))
@@ -126,7 +126,7 @@ def _meeting(touch: Touch) -> str:
 
 
 def panel(seen: Floats, longest_in: float) -> tuple[Floats, Floats]:
-    """Return the size (2,) in inches of axes for a window, and the window, widened where it is slim, to that shape."""
+    """Return the size (2,) of axes in inches for a window, and the window, widened to that shape if it is slim."""
     size, middle = seen[1] - seen[0], seen.mean(axis=0)
     inches = np.maximum(size / size.max() * longest_in, _LEAST_IN)
     half = 0.5 * inches * float(np.max(size / inches))
@@ -190,7 +190,7 @@ def draw(axes: Axes, seen: Floats, track: Floats | None, one: Moment, touching: 
 
 
 def _draw_venue(axes: Axes, venue: Venue) -> None:
-    """Draw obstacles, and what lies outside of the inside, as far as it is seen."""
+    """Draw the visible obstacles and the area outside the boundary."""
     for one in venue.obstacles:
         if isinstance(one, PolygonObstacle):
             outline = Path.make_compound_path(*(Path([*ring, ring[0]], closed=True) for ring in one.rings_m))
@@ -203,14 +203,14 @@ def _draw_venue(axes: Axes, venue: Venue) -> None:
         left, right, bottom, top = min(left, *x) - 1, max(right, *x) + 1, min(bottom, *y) - 1, max(top, *y) + 1
         sheet = [(left, bottom), (right, bottom), (right, top), (left, top), (left, bottom)]
         ring = np.array([*venue.inside, venue.inside[0]])
-        # The rule of windings leaves out what a ring against the sheet's sense surrounds.
+        # By the nonzero winding rule, a ring of opposite orientation cuts a hole.
         clockwise = ring if np.sum(ring[:-1, 0] * ring[1:, 1] - ring[1:, 0] * ring[:-1, 1]) < 0 else ring[::-1]
         outside = Path.make_compound_path(Path(sheet, closed=True), Path(clockwise, closed=True))
         axes.add_patch(PathPatch(outside, facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.6, zorder=0.7))
 
 
 def _draw_track(axes: Axes, track: Floats) -> None:
-    """Draw all points (P, 2) of a track from its rear to its front; the first of a figure has an id, for ``route``."""
+    """Draw the points (P, 2) of a track, rear to front; the first track of a figure has an id, for ``route``."""
     line = Path(track[::-1])
     line.should_simplify = False
     known = any(one.get_gid() == figures.TRACK_ID for other in axes.figure.axes for one in other.patches)
@@ -219,13 +219,13 @@ def _draw_track(axes: Axes, track: Floats) -> None:
 
 
 def _frame(axes: Axes, seen: Floats) -> None:
-    """Show a window, with one scale for both axes, and label them."""
+    """Show a window with the same scale on both axes, and label them."""
     (left, bottom), (right, top) = seen.tolist()
     axes.set(aspect='equal', xlim=(left, right), ylim=(bottom, top), xlabel='x (m)', ylabel='y (m)')
 
 
 def _points_per_m(axes: Any) -> float:
-    """Return the scale of axes, before their layout: a little too small."""
+    """Return the scale of axes before their layout, which is slightly too small."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     pixels_per_m = min(axes.bbox.width / (right - left), axes.bbox.height / (top - bottom))
     return 72 * float(pixels_per_m) / float(axes.figure.dpi)
@@ -252,7 +252,7 @@ def _look_closer(axes: Axes, source: Source, one: Moment, touch: Touch) -> None:
 
 
 def _emptiest_corner(labels: Floats) -> tuple[float, float]:
-    """Return the corner of axes, as fractions, that is farthest from labels (K, 2) there."""
+    """Return the corner of axes, in axes fractions, that is farthest from labels (K, 2)."""
     corners = [(0.97, 0.03), (0.03, 0.03), (0.97, 0.97), (0.03, 0.97)]
     return max(corners, key=lambda corner: float(np.min(np.hypot(*(labels - corner).T), initial=9.0)))
 

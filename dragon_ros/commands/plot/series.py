@@ -9,14 +9,14 @@ from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_t
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 
-MOST_POINTS = 1500          # points of one curve: more than a screen resolves
+MOST_POINTS = 1500          # points per curve, more than a screen resolves
 _CLOSE_S = 15.0             # before the contact
 _MOST_LABELS = 20           # of times beside lines
 _WIDE_IN, _NARROW_IN = 7.4, 4.6     # of panels
 
 
 def clearance_picture(source: Source, progress: Progress) -> Figure:
-    """Return the smallest gap of all benches over the run, and over the last seconds before the contact."""
+    """Return a figure of the smallest gap over the run, and over the last seconds before the contact."""
     touch = source.first_touch(progress)
     first, last = source.span_s
     start = first if touch is None else max(first, touch.t_s - _CLOSE_S)
@@ -29,7 +29,7 @@ def clearance_picture(source: Source, progress: Progress) -> Figure:
         axes.plot(times_s, 1e3 * gaps_m, color=LINES[0], linewidth=1.2)
         _shade_overlap(axes, touch is not None)
         axes.set(xlabel='time (s)', ylabel='clearance (mm)', xlim=span)
-        whole = figures.titled(source.name, 'smallest gap of all benches', _NARROW_IN if len(spans) > 1 else _WIDE_IN)
+        whole = figures.titled(source.name, 'smallest gap between benches', _NARROW_IN if len(spans) > 1 else _WIDE_IN)
         axes.set_title(whole if span == spans[0] else f'the last {_CLOSE_S:g} s before the contact')
         if touch is not None:
             _mark(axes, touch, len(spans) == 1 or span != spans[0])
@@ -37,7 +37,7 @@ def clearance_picture(source: Source, progress: Progress) -> Figure:
 
 
 def _shade_overlap(axes: Axes, touching: bool) -> None:
-    """Mark where benches overlap; where they touch, leave room there for words."""
+    """Shade overlaps; if benches touch, leave room for text."""
     low, high = axes.get_ylim()
     low = min(low, -0.4 * high if touching else 0.0)
     axes.axhline(0.0, color=QUIET, linewidth=0.8)
@@ -48,7 +48,7 @@ def _shade_overlap(axes: Axes, touching: bool) -> None:
 
 
 def _mark(axes: Axes, touch: Touch, fully: bool) -> None:
-    """Mark the contact, with words on the side that has more room."""
+    """Mark the contact, with text on the side that has more room."""
     axes.plot(touch.t_s, 0.0, marker='o', markersize=7, color=HEAD, markeredgecolor=POINT, markeredgewidth=0.7,
               zorder=5, clip_on=False)
     text = f'{touch.words}\nat {touch.t_s:.6f} s' if fully else f'contact at {touch.t_s:.2f} s'
@@ -59,7 +59,7 @@ def _mark(axes: Axes, touch: Touch, fully: bool) -> None:
 
 
 def speeds_picture(source: Source, times_s: list[float]) -> Figure:
-    """Return the speed of each handle, from head to tail, one line for each time. Raises InputError without speeds."""
+    """Return a figure of speed by handle, with one line per time. Raises InputError without speeds."""
     check_times(source, times_s)
     figure = Figure(figsize=(8.4, 5))
     axes = figure.subplots()
@@ -77,7 +77,7 @@ def speeds_picture(source: Source, times_s: list[float]) -> Figure:
 
 
 def _label_ends(axes: Axes, source: Source, labelled: list[Moment], moments: list[Moment]) -> None:
-    """Write times beside the ends of their lines, apart from each other, with guide lines where they had to move."""
+    """Write times beside the ends of their lines, spread apart, with guide lines if they had to move."""
     low, high = axes.get_ylim()
     colours = {one.t_s: LINES[number % len(LINES)] for number, one in enumerate(moments)}
     ends = sorted((float(speeds_of(source, one)[-1] - low) / (high - low), one.t_s) for one in labelled)
@@ -88,7 +88,7 @@ def _label_ends(axes: Axes, source: Source, labelled: list[Moment], moments: lis
 
 
 def speeds_of(source: Source, one: Moment) -> Floats:
-    """Return the speeds of a moment. Raises InputError where there are none."""
+    """Return the speeds of a moment. Raises InputError if there are none."""
     if one.speed_m_s is None:
-        raise InputError(f'{source.name}: has no velocities; record with the effect velocity, or plot the scene')
+        raise InputError(f'{source.name}: it has no velocities; record with the effect velocity, or plot the scene')
     return one.speed_m_s

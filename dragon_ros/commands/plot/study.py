@@ -1,7 +1,7 @@
-"""Pictures of a study: maps with contours and who touches first, curves, distributions with bands, what matters.
+"""Pictures of a study: maps with contours and first pairs, curves, distributions with bands, Sobol indices.
 
-What is drawn follows from the design: of a grid the main answers over one key, or over the first two; of random and
-Sobol designs their distributions; of saltelli which input matters how much.
+The design decides the picture: for a grid, the main answers over one key or over the first two; for random and Sobol
+designs, their distributions; for Saltelli designs, the Sobol indices of the inputs.
 """
 from collections.abc import Iterator
 
@@ -29,14 +29,14 @@ from dragon_ros.studies.statistics import (
 from dragon_ros.studies.study import Listed
 
 _UNITS = {'_m': 'm', '_s': 's', '_m_s': 'm/s', '_m_s2': 'm/s²', '_rad': 'rad', '_deg': '°'}
-_FEW = 8            # rows below which no distribution is drawn
+_FEW = 8            # fewest rows for a distribution
 _CONTOURS = 12
-_MOST_PAIRS = 12    # pairs of benches that are told apart by colour
+_MOST_PAIRS = 12    # pairs of benches that colours can distinguish
 _PAIRS = {'contact_t_s': ('contact_inner', 'contact_outer'), 'min_pitch_m': ('min_pitch_inner', 'min_pitch_outer')}
 
 
 def pictures(data: DataSet) -> Iterator[tuple[str, Figure]]:
-    """Yield (name, figure) of each picture that the rows give; incomplete data sets say how many rows they have."""
+    """Yield (name, figure) for each picture; titles of incomplete data sets state their number of rows."""
     table = data.table()
     varied = [key for key, one in data.study.vary if not isinstance(one, Listed) or len(one.values) > 1]
     for name in main_answers(data.study):
@@ -68,7 +68,7 @@ def _rows_text(data: DataSet, count: int) -> str:
 
 
 def _curve(data: DataSet, table: pa.Table, key: str, name: str) -> Figure:
-    """Return an answer over the one key that varies; rows without it are marked below."""
+    """Return a figure of an answer over the only varying key; rows without an answer are marked below."""
     figure = Figure(figsize=(8.4, 5))
     axes = figure.subplots()
     at, values = table.column(key).to_numpy(zero_copy_only=False), numbers(table, name)
@@ -86,9 +86,9 @@ def _note_missing(axes: Axes, values: Floats) -> None:
 
 
 def _map(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Figure:
-    """Return an answer over two keys, with contours, and beside it which pair touches first where that is known.
+    """Return a figure of an answer over two keys, with contours and, if known, the pair that touches first.
 
-    Where more keys vary the first rows of the others are drawn.
+    If more keys vary, it shows the first value of each other key.
     """
     grid = _on_grid(data, table, keys, name)
     pairs = _PAIRS.get(name)
@@ -116,7 +116,7 @@ def _levels(data: DataSet, key: str) -> list[float]:
 
 
 def _on_grid(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Floats:
-    """Return a column over two keys, the first values of the other keys; nan where there is no row."""
+    """Return a column over two keys, at the first values of all others; nan without a row."""
     sizes = [len(levels_of(variation)) for _, variation in data.study.vary]
     whole = np.full(int(np.prod(sizes)), np.nan)
     whole[table.column('index').to_numpy()] = numbers(table, name)
@@ -127,7 +127,7 @@ def _on_grid(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -
 
 
 def _pairs_panel(figure: Figure, axes: Axes, at: tuple[list[float], list[float]], inner: Floats, outer: Floats) -> None:
-    """Draw which pair of benches touches first; beyond a dozen pairs, the outer bench alone as a number."""
+    """Draw which pair of benches touches first; beyond a dozen pairs, only the number of the outer bench."""
     code = inner * 1e6 + outer
     kinds = np.unique(code[~np.isnan(code)])
     place = np.where(np.isnan(code), np.nan, np.searchsorted(kinds, code).astype(float))
@@ -144,7 +144,7 @@ def _pairs_panel(figure: Figure, axes: Axes, at: tuple[list[float], list[float]]
 
 
 def _spread(data: DataSet, values: Floats, name: str) -> Figure:
-    """Return a histogram and the distribution with its band, and what is known of the one in a thousand."""
+    """Return a figure of the histogram and the distribution with its band, and of the 1-in-1000 quantile."""
     figure = Figure(figsize=(13, 5))
     left, right = figure.subplots(1, 2)
     left.hist(values, bins=max(8, min(60, int(2 * values.size ** 0.5))), color=BODY, edgecolor='white', linewidth=0.4)
@@ -170,7 +170,7 @@ def _spread(data: DataSet, values: Floats, name: str) -> Figure:
 
 
 def _what_matters(data: DataSet, values: Floats, name: str) -> Iterator[tuple[str, Figure]]:
-    """Yield the Sobol indices of each input, where all rows have the answer."""
+    """Yield a figure of the Sobol indices of each input, if all rows have the answer."""
     try:
         found = indices(data.study, values)
     except FieldError:      # rows are missing or refused; the summary counts them

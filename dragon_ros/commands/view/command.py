@@ -1,4 +1,4 @@
-"""``view``: shows a scene or a bag in the browser, served on this host only, without ROS."""
+"""``view``: show a scene or a bag in the browser, served only on this host, without ROS."""
 import argparse
 import os
 import signal
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dragon_ros.commands.view.data import ViewData
     from dragon_ros.commands.view.variants import Variants
 
-_LOOKS_S = 0.1         # how often the server looks whether to end
+_LOOKS_S = 0.1         # how often the server checks whether to end
 
 
 def main(argv: list[str]) -> int:
@@ -30,20 +30,20 @@ def main(argv: list[str]) -> int:
 def options() -> argparse.ArgumentParser:
     """Return the parser."""
     parser = command_line.parser('view', 'Play a scene or a bag in the browser: play, pause, scrub, speed, zoom to the '
-                                 'contact, with clearance and speeds beside it. Only this host can reach the page. '
-                                 'Ctrl-C ends it.',
+                                 'contact, with clearance and speeds beside it. The page is reachable only from this '
+                                 'host. Ctrl-C ends it.',
                                  'view --scene first_contact')
     command_line.add_source_options(parser)
     parser.add_argument('--try', action='store_true', dest='tries',
                         help='also change the values of the scene, with sliders, and see what follows')
-    parser.add_argument('--port', type=int, default=0, help='of the page (any free one)')
+    parser.add_argument('--port', type=int, default=0, help='port of the page (any free one)')
     parser.add_argument('--no-browser', action='store_true', help='only print the address')
     return parser
 
 
 def _run(arguments: Namespace) -> int:
     if not 0 <= arguments.port <= 65535:
-        raise FieldError('--port', arguments.port, 'ports are 0 to 65535', 'leave it out to take any free one')
+        raise FieldError('--port', arguments.port, 'ports are 0 to 65535', 'omit it to use any free one')
     if arguments.tries:
         from dragon_ros.commands.view.variants import Variants
         if arguments.bag is not None:
@@ -75,5 +75,5 @@ def _serve(name: str, shown: 'ViewData | Variants', arguments: Namespace) -> int
 
 
 def _has_screen() -> bool:
-    """Return whether a browser would open a window; a text browser would take over this terminal."""
+    """Return whether a browser opens its own window; a text browser would take over this terminal."""
     return sys.platform != 'linux' or bool(os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY'))

@@ -12,9 +12,9 @@ from dragon_ros.core.numerics.types import Floats
 
 MOST_BENCHES = 2000         # that are sent as rectangles; of more, the page makes these from all handles
 MOST_POINTS = 1500          # points of a line
-_CURVE_BENCHES = 4_000_000   # ticks at which the clearance is computed: this takes some seconds
+_CURVE_BENCHES = 4_000_000   # ticks at which the clearance is computed, which takes some seconds
 _CHUNK_VALUES = 250_000     # frames in a chunk, which is about a megabyte
-_SEEN = 5                   # moments whose dragons set the window
+_SEEN = 5                   # moments that determine the window
 
 
 def _wanted() -> None:
@@ -28,7 +28,7 @@ class ViewData:
     """
 
     def __init__(self, source: Source, progress: Progress, times_s: Floats | None = None) -> None:
-        """Describe a source; it is shown at its ticks unless other times are given."""
+        """Describe a source, shown at its ticks unless other times are given."""
         self._source, self._progress, self._lock = source, progress, threading.Lock()
         self._touch, self._curve = list[Touch | None](), dict[str, Any]()       # once they are known
         self.times_s = source.ticks_s(*source.span_s, VIEW_TICKS) if times_s is None else times_s
@@ -47,7 +47,7 @@ class ViewData:
 
     @cached_property
     def run(self) -> dict[str, Any]:
-        """Everything that does not change, for JSON."""
+        """All constant data, for JSON."""
         track, first, last = self._source.track, float(self.times_s[0]), float(self.times_s[-1])
         shown = None if track is None else track.astype(np.float32).T.tolist()
         seen = [moment(self._source, t_s) for t_s in np.linspace(first, last, _SEEN).tolist()]
@@ -73,7 +73,7 @@ class ViewData:
         return self._touch[0]
 
     def contact(self, check: Check = _wanted) -> dict[str, Any] | None:
-        """Return the first contact, for JSON; None if there is none. It is searched when it is first asked for."""
+        """Return the first contact, for JSON; None if there is none. The search starts at the first call."""
         with self._lock:
             touch = self._first_touch(check)
         return None if touch is None else {'t_s': touch.t_s, 'benches': touch.benches, 'point_m': touch.point_m,
@@ -92,7 +92,7 @@ class ViewData:
             return self._curve
 
     def frames(self, chunk: int, check: Check = _wanted) -> bytes:
-        """Return the frames of one chunk as little-endian float32, one after the other; nan where a tick has none.
+        """Return the frames of one chunk as consecutive little-endian float32; nan if a tick has no frame.
 
         A frame has the corners of benches (8 each) or, of many, all handles (2 each), and speeds of handles.
         """
@@ -117,7 +117,7 @@ class ViewData:
         return np.concatenate((places.ravel(), speed[self._handles]))
 
     def _note(self) -> str:
-        """Return notes about what is omitted."""
+        """Return notes on omitted data."""
         notes = []
         if len(self.times_s) == VIEW_TICKS:
             notes.append(f'only {VIEW_TICKS} ticks of the run are shown')

@@ -1,4 +1,4 @@
-"""The web view of a run as a single file, which needs neither a server nor a network."""
+"""The web view of a run as a single file, without server or network."""
 import json
 from base64 import b64encode
 from hashlib import sha256
@@ -28,9 +28,9 @@ def write_page(source: Source, times_s: Floats, pace: float, path: Path, progres
 
 
 def _page(data: str) -> str:
-    """Return the page with everything that it refers to inlined; scripts are last, since they are not deferred.
+    """Return the page with all its resources inlined; scripts come last, because they are not deferred.
 
-    Its policy allows these scripts by their digests, and nothing from anywhere else.
+    Its policy allows only these scripts, by their digests.
     """
     scripts = [data, _web('plotly-basic.min.js'), _web('benches.js'), _web('view.js')]
     inlined = ''.join(f'<script>{script}</script>\n' for script in scripts)

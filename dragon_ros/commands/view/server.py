@@ -35,10 +35,10 @@ _TRY_PATH = '/try.js'
 _ANSWERS: dict[str, Callable[[ViewData, Check], Any]] = {
     '/run.json': lambda data, check: data.run, '/contact.json': ViewData.contact,
     '/clearance.json': ViewData.clearance}
-_ROOM_S = 1.0       # longest wait until a connection that was closed to make room has ended
+_ROOM_S = 1.0       # longest wait for a connection to end that was closed to make room
 _CHUNK = re.compile('[0-9]{1,9}')
 _JSON, _BINARY = 'application/json', 'application/octet-stream'
-# The page may only use what this server sends; plotly.js writes styles into it.
+# The page may use only resources of this server; plotly.js adds inline styles.
 _POLICY = ("default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; form-action 'none'; "
            "frame-ancestors 'none'; base-uri 'none'; object-src 'none'")
 _HEADERS = {'Content-Security-Policy': _POLICY, 'X-Content-Type-Options': 'nosniff', 'X-Frame-Options': 'DENY',
@@ -61,17 +61,17 @@ class ViewServer(ThreadingHTTPServer):
         """Bind to this host."""
         self.shown = shown
         self._room = BoundedSemaphore(VIEW_CONNECTIONS)
-        self._waiting, self._lock = dict[socket.socket, None](), Lock()     # without a request so far, the oldest first
+        self._waiting, self._lock = dict[socket.socket, None](), Lock()     # idle connections, oldest first
         try:
             super().__init__((HOST, port), _Handler)
         except (OSError, OverflowError) as error:
             reason = getattr(error, 'strerror', None) or error
-            raise MissingError(f'--port {port}: cannot be used: {reason}; leave it out to take any free one') from None
+            raise MissingError(f'--port {port}: cannot be used: {reason}; omit it to use any free one') from None
 
     def verify_request(self, request: object, client_address: object) -> bool:
-        """Accept a connection. Where there is no room, the one that has been without a request longest is closed.
+        """Accept a connection. If there is no room, close the one that has waited longest without a request.
 
-        If all are being answered, the new one is closed at once.
+        If all connections are being served, close the new one at once.
         """
         return self._room.acquire(blocking=False) or (self._close_oldest() and self._room.acquire(timeout=_ROOM_S))
 
@@ -80,18 +80,18 @@ class ViewServer(ThreadingHTTPServer):
             oldest = next(iter(self._waiting), None)
             self._waiting.pop(oldest, None)     # type: ignore[arg-type]
         if oldest is not None:
-            with suppress(OSError):     # its thread has ended meanwhile
+            with suppress(OSError):     # its thread has already ended
                 oldest.shutdown(socket.SHUT_RDWR)
         return oldest is not None
 
     def wait_for(self, connection: socket.socket) -> None:
-        """Note that a connection has no request yet."""
+        """Register a connection without a request."""
         with self._lock:
             self._waiting.pop(connection, None)
             self._waiting[connection] = None
 
     def wait_no_more(self, connection: socket.socket) -> None:
-        """Note that a connection has a request, or has ended."""
+        """Unregister a connection that has a request, or has ended."""
         with self._lock:
             self._waiting.pop(connection, None)
 
@@ -105,7 +105,7 @@ class ViewServer(ThreadingHTTPServer):
             self._room.release()
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Ignore a page that was closed during its request, or that does not read its answer."""
+        """Ignore a page that closes during its request or does not read its answer."""
         if not isinstance(sys.exc_info()[1], (ConnectionError, TimeoutError)):
             super().handle_error(request, client_address)  # type: ignore[arg-type]
 
@@ -116,7 +116,7 @@ class ViewServer(ThreadingHTTPServer):
 
 
 class _Request(RawIOBase):
-    """What arrives on a connection, each request before its deadline, however slowly it comes."""
+    """The input of a connection, with a deadline for each request, however slowly it arrives."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection, self.deadline_s = connection, 0.0
@@ -154,10 +154,10 @@ class _Handler(BaseHTTPRequestHandler):
         super().handle_one_request()
 
     def do_GET(self) -> None:
-        """Answer, with an error as text where that fails."""
+        """Answer, with an error as text if that fails."""
         self.server.wait_no_more(self.connection)
         self.connection.settimeout(VIEW_IDLE_S)
-        if not self._is_for_us():       # a foreign page that gave this host a name of its own
+        if not self._is_for_us():       # DNS rebinding: a foreign page under another host name
             self.send_error(HTTPStatus.FORBIDDEN, 'this page is for 127.0.0.1 and localhost')
             return
         path, _, query = self.path.partition('?')
@@ -221,13 +221,13 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def end_headers(self) -> None:
-        """Send what every answer carries, errors too."""
+        """Send the headers of every answer, including errors."""
         for name, value in _HEADERS.items():
             self.send_header(name, value)
         super().end_headers()
 
     def log_message(self, *args: object) -> None:
-        """Log nothing: the terminal is for messages to the user."""
+        """Log nothing; the terminal is for messages to the user."""
 
 
 def _data(data: ViewData, path: str, check: Check) -> tuple[bytes, str] | None:

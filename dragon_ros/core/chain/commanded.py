@@ -74,8 +74,8 @@ class Commanded:
 
 
 def _unknown() -> NoReturn:
-    raise FieldError('head.kind', 'commanded', 'how far the leader goes is known from a run alone',
-                     'give the bag of one, or another kind of head law')
+    raise FieldError('head.kind', 'commanded', 'the walk of a commanded leader is known only from a recorded run',
+                     'give its bag, or choose another kind of head law')
 
 
 @dataclass(frozen=True)

@@ -94,7 +94,7 @@ class Mixed(_Lengths):
         _check_links({f'dragon.groups.{n}.length_m': group.length_m for n, group in enumerate(self.groups, 1)},
                      self.hole_inset_m)
         if self.benches > _MOST:
-            raise FieldError('dragon.groups', f'{self.benches} benches', f'the most are {_MOST}', 'give smaller counts')
+            raise FieldError('dragon.groups', f'{self.benches} benches', f'the limit is {_MOST}', 'reduce the counts')
 
     def _group(self, n: int, group: Group) -> Group:
         """Return a group with its values checked."""
@@ -136,7 +136,7 @@ def _length(field: str, length_m: float, hole_inset_m: float) -> float:
     number(field, length_m, above=0.0, high=1e12)
     length = number(field, length_m, low=1e-12)
     if length < 2 * hole_inset_m:
-        raise FieldError(field, length, f'a bench must hold its two holes, 2 x {hole_inset_m} m from the ends',
+        raise FieldError(field, length, f'a bench must be longer than 2 x {hole_inset_m} m, for its two holes',
                          'make the bench longer or dragon.hole_inset_m smaller')
     return length
 
@@ -152,5 +152,5 @@ def _check_links(lengths_m: dict[str, float], hole_inset_m: float) -> None:
         link_m = length_m - 2 * hole_inset_m
         if 0 < link_m < least_m:
             none_m = 2 * hole_inset_m
-            raise FieldError(field, length_m, f'its link of {link_m:.3g} m is too short to have a direction in floats',
-                             f'give {none_m!r} m for no link, or {none_m + 2 * least_m!r} m or more')
+            raise FieldError(field, length_m, f'its link of {link_m:.3g} m is too short to have an accurate direction',
+                             f'give {none_m!r} m for a link of zero length, or {none_m + 2 * least_m!r} m or more')

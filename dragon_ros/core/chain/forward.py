@@ -95,7 +95,7 @@ def locked(track: Track, link: int, theta: float, link_m: float) -> ChainLockErr
     assert spiral
     radius = spiral.curve.b_m * theta
     return ChainLockError(
-        f'the chain locks: link {link} of {link_m:.6g} m finds no place behind its front handle at radius '
+        f'the chain locks: link {link} of {link_m:.6g} m cannot be placed behind its front handle at radius '
         f'{radius:.6f} m; end the scene earlier, or use shorter benches or a larger pitch',
         link=link, radius_m=radius, theta_rad=theta)
 

@@ -92,12 +92,13 @@ class Profile(Settings):
         if self.ramps not in RAMPS:
             raise FieldError('head.ramps', self.ramps, f'ramps are {" or ".join(RAMPS)}', 'give one of these')
         if not 1 <= len(self.knots) <= _MOST:
-            raise FieldError('head.knots', len(self.knots), f'a profile has 1 to {_MOST} knots', 'list [time, speed]')
+            raise FieldError('head.knots', len(self.knots), f'a profile has 1 to {_MOST} knots', 'list pairs [time, '
+                                                                                                 'speed]')
         settle(self, knots=tuple(
             (number(f'head.knots.{n + 1}', t_s, low=self.knots[n - 1][0] if n else 0.0, high=1e10),
              number(f'head.knots.{n + 1}', speed, low=-1e9, high=1e9)) for n, (t_s, speed) in enumerate(self.knots)))
         if self.knots[0][0] != 0:
-            raise FieldError('head.knots.1', self.knots[0], 'the first knot is at 0 s', 'say the speed at 0 s')
+            raise FieldError('head.knots.1', self.knots[0], 'the first knot must be at 0 s', 'add the speed at 0 s')
 
     @cached_property
     def _times(self) -> list[float]:
@@ -222,4 +223,4 @@ def ramp_m(one: Knot, two: Knot) -> Fraction:
 def check_lead(lead: str) -> None:
     """Raise FieldError unless it is an end of the dragon."""
     if lead not in LEADERS:
-        raise FieldError('head.lead', lead, 'the dragon is led by its head or its tail', 'give head or tail')
+        raise FieldError('head.lead', lead, 'the leader is the head or the tail', 'give head or tail')

@@ -145,7 +145,8 @@ class Track:
         if not self.begin_m <= metres <= self.end_m:
             limit_m = self.begin_m if metres < self.begin_m else self.end_m
             if not abs(metres - limit_m) <= _HAIR * (1 + max(abs(limit_m), abs(from_m))):
-                raise TrackEndError(f'{metres:.9g} m along the track is not on it: it goes from {self.begin_m:.9g} to '
+                raise TrackEndError(f'{metres:.9g} m along the track is off the track, which goes from '
+                                    f'{self.begin_m:.9g} to '
                                     f'{self.end_m:.9g} m', distance_m=metres, limit_m=self.end_m)
         k = bisect_right(self.joints_m, metres)
         origin = self.origins_m[k]
@@ -232,8 +233,8 @@ class Track:
             if gone + longest >= reach or abs(complex(segment.at(far)) - here) >= chord_m:
                 return self._cut(k, here, chord_m, direction, (gone, reach))
             gone += longest
-        raise TrackEndError(f'a link of {chord_m:.6g} m finds no track: it begins or ends too close; start the head '
-                            'further along, or lengthen the first piece', distance_m=self.distance_of(place)[0])
+        raise TrackEndError(f'a link of {chord_m:.6g} m does not fit on the track, which is too short there; start the '
+                            'head further along, or lengthen the first piece', distance_m=self.distance_of(place)[0])
 
     def _cut(self, k: int, here: complex, chord_m: float, direction: int,
              arcs_m: tuple[float, float]) -> tuple[Place, int]:
@@ -475,10 +476,10 @@ def _check_joint(k: int, piece: Piece, point: complex, heading: complex) -> None
         gap = hypot(x - point.real, y - point.imag)
         if gap > _NEAR_M:
             raise FieldError(f'track.pieces.{k + 1}.at_m', [x, y], f'joint {k}: piece {k} ends {gap:.6g} m from there, '
-                             f'at [{point.real:.9g}, {point.imag:.9g}]', 'leave it out, or change the pieces before')
+                             f'at [{point.real:.9g}, {point.imag:.9g}]', 'remove it, or change the preceding pieces')
     if piece.heading_deg is not None:
         off = remainder(radians(piece.heading_deg) - cmath.phase(heading), 2 * pi)
         if abs(off) > _NEAR_RAD:
             raise FieldError(f'track.pieces.{k + 1}.heading_deg', piece.heading_deg, f'joint {k}: piece {k} ends '
                              f'{degrees(-off):.6g} degrees from there, at {degrees(cmath.phase(heading)):.9g}',
-                             'leave it out, or change the pieces before')
+                             'remove it, or change the preceding pieces')

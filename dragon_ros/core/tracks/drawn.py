@@ -438,8 +438,8 @@ def _unwalkable(drawn: _SmoothLine, low_m: float, high_m: float, least_m: float)
     at, _ = drawn.pose(0.5 * (low_m + high_m), True)
     return InputError(
         f'the drawing cannot be walked at ({at.real:.3f}, {at.imag:.3f}) m, {0.5 * (low_m + high_m):.2f} m along it: '
-        f'no bend of {least_m:.4g} m or more, the tightest that these benches can take, finds room there. Draw it with '
-        f'a larger radius or longer legs, or use shorter benches', field='drawing', place_m=(at.real, at.imag))
+        f'there is no room for a bend of {least_m:.4g} m, the tightest that these benches can walk; draw a larger '
+        f'radius or longer legs, or use shorter benches', field='drawing', place_m=(at.real, at.imag))
 
 
 class _FittedArcs(NamedTuple):
@@ -482,7 +482,7 @@ def _laid(drawn: _SmoothLine, blends: list[_Blend], parts: list[_FittedArcs], to
         heading = bows[0].heading
         bows = [Bow(bows[0].start - lead_in_m * heading, heading, lead_in_m, 0.0), *bows]
     if len(bows) > MOST_PIECES:
-        raise InputError(f'the drawing takes {len(bows)} pieces, and a track has {MOST_PIECES} at most; give a larger '
+        raise InputError(f'the drawing requires {len(bows)} pieces; the limit is {MOST_PIECES}; give a larger '
                          '--tolerance, or draw a shorter line', field='tolerance', pieces=len(bows))
     shift_m = _shift_m([bow for _, some in order for bow in some], bows[1:] if lead_in_m else bows)
     apart_m = max((_apart_m(drawn, part, _FINE * tolerance_m) for part in parts), default=0.0)

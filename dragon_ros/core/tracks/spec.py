@@ -161,7 +161,8 @@ class Arc:
         radius_m = number(f'{name}.radius_m', self.radius_m, above=0.0, high=1e9)
         angle_deg = number(f'{name}.angle_deg', self.angle_deg, low=-1e6, high=1e6)
         if angle_deg == 0:
-            raise FieldError(f'{name}.angle_deg', self.angle_deg, 'an arc turns', 'give degrees, positive to the left')
+            raise FieldError(f'{name}.angle_deg', self.angle_deg, 'an arc must turn', 'give degrees, positive to the '
+                                                                                      'left')
         return Arc(radius_m, angle_deg, *_checked_place(name, self))
 
 
@@ -182,7 +183,7 @@ class SpiralArc:
         from_turns = number(f'{name}.from_turns', self.from_turns, low=1e-3, high=1e6)
         to_turns = number(f'{name}.to_turns', self.to_turns, low=1e-3, high=1e6)
         if from_turns == to_turns:
-            raise FieldError(f'{name}.to_turns', self.to_turns, 'it begins there', 'give another')
+            raise FieldError(f'{name}.to_turns', self.to_turns, 'the spiral starts there', 'give another end')
         if self.side not in SIDES:
             raise FieldError(f'{name}.side', self.side, 'a spiral turns left or right', 'give left or right')
         return SpiralArc(pitch_m, from_turns, to_turns, self.side, *_checked_place(name, self))

@@ -150,7 +150,7 @@ def test_the_leading_handle_moves_as_it_says():
 
 def test_a_led_scene_alone_says_that_its_way_is_in_a_bag():
     for ask in (lambda: tick(SCENE, 5), lambda: first_contact(SCENE)):
-        with pytest.raises(FieldError, match=r'give the bag of one'):
+        with pytest.raises(FieldError, match=r'give its bag'):
             ask()
 
 

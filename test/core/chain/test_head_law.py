@@ -108,7 +108,7 @@ def test_a_hold_leaves_at_its_end():
 
 
 @pytest.mark.parametrize(('law', 'says'), [
-    ({'knots': ()}, 'head.knots'), ({'knots': ((1.0, 1.0),)}, 'first knot is at 0 s'),
+    ({'knots': ()}, 'head.knots'), ({'knots': ((1.0, 1.0),)}, 'first knot must be at 0 s'),
     ({'knots': ((0.0, 1.0), (2.0, 1.0), (1.0, 1.0))}, 'head.knots.3'),
     ({'knots': ((0.0, float('inf')),)}, 'head.knots.1'),
     ({'knots': ((0.0, 1.0),), 'ramps': 'steep'}, 'linear or smooth'),

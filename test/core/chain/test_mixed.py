@@ -60,7 +60,7 @@ def test_a_list_that_spells_out_the_classic_dragon_turns_as_it_does(scene):
 def test_the_papers_recipe_takes_the_classic_list_and_refuses_a_mixed_one():
     assert state(replace(SPELT, accuracy='paper'), 300.0).p.tobytes() == state(
         replace(CLASSIC, accuracy='paper'), 300.0).p.tobytes()
-    with pytest.raises(FieldError, match='accuracy: .paper. .* equal behind the head'):
+    with pytest.raises(FieldError, match='accuracy: .paper. .* equal benches behind the head'):
         Scene(dragon=MIDDLE, accuracy='paper')
 
 
@@ -70,7 +70,7 @@ def test_the_papers_recipe_takes_the_classic_list_and_refuses_a_mixed_one():
     ((Group(-1.0),), r'dragon\.groups\.1\.length_m: -1'),
     ((Group(2.2, 0),), r'dragon\.groups\.1\.count: 0 .* smallest is 1'),
     ((Group(2.2, 1.5),), r'dragon\.groups\.1\.count: 1\.5 .* whole number'),
-    ((Group(2.2, 600_000), Group(2.2, 600_000)), r'dragon\.groups: .1200000 benches. .* most are 1000000')])
+    ((Group(2.2, 600_000), Group(2.2, 600_000)), r'dragon\.groups: .1200000 benches. .* limit is 1000000')])
 def test_benches_that_cannot_be_built_are_refused_by_field(groups, says):
     with pytest.raises(FieldError, match=says):
         Mixed(groups)
@@ -123,7 +123,7 @@ def test_the_link_that_locks_first_is_named_wherever_it_is():
     end = compile_scene(Scene(dragon=LONG_FOURTH)).end
     assert (end.reason, end.link) == ('lock', 3)
     assert compile_scene(Scene(dragon=LONG_FOURTH, track=Spiral(0.55, 16.0), run=Run(0, 430))).end.reason == 'stop'
-    with pytest.raises(ChainLockError, match='link 3 finds no place'):
+    with pytest.raises(ChainLockError, match='link 3 cannot be placed'):
         _ = compile_scene(Scene(dragon=LONG_FOURTH, track=Spiral(0.55, 2.0))).end
 
 

@@ -152,7 +152,7 @@ def test_at_the_end_of_a_track_in_a_piece_of_micrometres_there_is_a_state():
 
 
 def test_a_dragon_starts_no_more_rounds_back_on_a_circle_than_two_floats_tell():
-    with pytest.raises(FieldError, match=r'track.start_m: -101.0 is not possible, the smallest is -100'):
+    with pytest.raises(FieldError, match=r'track.start_m: -101.0 is not valid: the smallest is -100'):
         track_of(Composite((Arc(1e-7, 90.0),), start_m=-101.0))
     assert track_of(Composite((Arc(1e-7, 90.0),), start_m=-100.0)).place_at(-100.0).u.hi == pytest.approx(-1e9)
 
