@@ -42,6 +42,7 @@ def pytest_terminal_summary(terminalreporter):
 
 
 def pytest_configure():
+    os.environ['LC_ALL'] = 'C.UTF-8'        # commands speak the language of the locale
     # A job in the background ignores SIGINT, one of nohup SIGHUP, and so would the processes that are ended here.
     for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:

@@ -34,6 +34,10 @@ TRACK_ID = 'track'      # of the track in a picture, and in its SVG
 _SVG_DPI = 72
 _CAPTION_IN, _CAPTION_PT, _LEGEND_IN = 0.24, 8, 0.3      # below a figure
 _CAPTION_ID = 'caption'
+# Files of Chinese fonts of Linux, Windows and macOS.
+_CHINESE_FONTS = ('notosanscjk-regular', 'notosanssc-regular', 'notosanscjksc-regular', 'sourcehansanssc-regular',
+                  'sourcehansanscn-regular', 'msyh', 'simhei', 'deng', 'pingfang', 'hiragino sans gb', 'stheiti light',
+                  'wqy-microhei', 'wqy-zenhei', 'droidsansfallbackfull')
 
 
 def short(name: str) -> str:
@@ -71,11 +75,28 @@ def spread(values: Sequence[float], least: float, end: float) -> list[float]:
 
 
 @contextmanager
-def style() -> Iterator[None]:
-    """Draw everything inside this block in the style of dragon_ros."""
+def style(chinese: bool = False) -> Iterator[None]:
+    """Draw everything inside this block in the style of dragon_ros, with a Chinese font if that is needed.
+
+    Raises MissingError if no Chinese font is installed.
+    """
     import matplotlib
-    with matplotlib.rc_context(_STYLE):
+    # Type 42 cannot hold the OpenType fonts of most systems.
+    more = {'font.family': ['DejaVu Sans', _chinese_font()], 'pdf.fonttype': 3} if chinese else {}
+    with matplotlib.rc_context({**_STYLE, **more}):
         yield
+
+
+def _chinese_font() -> str:
+    """Return the name of an installed Chinese font, found by its file, as Matplotlib's list of fonts may be old."""
+    from matplotlib.font_manager import FontProperties, findSystemFonts, fontManager
+    files = {Path(file).stem.lower(): file for file in findSystemFonts()}
+    for stem in _CHINESE_FONTS:
+        if stem in files:
+            fontManager.addfont(files[stem])
+            return FontProperties(fname=files[stem]).get_name()
+    raise MissingError('--lang zh: no Chinese font is installed; install one (apt install fonts-noto-cjk), or give '
+                       '--lang en')
 
 
 def write(figure: Any, path: Path, dpi: int = 130, caption: str = '') -> Path:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from dragon_ros.bags.write import COMPRESSIONS
 from dragon_ros.cli import command_line
+from dragon_ros.cli.language import add_lang_option
 
 EXPORT_FORMATS = ('csv', 'parquet', 'npz')
 
@@ -23,6 +24,7 @@ def table(argv: list[str]) -> int:
     options.add_argument('--contest', type=Path, metavar='FOLDER',
                          help="write the contest's result1, result2 and, for the scene turning, result4 (no times)")
     command_line.add_output_options(options, ('text', 'csv', 'json', 'xlsx'))
+    add_lang_option(options, '--paper and --contest')
     arguments = options.parse_args(argv)
     from dragon_ros.commands.table import run
     return command_line.guarded('table', partial(run, arguments))
@@ -141,6 +143,7 @@ def plan(argv: list[str]) -> int:
     options.add_argument('--scale', metavar='1:N', help='scale, from 1:50 to 1:1000 (the largest that fits)')
     options.add_argument('--paper', choices=('A4', 'A3'), help='paper size (A4 if the drawing fits, else A3)')
     options.add_argument('--format', choices=('pdf', 'geojson'), help='format (by the suffix of --output)')
+    add_lang_option(options, 'the PDF and of the printed gaps')
     options.add_argument('--title', metavar='TEXT', help='title of the plan (the name of the scene)')
     arguments = options.parse_args(argv)
     from dragon_ros.commands.plan import run

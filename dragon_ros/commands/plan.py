@@ -12,6 +12,8 @@ import numpy as np
 
 from dragon_ros.cli import command_line, figures
 from dragon_ros.cli.figures import BODY, HEAD, OBSTACLE, QUIET
+from dragon_ros.cli.language import language_of, say
+from dragon_ros.commands.plan_words import WORDS
 from dragon_ros.core.errors import FieldError, InputError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
@@ -45,15 +47,17 @@ def run(arguments: Namespace) -> int:
     if kind not in ('pdf', 'geojson'):
         raise InputError(f'--output {path}: the suffix must be .pdf or .geojson; rename it, or give --format')
     scene = command_line.scene_from(arguments)
-    plan = Plan(scene, arguments.title or Path(arguments.scene).stem)
+    lang = language_of(arguments.lang)
+    plan = Plan(scene, arguments.title or Path(arguments.scene).stem, lang)
     if kind == 'geojson':
         command_line.write_output(path, geojson(plan))
+        print(f'{path}: {plan.say("metres" if plan.origin_deg is None else "degrees")}')
     else:
-        with figures.style():
+        with figures.style(chinese=lang == 'zh'):
             _write_pages(path, _pages(plan, *_sheet(arguments, plan)))
-    print(path if kind == 'pdf' else f'{path}: in {"metres" if plan.origin_deg is None else "degrees (RFC 7946)"}')
+        print(path)
     for gap in plan.gaps:
-        print(f'{gap.name}: {gap.gap_m:.3f} m{" (broken)" if gap.is_broken else ""}')
+        print(plan.exact_gap(gap))
     return command_line.OK
 
 
@@ -77,6 +81,15 @@ class Plan:
 
     scene: 'Scene'
     title: str
+    lang: str = 'en'
+
+    def say(self, key: str, **parameters: object) -> str:
+        """Return a text in the language of the plan."""
+        return say(WORDS, key, self.lang, **parameters)
+
+    def exact_gap(self, gap: Gap) -> str:
+        """Return a gap to the millimetre, as text."""
+        return self.say('broken_gap' if gap.is_broken else 'exact_gap', name=gap.name, gap=gap.gap_m)
 
     @property
     def origin_deg(self) -> tuple[float, float] | None:
@@ -149,10 +162,11 @@ class Plan:
         try:
             found = max_speed(self.scene)
         except DragonError:
-            return 'the speeds of benches have no upper bound in this run'
+            return self.say('unbounded')
         peak = getattr(self.scene.head, 'speed_m_s', None)
-        factor = f'no handle exceeds {found.bound:.4f} times the leader (proved)'
-        return factor if peak is None else f'{factor}: {found.bound * abs(peak):.3f} m/s'
+        if peak is None:
+            return self.say('slower', ratio=found.bound)
+        return self.say('slower_than', ratio=found.bound, speed=found.bound * abs(peak))
 
 
 def _passed(at_m: Floats, times_s: Floats, marks_m: Floats) -> Floats:
@@ -235,27 +249,27 @@ def _pages(plan: Plan, paper: str, scale: int, window: Floats) -> list['Figure']
     pages = []
     for n, (row, column) in enumerate(np.ndindex(counts[1], counts[0]), 1):
         low = begin + np.array((column, counts[1] - 1 - row)) * page_m
-        pages.append(_drawing(plan, paper, scale, np.array((low, low + page_m)), f'page {n} of {total}'))
-    return pages + [_table(plan, paper, rows, f'page {counts.prod() + n} of {total}')
-                    for n, rows in enumerate(tables, 1)]
+        pages.append(_drawing(plan, paper, scale, np.array((low, low + page_m)), (n, total)))
+    return pages + [_table(plan, paper, rows, (int(counts.prod()) + n, total)) for n, rows in enumerate(tables, 1)]
 
 
-def _page(plan: Plan, paper: str, note: str, head: str) -> 'Figure':
+def _page(plan: Plan, paper: str, number: tuple[int, int], title: str) -> 'Figure':
     """Return an empty page with its title, its date and its number."""
     from matplotlib.figure import Figure
     width, height = PAPERS_MM[paper]
     figure = Figure(figsize=(width / 25.4, height / 25.4))
     figure.set_layout_engine('none')
-    top, today = (_FOOT_MM + 3) / height, date.today().isoformat()
-    figure.text(_EDGE_MM / width, top, f'{plan.title}: {head}', fontsize=13, weight='bold', va='top')
-    figure.text(1 - _EDGE_MM / width, top, f'{today}, {paper}, {note}', ha='right', va='top', fontsize=_TEXT_PT)
+    top, (n, total) = (_FOOT_MM + 3) / height, number
+    note = plan.say('page', day=date.today().isoformat(), paper=paper, n=n, total=total)
+    figure.text(_EDGE_MM / width, top, title, fontsize=13, weight='bold', va='top')
+    figure.text(1 - _EDGE_MM / width, top, note, ha='right', va='top', fontsize=_TEXT_PT)
     return figure
 
 
-def _drawing(plan: Plan, paper: str, scale: int, window: Floats, note: str) -> 'Figure':
-    """Return a page with the contents of a window (2, 2)."""
+def _drawing(plan: Plan, paper: str, scale: int, window: Floats, number: tuple[int, int]) -> 'Figure':
+    """Return a page with what is in a window (2, 2)."""
     width, height = PAPERS_MM[paper]
-    figure = _page(plan, paper, note, f'plan 1:{scale}')
+    figure = _page(plan, paper, number, plan.say('plan', title=plan.title, scale=scale))
     size = _drawn_mm(paper)
     axes = figure.add_axes((_EDGE_MM / width, (_EDGE_MM + _FOOT_MM) / height, size[0] / width, size[1] / height))
     axes.set(xlim=window[:, 0], ylim=window[:, 1], xticks=[], yticks=[])
@@ -264,9 +278,9 @@ def _drawing(plan: Plan, paper: str, scale: int, window: Floats, note: str) -> '
         axes.spines[side].set_visible(True)
     _draw_venue(axes, plan, window)
     for area, colour, name in ((plan.swept.body, BODY, 'body'), (plan.swept.head, HEAD, 'head')):
-        _fill(axes, area, facecolor=colour, edgecolor=colour, alpha=0.45, linewidth=0.4, label=f'swept by the {name}',
+        _fill(axes, area, facecolor=colour, edgecolor=colour, alpha=0.45, linewidth=0.4, label=plan.say(name),
               zorder=2)
-    axes.plot(*plan.line.T, color='black', linewidth=0.7, zorder=3, label='track')
+    axes.plot(*plan.line.T, color='black', linewidth=0.7, zorder=3, label=plan.say('track'))
     _draw_marks(axes, plan, window)
     marks, _ = _poses(plan, plan.marks_m)
     taken = [(at, float(_TEXT_PT)) for at in axes.transData.transform(marks) * 72 / figure.dpi]
@@ -279,15 +293,14 @@ def _drawing(plan: Plan, paper: str, scale: int, window: Floats, note: str) -> '
 
 
 def _said(plan: Plan) -> str:
-    """Return the notes on what is proved and what is not."""
-    venue, gaps, wanted = plan.scene.venue, '', ''
+    """Return what is proved and what is not."""
+    venue, first = plan.scene.venue, plan.say('proved', fastest=plan.fastest)
+    last = plan.say('people')
     if venue is not None:
         within_mm = 1000 * max(gap.within_m for gap in plan.gaps)
-        gaps = f'; within rounding, no smallest gap is more than {within_mm:.1g} mm below its value, shown rounded'
-        wanted = f' Wanted margin: {venue.margin_m:g} m; what breaks it is red.'
-    return (f'Proved: {plan.fastest.replace(" (proved)", "")}{gaps}.\nNot proved: swept area and room are computed at '
-            f'places {100 * plan.swept.step_m:.0f} cm apart, which leaves out about a millimetre in bends.\n'
-            f'People, poles and what hangs over the benches are not in it.{wanted}')
+        first = plan.say('proved_gaps', fastest=plan.fastest, within=within_mm)
+        last += ('' if plan.lang == 'zh' else ' ') + plan.say('margin', margin=venue.margin_m)
+    return '\n'.join((first, plan.say('sampled', step=100 * plan.swept.step_m), last))
 
 
 def _fill(axes: 'Axes', area: Any, **style: Any) -> None:
@@ -306,7 +319,7 @@ def _draw_venue(axes: 'Axes', plan: Plan, window: Floats) -> None:
     venue = plan.scene.venue
     if venue is None:
         return
-    label: str | None = 'obstacles'
+    label: str | None = plan.say('obstacles')
     for one in venue.obstacles:
         if hasattr(one, 'holes_m'):
             _fill(axes, Polygon(one.points_m, one.holes_m), facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.8,
@@ -349,7 +362,7 @@ def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Float
         colour = _BROKEN if gap.is_broken else 'black'
         axes.annotate('', gap.ends_m[0], gap.ends_m[1], zorder=6, arrowprops={
             'arrowstyle': '<->', 'color': colour, 'linewidth': 0.9, 'shrinkA': 0, 'shrinkB': 0, 'mutation_scale': 6})
-        label = f'{gap.name}: {gap.gap_m:.2f} m'
+        label = plan.say('gap', name=gap.name, gap=gap.gap_m)
         offset = _free_offset(axes, middle, label, taken)
         axes.annotate(label, middle, xytext=offset, textcoords='offset points', fontsize=_TEXT_PT, color=colour,
                       ha='center', va='center', zorder=8,
@@ -395,7 +408,7 @@ def _draw_room(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Float
         if _seen(points[0], window):
             ends = np.stack((points[0] + left * normal, points[0] - right * normal))
             axes.plot(*ends.T, color='black', linewidth=1.4, zorder=5)
-            label = f'room {left + right:.2f} m'
+            label = plan.say('room', room=left + right)
             axes.annotate(label, points[0], xytext=_free_offset(axes, points[0], label, taken),
                           textcoords='offset points', fontsize=_TEXT_PT, ha='center', va='center', zorder=7,
                           arrowprops={'arrowstyle': '-', 'color': QUIET, 'linewidth': 0.5})
@@ -427,22 +440,22 @@ def _time(t_s: float) -> str:
     return '' if np.isnan(t_s) else f'{int(round(t_s, 1) // 60)}:{round(t_s, 1) % 60:04.1f}'
 
 
-def _table(plan: Plan, paper: str, rows: list[tuple[str, ...]], note: str) -> 'Figure':
-    """Return a page of tables: times of head and tail at each mark, gaps, room."""
+def _table(plan: Plan, paper: str, rows: list[tuple[str, ...]], number: tuple[int, int]) -> 'Figure':
+    """Return a page with when head and tail pass each mark, the gaps and the room."""
     width, height = PAPERS_MM[paper]
-    figure = _page(plan, paper, note, 'times, gaps and room')
+    figure = _page(plan, paper, number, plan.say('tables', title=plan.title))
     x, top, line = _EDGE_MM + 2, height - _EDGE_MM - 4, 4.3
     for first in range(0, len(rows), _ROWS):
-        block = [('mark m', 'head min:s', 'tail min:s'), *rows[first:first + _ROWS]]
+        block = [(plan.say('mark'), plan.say('head_at'), plan.say('tail_at')), *rows[first:first + _ROWS]]
         for n, row in enumerate(block):
             for k, cell in enumerate(row):
                 figure.text((x + 16 + 24 * k) / width, (top - line * n) / height, cell, fontsize=_TEXT_PT, ha='right',
                             weight='bold' if n == 0 else 'normal')
         x += 72
-    texts = [('smallest gaps', 'black')] + [(f'{gap.name}: {gap.gap_m:.3f} m{" (broken)" if gap.is_broken else ""}',
-                                             _BROKEN if gap.is_broken else 'black') for gap in plan.gaps[:_ROWS - 8]]
-    texts += [('', 'black'), ('most room required', 'black')] + [
-        (f'at {at:g} m: {left:.2f} m left, {right:.2f} m right', 'black') for at, left, right in _widest(plan)]
+    texts = [(plan.say('gaps'), 'black')] + [(plan.exact_gap(gap), _BROKEN if gap.is_broken else 'black')
+                                             for gap in plan.gaps[:_ROWS - 8]]
+    texts += [('', 'black'), (plan.say('most_room'), 'black')] + [
+        (plan.say('room_at', at=at, left=left, right=right), 'black') for at, left, right in _widest(plan)]
     for n, (text, colour) in enumerate(texts):
         figure.text((x + 4) / width, (top - line * n) / height, text, fontsize=_TEXT_PT, color=colour)
     figure.text(_EDGE_MM / width, (_FOOT_MM - 6) / height, _said(plan), fontsize=_TEXT_PT, va='top')

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dragon_ros.cli import command_line
+from dragon_ros.cli.language import language_of, say
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.ranges import handles_of, times_of
 from dragon_ros.core.batches import batches
@@ -26,14 +27,14 @@ Row = tuple[float, int, float, float, float, float, float]
 
 _SCENE = {'--scene', '--set', '--accuracy'}
 _WRITTEN = {'--output', '--format'}
-_TAKES = {'--paper': _WRITTEN, 'BAG': _WRITTEN | {'--times', '--handles', '--namespace'}, '--contest': _SCENE,
-          'a table of a scene': _SCENE | _WRITTEN | {'--times', '--handles'}}
+_TAKES = {'--paper': _WRITTEN | {'--lang'}, 'BAG': _WRITTEN | {'--times', '--handles', '--namespace'},
+          '--contest': _SCENE | {'--lang'}, 'a table of a scene': _SCENE | _WRITTEN | {'--times', '--handles'}}
 
 
 def _check(arguments: Namespace) -> None:
     """Reject options that would be ignored."""
     given = {f'--{name}': getattr(arguments, name) is not None
-             for name in ('accuracy', 'times', 'handles', 'namespace', 'output', 'contest')}
+             for name in ('accuracy', 'times', 'handles', 'namespace', 'output', 'contest', 'lang')}
     given |= {'--scene': command_line.names_scene(arguments), '--set': bool(arguments.overrides),
               '--paper': arguments.paper, '--format': arguments.format != 'text', 'BAG': arguments.bag is not None}
     what = next(name for name in _TAKES if given.get(name, True))
@@ -45,14 +46,17 @@ def run(arguments: Namespace) -> int:
     _check(arguments)
     if arguments.paper:
         from dragon_ros.commands.contest import paper_tables
-        command_line.write_output(arguments.output, paper_tables.FORMATS[arguments.format](paper_tables.cells()))
+        cells = paper_tables.cells()
+        content = (paper_tables.text(cells, language_of(arguments.lang)) if arguments.format == 'text' else
+                   paper_tables.FORMATS[arguments.format](cells))
+        command_line.write_output(arguments.output, content)
         return command_line.OK
     if arguments.bag:
         rows = _bag_rows(arguments)
     else:
         scene = command_line.scene_from(arguments)
         if arguments.contest:
-            return _write_contest(arguments.contest, scene)
+            return _write_contest(arguments.contest, scene, language_of(arguments.lang))
         handles = handles_of(arguments.handles, scene.dragon.benches)
         times_s = times_of('0' if arguments.times is None else arguments.times)
         with Progress('table', 'times', len(times_s)) as bar:
@@ -61,15 +65,16 @@ def run(arguments: Namespace) -> int:
     return command_line.OK
 
 
-def _write_contest(folder: Path, scene: Scene) -> int:
+def _write_contest(folder: Path, scene: Scene, lang: str) -> int:
     """Write the contest's files and list them."""
     from dragon_ros.commands.contest import result_files
+    from dragon_ros.commands.contest.words import WORDS
     from dragon_ros.scenes.load import load_scene
     with Progress('contest', 'steps', 11) as bar:
         paths = result_files.write(folder, scene, load_scene('turning'), bar.update)
     print('\n'.join(map(str, paths)))
     if not any(path.suffix == '.xlsx' for path in paths):
-        print('table: no XLSX, openpyxl is not installed: pip install openpyxl', file=sys.stderr)
+        print(say(WORDS, 'no_xlsx', lang), file=sys.stderr)
     return command_line.OK
 
 

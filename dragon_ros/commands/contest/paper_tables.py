@@ -5,10 +5,13 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import groupby
 from typing import Any
+from unicodedata import east_asian_width
 
 import numpy as np
 
 from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.language import say
+from dragon_ros.commands.contest.words import WORDS
 from dragon_ros.commands.workbook import xlsx_of
 from dragon_ros.configuration import folder as configuration_folder
 from dragon_ros.core.batches import velocity_of
@@ -16,8 +19,7 @@ from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 
-TITLES = {1: 'Table 1. Positions (m)', 2: 'Table 2. Speeds (m/s)',
-          3: 'Table 3. Position (m) and speed (m/s) at the "moment of collision" (412.20 s, see the errata)'}
+_LABEL, _KIND, _CELL = 20, 11, 12       # columns of the text
 
 
 @dataclass(frozen=True)
@@ -49,19 +51,19 @@ def cells() -> list[PrintedNumber]:
                   for handle, row in printed['table3'].items() for quantity in 'xyv']
 
 
-def text(rows: list[PrintedNumber]) -> str:
+def text(rows: list[PrintedNumber], lang: str = 'en') -> str:
     """Return the tables in the paper's layout, with four lines per row: printed, reproduced, true, error."""
     out = []
     for table, group in groupby(rows, lambda cell: cell.table):
         columns = list(group)
-        out += ['', TITLES[table]]
+        out += ['', say(WORDS, f'table{table}', lang)]
         key = (lambda cell: (cell.handle, cell.quantity)) if table < 3 else (lambda cell: (cell.handle, ''))
         for number, (name, cells_) in enumerate(groupby(columns, key)):
             row = list(cells_)
             if not number:
                 heads = [f'{cell.t_s:g} s' if table < 3 else cell.quantity for cell in row]
-                out.append(f'{"":31}' + ''.join(f'{head:>12}' for head in heads))
-            out += _lines(_label(*name), row)
+                out.append(' ' * (_LABEL + _KIND) + ''.join(f'{head:>{_CELL}}' for head in heads))
+            out += _lines(_label(*name, lang), row, lang)
     return '\n'.join(out[1:])
 
 
@@ -85,16 +87,22 @@ def _values(cell: PrintedNumber) -> dict[str, Any]:
             'printed': cell.printed, 'reproduced': cell.reproduced, 'true': cell.true, 'error': cell.error}
 
 
-def _lines(label: str, row: list[PrintedNumber]) -> list[str]:
+def _lines(label: str, row: list[PrintedNumber], lang: str) -> list[str]:
     kinds = {'printed': [cell.printed for cell in row], 'reproduced': [cell.reproduced for cell in row],
              'true': [f'{cell.true:.6f}' for cell in row], 'error': [f'{cell.error:.6f}' for cell in row]}
-    return [f'{label if kind == "printed" else "":20}{kind:11}' + ''.join(f'{value:>12}' for value in values)
-            for kind, values in kinds.items()]
+    return [_padded(label if kind == 'printed' else '', _LABEL) + _padded(say(WORDS, kind, lang), _KIND)
+            + ''.join(f'{value:>{_CELL}}' for value in values) for kind, values in kinds.items()]
 
 
-def _label(handle: int, quantity: str) -> str:
-    name = {0: 'head', 223: 'tail'}.get(handle, f'section {handle}')
-    return f'{quantity} of {name}' if quantity else name
+def _padded(text_: str, width: int) -> str:
+    """Return a text padded to columns of a terminal, in which a Chinese character takes two."""
+    wide = sum(east_asian_width(letter) in 'WF' for letter in text_)
+    return text_ + ' ' * (width - len(text_) - wide)
+
+
+def _label(handle: int, quantity: str, lang: str) -> str:
+    name = say(WORDS, {0: 'head', 223: 'tail'}.get(handle, 'section'), lang, n=handle)
+    return say(WORDS, 'quantity', lang, quantity=quantity, name=name) if quantity else name
 
 
 def _cell(table: int, handle: str, quantity: str, t_s: str | float, printed: str) -> PrintedNumber:
@@ -121,5 +129,5 @@ def _state(tier: str, t_s: float) -> tuple[Chain, Any]:
     return chain, np.hypot(*velocity_of(scene, chain, t_s).T)
 
 
-FORMATS: dict[str, Callable[[list[PrintedNumber]], str | bytes]] = {'text': text, 'csv': csv_text, 'json': json_text,
-                                                                    'xlsx': xlsx_bytes}
+FORMATS: dict[str, Callable[[list[PrintedNumber]], str | bytes]] = {'csv': csv_text, 'json': json_text,
+                                                           'xlsx': xlsx_bytes}

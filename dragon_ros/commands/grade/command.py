@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dragon_ros.cli import command_line
+from dragon_ros.cli.language import add_lang_option, language_of
 from dragon_ros.cli.progress import Progress
 from dragon_ros.core.errors import InputError
 
@@ -29,7 +30,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--speed', type=float, metavar='M/S', help='answer of question 5: the fastest head')
     options.add_argument('--answers', type=Path, metavar='FILE', help='a YAML file with t_s, pitch_m, turn_m, '
                          'speed_m_s, or with these by the name of each team')
-    options.add_argument('--lang', choices=('en', 'zh'), default='en', help='language of text and report (%(default)s)')
+    add_lang_option(options, 'text and report')
     options.add_argument('--output', type=Path, metavar='FILE', help='write to a file: report.html is a page with '
                          'pictures, .json and .csv are tables')
     options.add_argument('--format', choices=('text', 'csv', 'json', 'html'), default=None,
@@ -45,7 +46,7 @@ def _run(arguments: Namespace) -> int:
     from dragon_ros.commands.grade.folders import grade_all
     with stopped_by_signals() as stop, Progress('grade', 'teams', len(teams)) as bar:
         grades, complete = grade_all(teams, stop, bar.update)
-    command_line.write_output(arguments.output, _content(form, grades, len(teams), arguments.lang))
+    command_line.write_output(arguments.output, _content(form, grades, len(teams), language_of(arguments.lang)))
     if not complete:
         print(f'grade: interrupted: {len(grades)} of {len(teams)} teams are graded', file=sys.stderr)
         return command_line.FAILED

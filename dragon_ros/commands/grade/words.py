@@ -4,10 +4,10 @@ A key has the same parameters in both; ``test/commands/test_grade_words.py`` hol
 """
 from collections.abc import Mapping
 
-LANGUAGES = ('en', 'zh')
+from dragon_ros.cli.language import Words, say
 
 # key: (English, Chinese)
-WORDS: dict[str, tuple[str, str]] = {
+WORDS: Words = {
     # Remade mistakes
     'none': ('none', '无'),
     'radial_arc': ('S = rho theta / 2 for the arc length, without its radial part', '弧长取 S = ρθ/2，漏掉径向分量'),
@@ -191,7 +191,7 @@ def sentence(key: str, parameters: Mapping[str, object] | None = None, lang: str
     for name in _NAMES:
         if str(values.get(name)) in WORDS:
             values[name] = sentence(str(values[name]), None, lang)
-    return WORDS[key][LANGUAGES.index(lang)].format_map(values)
+    return say(WORDS, key, lang, **values)
 
 
 def handle_name(handle: int, lang: str = 'en') -> str:

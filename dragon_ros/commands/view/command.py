@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dragon_ros.cli import command_line
+from dragon_ros.cli.language import LANGUAGES
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.signals import ending
 from dragon_ros.core.errors import FieldError, InputError
@@ -36,6 +37,7 @@ def options() -> argparse.ArgumentParser:
     command_line.add_source_options(parser)
     parser.add_argument('--try', action='store_true', dest='tries',
                         help='also change the values of the scene, with sliders, and see what follows')
+    parser.add_argument('--lang', choices=LANGUAGES, help='language of the page (that of the browser)')
     parser.add_argument('--port', type=int, default=0, help='port of the page (any free one)')
     parser.add_argument('--no-browser', action='store_true', help='only print the address')
     return parser
@@ -60,7 +62,7 @@ def _serve(name: str, shown: 'ViewData | Variants', arguments: Namespace) -> int
     """Serve until a signal ends it."""
     from dragon_ros.commands.view.server import ViewServer
     stop = threading.Event()
-    with ViewServer(shown, arguments.port) as server:
+    with ViewServer(shown, arguments.port, arguments.lang) as server:
         for number in ending():
             signal.signal(number, lambda *_: stop.set())
         serving = threading.Thread(target=server.serve_forever, args=(_LOOKS_S,))

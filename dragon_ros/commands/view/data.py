@@ -77,7 +77,7 @@ class ViewData:
         with self._lock:
             touch = self._first_touch(check)
         return None if touch is None else {'t_s': touch.t_s, 'benches': touch.benches, 'point_m': touch.point_m,
-                                           'words': touch.words}
+                                           'obstacle': touch.obstacle}
 
     def clearance(self, check: Check = _wanted) -> dict[str, Any]:
         """Return clearance over time, for JSON."""

@@ -28,6 +28,7 @@ from dragon_ros.core.limits import VIEW_ANSWER_S, VIEW_CONNECTIONS, VIEW_IDLE_S
 HOST = '127.0.0.1'
 _PAGES = {'/': ('index.html', 'text/html; charset=utf-8'), '/view.js': ('view.js', 'text/javascript; charset=utf-8'),
           '/benches.js': ('benches.js', 'text/javascript; charset=utf-8'),
+          '/words.js': ('words.js', 'text/javascript; charset=utf-8'),
           '/view.css': ('view.css', 'text/css; charset=utf-8'),
           '/plotly.js': ('plotly-basic.min.js', 'text/javascript; charset=utf-8'),
           '/icon.svg': ('icon.svg', 'image/svg+xml')}
@@ -57,9 +58,9 @@ class ViewServer(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self, shown: ViewData | Variants, port: int = 0) -> None:
-        """Bind to this host."""
-        self.shown = shown
+    def __init__(self, shown: ViewData | Variants, port: int = 0, lang: str | None = None) -> None:
+        """Bind to this host; without ``lang`` the page has the language of the browser."""
+        self.shown, self.lang = shown, lang
         self._room = BoundedSemaphore(VIEW_CONNECTIONS)
         self._waiting, self._lock = dict[socket.socket, None](), Lock()     # idle connections, oldest first
         try:
@@ -209,6 +210,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _page(self, path: str) -> bytes:
         page = (WEB / _PAGES[path][0]).read_bytes()
+        if path == '/' and self.server.lang is not None:
+            page = page.replace(b'<html lang="en">', f'<html lang="en" data-lang="{self.server.lang}">'.encode())
         if path == '/' and isinstance(self.server.shown, Variants):
             return page.replace(b'</head>', f'<script src="{_TRY_PATH[1:]}" defer></script>\n</head>'.encode())
         return page

@@ -3,8 +3,7 @@
 'use strict';
 
 const UNITS = {m: 'm', m_s: 'm/s', s: 's', deg: '°', hz: 'Hz', rad: 'rad'};
-const QUESTIONS = {contact: 'First contact', speed: 'Fastest handle', room: 'Room needed', pitch: 'Smallest pitch',
-  clearance: 'Smallest gap'};
+const QUESTIONS = ['contact', 'speed', 'room', 'pitch', 'clearance'];     // the quickest first
 const WAIT_MS = 40;         // after the last move of a slider
 const fields = new Map();   // by key: what it was in the scene's file, and its elements
 let waiting = null;
@@ -38,13 +37,13 @@ const textOf = (value) => (value === null ? '' : String(value));
 function addField(box, {key, value, own, low, high, step}) {
   value = new URLSearchParams(location.search).get(key) ?? value;
   const [words, unit] = wordsOf(key), name = `value-${key}`;
-  const number = make('input', {type: 'number', id: name, step: 'any', value: textOf(value), placeholder: 'the end'});
+  const number = make('input', {type: 'number', id: name, step: 'any', value: textOf(value), placeholder: say('the_end')});
   const slider = make('input', {type: 'range', min: low, max: high, step, value: value ?? high, tabIndex: -1});
   slider.setAttribute('aria-hidden', 'true');       // the field says the same to who cannot see it
   number.setAttribute('aria-describedby', `${name}-error`);
   const error = make('p', {id: `${name}-error`, hidden: true});
   error.setAttribute('role', 'alert');
-  const row = make('div', {className: 'value', title: `${key}: the slider goes from ${low} to ${high}`},
+  const row = make('div', {className: 'value', title: say('slider', {key, low, high})},
     make('label', {htmlFor: name, textContent: words}), number, make('span', {textContent: unit}), slider, error);
   number.addEventListener('input', () => { if (number.value !== '') slider.value = number.value; changed(); });
   slider.addEventListener('input', () => { number.value = slider.value; changed(); });
@@ -97,10 +96,10 @@ async function answerAll() {
   const mine = asking;
   for (const place of Object.values(answers)) {
     const bar = make('progress');
-    bar.setAttribute('aria-label', 'working');
+    bar.setAttribute('aria-label', say('working'));
     place.replaceChildren(bar);
   }
-  for (const question of Object.keys(QUESTIONS)) {
+  for (const question of QUESTIONS) {
     const {text, how} = await json(`answers/${question}`).catch((error) => {
       if (error.name === 'AbortError') throw error;
       return {text: error.message, how: ''};
@@ -112,12 +111,12 @@ async function answerAll() {
 
 const general = make('p', {hidden: true});
 general.setAttribute('role', 'alert');
-const answers = Object.fromEntries(Object.keys(QUESTIONS).map((question) => [question, make('dd')]));
-const list = make('dl', {id: 'answers'}, ...Object.keys(QUESTIONS).flatMap((question) =>
-  [make('dt', {textContent: QUESTIONS[question]}), answers[question]]));
+const answers = Object.fromEntries(QUESTIONS.map((question) => [question, make('dd')]));
+const list = make('dl', {id: 'answers'}, ...QUESTIONS.flatMap((question) =>
+  [make('dt', {textContent: say(`ask_${question}`)}), answers[question]]));
 list.setAttribute('aria-live', 'polite');
 const scene = make('a', {id: 'scene-file', href: 'scene.yaml', download: 'scene.yaml', textContent: 'scene.yaml'});
-const reset = make('button', {id: 'reset', textContent: 'As it was'});
+const reset = make('button', {id: 'reset', textContent: say('as_it_was')});
 reset.addEventListener('click', () => {
   for (const {own, number, slider} of fields.values()) { number.value = textOf(own); slider.value = own ?? slider.max; }
   changed();
@@ -126,7 +125,7 @@ reset.addEventListener('click', () => {
 /** Build the panel from what the server says of the address. */
 async function open() {
   const panel = element('values'), form = await json('form.json');
-  panel.append(make('h2', {textContent: 'What if'}), list, make('menu', {}, reset, scene), general);
+  panel.append(make('h2', {textContent: say('what_if')}), list, make('menu', {}, reset, scene), general);
   const boxes = new Map();
   for (const field of form.fields) {
     const section = field.key.split('.')[0];
@@ -136,7 +135,7 @@ async function open() {
     }
     addField(boxes.get(section), field);
   }
-  if (form.left_out) panel.append(make('p', {textContent: `${form.left_out} more values are in the scene's file`}));
+  if (form.left_out) panel.append(make('p', {textContent: say('more', {count: form.left_out})}));
   panel.hidden = false;
   document.querySelector('main').classList.add('trying');
   keepAddress();

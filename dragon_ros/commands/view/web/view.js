@@ -145,9 +145,9 @@ async function scaleOutlines() {
 function sayScale() {
   const wide = run.width_m * pixelsWide(), long = run.length_m * pixelsWide();
   const size = (pixels) => pixels.toFixed(pixels < 9.95 ? 1 : 0);
-  const each = run.placed ? `; ${Math.round(4 * valuesEach() / 1000)} kB and ${cost.calls} draw calls a frame` +
-    `${player.rate ? `, ${player.rate.toFixed(0)} frames a second` : ''}` : '';
-  element('scale').textContent = `a bench is ${size(long)} × ${size(wide)} pixels here${each}`;
+  const each = run.placed ? say('drawing', {kb: Math.round(4 * valuesEach() / 1000), calls: cost.calls}) +
+    (player.rate ? say('rate', {rate: player.rate.toFixed(0)}) : '') : '';
+  element('scale').textContent = say('scale', {long: size(long), wide: size(wide)}) + each;
 }
 
 /** Draw a dragon of many benches on its canvas. */
@@ -206,10 +206,10 @@ function pinch(scene) {
 }
 
 function legend() {
-  const parts = [['', COLOUR.body, 'body'], ['', COLOUR.head, 'head']];
-  if (groups()[2].length) parts.push(['', COLOUR.touching, contact.benches[0] ? 'benches of the first contact' : 'bench that the head touches']);
-  if (run.track) parts.push(['line', colour('track'), 'track']);
-  if (contact) parts.push(['ring', colour('ink'), 'first contact']);
+  const parts = [['', COLOUR.body, say('body')], ['', COLOUR.head, say('head')]];
+  if (groups()[2].length) parts.push(['', COLOUR.touching, say(contact.benches[0] ? 'touching' : 'touched')]);
+  if (run.track) parts.push(['line', colour('track'), say('track')]);
+  if (contact) parts.push(['ring', colour('ink'), say('contact')]);
   element('legend').replaceChildren(...parts.map(([kind, shade, text]) => {
     const part = document.createElement('span'), sign = document.createElement('i');
     sign.className = kind;
@@ -224,14 +224,14 @@ async function drawScene(frame) {
   const fills = [COLOUR.body, COLOUR.head, COLOUR.touching];
   const benches = sceneData(frame).slice(0, 3).map((data, n) => ({...data, type: 'scatter', mode: 'lines', fill: 'toself',
     fillcolor: fills[n], line: {color: colour('outline'), width: 0.5, simplify: false}, name: names[n], hoveron: 'points',
-    text: groups()[n].flatMap((bench) => Array(6).fill(`bench ${bench}`)), hovertemplate: '%{text}<br>%{x:.4f}, %{y:.4f} m<extra></extra>',
+    text: groups()[n].flatMap((bench) => Array(6).fill(say('bench', {bench}))), hovertemplate: '%{text}<br>%{x:.4f}, %{y:.4f} m<extra></extra>',
   }));
   const own = run.track && run.drawn;         // the canvas has the track of many benches
-  const track = {x: own ? run.track[0] : [], y: own ? run.track[1] : [], type: 'scatter', mode: 'lines', name: 'track',
+  const track = {x: own ? run.track[0] : [], y: own ? run.track[1] : [], type: 'scatter', mode: 'lines', name: say('track'),
     line: {color: colour('track'), width: 0.8}, hoverinfo: 'skip'};
   const point = {x: contact ? [contact.point_m[0]] : [], y: contact ? [contact.point_m[1]] : [],
-    type: 'scatter', mode: 'markers', name: 'first contact',
-    marker: {symbol: 'circle-open', size: 15, color: colour('ink'), line: {width: 1.6}}, hovertemplate: 'first contact<br>%{x:.6f}, %{y:.6f} m<extra></extra>'};
+    type: 'scatter', mode: 'markers', name: say('contact'),
+    marker: {symbol: 'circle-open', size: 15, color: colour('ink'), line: {width: 1.6}}, hovertemplate: say('contact') + '<br>%{x:.6f}, %{y:.6f} m<extra></extra>'};
   const shown = element('scene').layout;
   const range = wholeRange();
   await Plotly.newPlot('scene', [track, ...benches, point], layout({dragmode: 'pan',
@@ -256,19 +256,19 @@ async function drawClearance() {
     {x: curve.t_s, y: curve.gap_mm, type: 'scatter', mode: 'lines', line: {color: colour('line'), width: 1.4},
       hovertemplate: '%{x:.2f} s: %{y:.3f} mm<extra></extra>'},
     {...touch, type: 'scatter', mode: 'markers', marker: {color: COLOUR.head, size: 9, line: {color: colour('ink'), width: 0.8}},
-      hovertemplate: 'contact at %{x:.6f} s<extra></extra>'},
+      hovertemplate: say('contact_at') + ' %{x:.6f} s<extra></extra>'},
     {x: [player.t, player.t], y: [player.low, player.high], type: 'scatter', mode: 'lines', line: {color: colour('ink'), width: 1}, hoverinfo: 'skip'},
-  ], layout({shapes, xaxis: axis('time (s)', {range: [curve.t_s[0], curve.t_s.at(-1)]}),
-    yaxis: axis('clearance (mm)', {range: [player.low, player.high]}), dragmode: dragging('zoom')}), settings());
+  ], layout({shapes, xaxis: axis(say('time_s'), {range: [curve.t_s[0], curve.t_s.at(-1)]}),
+    yaxis: axis(say('clearance_mm'), {range: [player.low, player.high]}), dragmode: dragging('zoom')}), settings());
   element('clearance').on('plotly_click', (event) => { pause(); seek(event.points[0].x); });
 }
 
 async function drawSpeeds(frame) {
   const speeds = run.speeds ? speedData(frame) : [];
   await Plotly.newPlot('speeds', [{x: run.handles, y: speeds, type: 'scatter', mode: 'lines', line: {color: colour('line'), width: 1.6, simplify: false},
-    hovertemplate: 'handle %{x}: %{y:.6f} m/s<extra></extra>'}],
-  layout({xaxis: axis('handle (0 is the head)', {range: [0, run.handles.at(-1)]}), dragmode: dragging('zoom'),
-    yaxis: axis('speed (m/s)', {range: speedRange(speeds)})}), settings());
+    hovertemplate: say('handle') + ' %{x}: %{y:.6f} m/s<extra></extra>'}],
+  layout({xaxis: axis(say('handle_axis'), {range: [0, run.handles.at(-1)]}), dragmode: dragging('zoom'),
+    yaxis: axis(say('speed_m_s'), {range: speedRange(speeds)})}), settings());
 }
 
 function speedRange(speeds) {
@@ -357,13 +357,13 @@ function play() {
   if (player.tick === run.times_s.length - 1) { player.tick = 0; player.t = run.times_s[0]; }
   player.playing = true;
   player.last = performance.now();
-  element('play').textContent = 'Pause';
+  element('play').textContent = say('pause');
   requestAnimationFrame(step);
 }
 
 function pause() {
   player.playing = false;
-  element('play').textContent = 'Play';
+  element('play').textContent = say('play');
 }
 
 async function zoomToContact() {
@@ -389,7 +389,7 @@ async function goToHash() {
 
 function complain(error) {
   if (error.name === 'AbortError') return;      // another run is asked for
-  element('note').textContent = `${error.message || error}; is the server still running?`;
+  element('note').textContent = `${error.message || error}; ${say('server')}`;
 }
 
 function connect() {
@@ -418,9 +418,9 @@ function describe() {
   const [first, last] = [run.times_s[0], run.times_s.at(-1)];
   document.title = `${run.name}: dragon_ros`;
   element('name').textContent = run.name;
-  element('facts').textContent = `${run.benches} benches, ${first.toFixed(2)} to ${last.toFixed(2)} s`;
+  element('facts').textContent = say('facts', {benches: run.benches, first: first.toFixed(2), last: last.toFixed(2)});
   element('note').textContent = run.note;
-  element('speeds-title').textContent = run.speeds ? 'Speed along the chain' : 'This bag has no velocities';
+  element('speeds-title').textContent = say(run.speeds ? 'speeds' : 'no_speeds');
   element('scrub').max = run.times_s.length - 1;
 }
 
@@ -430,10 +430,14 @@ function offerPaces() {
   for (const pace of paces) element('pace').add(new Option(`${pace}×`, pace, pace === player.pace, pace === player.pace));
 }
 
+function wordsOfContact() {
+  const {benches: [first, second], obstacle} = contact;
+  return say(obstacle === null ? 'touch' : 'touch_obstacle', {first, second, obstacle, t: contact.t_s.toFixed(6)});
+}
+
 function describeContact() {
-  const late = contact && contact.t_s > run.times_s.at(-1) ? ', after the end of what is shown' : '';
-  const words = contact ? `${contact.words} at ${contact.t_s.toFixed(6)} s${late}` : 'no benches touch';
-  element('facts').textContent += `; ${words}`;
+  const late = contact && contact.t_s > run.times_s.at(-1) ? say('late') : '';
+  element('facts').textContent += (CHINESE ? '；' : '; ') + (contact ? wordsOfContact() + late : say('no_touch'));
   element('contact').hidden = !contact;
 }
 
@@ -472,6 +476,7 @@ async function loadContact() {
 }
 
 async function start() {
+  translate();
   await prepare();
   player.t = -Infinity;
   await load();

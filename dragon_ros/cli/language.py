@@ -1,0 +1,25 @@
+"""The language of output for people, English or Chinese: ``--lang``, or the locale of the environment."""
+import os
+from argparse import ArgumentParser
+from collections.abc import Mapping
+
+LANGUAGES = ('en', 'zh')
+Words = Mapping[str, tuple[str, str]]       # key: (English, Chinese)
+
+
+def add_lang_option(parser: ArgumentParser, what: str) -> None:
+    """Add --lang for ``what``; ``language_of`` reads it."""
+    parser.add_argument('--lang', choices=LANGUAGES, help=f'language of {what} (that of the locale)')
+
+
+def language_of(given: str | None) -> str:
+    """Return the given language; without one, ``zh`` if the locale of the environment is Chinese, otherwise ``en``."""
+    if given is not None:
+        return given
+    locale = next((value for name in ('LC_ALL', 'LC_MESSAGES', 'LANG') if (value := os.environ.get(name))), '')
+    return 'zh' if locale.lower().startswith('zh') else 'en'
+
+
+def say(words: Words, key: str, lang: str, **parameters: object) -> str:
+    """Return the sentence of a key in a language, with its parameters."""
+    return words[key][LANGUAGES.index(lang)].format_map(parameters)
