@@ -1,1 +1,1 @@
-"""The pages of ``docs/cost``: what they measure, and how they are written."""
+"""The measurements of the pages of ``docs/cost``, and the command that writes the pages."""

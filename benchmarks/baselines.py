@@ -1,4 +1,4 @@
-"""What a user would otherwise use: solvers of scipy, simple ones of the package, and integration."""
+"""Alternatives for comparison: scipy's solvers, simple solvers of the package, and integration."""
 from collections.abc import Callable
 from functools import partial
 from math import pi

@@ -22,7 +22,7 @@ ALL = 'all'
 _CHECKOUT = Path(__file__).parents[1]
 _CHAINS, _CHAINS_OF_ALL = 1000, 100_000
 _BUDGET_S, _MINUTES = 0.3, 10.0
-_EFFORTS = {'memory': 'minutes', 'promises': 'chains'}      # the option of a page; of all others budget
+_EFFORTS = {'memory': 'minutes', 'promises': 'chains'}      # the option of these pages; all others have budget
 _RANGES = {'budget': (_BUDGET_S, 1e-6, 1e6), 'minutes': (_MINUTES, 0.05, 1e4), 'chains': (_CHAINS, 1, 1e9)}
 _END = '<!-- end -->'
 
@@ -65,7 +65,7 @@ def _run(arguments: Namespace) -> int:
 
 
 def _all(arguments: Namespace) -> int:
-    """Measure every page, each in a process of its own; one that fails is named, and the others are measured."""
+    """Measure every page in its own process; report failed pages and continue with the others."""
     pages, readme = _CHECKOUT / 'docs' / 'cost', arguments.readme or _CHECKOUT / 'README.md'
     folder = arguments.output or (pages if pages.is_dir() else Path('cost'))
     failed = list[str]()
@@ -108,7 +108,7 @@ def _page(name: str, arguments: Namespace, folder: Path, readme: Path | None) ->
 
 
 def _effort(name: str, arguments: Namespace) -> float:
-    """Return what a page is measured with: seconds of a timing or of a run, or a number of chains."""
+    """Return the effort for a page: seconds per timing or run, or a number of chains."""
     option = _EFFORTS.get(name, 'budget')
     command_line.check_taken(f'page {name}', {f'--{each}': getattr(arguments, each) is not None
                                               for each in ('budget', *_EFFORTS.values())}, {f'--{option}'})
@@ -118,7 +118,7 @@ def _effort(name: str, arguments: Namespace) -> float:
 
 
 def write(name: str, rows: Any, folder: Path) -> list[Path]:
-    """Write a page, its CSV and its pictures into a folder and return their paths. A page keeps its text."""
+    """Write a page, its CSV and its pictures into a folder and return their paths. An existing page keeps its text."""
     page, text, data = import_module(PAGES[name]), folder / f'{name}.md', folder / f'{name}.csv'
     folder.mkdir(parents=True, exist_ok=True)
     if not (text.is_file() and _mark(name) in text.read_text(encoding='utf-8')):

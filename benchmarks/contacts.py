@@ -24,7 +24,7 @@ from dragon_ros.cost.measure import TIMES, circumstances, timed
 T_STAR_S = 412.473837682115         # of the classic run, to the last digit
 WIDER_S = 409.775927737801          # with benches 1 mm wider: a contact that lasts 0.11 s, 2 s before the next
 _KNOWN_S = 1e-12                    # times closer than this count as equal
-_WRONG_S = 5e-7                     # error from which a time without a stated bound is marked: six decimals are wrong
+_WRONG_S = 5e-7                     # a time without a stated bound that is off by more is marked WRONG
 _STEPS_S = (1.0, 0.1, 0.01)
 _WANTED_S = (1e-3, 1e-6, 1e-9, 1e-12)
 _WIDER = ', benches 1 mm wider'
@@ -33,7 +33,7 @@ _OWN = 'first_contact'
 
 @dataclass(frozen=True)
 class Search:
-    """One way to find a contact: its answer, the requested error, the overlap then, its work, and the truth."""
+    """One method of finding a contact: its answer, the requested error, the overlap then, its work, and the truth."""
 
     solver: str
     wanted_s: float | None
@@ -45,12 +45,12 @@ class Search:
 
     @property
     def late_s(self) -> float:
-        """How long after the contact the reported time is."""
+        """The delay of the reported time after the contact."""
         return self.t_s - self.true_s
 
     @property
     def verdict(self) -> str:
-        """'WRONG' where the answer misses the requested error, or its sixth decimal where none was requested."""
+        """'WRONG' if the answer misses the requested error or, without one, its sixth decimal."""
         return 'WRONG' if abs(self.late_s) > max(self.wanted_s or _WRONG_S, _KNOWN_S) else 'right'
 
 

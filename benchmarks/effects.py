@@ -1,4 +1,4 @@
-"""``cost effects``: what each effect adds to a tick, in microseconds and bytes, alone and in each named scene."""
+"""``cost effects``: the time and bytes that each effect adds to a tick, alone and in each named scene."""
 from dataclasses import dataclass
 
 from matplotlib.axes import Axes
@@ -61,7 +61,7 @@ def csv_text(rows: Measured) -> str:
 
 
 def picture(rows: Measured) -> Figure:
-    """Return two panels: what each effect adds, and whole ticks."""
+    """Return a figure of two panels: the cost of each effect, and whole ticks."""
     figure = Figure(figsize=(13, 5.8), layout='constrained')
     left, right = figure.subplots(1, 2, width_ratios=(3, 2))
     _price_panel(left, rows.prices)

@@ -1,4 +1,4 @@
-"""``cost first``: what the first tick of a run takes, by the shift map and by the march, and when the map has paid."""
+"""``cost first``: the time of a run's first tick by shift map and by march, and when the map pays off."""
 from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil, inf
@@ -17,7 +17,7 @@ from dragon_ros.scenes.load import load_scene
 from hard_cases.dances import dances
 
 _NAMED = ('winding', 'long')
-_TICKS = 50             # of which the time of a later one is the mean
+_TICKS = 50             # whose mean is the time of a later tick
 _FIRST, _LATER, _FIRST_MARCHED, _MARCHED = 'first', 'later', 'first, marched', 'later, marched'
 CALLS = (_FIRST, _LATER, _FIRST_MARCHED, _MARCHED)
 _STYLES = {_FIRST: ('#0072B2', 'o'), _LATER: ('#0072B2', '.'), _FIRST_MARCHED: ('#D55E00', 's'),
@@ -26,7 +26,7 @@ _STYLES = {_FIRST: ('#0072B2', 'o'), _LATER: ('#0072B2', '.'), _FIRST_MARCHED: (
 
 @dataclass(frozen=True)
 class Row:
-    """A scene, the segments of its track, and the time of its ticks: the first and later ones, by map and by march."""
+    """A scene, the segments of its track, and the times of its first and later ticks, by map and by march."""
 
     scene: str
     handles: int
@@ -35,7 +35,7 @@ class Row:
 
     @property
     def pays_from(self) -> float:
-        """The tick from which on the march has taken longer than the map, both from the first on; inf if none is."""
+        """The tick from which the march has taken longer in total than the map; inf if never."""
         first, later, first_marched, marched = (self.timings[name].median_s for name in CALLS)
         if first <= first_marched:
             return 1
@@ -43,7 +43,7 @@ class Row:
 
 
 def measure(budget_s: float = 0.3) -> list[Row]:
-    """Measure every scene that the map serves; progress goes to standard error."""
+    """Measure every scene that the map supports; progress goes to standard error."""
     scenes = {name: load_scene(name) for name in _NAMED}
     scenes |= {case.name: case.scene for case in dances()}
     served = {name: scene for name, scene in scenes.items()
@@ -62,7 +62,7 @@ def _row(name: str, scene: Scene, budget_s: float) -> Row:
 
 
 def first_tick(scene: Scene) -> object:
-    """Place all handles at the start of a run by a model of which nothing is kept: track, leader and table are new."""
+    """Place all handles at the start of a run with a new model: track, leader and table are built again."""
     fresh = replace(compile_scene(scene).model)
     return fresh.placement.place(fresh.leader.place(scene.head.travelled_m(scene.run.start_s)))
 
@@ -95,7 +95,7 @@ def csv_text(rows: list[Row]) -> str:
 
 
 def picture(rows: list[Row]) -> Figure:
-    """Return one line a scene: its first tick and a later one, by the map and by the march."""
+    """Return a figure with one line per scene: its first tick and a later one, by map and by march."""
     figure = Figure(figsize=(11, 0.34 * len(rows) + 2.4), layout='constrained')
     axes, at = figure.subplots(), np.arange(len(rows))
     for name, (colour, marker) in _STYLES.items():

@@ -1,8 +1,8 @@
-"""``cost limits``: how far each stage is from what this machine can do at all, so that what is left is seen.
+"""``cost limits``: the time of each stage relative to the limit of this machine, which shows the remaining headroom.
 
-A stage is held against the machine's own rates, measured in the same run on one thread: multiplications and additions
-of a product, bytes copied within the cache or through memory, bytes that zstd alone compresses, bytes written to a
-file. Its limit is the longest of the times that its own numbers and bytes take at these rates, whatever the code.
+Each stage is compared with the machine's rates, measured in the same run on one thread: multiplications and additions
+of a product, bytes copied within the cache or through memory, bytes compressed by zstd alone, bytes written to a file.
+Its limit is the longest of the times that its numbers and bytes need at these rates, independent of the code.
 """
 import tempfile
 from collections.abc import Callable
@@ -34,7 +34,7 @@ from dragon_ros.messages.encode import encoders
 
 _SCENE = Scene(run=Run(300, 303, 100))
 _STATES = 20_000
-_CACHED, _LARGE = 2**15, 2**27      # bytes that lie in the cache next to a core, and that lie in no cache
+_CACHED, _LARGE = 2**15, 2**27      # bytes that fit into the cache of a core, and bytes beyond all caches
 _NUMBER = 8                         # bytes
 _NAMES = {'none': 'not compressed', 'zstd': 'zstd'}
 _RATES = {'product': 'multiplications and additions in a product', 'cache': 'bytes copied within the cache',
@@ -44,20 +44,20 @@ _RATES = {'product': 'multiplications and additions in a product', 'cache': 'byt
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage: its time each, and what it cannot do without, as amounts by the rate that bounds them."""
+    """A stage: its time per call, and the amounts that it requires, by the rate that bounds them."""
 
     name: str
     timing: Timing
     needs: dict[str, float]
 
     def limit(self, rates: dict[str, float]) -> tuple[float, str]:
-        """Return the shortest time in seconds, and the rate that says so."""
+        """Return the shortest possible time in seconds, and the rate that bounds it."""
         return max((amount / rates[rate], rate) for rate, amount in self.needs.items())
 
 
 @dataclass(frozen=True)
 class Measured:
-    """The machine's rates, each a second, and all stages."""
+    """The machine's rates per second, and all stages."""
 
     rates: dict[str, float]
     stages: list[Stage]
@@ -131,7 +131,7 @@ def _benches(budget_s: float) -> Stage:
 def _look(budget_s: float) -> Stage:
     near, ticks = NearPairs(), ticks_from(_SCENE, 300.0)
     numbers = 4.0 * _SCENE.dragon.benches
-    return Stage("the monitor's look", timed(lambda: near.look(*next(ticks)), budget_s, most=2000),
+    return Stage("the monitor's check", timed(lambda: near.look(*next(ticks)), budget_s, most=2000),
                  {'cache': _NUMBER * numbers})
 
 
@@ -182,7 +182,7 @@ def csv_text(rows: Measured) -> str:
 
 
 def picture(rows: Measured) -> Figure:
-    """Return a bar for each stage: how many times as long it takes as the machine needs."""
+    """Return a figure with a bar for each stage: its time relative to the limit of the machine."""
     figure = Figure(figsize=(9, 0.5 * len(rows.stages) + 1.8), layout='constrained')
     axes = figure.subplots()
     kinds = [*_RATES]

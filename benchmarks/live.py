@@ -1,4 +1,4 @@
-"""Sim, monitor and recorder as processes over DDS: the rate that they hold, their CPU time, and losses."""
+"""Sim, monitor and recorder as processes over DDS: the rate that they sustain, their CPU time, and losses."""
 import re
 import signal
 import subprocess
@@ -37,7 +37,7 @@ class Usage:
 
 @dataclass(frozen=True)
 class Live:
-    """One run: benches, ticks per second (0: as fast as the readers follow), ticks, wall time, overruns and losses."""
+    """One run: benches, ticks per second (0: as fast as the readers allow), ticks, wall time, overruns and losses."""
 
     benches: int
     rate_hz: float
@@ -54,7 +54,7 @@ class Live:
 
     @property
     def held(self) -> bool:
-        """Whether every tick was in time and every message arrived."""
+        """Whether every tick was on time and every message arrived."""
         return not self.overruns and not self.lost
 
     @property
@@ -64,7 +64,7 @@ class Live:
 
 
 def run(benches: int, rate_hz: float, ticks: int, markers: str = 'cubes') -> Live:
-    """Run this many ticks at a rate (0: as fast as the readers follow) with monitor and recorder."""
+    """Run this many ticks at a rate (0: as fast as the readers allow) with monitor and recorder."""
     rate = rate_hz or 50.0
     stop_s = _START_S + (ticks - 1) / rate
     with TemporaryDirectory() as name, processes(Path(name)) as start:
@@ -86,7 +86,7 @@ def run(benches: int, rate_hz: float, ticks: int, markers: str = 'cubes') -> Liv
 
 
 def highest(benches: int, seconds: float, guess_hz: float) -> list[Live]:
-    """Return runs at rates from about ``guess_hz`` on, up to the highest that is held and the first that is not."""
+    """Return runs at rates from about ``guess_hz`` up to the first rate that is not sustained."""
     below = [n for n, rate in enumerate(RATES_HZ) if rate <= guess_hz]
     at = below[-1] if below else 0
     tried: dict[int, Live] = {}
@@ -97,7 +97,7 @@ def highest(benches: int, seconds: float, guess_hz: float) -> list[Live]:
 
 
 class Start:
-    """Starts ``python -m dragon_ros NAME ...`` in one domain; what they print goes to files."""
+    """Start ``python -m dragon_ros NAME ...`` in one domain, with output to files."""
 
     def __init__(self, folder: Path) -> None:
         self.running: dict[str, subprocess.Popen[bytes]] = {}
@@ -111,13 +111,13 @@ class Start:
         return self.running[name]
 
     def text(self, name: str = 'sim') -> str:
-        """Return what a process has printed."""
+        """Return the output of a process."""
         return (self._folder / f'{name}.log').read_text(encoding='utf-8', errors='replace')
 
 
 @contextmanager
 def processes(folder: Path) -> Iterator[Start]:
-    """Start processes that end with the block."""
+    """Start processes that are ended with the block."""
     start = Start(folder)
     try:
         yield start
@@ -131,7 +131,7 @@ def processes(folder: Path) -> Iterator[Start]:
 
 
 def _watched(start: Start) -> tuple[float, dict[str, Usage]]:
-    """Wait until sim has run; return its wall time from the first tick on, and the usage of each process meanwhile."""
+    """Wait for sim to end; return its wall time from the first tick, and the usage of each process."""
     deadline = time.monotonic() + _LONGEST_S
     while 'starts ' not in start.text():
         alive(start, deadline)
@@ -153,7 +153,7 @@ def _look(pid: int) -> tuple[float, float]:
 
 
 def alive(start: Start, deadline: float) -> None:
-    """Raise DragonError where a process has failed or the deadline of ``time.monotonic`` has passed."""
+    """Raise DragonError if a process has failed or the deadline of ``time.monotonic`` has passed."""
     for name, child in start.running.items():
         if child.poll():
             raise DragonError(f'{name} ended with exit code {child.returncode}: {start.text(name)[-500:]}')
@@ -162,7 +162,7 @@ def alive(start: Start, deadline: float) -> None:
 
 
 def ended(process: 'subprocess.Popen[bytes]') -> None:
-    """Wait for the end of a process. Raises DragonError where it hangs."""
+    """Wait for the end of a process. Raises DragonError if it hangs."""
     try:
         process.wait(timeout=_LONGEST_S)
     except subprocess.TimeoutExpired:

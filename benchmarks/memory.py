@@ -18,10 +18,10 @@ from dragon_ros.cli.figures import legend_below
 from dragon_ros.cost.measure import circumstances
 
 _BENCHES, _RATE_HZ, _TOPICS = 223, 100, ('handles', 'benches', 'velocities')
-_WAY_M = 400.0          # path of the head in the run, whatever its duration: the size of a tick is constant
+_WAY_M = 400.0          # path of the head in a run of any duration, so that the size of a tick is constant
 _EACH_S = 5.0
-_SETTLED_S = 60.0       # growth is fitted from here on, or from a tenth of a shorter run
-_STEP_MB = 0.1          # change between two samples: a backlog, whose memory the middleware keeps
+_SETTLED_S = 60.0       # growth is fitted from here, or from a tenth of a shorter run
+_STEP_MB = 0.1          # change between two samples that counts as a step: a backlog, whose memory the middleware keeps
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Recorded:
 
     @property
     def steps_mb(self) -> float:
-        """Growth in steps: where the recorder was delayed and messages were queued."""
+        """Growth in steps, when the recorder was delayed and messages were queued."""
         changes = np.diff([mb for _, mb in self.settled])
         return float(np.sum(changes[np.abs(changes) >= _STEP_MB]))
 
@@ -67,7 +67,7 @@ class Recorded:
 
     @property
     def index_kb_min(self) -> float:
-        """What is kept of chunks for the final index, in kB per minute."""
+        """Growth of the data kept for the final index, in kB per minute."""
         return 0.06 * self.index_bytes / self.seconds
 
 

@@ -1,9 +1,9 @@
-"""``cost promises``: error over promise on random chains, of positions and speeds, at every tier and on every path.
+"""``cost promises``: errors relative to promises on random chains, by tier, method and quantity.
 
-Scene n is drawn from the number n alone: 2 to 60 links, equal behind a head of its own or in groups, on a spiral, an
-S-turn or a composite track, behind a head or a tail, with a shift map or without, at one of the tiers. Its chains are
-those at the start, at two times anywhere, and at two close to the end of the model, which often is a lock. Each is held
-against forward placement at the exact tier, which ``cost accuracy`` holds against 50 digits.
+The number n alone determines scene n: 2 to 60 links, equal behind a different head or in groups, on a spiral, an S-turn
+or a composite track, led by head or tail, with or without a shift map, at one of the tiers. Its chains are those at the
+start, at two random times, and at two close to the end of the model, which often is a lock. Each is compared with
+forward placement at the exact tier, which ``cost accuracy`` compares with 50 digits.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -66,7 +66,7 @@ def _shares_at(known: Scene, scene: Scene, t_s: float, of_states: tuple[Floats, 
 
 
 def random_scene(number: int) -> tuple[Scene, list[float]] | None:
-    """Return the scene of a number and times at whole nanoseconds, or None where the model refuses it."""
+    """Return the scene of a number and times at whole nanoseconds, or None if the model rejects it."""
     dice = Random(number)
     try:
         scene = Scene(_dragon(dice), _track(dice), Head(1.0, dice.choice(('head', 'tail'))), Run(0, 1e3),
@@ -117,7 +117,7 @@ class Measured:
 
 
 def measure(chains: float = 1000) -> Measured:
-    """Measure so many chains; progress goes to standard error. An interrupt ends it early with what is done."""
+    """Measure ``count`` chains; progress goes to standard error. An interrupt ends it early with the chains so far."""
     parts, done = list[Measured](), 0
     try:
         with tqdm(total=int(chains), desc='cost promises', unit='chain', disable=None, mininterval=1) as progress:
@@ -134,7 +134,7 @@ def measure(chains: float = 1000) -> Measured:
 
 
 def _measured(number: int) -> Measured:
-    """Measure the chains of one scene; none where the model refuses it."""
+    """Measure the chains of one scene; none if the model rejects it."""
     drawn = random_scene(number)
     found = shares(*drawn) if drawn else np.empty((0, len(WAYS), len(WHAT)))
     tier = PROMISING.index(str(drawn[0].accuracy)) if drawn else 0
@@ -173,7 +173,7 @@ def summary(found: Measured) -> str:
 
 
 def picture(found: Measured) -> Figure:
-    """Return which part of the chains errs by more than a share of its promise, for positions and speeds."""
+    """Return a figure of the share of chains whose error exceeds a share of its promise, for positions and speeds."""
     figure = Figure(figsize=(11, 5.3), layout='constrained')
     for k, (axes, what) in enumerate(zip(figure.subplots(1, 2, sharey=True), WHAT, strict=True)):
         for n, tier in enumerate(PROMISING):
@@ -187,7 +187,7 @@ def picture(found: Measured) -> Figure:
         axes.set(title=what.capitalize(), xlabel='error / promise, the worst of state, states and tick')
         axes.grid(True, which='major', linewidth=0.4)
         legend_below(axes, 4, fontsize=9)
-    figure.supylabel('part of the chains that err by more', fontsize=10)
+    figure.supylabel('share of chains with a larger error', fontsize=10)
     figure.supxlabel(f'{len(found.shares):,} chains; {circumstances()}', fontsize=7)
     return figure
 

@@ -1,4 +1,4 @@
-"""``cost scale``: time and memory of each stage from 10 to 100,000 benches, and the rates that processes hold."""
+"""``cost scale``: time and memory of each stage for 10 to 100,000 benches, and the rates that processes sustain."""
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ SIZES = (10, 30, 100, 223, 1000, 3000, 10_000, 30_000, 100_000)
 LIVE = (223, 2000, 20_000)
 USUAL = (223, 50)        # benches and ticks per second of most runs
 _AT_S = 300.0
-_FITTED = 1000          # exponents are fitted from here on
+_FITTED = 1000          # exponents are fitted from this size
 _LIVE_TIMES = 10        # length of a live run in timings
 _COLOURS = dict(zip(STAGES, ('#999999', '#0072B2', '#56B4E9', '#009E73', '#E69F00', '#D55E00'), strict=True))
 
@@ -55,7 +55,7 @@ class Build:
 
 @dataclass(frozen=True)
 class Measured:
-    """All rows of the page; ``free`` are the runs as fast as the readers follow."""
+    """All rows of the page; ``free`` are runs as fast as the readers allow."""
 
     stages: list[Stage]
     free: list[Live]
@@ -92,7 +92,7 @@ def _peak(call: Callable[[], object]) -> int:
 
 
 def build(scene: Scene) -> Build | None:
-    """Return what the first tile of a scene's shift map costs, the faster of two builds; None where it has none."""
+    """Return the cost of the first tile of a scene's shift map, the faster of two builds; None without a map."""
     spent, tiles, gone_m = [], list[Tile](), scene.head.travelled_m(scene.run.start_s)
     for _ in range(2):
         model = replace(compile_scene(scene).model)     # a model keeps its tiles
@@ -108,7 +108,7 @@ def build(scene: Scene) -> Build | None:
 
 
 def exponent(rows: list[Stage], value: Callable[[Stage], float]) -> float:
-    """Return the power of N with which a value grows, fitted to all sizes from 1000 benches on."""
+    """Return the exponent of a value's growth with N, fitted to all sizes from 1000 benches."""
     mine = [row for row in rows if row.benches >= _FITTED]
     return float(np.polyfit(np.log([row.benches for row in mine]), np.log([value(row) for row in mine]), 1)[0])
 
@@ -150,7 +150,7 @@ def _build_table(rows: list[Build]) -> str:
 
 
 def _live_table(rows: Measured) -> str:
-    """Return the runs of processes: free ones, then at rates up to the first that is not held."""
+    """Return the runs of processes: free ones, then at rates up to the first that is not sustained."""
     lines = ['| benches | rate (Hz) | reached (Hz) | times real time | overruns | lost | held | '
              + ' | '.join(f'{role} (cores)' for role in ROLES) + ' | record grew (MB) |',
              '|---:|---:|---:|---:|---:|---:|---|' + '---:|' * (len(ROLES) + 1)]
@@ -180,7 +180,7 @@ def csv_text(rows: Measured) -> str:
 
 
 def picture(rows: Measured) -> Figure:
-    """Return three panels: time and memory of the stages against N, and the rates that processes hold."""
+    """Return a figure of three panels: time and memory of the stages against N, and the sustained rates."""
     figure = Figure(figsize=(16, 7), layout='constrained')
     time_axes, memory, rates = figure.subplots(1, 3)
     _growth(time_axes, rows.stages, _milliseconds, 'time (ms)', 'Time of each stage')

@@ -1,4 +1,4 @@
-"""The ways to place a chain, by name, for the pages that compare them."""
+"""The solvers that place a chain, by name, for the pages that compare them."""
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, hypot, sin
@@ -19,7 +19,7 @@ _TOLERANCE_RAD = 1e-9       # of plain Newton
 
 
 def _plain(scene: Scene, head: Place) -> Chain:
-    """Place the chain as usual Python code does: Newton on the cosine rule, point by point."""
+    """Place the chain like typical Python code: Newton's method on the cosine rule, point by point."""
     b = scene.spiral.b_m
     theta = [head.u.hi]
     for link in scene.dragon.link_lengths_m.tolist():
@@ -36,11 +36,11 @@ class PlainChain(Chain):
 
     @property
     def solver(self) -> str:
-        """Usual Python code."""
+        """Typical Python code."""
         return 'plain'
 
     def velocities(self, head_speed_m_s: Any, out: Floats | None = None) -> Floats:
-        """Return the velocities as usual code does: link by link, from the angles with both tangents."""
+        """Return the velocities like typical code: link by link, from the angles with both tangents."""
         speed, rows, points, before = float(head_speed_m_s), [], self.p.tolist(), (0.0, 0.0)
         for k, t in enumerate(self.theta):
             x, y = cos(t) - t * sin(t), sin(t) + t * cos(t)
@@ -56,13 +56,13 @@ class PlainChain(Chain):
 
 
 def _march(scene: Scene, head: Place) -> Chain:
-    """Place one handle after the other."""
+    """Place the handles one by one."""
     model = compile_scene(scene).model
     return marched(model.track, model.links_m, head, model.direction)
 
 
 def _table(scene: Scene, head: Place) -> Chain:
-    """Place all handles at once, where a table serves."""
+    """Place all handles at once, if a table covers them."""
     return compile_scene(scene).model.placement.place(head)
 
 

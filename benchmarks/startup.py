@@ -1,4 +1,4 @@
-"""``cost startup``: how long each executable takes to start: its help, and the smallest thing that it does."""
+"""``cost startup``: the start-up time of each executable: of its help, and of its smallest use."""
 import os
 import re
 import subprocess
@@ -20,7 +20,7 @@ _MODULE = '-m', 'dragon_ros'
 _BAG = 'simulate', '--force', '--set', 'run.stop_s=2', '--output'
 HELP = '--help'
 FLOORS = {'python': ('-c', 'pass'), 'python with numpy': ('-c', 'import numpy')}
-# The smallest thing that an executable does, with BAG for a bag of two seconds and OUT for a file to write.
+# The smallest use of each executable; BAG is a bag of two seconds, OUT a file to write.
 SMALLEST = {
     'table': 'table --times 60 --handles 0', 'contact': 'contact', 'inspect': 'inspect BAG',
     'export': 'export BAG --force --output OUT.csv',
@@ -30,7 +30,7 @@ SMALLEST = {
 
 @dataclass(frozen=True)
 class Start:
-    """An executable, the arguments that it was started with, and the wall time until it was done."""
+    """An executable, its arguments, and the wall time until it ended."""
 
     name: str
     arguments: str
@@ -71,11 +71,11 @@ def _first_frame(*words: str | Path) -> None:
         for name in ('run.json', 'frames/0'):
             with urlopen(address + name) as answer:
                 answer.read()
-        view.kill()         # how long it takes to end is not what anybody waits for
+        view.kill()         # nobody waits for its end
 
 
 def _environment() -> dict[str, str]:
-    """Return this environment, in which modules are compiled once, as for a user."""
+    """Return this environment, with modules compiled once, as for a user."""
     return {name: value for name, value in os.environ.items() if name != 'PYTHONDONTWRITEBYTECODE'}
 
 

@@ -1,4 +1,4 @@
-"""``cost study``: rows a second of studies on one worker and on two, what Dask costs a row, a million rows on paper."""
+"""``cost study``: rows per second of studies on one and two workers, and the overhead of Dask per row."""
 import resource
 import time
 from dataclasses import dataclass
@@ -58,7 +58,7 @@ class Row:
 
     @property
     def overhead_s(self) -> float:
-        """CPU seconds that Dask, Parquet and drawing the inputs take for a row."""
+        """CPU seconds per row of Dask, Parquet and drawing inputs."""
         return (self.cpu_s - self.work_s) / self.rows
 
 
@@ -91,7 +91,7 @@ def _alone(name: str, rows: int) -> Row:
 
 
 def _on_dask(name: str, workers: int, rows: int) -> Row:
-    """Time a study on workers that have computed some rows before; starting them is not in it."""
+    """Time a study on workers that have already computed some rows, without their start."""
     with TemporaryDirectory() as folder, local_client(workers) as client:
         client.wait_for_workers(workers)
         _complete(client, Path(folder) / 'warm', _study(name, _WARM * workers))

@@ -110,7 +110,7 @@ def csv_text(rows: list[Row]) -> str:
 
 
 def picture(rows: list[Row]) -> Figure:
-    """Return stacked bars: before and after, and the latter alone on its own scale."""
+    """Return a figure of stacked bars: before and after, and the latter again on its own scale."""
     figure = Figure(figsize=(13, 0.55 * len(rows) + 2.6), layout='constrained')
     before, after = figure.subplots(1, 2)
     _bars(before, rows)

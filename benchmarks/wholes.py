@@ -19,7 +19,7 @@ ALL = ~Effect.NONE
 
 @dataclass(frozen=True)
 class Whole:
-    """A whole tick of the classic scene, computed and encoded, and its time over that of another, both in turns."""
+    """A whole tick of the classic scene, computed and encoded, and its time relative to another, timed in turns."""
 
     name: str
     timing: Timing
@@ -43,7 +43,7 @@ def wholes(budget_s: float) -> list[Whole]:
 
 
 def worker(scene: Scene) -> Call:
-    """Return a call that computes and encodes one tick of a scene, the next each time."""
+    """Return a call that computes and encodes the next tick of a scene."""
     encode, numbers = encoders(scene), cycle(followed(compile_scene(scene).last_tick))
 
     def work() -> object:
@@ -53,7 +53,7 @@ def worker(scene: Scene) -> Call:
 
 
 def bare(scene: Scene) -> Call:
-    """Return a call that does the same for handles alone, written as if effects did not exist."""
+    """Return a call that does the same for handles only, without any code for effects."""
     template = PoseArrayTemplate(scene.dragon.benches + 1, 'dragon')
     numbers = cycle(followed(compile_scene(scene).last_tick))
 

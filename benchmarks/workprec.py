@@ -1,4 +1,4 @@
-"""``cost accuracy``: error against time for every tier and for what a user would otherwise use, in one run."""
+"""``cost accuracy``: error against time for every tier and for alternative solvers, in one run."""
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -33,7 +33,7 @@ _LABELS = {'plain Newton 1e-3 rad': ('right', -7, -3), 'fine, marched': ('left',
            'preview': ('left', 0, -13), 'paper': ('right', -9, -3),
            'exact, 301 at once': ('center', 0, 9), 'exact, 1,000 at once': ('center', 0, -13)}
 Way = tuple[str, str]   # tier and solver
-_WRONG_M = 0.01         # error from which a solver without a promise is marked
+_WRONG_M = 0.01         # error above which a solver without a promise is marked
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def measure(budget_s: float = 0.3) -> list[Row]:
 def _jobs(budget_s: float) -> Iterator[Callable[[], list[Row]]]:
     for problem in hard_cases():
         yield partial(_tiers, problem, tuple(_ways(problem)), budget_s)
-        if problem.name != 'long' and _is_one_spiral(problem.scene):     # the others know no other track
+        if problem.name != 'long' and _is_one_spiral(problem.scene):     # the others support no other track
             for name in SOLVERS:
                 yield partial(_baseline, problem, name, budget_s)
         if problem.name == 'classic':
@@ -81,7 +81,7 @@ def _jobs(budget_s: float) -> Iterator[Callable[[], list[Row]]]:
 
 
 def _ways(problem: Problem) -> Iterator[Way]:
-    """Yield each tier by the default solver, and by the march where the default is the table."""
+    """Yield each tier by the default solver, and by the march if the default is the table."""
     for tier in TIERS:
         if tier != 'paper' or problem.name == 'classic':
             yield tier, 'table'
@@ -94,7 +94,7 @@ def _is_one_spiral(scene: Scene) -> bool:
 
 
 def _tiers(problem: Problem, ways: Sequence[Way], budget_s: float) -> list[Row]:
-    """Return a row for each way; they are timed in turn, since their times are compared with each other."""
+    """Return a row for each solver; they are timed in turns, because their times are compared."""
     rows = [_tier(problem, *way) for way in ways]
     scenes = [(replace(problem.scene, accuracy=tier, solver=solver), _times_s(problem, tier))
               for (tier, solver), row in zip(ways, rows, strict=True) if np.isfinite(row.error_m)]
@@ -122,7 +122,7 @@ def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:
 
 
 def _tier(problem: Problem, tier: str, solver: str) -> Row:
-    """Return the errors of a tier by the default solver, or by the march where the default is the table."""
+    """Return the errors of a tier by the default solver, or by the march if the default is the table."""
     name = tier if solver == 'table' else f'{tier}{_MARCHED}'
     try:
         scene = replace(problem.scene, accuracy=tier, solver=solver)
@@ -217,7 +217,7 @@ def _line(row: Row) -> str:
 
 
 def summary(rows: list[Row]) -> str:
-    """Return what the README shows: the tiers on the classic scene, and how many promises are kept."""
+    """Return the table of the README: the tiers on the classic scene, and the number of kept promises."""
     tiers = [row for name in TIERS for row in rows if (row.problem, row.solver) == ('classic', name)]
     lines = ['| accuracy | largest error (m) | promise (m) | µs per tick | with velocities |',
              '|---|---:|---:|---:|---:|']
@@ -262,7 +262,7 @@ def picture(rows: list[Row]) -> Figure:
 
 
 def _labels(rows: list[Row]) -> dict[str, str]:
-    """Return the labels of solvers; tiers whose errors are the same, from one table, have one in common."""
+    """Return the labels of solvers; tiers with equal errors, from one table, share a label."""
     labels = {row.solver: f'{row.solver} (wrong)' if row.verdict == 'WRONG' else row.solver for row in rows}
     for error_m in {row.error_m for row in rows}:
         alike = [row.solver for row in rows if row.solver in TIERS and row.error_m == error_m]

@@ -1,7 +1,7 @@
-"""The public Python API: ``import dragon_ros as dr``, and scenes, states, contacts, bags and pictures in a line each.
+"""The public Python API, ``import dragon_ros as dr``: scenes, states, contacts, design, bags and pictures.
 
 Lengths are in metres, angles in radians, times in seconds, and arrays are numpy's. Handle 0 is the head's front handle.
-Every error that dragon_ros raises on purpose is a DragonError; InputError, below it, says what was asked wrongly.
+Every error that dragon_ros raises on purpose is a DragonError; its subclass InputError reports invalid input.
 """
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 Progress = Callable[[int], object]
 __all__ = ['Bag', 'Contact', 'DragonError', 'FieldError', 'InputError', 'MissingError', 'ModelEnd', 'Motion',
            'NoContact', 'Rows', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene', 'study']
-_DPI = 72       # of a scene that draws itself
+_DPI = 72       # of a scene's picture in Jupyter
 
 
 def _quiet(states: int) -> None:
@@ -52,16 +52,16 @@ def _quiet(states: int) -> None:
 
 
 def scene(name_or_path: str | PathLike[str] = 'winding', **changes: Any) -> Scene:
-    """Return a scene of the package by its name, or of a file, with changes on top.
+    """Return a scene of the package by name, or of a file, with changes applied.
 
     Changes are the keys of a scene file: ``scene('winding', track={'pitch_m': 0.5}, accuracy='fine')``. Scenes are
-    frozen, compare by value and pickle. Raises InputError naming the key, MissingError for a scene that is not there.
+    frozen, compare by value and can be pickled. Raises InputError naming the key, MissingError for an unknown scene.
     """
     return changed_scene(_path('name_or_path', name_or_path), changes)
 
 
 def compile(scene: Scene) -> 'Simulated':       # noqa: A001 - the word of the field; only ever used as dr.compile
-    """Return an object that answers questions about a scene. Scenes that share their geometry share one model."""
+    """Return an object that you can query about a scene. Scenes with the same geometry share one model."""
     return Simulated(compile_scene(_scene('scene', scene)))
 
 
@@ -107,14 +107,14 @@ class Motion:
     promise_m: float
 
     def __repr__(self) -> str:
-        """Name the times and the shape; the arrays would fill screens."""
+        """Return the times and the shape, since the arrays are long."""
         times = f'{self.t_s:g} s' if self.t_s.ndim == 0 else f'{self.t_s.size} times'
         return f'Motion({times}, handles_m {self.handles_m.shape}, promise_m={self.promise_m:g})'
 
     @cached_property
     def speed_m_s(self) -> Floats:
         """Speeds (..., N+1), read-only."""
-        square = np.square(self.velocity_m_s).sum(axis=-1)      # a third of the time that np.hypot takes
+        square = np.square(self.velocity_m_s).sum(axis=-1)      # takes a third of the time of np.hypot
         return read_only(np.sqrt(square, out=square))
 
     def frame(self) -> Any:
@@ -132,7 +132,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Simulated:
-    """A scene that can be asked: where all handles are at a time, what touches first, what a tick publishes."""
+    """A compiled scene, to query for handles at a time, the first contact, or the contents of a tick."""
 
     simulation: Simulation
 
@@ -163,10 +163,10 @@ class Simulated:
         return Motion(np.array(t_s), chain.p, velocity_of(self.scene, chain, t_s), self.simulation.promise_m)
 
     def states(self, times_s: Sequence[float] | Floats, out: tuple[Floats, Floats] | None = None) -> Motion:
-        """Return all handles at many times in one go, several times faster than one by one.
+        """Return all handles at many times at once, several times faster than one by one.
 
-        ``out``, two arrays (times, N+1, 2), takes handles and velocities; so a loop need not ask for fresh memory.
-        Raises FieldError where it cannot.
+        ``out``, two arrays (times, N+1, 2), receives handles and velocities, so that a loop can reuse its memory.
+        Raises FieldError for other arrays.
         """
         times = _times(times_s)
         if out is not None and not (isinstance(out, (tuple, list)) and len(out) == 2
@@ -178,16 +178,16 @@ class Simulated:
                       self.simulation.promise_m)
 
     def batches(self, times_s: Sequence[float] | Floats, size: int | None = None) -> Iterator[Motion]:
-        """Yield all handles at very many times, ``size`` of them at a time (by default as many as a cache holds).
+        """Yield all handles at very many times, ``size`` at a time (by default as many as fit into a cache).
 
-        All batches share the memory of one: copy what you want to keep. Raises FieldError.
+        All batches share memory: copy what you want to keep. Raises FieldError.
         """
         size = None if size is None else whole('size', size, low=1, high=2**31)
         for one in batches(self.scene, _times(times_s), size):
             yield Motion(*one, self.simulation.promise_m)
 
     def frame(self, k: int) -> Frame:
-        """Return tick k with every effect that the scene calls for, as the node ``sim`` publishes it."""
+        """Return tick k with every effect of the scene, as published by the node ``sim``."""
         return tick(self.scene, whole('k', k, low=0, high=2**62))
 
     def contact(self, *, progress: Progress = _quiet) -> Contact | NoContact:
@@ -210,7 +210,7 @@ class Simulated:
         return first_contact_within(self.scene, tolerances, progress)
 
     def track_m(self, sag_m: float = 1e-4) -> Floats:
-        """Return points (P, 2) along the track where handles are in the run, ``sag_m`` off at most."""
+        """Return points (P, 2) along the part of the track with handles in the run, to ``sag_m``."""
         return self.simulation.track_line(number('sag_m', sag_m, low=1e-9, high=1e9))
 
     def plot(self, t_s: float | None = None, ax: 'Axes | None' = None) -> 'Axes':
@@ -218,15 +218,15 @@ class Simulated:
         return plot(self, t_s, ax)
 
     def _repr_svg_(self) -> str:
-        """Draw itself in Jupyter."""
+        """Return the picture for Jupyter."""
         return _svg(self)
 
 
 class Bag:
-    """A recorded run: its ticks, read lazily, and its scene. Use it in a ``with`` block, or close it."""
+    """A recorded run: its scene, and its ticks, read lazily. Use it in a ``with`` block, or close it."""
 
     def __init__(self, path: str | PathLike[str], namespace: str | None = None, trust: bool = False) -> None:
-        """Open a bag (.mcap, or a folder of rosbag2). Raises InputError where it holds no dragon, or several."""
+        """Open a bag (.mcap, or a rosbag2 folder). Raises InputError unless it contains exactly one dragon."""
         self._reader, self._trust = BagReader(Path(_path('path', path))), trust
         try:
             self.namespace = namespace_of(self._reader, namespace)
@@ -249,12 +249,12 @@ class Bag:
 
     @cached_property
     def scene(self) -> Scene | None:
-        """The scene that made it, None where none is stored. Raises InputError beyond its budgets without trust."""
+        """The scene of the run, None if the bag has none. Raises InputError beyond the budgets without ``trust``."""
         return scene_of_bag(self._reader, self.namespace, self._trust)
 
     @property
     def reader(self) -> BagReader:
-        """The reader below, for topics other than the dragon's."""
+        """The underlying reader, for other topics."""
         return self._reader
 
     def __iter__(self) -> Iterator[BagFrame]:
@@ -262,10 +262,10 @@ class Bag:
         return frames(self._reader, self.namespace)
 
     def arrays(self) -> Motion:
-        """Return all ticks as one; velocities that were not recorded are nan. Raises InputError without ticks."""
+        """Return all ticks; velocities that were not recorded are nan. Raises InputError without ticks."""
         rows = list(self)
         if not rows:
-            raise InputError(f'{self._reader.path}: has no ticks')
+            raise InputError(f'{self._reader.path}: it has no ticks')
         blank = np.full_like(rows[0].handles_m, np.nan)
         velocity = np.array([blank if one.velocity_m_s is None else one.velocity_m_s for one in rows])
         promise_m = compile_scene(self.scene).promise_m if self.scene else np.nan
@@ -310,7 +310,7 @@ def _svg(of: 'Simulated | Scene') -> str:
 
 
 class Design:
-    """Questions of design: the smallest pitch, the room that a run takes, the largest speed, the S-turn.
+    """Design questions: the smallest pitch, the room that a run requires, the largest speed, the S-turn.
 
     ``progress(states)`` is called with each number of states just computed.
     """
@@ -319,7 +319,7 @@ class Design:
     def min_pitch(dragon: Scene | Simulated | AnyDragon | None = None, *, diameter_m: float = 9.0,
                   start_turns: float = 16.0, largest_m: float = 1.0, within_m: float = 2e-11,
                   smallest_m: float | None = None, progress: Progress = _quiet) -> 'MinPitch':
-        """Return the smallest pitch from which on, up to ``largest_m``, the head reaches a circle without contact.
+        """Return the smallest pitch from which the head reaches a circle without contact, for all up to ``largest_m``.
 
         ``dragon`` is that of a scene, or a dragon; None for the classic one. Bounds are ``within_m`` apart. Mixed
         benches need ``smallest_m``, a pitch at which benches touch, and the answer says that it is not ``proved`` that
@@ -335,7 +335,7 @@ class Design:
     @staticmethod
     def fit(scene: Scene | Simulated, *, within_m: float | None = None,
             progress: Progress = _quiet) -> 'BoundingBox | VenueFit':
-        """Return how far the benches reach in a run, or in a venue how near they come to each obstacle.
+        """Return how far the benches reach in a run or, in a venue, the smallest gap to each obstacle.
 
         Bounds are ``within_m`` apart: 1e-10, and in a venue 1e-6, unless given. Raises FieldError.
         """
@@ -349,7 +349,7 @@ class Design:
 
     @staticmethod
     def max_speed(scene: Scene | Simulated, *, progress: Progress = _quiet) -> 'MaxSpeed':
-        """Return the fastest handle of a run, over the leader's largest speed. Raises FieldError for a run to a lock.
+        """Return the largest ratio of a handle's speed to the leader's. Raises FieldError for a run to a lock.
 
         ``max_speed(scene).leader_m_s(2.0)`` is the leader's largest speed under a limit of 2 m/s for every handle.
         """
@@ -358,7 +358,7 @@ class Design:
 
     @staticmethod
     def turn(scene: Scene | Simulated) -> 'TurnAnswer':
-        """Return the length of the scene's S-turn, and what shortens it. Raises FieldError without an S-turn."""
+        """Return the length of the scene's S-turn and of shorter alternatives. Raises FieldError without an S-turn."""
         from dragon_ros.core.tracks.composite import least_radius_m
         from dragon_ros.core.tracks.s_turn import turn_answer
         given = _scene('scene', scene)
@@ -373,17 +373,17 @@ design = Design()
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The rows of a study, and the folder that holds them: ``table`` is a pyarrow.Table, a row for each index."""
+    """The rows of a study, and their folder; ``table`` is a pyarrow.Table with a row for each index."""
 
     folder: Path
     table: Any
 
     def __len__(self) -> int:
-        """Return how many rows there are."""
+        """Return the number of rows."""
         return len(self.table)
 
     def __getitem__(self, column: str) -> Floats:
-        """Return a column of numbers as an array (rows,), nan where it is empty."""
+        """Return a column of numbers as an array (rows,), with nan for empty cells."""
         from dragon_ros.studies.answers import numbers
         return read_only(numbers(self.table, column).copy())
 
@@ -397,21 +397,21 @@ class Rows:
 
 def study(name_or_path: str | PathLike[str], output: str | PathLike[str] | None = None, samples: int | None = None,
           workers: int | None = None, scheduler: str | None = None) -> Rows:
-    """Return the rows of a study, by name or file, in the folder ``output``; rows that it lacks are computed first.
+    """Return the rows of a study, given by name or file, in the folder ``output``; missing rows are computed first.
 
-    The folder of a data set takes the place of the study. They are computed by processes of this host, one a core, or
-    by a Dask cluster (``docs/studies.md``); a script needs ``if __name__ == '__main__':`` around it for that. Raises
-    InputError as a scene does, MissingError where Dask is not installed.
+    Instead of a study, give the folder of a data set. Rows are computed by processes on this host, one per core, or by
+    a Dask cluster (``docs/studies.md``); in a script, put the call below ``if __name__ == '__main__':``. Raises
+    InputError for an invalid study, MissingError if Dask is not installed.
     """
     try:
         from dragon_ros.studies.cluster import complete
         from dragon_ros.studies.dataset import DataSet, open_set, writing
         from dragon_ros.studies.study import load_study
     except ImportError as error:
-        raise MissingError(f"{error.name}: is not installed: pip install 'dragon_ros[study]'") from None
+        raise MissingError(f"{error.name}: it is not installed: pip install 'dragon_ros[study]'") from None
     path = Path(_path('name_or_path', name_or_path))
     if output is None and not path.is_dir():
-        raise InputError('output: say in which folder the rows are kept', field='output')
+        raise InputError('output: it is missing; give the folder for the rows', field='output')
     known = open_set(path) if output is None else DataSet(Path(output), load_study(fspath(name_or_path)))
     wanted = known.study if samples is None else known.study.with_samples(samples)
     with writing(known.folder, wanted) as data:
@@ -420,7 +420,7 @@ def study(name_or_path: str | PathLike[str], output: str | PathLike[str] | None 
 
 
 def _draw_in_jupyter() -> None:
-    """Let plain scenes draw themselves where IPython runs; they import nothing that draws."""
+    """Register pictures of plain scenes if IPython runs; scenes import nothing that draws."""
     shell = sys.modules['IPython'].get_ipython() if 'IPython' in sys.modules else None
     if shell is not None:
         shell.display_formatter.formatters['image/svg+xml'].for_type(Scene, _svg)

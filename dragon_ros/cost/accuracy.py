@@ -1,4 +1,4 @@
-"""What accuracy costs for a scene: the error and the time of the paper's recipe, simple solvers and every tier."""
+"""The cost of accuracy for a scene: error and time of the paper's recipe, simple solvers and every tier."""
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -20,15 +20,15 @@ from dragon_ros.cost.baselines import SIMPLE
 from dragon_ros.cost.measure import Timing, timed_in_turn
 from dragon_ros.cost.reference import Reference, reference
 
-_PLACES = (1.0, 0.0, 0.5, 0.25, 0.75)       # parts of the run, in the order in which a reference is computed
-_STEP_S = 0.01                              # of the paper's recipe, which knows no times between
+_PLACES = (1.0, 0.0, 0.5, 0.25, 0.75)       # fractions of the run, in the order of the references
+_STEP_S = 0.01                              # of the paper's recipe, which has no times in between
 _MOST_HANDLES = 20_001                      # of the reference, from the head on
 MARCHED = ', marched'
 
 
 @dataclass(frozen=True)
 class Solver:
-    """A way to place all handles: its largest error at the instants, its promise there, and its time per tick.
+    """A solver: its largest error at the instants, its promise there, and its time per tick.
 
     ``error_m`` is nan without a reference; a solver that does not apply has a note and no timing.
     """
@@ -44,7 +44,7 @@ class Solver:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """All solvers, and the instants in s and the handles at which their errors are the largest."""
+    """All solvers, with the instants in s and the handles at which they were compared."""
 
     times_s: tuple[float, ...]
     handles: int
@@ -53,13 +53,13 @@ class Accuracy:
 
 @dataclass(frozen=True)
 class _TimedSolver:
-    """A solver with its errors, and what is to be timed: positions at every instant, and with velocities."""
+    """A solver with its errors, and the calls to time: positions at every instant, without and with velocities."""
 
     row: Solver
     calls: tuple[Callable[[], None], ...] = ()
 
     def timed(self, spent: Iterator[Timing], count: int) -> Solver:
-        """Return the solver with the times of its calls, each of so many instants."""
+        """Return the solver with the times of its calls, each for ``count`` instants."""
         positions, both = [*(next(spent).shared_by(count) for _ in self.calls), None, None][:2]
         return replace(self.row, positions=positions, with_velocities=both)
 
@@ -80,7 +80,7 @@ def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> Acc
 def _references(scene: Scene, budget_s: float) -> dict[float, Reference | None]:
     """Return references at instants along the run, as many as fit the budget, at least one.
 
-    None where it would take minutes: of very long dragons behind their tail, all links are solved before the first.
+    None if that would take minutes: for very long dragons led by their tail, all links come before the first handle.
     """
     times, began = _instants(scene), time.perf_counter()
     out: dict[float, Reference | None] = {}
@@ -94,7 +94,7 @@ def _references(scene: Scene, budget_s: float) -> dict[float, Reference | None]:
 
 
 def _instants(scene: Scene) -> list[float]:
-    """Return instants along the run, at steps of the paper where they are in it."""
+    """Return instants along the run, at steps of the paper if the run contains them."""
     simulation = compile_scene(scene)
     start_s, stop_s = (scene.run.time_ns(k) / NS for k in (0, simulation.last_tick))
     times = [start_s + part * (stop_s - start_s) for part in _PLACES]
@@ -114,7 +114,7 @@ def _ways(scene: Scene, known: dict[float, Reference | None], done: Callable[[st
 
 
 def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> Iterator[_TimedSolver]:
-    """Yield a tier as it is served; and by forward placement alone, if that is not how."""
+    """Yield a tier by its default solver and, if that is another one, by forward placement."""
     solvers = {}
     for solver in ('table',) if tier == PAPER.name else ('table', 'march'):
         name = tier + MARCHED * (solver == 'march')
@@ -131,7 +131,7 @@ def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> I
 
 
 def _tier(scene: Scene, name: str, known: dict[float, Reference | None]) -> tuple[_TimedSolver, str]:
-    """Return a tier by one solver, and what served it."""
+    """Return a tier by one solver, with the name of the solver."""
     simulation = compile_scene(scene)
     error_m = error_m_s = 0.0
     worst = 1.0
@@ -157,16 +157,16 @@ def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:
 
 
 def _simple(scene: Scene, name: str, known: dict[float, Reference | None]) -> _TimedSolver:
-    """Return a simple solver, which knows one spiral that the head leads along."""
+    """Return a simple solver, which supports only one spiral led by the head."""
     if not isinstance(scene.track, Spiral) or scene.head.lead != 'head':
-        return _absent(name, 'it is for one spiral, led by the head')
+        return _absent(name, 'supports only one spiral, led by the head')
     solve, error_m = SIMPLE[name], 0.0
     try:
         with np.errstate(all='ignore'):
             for t_s, true in known.items():
                 error_m = max(error_m, true.error_m(_finite(solve(scene, t_s)))) if true else nan
     except ArithmeticError:
-        return _absent(name, 'it finds no place for a link')
+        return _absent(name, 'cannot place a link')
     return _TimedSolver(Solver(name, error_m, nan, None, None, None), (partial(_solve_all, name, scene, tuple(known)),))
 
 

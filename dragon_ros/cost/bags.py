@@ -1,4 +1,4 @@
-"""What bags cost for a scene: the rate at which ticks are computed and written, and their size, by compression."""
+"""The cost of bags for a scene, by compression: ticks computed and written per second, and their size."""
 import tempfile
 import time
 from collections.abc import Callable
@@ -18,7 +18,7 @@ _LEAST_TICKS = 2
 
 @dataclass(frozen=True)
 class BagCost:
-    """A bag of the first ticks of the run: how many, their time, and their bytes as messages and as a file."""
+    """A bag of the first ticks of the run: number of ticks, time, and bytes as messages and as a file."""
 
     compression: str
     ticks: int
@@ -56,7 +56,7 @@ def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> tup
 def _written(scene: Scene, compression: str, path: Path, budget_s: float) -> BagCost:
     """Write the first ticks of the run to a bag, as many as fit the budget."""
     topics, count, size = list(encoders(scene).items()), compile_scene(scene).last_tick + 1, 0
-    next(ticks(scene, 0, 1))        # tables and templates are made once a run
+    next(ticks(scene, 0, 1))        # tables and templates are made once per run
     began = time.perf_counter()
     with BagWriter(path, options=BagOptions(compression)) as bag:
         for row in live(scene.effects):

@@ -1,4 +1,4 @@
-"""``cost``: what accuracy, effects, a contact and bags cost for a scene on this machine."""
+"""``cost``: measure the cost of accuracy, effects, contact and bags for a scene on this machine."""
 import json
 from argparse import ArgumentParser, Namespace
 from functools import partial
@@ -8,7 +8,7 @@ from dragon_ros.cli import command_line, figures
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError, MissingError
 
-# The pages of docs/cost, which `benchmarks` makes in a checkout.
+# The pages of docs/cost, made by `benchmarks` in a checkout.
 PAGES = ('limits', 'accuracy', 'promises', 'contact', 'effects', 'tick', 'first', 'scale', 'bag', 'simulate', 'memory',
          'startup', 'study', 'venue', 'all')
 _BUDGET_S = 6.0
@@ -23,7 +23,7 @@ _ABOUT = """Measure what accuracy, effects, a contact and bags cost for a scene 
 def main(argv: list[str]) -> int:
     """Measure a scene; return the exit code. Without arguments, explain both uses."""
     options = _options()
-    arguments = options.parse_args(argv)        # first, since it answers a shell that asks for completions
+    arguments = options.parse_args(argv)        # first, because it answers shell completion
     if not argv:
         options.print_help()
         return command_line.BAD_INPUT
@@ -45,7 +45,7 @@ def _options() -> ArgumentParser:
 
 
 def _check_folder(output: Path | None) -> None:
-    """Refuse a file that could not be written, before anything is measured."""
+    """Reject a file that cannot be written, before measuring anything."""
     if output is not None and not output.parent.is_dir():
         raise MissingError(f'--output {output}: cannot be written: there is no folder {output.parent}')
 

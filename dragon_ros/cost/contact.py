@@ -1,4 +1,4 @@
-"""What a contact costs for a scene: the search for the first one with its proof, and how it ends."""
+"""The cost of contact for a scene: time and outcome of the proved search for the first contact."""
 import time
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ _ENDS = {'stop': 'the run stops', 'lock': 'the chain locks', 'track': 'the track
 
 @dataclass(frozen=True)
 class SearchCost:
-    """One search: its time and states, whether it came to its end, and what it found."""
+    """One search: its time and states, whether it completed, and its result."""
 
     elapsed_s: float
     states: int
@@ -21,11 +21,11 @@ class SearchCost:
 
 
 class _OutOfTimeError(Exception):
-    """The search takes longer than its budget."""
+    """The search exceeds its budget."""
 
 
 def measure(scene: Scene, budget_s: float) -> SearchCost:
-    """Search for the first contact, for about so many seconds at most."""
+    """Search for the first contact, for at most about ``budget_s`` seconds."""
     began, states = time.perf_counter(), 0
 
     def count(more: int) -> None:

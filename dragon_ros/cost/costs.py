@@ -1,4 +1,4 @@
-"""What accuracy, effects, a contact and bags cost for one scene on this machine, as values and as text."""
+"""The cost of accuracy, effects, contact and bags for one scene on this machine, as values and as text."""
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from math import isfinite
@@ -21,7 +21,7 @@ _NONE = '-'
 
 @dataclass(frozen=True)
 class Costs:
-    """All that was measured for a scene, and where."""
+    """All measurements of a scene, and the machine."""
 
     scene: str
     benches: int
@@ -43,7 +43,7 @@ def measure(scene: Scene, name: str, budget_s: float, done: Callable[[str], obje
     Raises FieldError for a dragon that is led from outside.
     """
     if isinstance(scene.head, Commanded):
-        raise FieldError('head.kind', 'commanded', 'where a led dragon goes is known from a run alone',
+        raise FieldError('head.kind', 'commanded', 'the walk of a led dragon is known only from a recorded run',
                          'measure it at a constant speed: --set head.kind=constant')
     solvers = accuracy.measure(scene, budget_s, done)
     prices = []
@@ -60,7 +60,7 @@ def measure(scene: Scene, name: str, budget_s: float, done: Callable[[str], obje
 
 
 def values_of(costs: Costs) -> dict[str, Any]:
-    """Return all figures as plain values: seconds, metres and bytes; None for what there is not."""
+    """Return all figures as plain values: seconds, metres and bytes; None if missing."""
     return {
         'scene': costs.scene, 'benches': costs.benches, 'ticks': costs.ticks, 'start_s': costs.start_s,
         'stop_s': costs.stop_s, 'rate_hz': costs.rate_hz, 'machine': costs.machine,

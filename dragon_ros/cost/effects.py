@@ -1,4 +1,4 @@
-"""The price of each effect in a tick: what it adds, computed and encoded, and its bytes."""
+"""The cost of each effect per tick: the time to compute and encode it, and its bytes."""
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from dragon_ros.messages.encode import Encode, encoders
 
 ALONE = 'alone'
 LEAST, MOST = 15, 400         # calls
-_PLACES, _RUN = 7, 20           # along the run, from each of which so many ticks follow each other, as in a simulator
+_PLACES, _RUN = 7, 20           # starts along the run, and consecutive ticks from each, as in a simulator
 Call = Callable[[], object]
 # The field of each effect, and how it is filled in a frame that has what it needs, as ``frame_of`` does: a test keeps
 # both the same. A table in ``frame_of`` itself takes 1.05 times as long per tick, since it calls by a list.
@@ -50,7 +50,7 @@ class Price:
 
 
 def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
-    """Return what an effect adds to a scene that has all effects that it needs, and none that need it.
+    """Return the cost of an effect in a scene with all effects that it needs and none that need it.
 
     Only its own work is timed: filling its field of a frame that has the others, and encoding its topics.
     """
@@ -63,7 +63,7 @@ def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
 
 
 def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) -> Timing:
-    """Time an effect's own work on frames of a scene that is without it, each of them new."""
+    """Time an effect's own work on new frames of a scene without the effect."""
     simulation = compile_scene(scene)
     times = [scene.run.time_ns(k) for k in followed(simulation.last_tick)]
     spent: list[float] = []
@@ -81,12 +81,12 @@ def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) ->
 
 
 def followed(last: int) -> list[int]:
-    """Return ticks that follow each other, from several places along a run on."""
+    """Return consecutive ticks from several starts along a run."""
     return [min(k * last // _PLACES + n, last) for k in range(_PLACES) for n in range(_RUN)]
 
 
 def _below(effect: Effect) -> Effect:
-    """Return what an effect needs, and what that needs."""
+    """Return the effects that an effect needs, directly or indirectly."""
     need = NEEDS.get(effect, Effect.NONE)
     return need | _below(need) if need else need
 

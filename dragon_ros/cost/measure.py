@@ -1,4 +1,4 @@
-"""Measuring: medians with their spread, without the first call, and a description of the machine."""
+"""Timing: medians with their spread, without the first call, and a description of the machine."""
 import platform
 import sys
 import time
@@ -29,12 +29,12 @@ class Timing:
         return self.median_s, self.low_s, self.high_s, self.calls
 
     def shared_by(self, count: int) -> 'Timing':
-        """Return the time of each of ``count`` equal parts of a call."""
+        """Return the time per part of a call that consists of ``count`` equal parts."""
         return Timing(self.median_s / count, self.low_s / count, self.high_s / count, self.calls * count)
 
 
 def timed(call: Callable[[], object], budget_s: float = 0.3, least: int = 5, most: int = 200) -> Timing:
-    """Call once unmeasured, then as often as fits the budget."""
+    """Call once unmeasured, then as often as the budget allows."""
     call()
     spent: list[float] = []
     while len(spent) < least or (sum(spent) < budget_s and len(spent) < most):
@@ -46,9 +46,9 @@ def timed(call: Callable[[], object], budget_s: float = 0.3, least: int = 5, mos
 
 def timed_in_turn(calls: Sequence[Callable[[], object]], budget_s: float = 0.3, least: int = 5, most: int = 200
                   ) -> list[Timing]:
-    """Time several calls, one after the other and again: what else the machine does meanwhile slows all alike.
+    """Time several calls in turns, so that other load on the machine slows them all alike.
 
-    Each is called twice in a row and timed the second time: by then the caches have what the others displaced.
+    Each is called twice in a row and timed the second time, when the caches have recovered from the other calls.
     """
     spent: list[list[float]] = [[] for _ in calls]
     end_s, rounds = time.perf_counter() + budget_s * len(calls), 0

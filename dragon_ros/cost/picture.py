@@ -1,4 +1,4 @@
-"""The costs of a scene as a picture: error against time, effects, bags, and what the whole run takes."""
+"""The costs of a scene as a picture: error against time, effects, bags, and the time of the whole run."""
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from dragon_ros.cost.costs import Costs
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_SMALLEST_M = 1e-18         # an error of nothing is drawn there
+_SMALLEST_M = 1e-18         # where a zero error is drawn
 _IN_SCENE, _OTHER = LINES[0], '#BBBBBB'
 
 
@@ -40,7 +40,7 @@ def _errors(axes: Any, costs: Costs) -> None:
                         [max(row.error_m, _SMALLEST_M) for row in mine], marker, color=colour, label=kind,
                         linestyle='none')
     for place, names in _labels(costs).items():
-        together = len(names) > 1       # below, where it reaches no other point
+        together = len(names) > 1       # below, clear of other points
         text = f'{names[0]} to {names[-1]}' if names == list(TIERS)[1:] else ', '.join(names)
         axes.annotate(text, place, xytext=(0, -14) if together else (7, -3), textcoords='offset points', fontsize=8,
                       ha='center' if together else 'left')
@@ -58,7 +58,7 @@ def _kind(name: str) -> str:
 
 
 def _labels(costs: Costs) -> dict[tuple[float, float], list[str]]:
-    """Return the names at each point; those that lie at one place are listed together."""
+    """Return the names at each point; points at the same position share a label."""
     out: dict[tuple[float, float], list[str]] = {}
     for row in costs.accuracy.solvers:
         if not row.positions or not np.isfinite(row.error_m):
@@ -86,7 +86,7 @@ def _effects(axes: Any, costs: Costs) -> None:
 
 
 def _whole(axes: Any, costs: Costs) -> None:
-    """Draw what the whole run takes, by what is asked of it."""
+    """Draw the time of the whole run, by question."""
     served = next((row for row in costs.accuracy.solvers if row.name == 'exact' and row.with_velocities), None)
     bars = {}
     if served and served.positions and served.with_velocities:

@@ -1,10 +1,10 @@
-"""A reference for handles and velocities that shares no arithmetic, no equation and no search with the solvers.
+"""A reference for handles and velocities that shares no arithmetic, equation or search with the solvers.
 
 It is computed in decimals of 60 digits and rounded once, to double-doubles: its errors are below 1e-30 of a coordinate,
-unless a link is so near its lock that the last digit of the leader's way counts for more. The scene's floats are taken
-as the exact numbers that they are. Pieces of track are laid out anew, and a link is found by Newton's method in a
-bracket on which the distance from the handle before grows: as long as arcs of less than pi / bend have growing chords,
-and on a single spiral up to half a turn behind the handle, or on the first rise beyond it.
+unless a link is so close to its lock that the last digit of the leader's distance matters more. The scene's floats are
+taken as exact numbers. Pieces of track are laid out independently, and a link is found by Newton's method in a bracket
+on which the distance from the handle before it grows: chords grow along arcs of less than pi / bend, and on a single
+spiral up to half a turn behind the handle, or on the first rise beyond it.
 """
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -26,10 +26,10 @@ _PI = Decimal('3.141592653589793238462643383279502884197169399375105820974944592
 _DONE = Decimal('1e-32')        # a Newton step, relative: the next error is about its square
 _ZERO, _ONE, _TWO, _HALF = Decimal(0), Decimal(1), Decimal(2), Decimal('0.5')
 _HAIR = Decimal('1e-40')
-_RISE = Decimal('0.0625')       # rad, between two looks for the first rise of a chord
+_RISE = Decimal('0.0625')       # rad, step of the search for the first rise of a chord
 _MOST_STEPS = 400
 _BACK, _AHEAD = -1, 1
-_OFF = 'the reference finds no place for a link'
+_OFF = 'the reference cannot place a link'
 
 Number = Decimal
 Pair = tuple[Number, Number]        # a vector
@@ -56,9 +56,9 @@ class Reference:
 
 
 def reference(scene: Scene, t_s: float, most: int | None = None) -> Reference:
-    """Return the reference of a scene at a time, of the first ``most`` handles behind a leading head if that is given.
+    """Return the reference of a scene at a time; ``most`` limits the number of handles behind a leading head.
 
-    Raises DragonError where the chain finds no place.
+    Raises DragonError if a link cannot be placed.
     """
     with localcontext(_CONTEXT):
         digits = chain_at(scene, t_s, most)
@@ -82,7 +82,7 @@ def chain_at(scene: Scene, t_s: float, most: int | None = None) -> list[Point]:
 
 
 def cos_sin(angle: Number) -> Pair:
-    """Return the cosine and the sine, by the series of the sine at an eighth of what is left of a quarter turn."""
+    """Return cosine and sine, by the series of the sine at an eighth of the angle reduced to a quarter turn."""
     quarters = int((angle / (_PI * _HALF)).to_integral_value())
     left = (angle - quarters * (_PI * _HALF)) / 8
     square, total = left * left, _ZERO
@@ -227,7 +227,7 @@ class _DecimalTrack:
     may_lock: bool = False
 
     def place(self, metres: Number) -> _Place:
-        """Return the place so far along."""
+        """Return the place at a distance along the track."""
         k = max((k for k in range(1, len(self.pieces)) if self.origins[k] <= metres), default=0)
         return k, self.pieces[k].after(metres - self.origins[k])
 
@@ -241,11 +241,11 @@ class _DecimalTrack:
         return max(piece.bend for piece in self.pieces)
 
     def _hair(self, k: int, u: Number) -> Number:
-        """Return how far beyond the track's own ends a handle may be by rounding."""
+        """Return how far rounding may put a handle beyond the track's ends."""
         return _ZERO if 0 <= k < len(self.pieces) else _HAIR * (1 + abs(u))
 
     def next(self, place: _Place, chord: Number, way: int, guess: Number | None) -> _Place:
-        """Return the first place behind, or ahead, at the chord's length; ``guess`` is how much u changes."""
+        """Return the first place behind, or ahead, at the chord's length; ``guess`` is the expected change of u."""
         k, u = place
         if not chord:
             return place
@@ -271,7 +271,7 @@ class _DecimalTrack:
 
 
 def _longest_m(bend: float, chord_m: float) -> float:
-    """Return an arc that is longer than any with the chord, and short enough for chords to grow along it."""
+    """Return an arc longer than any with this chord, but short enough for chords to grow along it."""
     if not bend:
         return 1.1 * chord_m
     reach_m = 2 / bend * asin(min(1.0, 0.5 * bend * chord_m))
@@ -308,13 +308,13 @@ def _on_spiral(excess: _Excess, chord: Number, guess: Number | None) -> Number:
 
 
 def _falling(excess: _Excess, x: Number) -> Number:
-    """Return about the negative second derivative: it only has to find the top."""
+    """Return the approximate negative second derivative, which suffices to find the maximum."""
     step = Decimal('1e-20')
     return (excess(x - step)[1] - excess(x + step)[1]) / (2 * step)
 
 
 def _root(function: _Excess, low: Number, high: Number, guess: Number | None) -> Number:
-    """Return the root of a function that grows from below 0 to 0 or more: Newton, or halving where a step leaves."""
+    """Return the root of an increasing function: by Newton's method, or by bisection if a step leaves the bracket."""
     x = guess if guess is not None and low < guess < high else low + (high - low) * _HALF
     for _ in range(_MOST_STEPS):
         value, slope = function(x)
@@ -372,7 +372,7 @@ def _end_of(piece: _Piece) -> tuple[Pair, Pair]:
 
 
 def _laid(track: Composite) -> _DecimalTrack:
-    """Return pieces joined in the plane; the first one open to where the head comes from, unless it winds out."""
+    """Return the pieces joined in the plane; the first one extends backwards, unless it winds out."""
     pieces, origins = list[_Piece](), [_ZERO]
     begin = track.pieces[0]
     x, y = begin.at_m or (0.0, 0.0)
@@ -410,7 +410,7 @@ def _wound(spec: SpiralArc, point: Pair, heading: Pair, first: Number | None) ->
 
 
 def _gone(scene: Scene, t: Number) -> Pair:
-    """Return how far the leader has gone and its speed, integrated ramp by ramp; a led one as its own law says."""
+    """Return the leader's distance and speed, integrated ramp by ramp, or by the law of a led dragon."""
     law = scene.head
     if isinstance(law, Head):
         return Decimal(law.speed_m_s) * t, Decimal(law.speed_m_s)
@@ -431,7 +431,7 @@ def _gone(scene: Scene, t: Number) -> Pair:
 
 
 def _places(track: _DecimalTrack, place: _Place, links: list[Number], way: int) -> Iterator[_Place]:
-    """Yield the places of the handles from the leader on; a link is guessed from the ones of its length before."""
+    """Yield the places of the handles, starting from the leader; earlier links of equal length give the guess."""
     yield place
     before, last = list[Number](), None
     for chord in links:
@@ -445,14 +445,14 @@ def _places(track: _DecimalTrack, place: _Place, links: list[Number], way: int) 
 
 
 def _guessed(before: list[Number]) -> Number | None:
-    """Return what follows a few numbers, the newest first, by a cubic."""
+    """Extrapolate a few numbers, newest first, by a cubic."""
     if len(before) < 4:
         return before[0] if before else None
     return 4 * (before[0] + before[2]) - 6 * before[1] - before[3]
 
 
 def _followed(track: _DecimalTrack, leader: _Place, links: list[Number], way: int, speed: Number) -> Iterator[Point]:
-    """Yield point and velocity of the handles from the leader on: a link's ends are equally fast along it."""
+    """Yield point and velocity of the handles, from the leader: both ends of a link are equally fast along it."""
     before: tuple[Pair, Pair] | None = None
     for k, u in _places(track, leader, links, way):
         x, y, dx, dy = track.pieces[k].at(u)
