@@ -40,7 +40,7 @@ class Recorder(DragonNode):
     """Subscribes to every topic of topics.yaml and writes what it receives."""
 
     def __init__(self, bag: BagWriter, flush_s: float = 1.0, queue_mb: float = 256.0, trust: bool = False) -> None:
-        """Subscribe; ``bag`` is closed by ``close``. Scenes are read within the budgets for strangers, or trusted."""
+        """Subscribe; ``bag`` is closed by ``close``. Scenes are read within budgets, unless trusted."""
         super().__init__('record')
         self.bag, self.losses = bag, LossAccount()
         self.writer = WriterThread(bag, flush_s, queue_mb)
