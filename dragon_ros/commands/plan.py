@@ -281,9 +281,9 @@ def _drawing(plan: Plan, paper: str, scale: int, window: Floats, number: tuple[i
         _fill(axes, area, facecolor=colour, edgecolor=colour, alpha=0.45, linewidth=0.4, label=plan.say(name),
               zorder=2)
     axes.plot(*plan.line.T, color='black', linewidth=0.7, zorder=3, label=plan.say('track'))
-    _draw_marks(axes, plan, window)
+    labels = _draw_marks(axes, plan, window)
     marks, _ = _poses(plan, plan.marks_m)
-    taken = [(at, float(_TEXT_PT)) for at in axes.transData.transform(marks) * 72 / figure.dpi]
+    taken = [*labels, *((at, float(_TEXT_PT)) for at in axes.transData.transform(marks) * 72 / figure.dpi)]
     _draw_gaps(axes, plan, window, taken)
     _draw_room(axes, plan, window, taken)
     _bar(figure, paper, scale)
@@ -343,14 +343,44 @@ def _poses(plan: Plan, along_m: Floats) -> tuple[Floats, Floats]:
     return track.poses(*track.places_at(along_m, np.zeros_like(along_m)))
 
 
-def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> None:
-    """Draw a mark every ten metres, with its distance."""
+def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> list[tuple[Floats, float]]:
+    """Draw a mark every ten metres, with its distance on the side of the track where no other distance stands.
+
+    Return where these stand, in points, and half of how wide each is.
+    """
     points, headings = _poses(plan, plan.marks_m)
-    for mark, at, (x, y) in zip(plan.marks_m.tolist(), points, headings.tolist(), strict=True):
-        if _seen(at, window):
-            axes.plot(*at, marker='o', markersize=2.6, color='black', zorder=4)
-            axes.annotate(f'{mark:g}', at, xytext=(-9 * y, 9 * x), textcoords='offset points', fontsize=_TEXT_PT,
-                          ha='center', va='center', zorder=5)
+    seen = [n for n, at in enumerate(points) if _seen(at, window)]
+    places = np.asarray(axes.transData.transform(points[seen])).reshape(-1, 2) * 72 / axes.figure.dpi
+    labels = [f'{mark:g}' for mark in plan.marks_m[seen].tolist()]
+    offsets = mark_offsets(places, headings[seen], labels)
+    for at, label, offset in zip(points[seen], labels, offsets, strict=True):
+        axes.plot(*at, marker='o', markersize=2.6, color='black', zorder=4)
+        axes.annotate(label, at, xytext=offset, textcoords='offset points', fontsize=_TEXT_PT, ha='center', va='center',
+                      zorder=5)
+    return [(place + offset, 0.5 * _WIDE * _TEXT_PT * len(label))
+            for place, offset, label in zip(places, offsets, labels, strict=True)]
+
+
+def mark_offsets(places: Floats, headings: Floats, labels: list[str]) -> list[tuple[float, float]]:
+    """Return where labels go, in points from marks at places (n, 2): to the left of the track or, if taken, the right.
+
+    Where both sides are taken a label goes further out.
+    """
+    out, taken = list[tuple[float, float]](), [(x, y, 2.0) for x, y in places.tolist()]
+    for n, (here, (x, y), label) in enumerate(zip(places.tolist(), headings.tolist(), labels, strict=True)):
+        half = 0.5 * _WIDE * _TEXT_PT * len(label)
+        away = [side * (radius + (half - 4.0) * abs(y)) for radius in (9.0, 20.0, 32.0) for side in (1, -1)]
+        for far in away:
+            offset = -far * y, far * x
+            spot = here[0] + offset[0], here[1] + offset[1]
+            if all(abs(spot[0] - other) > half + wide or abs(spot[1] - level) > 1.2 * _TEXT_PT
+                   for k, (other, level, wide) in enumerate(taken) if k != n):
+                break
+        else:
+            offset = -away[0] * y, away[0] * x
+        taken.append((here[0] + offset[0], here[1] + offset[1], half))
+        out.append(offset)
+    return out
 
 
 def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Floats, float]]) -> None:

@@ -8,7 +8,7 @@ from shapely import LineString, Polygon, distance, polygons
 from shapely.geometry import shape
 
 from dragon_ros.__main__ import main
-from dragon_ros.commands.plan import Plan, _said
+from dragon_ros.commands.plan import Plan, _said, mark_offsets
 from dragon_ros.core.batches import states
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
@@ -138,3 +138,14 @@ def test_options_are_checked(capsys, tmp_path, monkeypatch, arguments, says):
     code, _, err = run(capsys, *arguments)
     assert code == 2
     assert says in err
+
+
+def test_the_distances_of_marks_that_come_together_do_not_stand_on_each_other():
+    """Two ways side by side, and one mark alone: each label is on a side of its own, and the first on the left."""
+    places = np.array([(0.0, 0.0), (100.0, 50.0), (100.0, 54.0)])
+    labels = ['10', '70', '150']
+    found = mark_offsets(places, np.array([(1.0, 0.0)] * 3), labels)
+    spots = places + found
+    assert found[0] == pytest.approx((0.0, 9.0))
+    assert np.abs(spots[1] - spots[2]).max() > 8
+    assert all(np.abs(spot - place).max() > 4 for spot in spots for place in places)
