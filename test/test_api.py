@@ -117,7 +117,7 @@ def test_states_fill_the_arrays_that_they_are_given(name):
 @pytest.mark.parametrize('out', [np.empty((2, 3, 2)), np.empty((2, 224, 2), np.float32),
                                  np.empty((2, 2, 224)).swapaxes(1, 2)])
 def test_arrays_that_cannot_take_the_states_are_refused(out):
-    with pytest.raises(InputError, match=r'out: .*\(2, 224, 2\) are to be filled in; give a writable array'):
+    with pytest.raises(InputError, match=r'out: .*the result has shape \(2, 224, 2\); give a writable array'):
         dr.compile(dr.scene('winding')).states([0.0, 1.0], (out, out))
 
 

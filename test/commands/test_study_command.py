@@ -88,7 +88,7 @@ def test_the_rows_of_a_study_are_arrays_in_python(computed):
     assert len(rows) == 16
     assert rows['lock_t_s'].shape == (16,)
     assert dr.study('./study.yaml', output=folder).table == rows.table
-    with pytest.raises(dr.api.InputError, match='in which folder'):
+    with pytest.raises(dr.api.InputError, match='give the folder for the rows'):
         dr.study('./study.yaml')
 
 

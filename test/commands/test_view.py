@@ -351,7 +351,7 @@ def test_an_animation_as_a_page_runs_its_own_scripts_and_nothing_else(tmp_path, 
     policy = re.search(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">', page)[1]
     scripts = re.findall(r'<script>(.*?)</script>', page, re.DOTALL)
     digests = {f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts}
-    assert len(digests) == 4
+    assert len(digests) == 5
     assert set(re.search('script-src ([^;]*)', policy)[1].split()) == digests
     assert "default-src 'none'" in policy
 

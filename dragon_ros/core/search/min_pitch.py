@@ -210,11 +210,11 @@ def _halved(runs: _Runs, smallest_m: float | None, largest_m: float, within_m: f
     low_m, high_m = _bisected(runs.head_touches, smallest_m, largest_m, within_m)
     if runs.contact(high_m):
         if high_m == largest_m or runs.contact(largest_m):
-            raise FieldError('largest_m', largest_m, 'benches touch at it', 'give a larger one')
+            raise FieldError('largest_m', largest_m, 'benches touch at this pitch', 'give a larger one')
         low_m, high_m = _bisected(runs.contact, high_m, largest_m, within_m)
     touch = runs.contact(low_m)
     if touch is None and low_m == smallest_m:
-        raise FieldError('smallest_m', smallest_m, 'no benches touch at it', 'give a smaller one')
+        raise FieldError('smallest_m', smallest_m, 'no benches touch at this pitch', 'give a smaller one')
     assert touch
     inner, outer = touch.benches
     return MinPitch(low_m, high_m, (inner, outer), runs.radius_m(low_m, touch.t_s), largest_m, runs.states, False)
