@@ -35,7 +35,7 @@ class Row:
     """A study on so many workers, 0 being this process without Dask.
 
     ``work_s`` are the CPU seconds of the rows themselves, ``cpu_s`` those of all processes together: workers, scheduler
-    and the client, which writes. ``memory_mb`` is the most that a worker has had resident.
+    and the client, which writes. ``memory_mb`` is the largest resident memory of a worker.
     """
 
     task: str

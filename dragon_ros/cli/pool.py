@@ -36,7 +36,7 @@ def in_order(made: Callable[..., Callable[[J], R]], settings: tuple[Any, ...], j
 
     This process is one of the workers; it works alone until the others have started. At most ``4 * workers`` results
     wait for their turn, which bounds the memory. The other processes have none of this one's threads, leave its signals
-    to it, and end when it ends, however it does. Raises DragonError where one of them is killed.
+    to it, and end when it ends, however it does. Raises DragonError if one of them is killed.
     """
     work, rest = made(*settings), iter(jobs)
     if workers == 1:

@@ -39,7 +39,7 @@ class PolygonObstacle:
 
     @property
     def rings_m(self) -> tuple[Points, ...]:
-        """The outer ring and those of the holes."""
+        """The outer ring and the rings of the holes."""
         return self.points_m, *self.holes_m
 
 

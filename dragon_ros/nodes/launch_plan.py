@@ -183,7 +183,7 @@ def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _ObservedN
     except DragonError:
         pass            # the sim reports errors in the scene
     else:
-        if not given['params_file']:        # which may name another scene
+        if not given['params_file']:        # the file may name another scene
             seen = set(_WATCHED) <= {row.name for row in topics}
             wait = [f'{row.name}={_wanted(given, row, watching and seen)}' for row in topics]
     return _ObservedNode(LaunchedNode('sim', [], {

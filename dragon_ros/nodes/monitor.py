@@ -131,7 +131,7 @@ class Monitor(DragonNode):
         active = self._last is not None and self._last.count > 0
         self._last = report
         self.seen += 1
-        if self.topic_publishers[_STAMPED].get_subscription_count():    # first: a recorder gets the tick from it
+        if self.topic_publishers[_STAMPED].get_subscription_count():    # first: recorders take the tick from it
             self.topic_publishers[_STAMPED].publish(stamped_clearance(report))
         if self.topic_publishers['clearance'].get_subscription_count():
             self.topic_publishers['clearance'].publish(float64_of(report.clearance_m))

@@ -178,7 +178,7 @@ def _failed(message: str) -> Any:
 
 
 def _answering(serve: Callable[[Any, Any], None]) -> Callable[[Any, Any], Any]:
-    """Return a service that answers with the result code of what ``serve`` raises; RESULT_OK if it raises nothing."""
+    """Return a service that answers with the result code of the error that ``serve`` raises, or RESULT_OK."""
     def answer(request: Any, response: Any) -> Any:
         result = Result(result=Result.RESULT_OK)
         try:

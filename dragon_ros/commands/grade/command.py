@@ -34,7 +34,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--output', type=Path, metavar='FILE', help='write to a file: report.html is a page with '
                          'pictures, .json and .csv are tables')
     options.add_argument('--format', choices=('text', 'csv', 'json', 'html'), default=None,
-                         help='output format (text, or as the suffix of --output says)')
+                         help='output format (text, or by the suffix of --output)')
     arguments = options.parse_args(argv)
     return command_line.guarded('grade', partial(_run, arguments))
 

@@ -74,7 +74,7 @@ class Diagnosis:
 
 
 def share(given: Floats, remade: Floats, truth: Floats) -> float:
-    """Return the share of the squared error of given values that remade ones explain, at most 1; below 0 is worse."""
+    """Return the share of the squared error of given values that remade values explain: at most 1; below 0 if worse."""
     there = np.isfinite(given) & np.isfinite(truth)
     if not np.isfinite(remade[there]).all():
         return 0.0

@@ -47,7 +47,7 @@ def wound_scene(dragon: Dragon | None = None, pitch_m: float = Spiral.pitch_m) -
 
 
 def turned_scene(dragon: Dragon | None = None, track: STurn | None = None) -> tuple[Scene, float]:
-    """Return the dragon that turns, from 300 s before its turn on, and when it enters it."""
+    """Return the turning dragon, from 300 s before its turn, and the time at which it enters the turn."""
     default = turning().track
     assert isinstance(default, STurn)
     run = Run(stop_s=_BEFORE_S + _LATEST_S)
@@ -55,7 +55,7 @@ def turned_scene(dragon: Dragon | None = None, track: STurn | None = None) -> tu
 
 
 def state_at(scene: Scene, times_s: Floats) -> TrueStates:
-    """Return the state of a scene at many times, nan where it has none."""
+    """Return the state of a scene at many times, nan if it has none."""
     end_s = compile_scene(scene).end.t_s
     there = (times_s >= 0) & (times_s <= end_s)
     handles = np.full((times_s.size, scene.dragon.benches + 1, 2), np.nan)

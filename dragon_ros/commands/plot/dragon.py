@@ -82,7 +82,7 @@ class Overlaps:
 
 
 def overlaps(one: Moment) -> Overlaps:
-    """Return what benches that are no neighbours share, where that is more than rounding."""
+    """Return the overlaps of benches that are not neighbours, if they exceed rounding."""
     from dragon_ros.core.geometry.near_pairs import closeness
     found = closeness(one.p, one.benches)
     deep = found.gap_m < -_ROUNDING_M

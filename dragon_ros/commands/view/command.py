@@ -36,7 +36,7 @@ def options() -> argparse.ArgumentParser:
                                  'view --scene first_contact')
     command_line.add_source_options(parser)
     parser.add_argument('--try', action='store_true', dest='tries',
-                        help='also change the values of the scene, with sliders, and see what follows')
+                        help='also change the values of the scene with sliders and see the effect')
     parser.add_argument('--lang', choices=LANGUAGES, help='language of the page (that of the browser)')
     parser.add_argument('--port', type=int, default=0, help='port of the page (any free one)')
     parser.add_argument('--no-browser', action='store_true', help='only print the address')

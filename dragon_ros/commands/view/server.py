@@ -47,7 +47,7 @@ _HEADERS = {'Content-Security-Policy': _POLICY, 'X-Content-Type-Options': 'nosni
 
 
 class _GoneError(Exception):
-    """Nobody waits for the answer any more."""
+    """The client no longer waits for the answer."""
 
 
 class ViewServer(ThreadingHTTPServer):

@@ -109,7 +109,7 @@ class Variants:
     def form(self, query: str) -> dict[str, Any]:
         """Return the fields of an address for JSON, and what is wrong with one of them.
 
-        Where a value is not possible the fields are those of the scene itself, with the values of the address.
+        If a value is invalid, the fields are those of the original scene, with the values of the address.
         """
         try:
             scene, error = self.variant(query).scene, None
