@@ -65,3 +65,9 @@ def test_a_file_whose_library_is_missing_is_left_out_by_name(request, source, li
     conftest = next(one for one in request.config.pluginmanager.get_plugins() if hasattr(one, 'missing_for'))
     assert conftest.missing_for(source, lambda name: None) == library
     assert conftest.missing_for(source, lambda name: name) is None
+
+
+def test_no_two_files_of_tests_have_one_name():
+    """Pytest imports them by it, and would refuse the second."""
+    names = [path.name for path in (ROOT / 'test').rglob('*.py') if path.name != 'conftest.py']
+    assert sorted({name for name in names if names.count(name) > 1}) == []
