@@ -9,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shapely import LineString
 
 import dragon_ros as dr
 from dragon_ros.__main__ import main
 from dragon_ros.cli.dds_domain import free_domain, local_environment
+from dragon_ros.core.model import compile_scene
 from dragon_ros.executables import EXECUTABLES, NODES
 
 ROOT = Path(__file__).parents[1]
@@ -174,6 +176,44 @@ def test_every_command_of_a_document_runs_and_says_what_is_shown(path, tmp_path,
 def _steady(text):
     """Return a text without how long something took, and with its blanks as one."""
     return re.sub(r'\s+', ' ', re.sub(r'in \d+\.\d+ s', 'in S', text))
+
+
+@pytest.fixture(scope='module')
+def venue_page(tmp_path_factory):
+    """The folder in which the commands of the venue page that make scenes from drawings have run."""
+    folder, page = tmp_path_factory.mktemp('venue'), ROOT / 'docs' / 'venue.md'
+    write_files(page, folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for line in (line for commands, _ in blocks(page) for line in commands if '.svg' in line):
+            assert main(planned(line)) == 0, line
+    return folder
+
+
+MOVED_M = (100, 20)     # the page says so of the street
+SVG_ERROR_M = 2e-4      # svgelements rounds a millimetre of paper to 7 digits
+
+
+def test_the_drawing_and_the_walls_of_the_venue_page_are_the_scene_street(venue_page):
+    shipped, walled, way = map(dr.scene, ('street', venue_page / 'walled.yaml', venue_page / 'way.yaml'))
+    times = [0.0, 20.0, 45.0, 70.0, 90.0]       # in all pieces
+    expected = dr.compile(shipped).states(times).handles_m
+    for drawn in (walled, way):
+        moved = dr.compile(drawn).states(times).handles_m - MOVED_M
+        np.testing.assert_allclose(moved, expected, rtol=0, atol=SVG_ERROR_M)
+        assert [type(piece) for piece in drawn.track.pieces] == [type(piece) for piece in shipped.track.pieces]
+        assert drawn.track.pieces[-1].length_m == pytest.approx(shipped.track.pieces[-1].length_m, abs=SVG_ERROR_M)
+    assert walled.venue.names == shipped.venue.names
+    assert walled.venue.margin_m == shipped.venue.margin_m
+    for here, there in zip(walled.venue.obstacles, shipped.venue.obstacles, strict=True):
+        np.testing.assert_allclose(np.subtract(here.points_m, MOVED_M), there.points_m, rtol=0, atol=1e-9)
+
+
+def test_the_drawing_of_the_square_becomes_its_track_within_the_tolerance(venue_page):
+    shipped, arcs = (compile_scene(dr.scene(name)).track_line(1e-4) for name in ('square', venue_page / 'arcs.yaml'))
+    for one, other in ((shipped, arcs), (arcs, shipped)):
+        shared = one[one[:, 0] > 0]     # the drawing also has the line on which the dragon stands at the start
+        assert LineString(other).buffer(0.02 * 1.01).contains(LineString(shared))
 
 
 # The examples of python.md are one program, which test_api runs.
