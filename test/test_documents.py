@@ -191,7 +191,6 @@ def venue_page(tmp_path_factory):
 
 
 MOVED_M = (100, 20)     # the page says so of the street
-SVG_ERROR_M = 2e-4      # svgelements rounds a millimetre of paper to 7 digits
 
 
 def test_the_drawing_and_the_walls_of_the_venue_page_are_the_scene_street(venue_page):
@@ -200,9 +199,9 @@ def test_the_drawing_and_the_walls_of_the_venue_page_are_the_scene_street(venue_
     expected = dr.compile(shipped).states(times).handles_m
     for drawn in (walled, way):
         moved = dr.compile(drawn).states(times).handles_m - MOVED_M
-        np.testing.assert_allclose(moved, expected, rtol=0, atol=SVG_ERROR_M)
+        np.testing.assert_allclose(moved, expected, rtol=0, atol=1e-8)
         assert [type(piece) for piece in drawn.track.pieces] == [type(piece) for piece in shipped.track.pieces]
-        assert drawn.track.pieces[-1].length_m == pytest.approx(shipped.track.pieces[-1].length_m, abs=SVG_ERROR_M)
+        assert drawn.track.pieces[-1].length_m == pytest.approx(shipped.track.pieces[-1].length_m, abs=1e-8)
     assert walled.venue.names == shipped.venue.names
     assert walled.venue.margin_m == shipped.venue.margin_m
     for here, there in zip(walled.venue.obstacles, shipped.venue.obstacles, strict=True):

@@ -30,6 +30,8 @@ _SHAPES = ('path', 'polyline', 'line', 'polygon', 'rect', 'circle', 'ellipse')
 _AROUND = ('svg', 'g', 'a', 'switch')     # contents of defs, symbols and masks are not drawn in place
 _PX_M = 0.0254 / 96     # CSS: a pixel is a 96th of an inch
 _MOST_LISTED = 12
+_SIZE = re.compile(r'\s*(\d{1,20}(?:\.\d{0,20})?|\.\d{1,20})\s*(mm|cm|in|pt|pc)\s*')
+_MM = {'mm': 1.0, 'cm': 10.0, 'in': 25.4, 'pt': 25.4 / 72, 'pc': 25.4 / 6}
 _JOINED = 1e-9          # of a coordinate: ends closer than this are one point
 _SCALE = re.compile(r'1\s*:\s*(\d+(?:\.\d*)?)')
 METRES = 'metres of the SVG: '      # then six numbers a to f, in the description: x = a u + c v + e, y = b u + d v + f
@@ -302,6 +304,7 @@ def _read(path: Path, above: list['Element'], element: 'Element') -> tuple[Any, 
         raise MissingError(f"{path}: SVG is read by svgelements: pip install 'dragon_ros[svg]' or pip install "
                            'svgelements') from None
     copies = [_copy(one) for one in (*above, element)]
+    _size_in_pixels(copies[0])
     for outer, inner in pairwise(copies):
         outer.append(inner)
     try:
@@ -321,6 +324,14 @@ def _copy(element: 'Element') -> 'Element':
     kept = {key: value for key, value in element.attrib.items() if not key.startswith('{')}
     kept.pop('class', None)
     return ElementTree.Element(element.tag, kept)
+
+
+def _size_in_pixels(root: 'Element') -> None:
+    """Convert the size of the page to pixels, because svgelements rounds units of paper to 6 digits."""
+    for key in ('width', 'height'):
+        found = _SIZE.fullmatch(root.get(key, ''))
+        if found:
+            root.set(key, f'{float(found[1]) * _MM[found[2]] / 25.4 * 96:.12f}px')
 
 
 def _parts(path: Path, document: Any, shape: Any, matrix: tuple[float, ...] | None,

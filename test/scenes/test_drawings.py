@@ -26,7 +26,7 @@ def on_paper(x, y):
 
 
 def close(found, wanted):
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=2e-5)        # svgelements has 0.0393701 inches a millimetre
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9)
 
 
 def test_lines_in_a_group_are_moved_scaled_and_turned_upwards(tmp_path):
@@ -36,6 +36,15 @@ def test_lines_in_a_group_are_moved_scaled_and_turned_upwards(tmp_path):
     close(part, [on_paper(10 + 2 * x, 20 + 2 * y) for x, y in ((5, 5), (15, 5), (15, 25), (12, 29))])
     (units,) = svg_line(path, 'way', (0.1, False)).parts
     close(units, part)
+
+
+@pytest.mark.parametrize(('width', 'height'), [('20cm', '10.cm'), (' 7.874015748031496 in', '3.937007874015748in'),
+                                               ('566.929133858268pt', '283.464566929134pt'),
+                                               ('47.244094488189pc', '23.6220472440945 pc')])
+def test_a_page_of_the_same_size_in_other_units_gives_the_same_line(tmp_path, width, height):
+    head = HEAD.replace('200mm', width).replace('100mm', height)
+    (part,) = svg_line(svg(tmp_path, '<path d="m 5,5 h 300"/>', head), None, (200.0, True)).parts
+    close(part, [on_paper(5, 5), on_paper(305, 5)])
 
 
 def test_curves_are_those_of_their_control_points(tmp_path):
