@@ -21,7 +21,9 @@ ABSENT = 'no chromium with chromedriver on this machine; on Debian: apt install 
 _FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-sync',
           '--disable-background-networking', '--disable-component-update', '--window-size=1400,860')
 _LONGEST_S = 60.0
-_KEYS = {'ArrowLeft': '\ue012', 'ArrowRight': '\ue014', 'Home': '\ue011', 'End': '\ue010'}     # of WebDriver
+# Of WebDriver.
+_KEYS = {'ArrowLeft': '\ue012', 'ArrowUp': '\ue013', 'ArrowRight': '\ue014', 'Home': '\ue011', 'End': '\ue010',
+         'Tab': '\ue004'}
 
 
 class Browser:

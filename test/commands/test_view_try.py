@@ -208,3 +208,18 @@ def test_a_changed_value_moves_the_dragon_and_renews_the_answers(tmp_path, serve
             page.look(width, height, dark)
             assert page.run('return document.scrollingElement.scrollWidth <= window.innerWidth')
         assert [line for line in page.log() if 'favicon' not in line[1]] == []
+
+
+@needs_browser
+def test_values_are_changed_by_keys_alone(tmp_path, server):
+    with browser.browser(tmp_path) as page:
+        page.open_view(server.url)
+        for _ in range(20):
+            page.press('Tab')
+            if page.run('return document.activeElement.id') == 'value-dragon.width_m':
+                break
+        page.press('ArrowUp')
+        page.wait('return location.search === "?dragon.width_m=0.305"')
+        page.wait('return document.querySelectorAll("#answers progress").length === 0')
+        page.press('End')       # the field's own key: the run stays where it is
+        assert page.run('return document.getElementById("time").textContent') == '411.00 s'

@@ -37,7 +37,7 @@ const textOf = (value) => (value === null ? '' : String(value));
 function addField(box, {key, value, own, low, high, step}) {
   value = new URLSearchParams(location.search).get(key) ?? value;
   const [words, unit] = wordsOf(key), name = `value-${key}`;
-  const number = make('input', {type: 'number', id: name, step: 'any', value: textOf(value), placeholder: say('the_end')});
+  const number = make('input', {type: 'number', id: name, step, value: textOf(value), placeholder: say('the_end')});
   const slider = make('input', {type: 'range', min: low, max: high, step, value: value ?? high, tabIndex: -1});
   slider.setAttribute('aria-hidden', 'true');       // the field says the same to who cannot see it
   number.setAttribute('aria-describedby', `${name}-error`);
