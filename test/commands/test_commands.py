@@ -253,7 +253,7 @@ NEEDS = {
     'table BAG': (BAG, 'messages'),
     'export BAG --output OUT.csv': (BAG, 'messages'),
     'inspect BAG': (BAG, 'messages core.enclosures core.search'),
-    'plot dragon --output OUT.png': ('numpy numpy.ma yaml matplotlib subprocess', ''),
+    'plot dragon --output OUT.png': ('numpy numpy.ma yaml shapely matplotlib subprocess', ''),     # it marks overlaps
 }
 ROOMS = {'messages', 'core.enclosures', 'core.search', 'core.effects', 'nodes', 'studies'}
 HEAVY = {'numpy', 'numpy.ma', 'yaml', 'mcap', 'zstandard', 'lz4', 'shapely', 'matplotlib', 'scipy', 'pyarrow', 'dask',
