@@ -105,7 +105,7 @@ def test_every_tier_marches_to_the_last_bit(name):
 
 
 def test_accuracy_beyond_floats_is_refused_with_what_can_be_had():
-    with pytest.raises(FieldError, match='no more than 2e-12 m'):
+    with pytest.raises(FieldError, match='floats resolve only 2e-12 m'):
         compile_scene(Scene(accuracy=1e-16))
     far = Spiral(0.55, 1e9)
     with pytest.raises(FieldError, match='ask for'):

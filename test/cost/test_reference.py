@@ -107,5 +107,5 @@ def test_a_track_begins_where_its_first_piece_says():
 
 
 def test_a_chain_beyond_its_lock_is_refused():
-    with pytest.raises(DragonError, match='no place'):
+    with pytest.raises(DragonError, match='the reference cannot place a link'):
         reference(Scene(track=Spiral(0.55, 16.0), head=Head(1.0)), 433.5)

@@ -54,7 +54,7 @@ def ends_of(path):
 def test_a_live_path_of_any_quality_becomes_a_track(start, node, tmp_path, quality):
     process = routed(start, node, quality, plan('dragon', CORNER))
     assert process.end() == 0, process.text
-    assert 'the corner at (60.000, 0.000) m has a radius of 4 m now' in process.text
+    assert 'the corner at (60.000, 0.000) m now has a radius of 4 m' in process.text
     (first, last), radii = ends_of(tmp_path / 'scene.yaml')
     np.testing.assert_allclose([first, last], [CORNER[0], CORNER[-1]], atol=1e-6)
     assert radii == [None, 4.0, None]
