@@ -18,6 +18,7 @@ from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral, STurn
+from dragon_ros.core.venue import LineObstacle, Venue
 
 SMALL = Scene(dragon=Dragon(40), track=Spiral(0.55, 7.0))
 BOX = {'dragon.width_m': 0.002, 'dragon.body_length_m': 0.002, 'dragon.head_length_m': 0.003,
@@ -126,6 +127,7 @@ def test_what_is_too_wide_to_prove_anything_names_the_tolerance_to_blame():
     (replace(SMALL, dragon=Dragon(2)), {}, 'at least 3'),
     (replace(SMALL, track=Spiral(0.55, 4_000.0)), {}, 'start further in'),
     (replace(SMALL, head=Head(lead='tail')), {}, 'head leads'),
+    (replace(SMALL, venue=Venue((LineObstacle('wall', ((20.0, 20.0), (21.0, 20.0))),))), {}, 'leave the venue out'),
     (replace(SMALL, head=Profile(((0.0, 1.0), (3.0, -1.0)))), {}, 'does not go back'),
 ])
 def test_what_is_not_covered_is_refused_with_its_reason(scene, within, said):
