@@ -37,9 +37,13 @@ from dragon_ros.scenes.load import load_scene
 needs_browser = pytest.mark.skipif(not (browser.CHROMIUM and browser.DRIVER), reason=browser.ABSENT)
 
 
-@contextlib.contextmanager
 def serving(source):
-    with ViewServer(ViewData(source, iter)) as server:
+    return serving_of(ViewData(source, iter))
+
+
+@contextlib.contextmanager
+def serving_of(shown):
+    with ViewServer(shown) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         try:

@@ -12,11 +12,10 @@ from dataclasses import replace
 import browser
 import pytest
 import yaml
-from test_view import needs_browser
+from test_view import needs_browser, serving_of
 
 from dragon_ros.__main__ import main
 from dragon_ros.commands.view import server as server_module
-from dragon_ros.commands.view.server import ViewServer
 from dragon_ros.commands.view.variants import QUESTIONS, Variants, fields_of
 from dragon_ros.core.search.bounding_box import bounding_box
 from dragon_ros.core.search.first_contact import first_contact
@@ -27,16 +26,8 @@ from dragon_ros.scenes.load import load_scene
 SMALL = ['dragon.benches=20', 'run.start_s=411', 'run.stop_s=413', 'run.rate_hz=20']
 
 
-@contextlib.contextmanager
 def serving(scene='winding', overrides=SMALL):
-    with ViewServer(Variants('small', scene, list(overrides))) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
-        thread.start()
-        try:
-            yield server
-        finally:
-            server.shutdown()
-            thread.join()
+    return serving_of(Variants('small', scene, list(overrides)))
 
 
 @pytest.fixture(scope='module')
@@ -160,16 +151,12 @@ def test_an_answer_that_takes_too_long_says_what_to_ask(monkeypatch):
 def test_plain_view_has_none_of_it(server):
     from dragon_ros.commands.sources import SceneSource
     from dragon_ros.commands.view.data import ViewData
-    with ViewServer(ViewData(SceneSource('small', load_scene('winding', SMALL)), iter)) as plain:
-        thread = threading.Thread(target=plain.serve_forever, args=(0.02,))
-        thread.start()
+    with serving_of(ViewData(SceneSource('small', load_scene('winding', SMALL)), iter)) as plain:
         for path in ('form.json', 'answers/contact', 'scene.yaml', 'try.js'):
             with pytest.raises(urllib.error.HTTPError, match='404') as missing:
                 get(plain, path)
             missing.value.close()
         assert b'try.js' not in get(plain, '')
-        plain.shutdown()
-        thread.join()
     assert b'try.js' in get(server, '')
 
 
