@@ -1,5 +1,6 @@
 """Benches on a track as the checker holds them, on intervals of the leading handle: shared by the tests of bounds."""
 from flint import acb, arb
+from hypothesis import assume
 from hypothesis import strategies as st
 
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
@@ -9,6 +10,7 @@ from dragon_ros.scenes.load import scene_values
 from dragon_ros.verify import reading
 from dragon_ros.verify.balls import exact, half_turn, precise
 from dragon_ros.verify.cover import Budget
+from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.interval import Interval
 from dragon_ros.verify.posture import Dragon as Benches
 from dragon_ros.verify.posture import Posture
@@ -80,6 +82,19 @@ def reach_m(track, benches):
     links = sum(bench.link.near for bench in benches.benches)
     begin = -10.0 if track.begin is None else float(track.begin) + 1.6 * links
     return begin, 40.0 if track.end is None else float(track.end)
+
+
+def made_with_reach(kind, dragon):
+    """What ``made`` returns, and the reach of the head; examples that bend too tightly or reach nowhere are dropped."""
+    made_of = made(kind, dragon)
+    track, benches, bend = made_of
+    assume(bend is None or bend * max(benches.longest_links) < 1.98)
+    try:
+        low, high = reach_m(track, benches)
+    except Refused:     # locked, or off the track
+        assume(False)
+    assume(low < high)
+    return made_of, low, high
 
 
 def at(track, benches, metres):

@@ -5,7 +5,7 @@ import pytest
 from flint import arb
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from motions import BENCHES, BENT, CENTRED, at, centred, dragons, interval, made, reach_m
+from motions import BENCHES, BENT, CENTRED, at, centred, dragons, interval, made, made_with_reach, reach_m
 from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon
@@ -44,12 +44,8 @@ def hold(made_of, start, stop, shares):
 
 def held(kind, dragon, begin, length, shares):
     """Hold an interval of a track, which begins at a share of the way."""
-    made_of = made(kind, dragon)
-    track, benches, bend = made_of
-    assume(bend is None or bend * max(benches.longest_links) < 1.98)
+    made_of, low, high = made_with_reach(kind, dragon)
     try:
-        low, high = reach_m(track, benches)
-        assume(low < high)
         start = low + begin * (high - low)
         hold(made_of, start, min(start + length, high - 1e-9 * max(high, 1.0)), shares)
     except Refused:     # locked, or off the track

@@ -4,7 +4,7 @@ from math import inf, sin
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from motions import BENCHES, BENT, CENTRED, STEP, around, compiled, dragons, interval, made, reach_m
+from motions import BENCHES, BENT, CENTRED, STEP, around, compiled, dragons, interval, made, made_with_reach, reach_m
 from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon
@@ -70,12 +70,8 @@ def hold(made_of, start, stop, shares, wide=inf):
 @examples(15)
 @given(dragons, st.floats(0, 1), st.floats(1e-3, 1.5), st.lists(st.floats(0.01, 0.99), min_size=1, max_size=3))
 def test_derivatives_stay_within_their_bounds(kind, dragon, begin, length, shares):
-    made_of = made(kind, dragon)
-    track, benches, bend = made_of
-    assume(bend is None or bend * max(benches.longest_links) < 1.98)
+    made_of, low, high = made_with_reach(kind, dragon)
     try:
-        low, high = reach_m(track, benches)
-        assume(low < high)
         start = low + begin * 0.97 * (high - low)
         hold(made_of, start, min(start + length, low + 0.98 * (high - low)), shares)
     except Refused:     # locked, or off the track
