@@ -18,7 +18,7 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels, live
-from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.encode import Encode, encoders
 from dragon_ros.messages.once import once
 from dragon_ros.scenes import provenance
 
@@ -64,14 +64,15 @@ def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event, workers:
     Chunks begin at ticks that the size of the first tick decides, so a bag has the same bytes with any number of
     workers. A single one is this process, which compresses on a thread; several are processes.
     """
-    names = list(encoders(scene, _FRAME_ID))
-    numbers = [bag.channel_of(f'{namespace}/{name}') for name in names]
-    count, size = compile_scene(scene).last_tick + 1, _tick_bytes(scene)
+    encoded = {f'{namespace}/{name}': encode for name, encode in encoders(scene, _FRAME_ID).items()}
+    numbers, frame = [bag.channel_of(topic) for topic in encoded], tick(scene, 0)
+    size = sum(MESSAGE_HEAD_BYTES + len(encode(frame)) for encode in encoded.values())
+    count = compile_scene(scene).last_tick + 1
     each = max(1, CHUNK_BYTES // size)
     parts = [(first, min(first + each, count)) for first in range(0, count, each)]
     with Progress('simulate', 'ticks', count) as bar:
         if workers == 1 or count * size < _WORTH_BYTES or size > MESSAGE_BYTES:
-            return _in_this_process(scene, bag, [f'{namespace}/{name}' for name in names], parts, stop, bar)
+            return _in_this_process(scene, bag, encoded, parts, stop, bar)
         done = 0
         made = in_order(_PackedTicks, (scene, numbers, bag.options.compression), parts, workers)
         with closing(made):
@@ -85,20 +86,13 @@ def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event, workers:
     return done
 
 
-def _tick_bytes(scene: Scene) -> int:
-    """Return the bytes of the first tick's messages in a chunk."""
-    frame = tick(scene, 0)
-    return sum(MESSAGE_HEAD_BYTES + len(encode(frame)) for encode in encoders(scene, _FRAME_ID).values())
-
-
-def _in_this_process(scene: Scene, bag: BagWriter, topics: list[str], parts: list[tuple[int, int]], stop: Event,
-                     bar: Progress) -> int:
-    encoded = list(zip(topics, encoders(scene, _FRAME_ID).values(), strict=True))
+def _in_this_process(scene: Scene, bag: BagWriter, encoded: dict[str, Encode], parts: list[tuple[int, int]],
+                     stop: Event, bar: Progress) -> int:
     for first, end in parts:
         for k, frame in enumerate(ticks(scene, first, end), first):
             if stop.is_set():
                 return k
-            for topic, encode in encoded:
+            for topic, encode in encoded.items():
                 bag.write(topic, encode(frame), frame.t_ns, k + 1)
         bag.end_chunk()
         bar.reach(end)
