@@ -414,6 +414,7 @@ def test_curvatures_next_to_a_joint_are_those_of_both_sides(joint, share):
 
 @pytest.mark.parametrize('error', [0.0, 5e-14, -5e-14, 1e-9, -1e-6])
 def test_a_root_lies_in_its_ball_which_is_hardly_wider_than_the_function(error):
+    precise(1.0)
     found = certified(lambda x: x * x - 2, lambda x: 2 * x, 2**0.5 * (1 + error))
     assert found.contains(arb(2).sqrt().mid())
     assert found.overlaps(arb(2).sqrt())
@@ -481,6 +482,7 @@ poses = st.builds(posed, st.tuples(coordinates, coordinates), angles, halves, ha
 @examples(60)
 @given(poses, poses)
 def test_a_separation_is_how_far_the_nearest_corner_is_beyond_the_edge_line(one, two):
+    precise(1.0)
     rough = about(one, two)
     for k, axis in enumerate(AXES):
         own, other = (two, one) if axis.other else (one, two)
