@@ -236,7 +236,7 @@ def _pitch(variant: Variant, check: Check) -> Answer:
     """Return the smallest pitch at which this dragon winds in to a turning circle."""
     from dragon_ros.core.search.min_pitch import min_pitch
     if not isinstance(variant.scene.track, Spiral):
-        return Answer('asked of spirals alone')
+        return Answer('only for a track that is one spiral')
     found = min_pitch(variant.scene.dragon, _CIRCLE_M, variant.scene.track.start_turns, within_m=1e-9,
                       progress=lambda states: check())
     return Answer(f'{found.high_m:.9f} m, to wind in to a circle of {_CIRCLE_M:g} m',
