@@ -57,6 +57,14 @@ class Browser:
             time.sleep(0.05)
         return value
 
+    def begin_anew(self):
+        """Leave the page, and forget what it stored, its size, its colour scheme and its messages."""
+        self.open('about:blank')
+        self._devtools('Storage.clearDataForOrigin', origin='*', storageTypes='all')
+        self._devtools('Emulation.clearDeviceMetricsOverride')
+        self._devtools('Emulation.setEmulatedMedia', features=[])
+        self.log()
+
     def open_view(self, url):
         """Open the page of ``view`` and wait until it can be used."""
         self.open(url)

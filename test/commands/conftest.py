@@ -1,4 +1,5 @@
-"""A short scene with its first contact, and bags of it."""
+"""A short scene with its first contact, bags of it, and a browser."""
+import browser
 import pytest
 
 from dragon_ros.bags.write.writer import BagWriter
@@ -42,3 +43,19 @@ def write_bag(scene):
 @pytest.fixture(scope='session')
 def bag(tmp_path_factory, write_bag):
     return write_bag(tmp_path_factory.mktemp('bags') / 'run.mcap')
+
+
+@pytest.fixture(scope='session')
+def chromium(tmp_path_factory):
+    """The one browser of this process: to start one takes seconds."""
+    if not (browser.CHROMIUM and browser.DRIVER):
+        pytest.skip(browser.ABSENT)
+    with browser.browser(tmp_path_factory.mktemp('chromium')) as one:
+        yield one
+
+
+@pytest.fixture
+def page(chromium):
+    """An empty page."""
+    yield chromium
+    chromium.begin_anew()

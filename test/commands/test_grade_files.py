@@ -6,7 +6,6 @@ import re
 import signal
 import zipfile
 
-import browser
 import numpy as np
 import pytest
 from properties import thinned
@@ -309,8 +308,7 @@ def test_budgets_are_held_by_the_bytes_that_come_out_whatever_a_workbook_claims(
         read_book(path)
 
 
-@pytest.mark.skipif(not (browser.CHROMIUM and browser.DRIVER), reason=browser.ABSENT)
-def test_a_report_on_a_phone_scrolls_down_alone(tmp_path):
+def test_a_report_on_a_phone_scrolls_down_alone(tmp_path, page):
     mirrored = [[name, *(-value for value in row)] for name, *row in PLACES]
     for team in ('red', 'blue'):
         (tmp_path / 'class' / team).mkdir(parents=True)
@@ -320,12 +318,11 @@ def test_a_report_on_a_phone_scrolls_down_alone(tmp_path):
     wide = ('return [...document.querySelectorAll("*")].filter((one) => one.scrollWidth > one.clientWidth + 1 && '
             'one.getClientRects().length && getComputedStyle(one).overflowX !== "visible").length + '
             'Math.max(0, document.scrollingElement.scrollWidth - innerWidth)')
-    with browser.browser(tmp_path) as page:
-        page.look(390, 844)
-        for part in ('', '#team-2'):
-            page.open(report.as_uri() + part)
-            assert page.run(wide) == 0, part
-            heads = page.run('return [...document.querySelectorAll("td[data-head]")].map((one) => '
-                             'getComputedStyle(one, "::before").content)')
-            assert '"result1 positions"' in heads
-            assert page.run('return getComputedStyle(document.querySelector("thead")).display') == 'none'
+    page.look(390, 844)
+    for part in ('', '#team-2'):
+        page.open(report.as_uri() + part)
+        assert page.run(wide) == 0, part
+        heads = page.run('return [...document.querySelectorAll("td[data-head]")].map((one) => '
+                         'getComputedStyle(one, "::before").content)')
+        assert '"result1 positions"' in heads
+        assert page.run('return getComputedStyle(document.querySelector("thead")).display') == 'none'

@@ -3,7 +3,6 @@ import re
 import struct
 from pathlib import Path
 
-import browser
 import numpy as np
 import pictures
 import pytest
@@ -393,16 +392,14 @@ def test_a_film_is_an_mp4_with_a_frame_for_each_time_and_its_length(capsys, tmp_
 
 
 @needs_av1
-@pytest.mark.skipif(not (browser.CHROMIUM and browser.DRIVER), reason=browser.ABSENT)
-def test_a_film_plays_in_a_browser(capsys, tmp_path):
-    path, page = tmp_path / 'run.mp4', tmp_path / 'page.html'
+def test_a_film_plays_in_a_browser(capsys, tmp_path, page):
+    path, html = tmp_path / 'run.mp4', tmp_path / 'page.html'
     assert film(capsys, path)[0] == 0
-    page.write_text('<video id="film" muted src="run.mp4"></video>')
-    with browser.browser(tmp_path) as shown:
-        shown.open(page.as_uri())
-        shown.wait('const one = document.getElementById("film"); return one.error || one.readyState > 1')
-        assert shown.run('const one = document.getElementById("film"); return [one.duration, one.videoWidth]') == [
-            pytest.approx(0.533, abs=0.001), 320]
+    html.write_text('<video id="film" muted src="run.mp4"></video>')
+    page.open(html.as_uri())
+    page.wait('const one = document.getElementById("film"); return one.error || one.readyState > 1')
+    assert page.run('const one = document.getElementById("film"); return [one.duration, one.videoWidth]') == [
+        pytest.approx(0.533, abs=0.001), 320]
 
 
 @needs_av1

@@ -14,7 +14,6 @@ import urllib.request
 from base64 import b64encode
 from hashlib import sha256
 
-import browser
 import numpy as np
 import pytest
 
@@ -33,8 +32,6 @@ from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import read_marker_array, read_multi_array, read_pose_array
 from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.load import load_scene
-
-needs_browser = pytest.mark.skipif(not (browser.CHROMIUM and browser.DRIVER), reason=browser.ABSENT)
 
 
 def serving(source):
@@ -236,32 +233,30 @@ def test_a_signal_ends_it_cleanly(short, number):
         assert (view.returncode, errors) == (0, '')
 
 
-@needs_browser
-def test_the_page_plays_in_a_browser(tmp_path, server, scene):
-    with browser.browser(tmp_path) as page:
-        page.open_view(server.url)
-        shown = 'return parseFloat(document.getElementById("time").textContent)'
-        drawn = 'return document.querySelectorAll("#scene .scatterlayer .trace").length'
-        assert (page.run(shown), page.run(drawn)) == (412.0, 5)
-        before = page.run('return document.querySelector("#scene .scatterlayer .fills path").getAttribute("d")')
-        page.click('play')
-        page.wait(shown.replace('return', 'return 413 ==='))
-        page.wait('return document.getElementById("play").textContent === "Play"')
-        after = page.run('return document.querySelector("#scene .scatterlayer .fills path").getAttribute("d")')
-        assert before != after
-        page.click('back')
-        page.wait(shown.replace('return', 'return 412.95 ==='))
-        page.click('contact')
-        page.wait('return document.getElementById("time").textContent === "412.473838 s"')
-        low, high = page.run('return document.getElementById("scene").layout.xaxis.range')
-        assert low < 1.4744 < high < low + 4
-        page.run('location.hash = "#t=412.3"')
-        page.wait(shown.replace('return', 'return 412.3 ==='))
-        page.screenshot(tmp_path / 'contact.png')
-        assert (tmp_path / 'contact.png').stat().st_size > 20_000
-        assert page.run('return performance.getEntriesByType("resource").map((r) => new URL(r.name).host)'
-                        '.filter((host) => host !== location.host)') == []
-        assert page.log() == []
+def test_the_page_plays_in_a_browser(tmp_path, server, page):
+    page.open_view(server.url)
+    shown = 'return parseFloat(document.getElementById("time").textContent)'
+    drawn = 'return document.querySelectorAll("#scene .scatterlayer .trace").length'
+    assert (page.run(shown), page.run(drawn)) == (412.0, 5)
+    before = page.run('return document.querySelector("#scene .scatterlayer .fills path").getAttribute("d")')
+    page.click('play')
+    page.wait(shown.replace('return', 'return 413 ==='))
+    page.wait('return document.getElementById("play").textContent === "Play"')
+    after = page.run('return document.querySelector("#scene .scatterlayer .fills path").getAttribute("d")')
+    assert before != after
+    page.click('back')
+    page.wait(shown.replace('return', 'return 412.95 ==='))
+    page.click('contact')
+    page.wait('return document.getElementById("time").textContent === "412.473838 s"')
+    low, high = page.run('return document.getElementById("scene").layout.xaxis.range')
+    assert low < 1.4744 < high < low + 4
+    page.run('location.hash = "#t=412.3"')
+    page.wait(shown.replace('return', 'return 412.3 ==='))
+    page.screenshot(tmp_path / 'contact.png')
+    assert (tmp_path / 'contact.png').stat().st_size > 20_000
+    assert page.run('return performance.getEntriesByType("resource").map((r) => new URL(r.name).host)'
+                    '.filter((host) => host !== location.host)') == []
+    assert page.log() == []
 
 
 # Boxes of the page's titles and controls, as (text, left, top, right, bottom) of those that are seen.
@@ -277,70 +272,63 @@ def lie_on_each_other(boxes):
             if min(one[3], other[3]) - max(one[1], other[1]) > 1 and min(one[4], other[4]) - max(one[2], other[2]) > 1]
 
 
-@needs_browser
-def test_the_page_fits_a_phone_and_a_desk_in_the_light_and_in_the_dark(tmp_path, server):
-    with browser.browser(tmp_path) as page:
-        for width, height, dark in ((390, 844, False), (390, 844, True), (1400, 860, True)):
-            page.look(width, height, dark)
-            page.open_view(server.url)
-            assert page.run('return document.scrollingElement.scrollWidth <= window.innerWidth')
-            controls = 'const all = document.querySelectorAll("footer *"); return [...all].every((one) => '
-            assert page.run(controls + 'one.getBoundingClientRect().right <= window.innerWidth)')
-            for plot, least in (('scene', 300), ('clearance', 180), ('speeds', 180)):
-                area = page.run(f'const r = document.querySelector("#{plot} .bglayer, #{plot} .cartesianlayer .plot")'
-                                '.closest("svg").getBoundingClientRect(); return [r.width, r.height]')
-                assert min(area) >= least, (plot, area)
-            page.run('window.scrollTo(0, 0); document.querySelector("footer").style.position = "static"')
-            assert lie_on_each_other(page.run(BOXES)) == []
-            lightness = 'return getComputedStyle(%s).%s.match(/\\d+/g).slice(0, 3).reduce((a, b) => +a + +b, 0)'
-            paper, ink = (page.run(lightness % ('document.body', name)) for name in ('backgroundColor', 'color'))
-            curve = page.run(lightness % ('document.querySelector("#speeds .lines path")', 'stroke'))
-            assert (paper < 150 < 500 < ink) if dark else (paper > 600 > 200 > ink)
-            assert abs(curve - paper) > 200
-        page.look(1400, 860)        # without a reload
-        page.wait(f'{lightness % ("document.querySelector(chr)", "fill")} < 200'.replace('chr', '"#scene .xtitle"'))
-        assert page.log() == []
-
-
-@needs_browser
-def test_the_page_is_played_by_keys_wherever_the_focus_is(tmp_path, server):
-    with browser.browser(tmp_path) as page:
+def test_the_page_fits_a_phone_and_a_desk_in_the_light_and_in_the_dark(server, page):
+    for width, height, dark in ((390, 844, False), (390, 844, True), (1400, 860, True)):
+        page.look(width, height, dark)
         page.open_view(server.url)
-        shown = 'return parseFloat(document.getElementById("time").textContent) === '
-        for focus in ('play', 'scrub', 'contact', None):
-            page.run(f'document.getElementById("{focus}")?.focus()' if focus else 'document.activeElement.blur()')
-            for key, t_s in (('End', 413), ('ArrowLeft', 412.95), ('Home', 412), ('ArrowRight', 412.05)):
-                page.press(key)
-                page.wait(f'{shown}{t_s}')
-        page.press(' ')
-        page.wait('return document.getElementById("play").textContent === "Pause"')
-        page.press(' ')
-        page.wait('return document.getElementById("play").textContent === "Play"')
+        assert page.run('return document.scrollingElement.scrollWidth <= window.innerWidth')
+        controls = 'const all = document.querySelectorAll("footer *"); return [...all].every((one) => '
+        assert page.run(controls + 'one.getBoundingClientRect().right <= window.innerWidth)')
+        for plot, least in (('scene', 300), ('clearance', 180), ('speeds', 180)):
+            area = page.run(f'const r = document.querySelector("#{plot} .bglayer, #{plot} .cartesianlayer .plot")'
+                            '.closest("svg").getBoundingClientRect(); return [r.width, r.height]')
+            assert min(area) >= least, (plot, area)
+        page.run('window.scrollTo(0, 0); document.querySelector("footer").style.position = "static"')
+        assert lie_on_each_other(page.run(BOXES)) == []
+        lightness = 'return getComputedStyle(%s).%s.match(/\\d+/g).slice(0, 3).reduce((a, b) => +a + +b, 0)'
+        paper, ink = (page.run(lightness % ('document.body', name)) for name in ('backgroundColor', 'color'))
+        curve = page.run(lightness % ('document.querySelector("#speeds .lines path")', 'stroke'))
+        assert (paper < 150 < 500 < ink) if dark else (paper > 600 > 200 > ink)
+        assert abs(curve - paper) > 200
+    page.look(1400, 860)        # without a reload
+    page.wait(f'{lightness % ("document.querySelector(chr)", "fill")} < 200'.replace('chr', '"#scene .xtitle"'))
+    assert page.log() == []
 
 
-@needs_browser
-def test_outlines_scale_with_the_zoom(tmp_path, server):
-    with browser.browser(tmp_path) as page:
-        page.open_view(server.url)
-        width = 'return parseFloat(getComputedStyle(document.querySelector("#scene .lines path.js-line")).strokeWidth)'
-        wide = 'return parseFloat(getComputedStyle(document.querySelectorAll("#scene .trace .js-line")[1]).strokeWidth)'
-        before = page.run(wide)
-        page.click('contact')
-        page.wait(f'{wide} > {2 * before}')
-        page.click('whole')
-        page.wait(f'{wide} === {before}')
-        assert 0 < before < 1
-        assert page.run(width) == 0.8       # the track is a line
+def test_the_page_is_played_by_keys_wherever_the_focus_is(server, page):
+    page.open_view(server.url)
+    shown = 'return parseFloat(document.getElementById("time").textContent) === '
+    for focus in ('play', 'scrub', 'contact', None):
+        page.run(f'document.getElementById("{focus}")?.focus()' if focus else 'document.activeElement.blur()')
+        for key, t_s in (('End', 413), ('ArrowLeft', 412.95), ('Home', 412), ('ArrowRight', 412.05)):
+            page.press(key)
+            page.wait(f'{shown}{t_s}')
+    page.press(' ')
+    page.wait('return document.getElementById("play").textContent === "Pause"')
+    page.press(' ')
+    page.wait('return document.getElementById("play").textContent === "Play"')
 
 
-@needs_browser
-def test_the_first_frame_is_drawn_before_the_contact_is_searched(tmp_path, scene):
+def test_outlines_scale_with_the_zoom(server, page):
+    page.open_view(server.url)
+    width = 'return parseFloat(getComputedStyle(document.querySelector("#scene .lines path.js-line")).strokeWidth)'
+    wide = 'return parseFloat(getComputedStyle(document.querySelectorAll("#scene .trace .js-line")[1]).strokeWidth)'
+    before = page.run(wide)
+    page.click('contact')
+    page.wait(f'{wide} > {2 * before}')
+    page.click('whole')
+    page.wait(f'{wide} === {before}')
+    assert 0 < before < 1
+    assert page.run(width) == 0.8       # the track is a line
+
+
+def test_the_first_frame_is_drawn_before_the_contact_is_searched(scene, page):
     class Slow(SceneSource):
         def first_touch(self, progress):
             wait.wait(60)
             return super().first_touch(progress)
     wait = threading.Event()
-    with serving(Slow('slow', scene)) as server, browser.browser(tmp_path) as page:
+    with serving(Slow('slow', scene)) as server:
         page.open(server.url)
         page.wait('return document.body.dataset.drawn === "yes"')
         assert not page.run('return document.body.dataset.ready')
@@ -360,29 +348,25 @@ def test_an_animation_as_a_page_runs_its_own_scripts_and_nothing_else(tmp_path, 
     assert "default-src 'none'" in policy
 
 
-@needs_browser
-def test_an_animation_as_a_page_plays_without_a_server(tmp_path, scene):
+def test_an_animation_as_a_page_plays_without_a_server(tmp_path, scene, page):
     source, path = SceneSource('short', scene), tmp_path / 'run.html'
     write_page(source, source.ticks_s(412.0, 412.6, 7), 2.0, path, iter)
-    with browser.browser(tmp_path) as page:
-        page.open_view(path.as_uri())
-        assert page.run('return document.getElementById("pace").value') == '2'
-        page.press(' ')
-        page.wait('return document.getElementById("time").textContent === "412.60 s"')
-        page.click('contact')
-        page.wait('return document.getElementById("time").textContent === "412.473838 s"')
-        assert page.run('return performance.getEntriesByType("resource").length') == 0
-        assert page.log() == []
+    page.open_view(path.as_uri())
+    assert page.run('return document.getElementById("pace").value') == '2'
+    page.press(' ')
+    page.wait('return document.getElementById("time").textContent === "412.60 s"')
+    page.click('contact')
+    page.wait('return document.getElementById("time").textContent === "412.473838 s"')
+    assert page.run('return performance.getEntriesByType("resource").length') == 0
+    assert page.log() == []
 
 
-@needs_browser
-def test_an_animation_that_ends_before_the_contact_says_so(tmp_path, scene):
+def test_an_animation_that_ends_before_the_contact_says_so(tmp_path, scene, page):
     source, path = SceneSource('short', scene), tmp_path / 'run.html'
     write_page(source, source.ticks_s(412.0, 412.2, 3), 2.0, path, iter)
-    with browser.browser(tmp_path) as page:
-        page.open_view(path.as_uri())
-        facts = page.run('return document.getElementById("facts").textContent')
-        assert facts.endswith('benches 0 and 8 touch at 412.473838 s, after the end of what is shown')
+    page.open_view(path.as_uri())
+    facts = page.run('return document.getElementById("facts").textContent')
+    assert facts.endswith('benches 0 and 8 touch at 412.473838 s, after the end of what is shown')
 
 
 def window_of(page):
@@ -390,14 +374,13 @@ def window_of(page):
                              'return [xaxis.range, yaxis.range]'))
 
 
-@needs_browser
-def test_many_benches_are_drawn_where_they_are_at_every_zoom(tmp_path, big):
+def test_many_benches_are_drawn_where_they_are_at_every_zoom(big, page):
     """No line leads through the empty middle of the spiral, and rectangles have the corners of the model."""
     true = moment(big, 0.0)
     seen = ('const {data, width, height} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height); '
             'let many = 0; for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) '
             'if (data[4 * (y * width + x) + 3] && %s) many += 1; return many')
-    with serving(big) as server, browser.browser(tmp_path) as page:
+    with serving(big) as server:
         page.open_view(server.url)
         (left, right), (bottom, top) = window_of(page)
         inner = 0.9 * float(np.min(np.hypot(*true.p.T)))
@@ -416,42 +399,38 @@ def test_many_benches_are_drawn_where_they_are_at_every_zoom(tmp_path, big):
         assert [said for level, said in page.log() if level != 'WARNING'] == []    # of reading its pixels
 
 
-@needs_browser
-def test_the_page_follows_the_head_and_remembers_it(tmp_path, server, scene):
-    with browser.browser(tmp_path) as page:
-        page.open_view(server.url)
-        pressed = 'return document.getElementById("follow").getAttribute("aria-pressed")'
-        assert page.run(pressed) == 'false'
-        page.press('f')
-        page.wait('return player.following')
-        for t_s in (412.0, 413.0):
-            page.press('End' if t_s > 412 else 'Home')
-            page.wait(f'return parseFloat(document.getElementById("time").textContent) === {t_s} && !player.drawing')
-            head = moment(SceneSource('short', scene), t_s).benches.centre[0]
-            assert window_of(page).mean(axis=1) == pytest.approx(head, abs=0.01)
-        page.open_view(server.url)
-        page.wait(pressed + ' === "true"')
-        page.click('whole')
-        page.wait(pressed + ' === "false"')
+def test_the_page_follows_the_head_and_remembers_it(server, scene, page):
+    page.open_view(server.url)
+    pressed = 'return document.getElementById("follow").getAttribute("aria-pressed")'
+    assert page.run(pressed) == 'false'
+    page.press('f')
+    page.wait('return player.following')
+    for t_s in (412.0, 413.0):
+        page.press('End' if t_s > 412 else 'Home')
+        page.wait(f'return parseFloat(document.getElementById("time").textContent) === {t_s} && !player.drawing')
+        head = moment(SceneSource('short', scene), t_s).benches.centre[0]
+        assert window_of(page).mean(axis=1) == pytest.approx(head, abs=0.01)
+    page.open_view(server.url)
+    page.wait(pressed + ' === "true"')
+    page.click('whole')
+    page.wait(pressed + ' === "false"')
 
 
-@needs_browser
-def test_the_page_zooms_by_keys_and_by_two_fingers_and_says_how_wide_a_bench_is(tmp_path, server):
-    with browser.browser(tmp_path) as page:
-        page.look(390, 844)
-        page.open_view(server.url)
-        before = np.ptp(window_of(page), axis=1)
-        page.press('+')
-        page.wait(f'return Math.abs(shownSpan() * 1.25 - {before[0]}) < 1e-6')
-        page.press('-')
-        page.wait(f'return Math.abs(shownSpan() - {before[0]}) < 1e-6')
-        page.run("""const scene = document.getElementById('scene'), box = scene.getBoundingClientRect();
-            const fingers = (apart) => [-1, 1].map((side) => new Touch({identifier: side, target: scene,
-              clientX: box.left + box.width / 2 + side * apart, clientY: box.top + box.height / 2}));
-            for (const [kind, apart] of [['touchstart', 20], ['touchmove', 40]])
-              scene.dispatchEvent(new TouchEvent(kind, {touches: fingers(apart), cancelable: true}))""")
-        page.wait(f'return Math.abs(shownSpan() * 2 - {before[0]}) < 1e-6')
-        long, wide = map(float, re.search(r'([\d.]+) × ([\d.]+) pixels', page.wait(
-            'return document.getElementById("scale").textContent')).groups())
-        pixels = page.run('return document.getElementById("scene")._fullLayout.xaxis._length') / before[0] * 2
-        assert (long, wide) == (pytest.approx(2.2 * pixels, rel=0.06), pytest.approx(0.3 * pixels, rel=0.06))
+def test_the_page_zooms_by_keys_and_by_two_fingers_and_says_how_wide_a_bench_is(server, page):
+    page.look(390, 844)
+    page.open_view(server.url)
+    before = np.ptp(window_of(page), axis=1)
+    page.press('+')
+    page.wait(f'return Math.abs(shownSpan() * 1.25 - {before[0]}) < 1e-6')
+    page.press('-')
+    page.wait(f'return Math.abs(shownSpan() - {before[0]}) < 1e-6')
+    page.run("""const scene = document.getElementById('scene'), box = scene.getBoundingClientRect();
+        const fingers = (apart) => [-1, 1].map((side) => new Touch({identifier: side, target: scene,
+          clientX: box.left + box.width / 2 + side * apart, clientY: box.top + box.height / 2}));
+        for (const [kind, apart] of [['touchstart', 20], ['touchmove', 40]])
+          scene.dispatchEvent(new TouchEvent(kind, {touches: fingers(apart), cancelable: true}))""")
+    page.wait(f'return Math.abs(shownSpan() * 2 - {before[0]}) < 1e-6')
+    long, wide = map(float, re.search(r'([\d.]+) × ([\d.]+) pixels', page.wait(
+        'return document.getElementById("scale").textContent')).groups())
+    pixels = page.run('return document.getElementById("scene")._fullLayout.xaxis._length') / before[0] * 2
+    assert (long, wide) == (pytest.approx(2.2 * pixels, rel=0.06), pytest.approx(0.3 * pixels, rel=0.06))

@@ -9,10 +9,9 @@ import urllib.parse
 import urllib.request
 from dataclasses import replace
 
-import browser
 import pytest
 import yaml
-from test_view import needs_browser, serving_of
+from test_view import serving_of
 
 from dragon_ros.__main__ import main
 from dragon_ros.commands.view import server as server_module
@@ -170,43 +169,39 @@ SET = """const field = document.getElementById(arguments[0]); field.value = argu
 ANSWERS = 'return [...document.querySelectorAll("#answers dd")].map((one) => one.textContent)'
 
 
-@needs_browser
-def test_a_changed_value_moves_the_dragon_and_renews_the_answers(tmp_path, server):
-    with browser.browser(tmp_path) as page:
-        page.open_view(server.url)
-        page.wait('return document.body.dataset.answered === "yes"')
-        before = page.run(ANSWERS)
-        page.run(SET.replace('arguments[0]', '"value-dragon.benches"').replace('arguments[1]', '"12"'))
-        page.wait('return document.getElementById("facts").textContent.startsWith("12 benches")')
-        page.wait('return document.querySelectorAll("#answers progress").length === 0')
-        assert page.run(ANSWERS)[0].startswith(before[0].split(',')[0])
-        assert page.run('return location.search') == '?dragon.benches=12'
-        assert page.run('return document.getElementById("scene-file").getAttribute("href")').endswith('benches=12')
-        page.run(SET.replace('arguments[0]', '"value-dragon.width_m"').replace('arguments[1]', '"-2"'))
-        page.wait('return document.querySelector(".wrong p")?.textContent.includes("more than 0")')
-        assert page.run('return document.getElementById("facts").textContent').startswith('12 benches')
-        page.click('reset')
-        page.wait('return document.getElementById("facts").textContent.startsWith("20 benches")')
-        page.wait('return document.querySelectorAll("#answers progress").length === 0')
-        assert page.run(ANSWERS) == before
-        page.open_view(f'{server.url}?dragon.width_m=-1')       # an address with an impossible value
-        assert 'more than 0' in page.run('return document.querySelector(".wrong p").textContent')
-        for width, height, dark in ((390, 844, False), (1400, 860, True)):
-            page.look(width, height, dark)
-            assert page.run('return document.scrollingElement.scrollWidth <= window.innerWidth')
-        assert [line for line in page.log() if 'favicon' not in line[1]] == []
+def test_a_changed_value_moves_the_dragon_and_renews_the_answers(server, page):
+    page.open_view(server.url)
+    page.wait('return document.body.dataset.answered === "yes"')
+    before = page.run(ANSWERS)
+    page.run(SET.replace('arguments[0]', '"value-dragon.benches"').replace('arguments[1]', '"12"'))
+    page.wait('return document.getElementById("facts").textContent.startsWith("12 benches")')
+    page.wait('return document.querySelectorAll("#answers progress").length === 0')
+    assert page.run(ANSWERS)[0].startswith(before[0].split(',')[0])
+    assert page.run('return location.search') == '?dragon.benches=12'
+    assert page.run('return document.getElementById("scene-file").getAttribute("href")').endswith('benches=12')
+    page.run(SET.replace('arguments[0]', '"value-dragon.width_m"').replace('arguments[1]', '"-2"'))
+    page.wait('return document.querySelector(".wrong p")?.textContent.includes("more than 0")')
+    assert page.run('return document.getElementById("facts").textContent').startswith('12 benches')
+    page.click('reset')
+    page.wait('return document.getElementById("facts").textContent.startsWith("20 benches")')
+    page.wait('return document.querySelectorAll("#answers progress").length === 0')
+    assert page.run(ANSWERS) == before
+    page.open_view(f'{server.url}?dragon.width_m=-1')       # an address with an impossible value
+    assert 'more than 0' in page.run('return document.querySelector(".wrong p").textContent')
+    for width, height, dark in ((390, 844, False), (1400, 860, True)):
+        page.look(width, height, dark)
+        assert page.run('return document.scrollingElement.scrollWidth <= window.innerWidth')
+    assert [line for line in page.log() if 'favicon' not in line[1]] == []
 
 
-@needs_browser
-def test_values_are_changed_by_keys_alone(tmp_path, server):
-    with browser.browser(tmp_path) as page:
-        page.open_view(server.url)
-        for _ in range(20):
-            page.press('Tab')
-            if page.run('return document.activeElement.id') == 'value-dragon.width_m':
-                break
-        page.press('ArrowUp')
-        page.wait('return location.search === "?dragon.width_m=0.305"')
-        page.wait('return document.querySelectorAll("#answers progress").length === 0')
-        page.press('End')       # the field's own key: the run stays where it is
-        assert page.run('return document.getElementById("time").textContent') == '411.00 s'
+def test_values_are_changed_by_keys_alone(server, page):
+    page.open_view(server.url)
+    for _ in range(20):
+        page.press('Tab')
+        if page.run('return document.activeElement.id') == 'value-dragon.width_m':
+            break
+    page.press('ArrowUp')
+    page.wait('return location.search === "?dragon.width_m=0.305"')
+    page.wait('return document.querySelectorAll("#answers progress").length === 0')
+    page.press('End')       # the field's own key: the run stays where it is
+    assert page.run('return document.getElementById("time").textContent') == '411.00 s'
