@@ -1,24 +1,25 @@
-"""The room that a run needs: the largest x, -x, y and -y that any corner of any bench reaches, between bounds.
+"""The room that a run needs: bounds on the largest x, -x, y and -y of any corner of any bench.
 
-The pose of a bench depends on its length and on the place of its front handle, whoever leads, whichever bench it is,
-and at any time. So branch and bound searches only a few intervals of the track: one for the head's front handle, and
+The pose of a bench depends only on its length and on the position of its front handle: not on the time, the leader, or
+which bench it is. So branch and bound searches only a few intervals of the track: one for the head's front handle, and
 those that the front handles of all other benches of one length pass together. Intervals whose bound exceeds the largest
 value found so far are cut.
 
-The bound of an interval: let s and t be the distances of a bench's front and rear handle, q and r their places, h and l
-how far they move from one end to the other. A corner, at the complex lever a from the bench's middle (a real: along the
-link), is A q + B r with A = 1/2 + a / link, B = 1/2 - a / link: a coordinate of it has the derivative by s
+The bound of an interval: let s and t be the distances of a bench's front and rear handle, q and r their positions, h
+and l how far they move from one end to the other. A corner at the complex lever a from the bench's middle (a real:
+along the link) is A q + B r with A = 1/2 + a / link, B = 1/2 - a / link. A coordinate of it has the derivative by s
 
     g' = (A q') + (B r') cos alpha / cos beta,
 
-where alpha and beta are the link's angles with the track's tangents. A value that goes from x0 to x1 and changes by at
-most X in all is never further than X / 2 from their mean. With k the largest curvature at a handle, its tangent turns
-by at most k h, or k l, and ``enclosures.on_track`` bounds the ratio of the cosines. So all factors of g' lie in balls,
-and so does g': |g'| <= G. The coordinate changes by at most V = min(G h, |A| h + |B| l), and nowhere exceeds the mean
-of its values at the two ends plus V / 2. As intervals shrink, the excess falls with the square of their length, or with
-the length itself if a handle passes a joint, where the curvature jumps. The rear handle must move one way.
+where alpha and beta are the link's angles with the track's tangents. A value that goes from x0 to x1 with a total
+variation of at most X is never further than X / 2 from their mean. With k the largest curvature at a handle, its
+tangent turns by at most k h, or k l, and ``enclosures.on_track`` bounds the ratio of the cosines. So all factors of g'
+lie in balls, and so does g': |g'| <= G. The coordinate changes by at most V = min(G h, |A| h + |B| l), and nowhere
+exceeds the mean of its values at the two ends plus V / 2. As intervals shrink, the excess falls with the square of
+their length, or with the length itself if a handle passes a joint, where the curvature jumps. The rear handle must move
+in one direction.
 
-A link of no length lies along the track: the corner is q + a q', and g' = q' + i a kappa q'.
+A link of zero length lies along the track: the corner is q + a q', and g' = q' + i a kappa q'.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -48,7 +49,7 @@ SIDES = ('x', '-x', 'y', '-y')
 _TOWARDS = np.array([1, -1, 1j, -1j])
 _AT_ONCE = 512      # intervals
 _FIRST, _PARTS = 32, 6      # parts of the first intervals and of later ones: fewer parts take more rounds
-_SAME = 1e-13       # of a distance along the track: closer places are the same
+_SAME = 1e-13       # of a distance along the track: closer positions are the same
 _MOST = 200_000     # benches placed
 
 
@@ -74,12 +75,12 @@ class BoundingBox:
 
     @property
     def centred_m(self) -> tuple[float, float]:
-        """Bounds of the side of the smallest axis-aligned square about the origin that contains the run."""
+        """Bounds on the side of the smallest axis-aligned square about the origin that contains the run."""
         return 2 * max(reach.low_m for reach in self.reaches), 2 * max(reach.high_m for reach in self.reaches)
 
     @property
     def free_m(self) -> tuple[float, float]:
-        """Bounds of the side of the smallest axis-aligned square anywhere that contains the run."""
+        """Bounds on the side of the smallest axis-aligned square anywhere that contains the run."""
         low, high = ([getattr(reach, name) for reach in self.reaches] for name in ('low_m', 'high_m'))
         return max(low[0] + low[1], low[2] + low[3]), max(high[0] + high[1], high[2] + high[3])
 
@@ -90,7 +91,7 @@ class BoundingBox:
 
 
 def fits(bounds_m: tuple[float, float], side_m: float) -> bool | None:
-    """Return whether a square with a side between bounds fits into another; None if the bounds cannot tell."""
+    """Return whether a square with a side between bounds fits into another; None if the bounds do not decide it."""
     return True if bounds_m[1] <= side_m else False if bounds_m[0] > side_m else None
 
 
@@ -98,8 +99,8 @@ def bounding_box(scene: Scene, within_m: float = 1e-10,
                  progress: Callable[[int], object] = lambda looks: None) -> BoundingBox:
     """Return the room that the scene's run needs; its bounds differ by ``within_m`` plus the position error.
 
-    They differ by more if floats are too coarse for that, or if ``_MOST`` benches were not enough. ``progress(looks)``
-    is called with the number of benches placed since the last call.
+    They differ by more if floats are too coarse for that, or if placing ``_MOST`` benches is not enough.
+    ``progress(looks)`` is called with the number of benches placed since the last call.
     """
     ranges = HandleRanges(scene)
     search = _Reaching(progress, within_m)
@@ -110,13 +111,13 @@ def bounding_box(scene: Scene, within_m: float = 1e-10,
 
 
 def by_length(lengths_m: Floats) -> list[Ints]:
-    """Return the numbers of the benches, grouped by length: the head's alone, then those behind it."""
+    """Return the indices of the benches, grouped by length: the head's alone, then those behind it."""
     behind = dict.fromkeys(lengths_m[1:].tolist())
     return [np.array([0]), *(1 + np.flatnonzero(lengths_m[1:] == length) for length in behind)]
 
 
 def bench_of(ranges: 'HandleRanges', number: int) -> 'SweptBench':
-    """Return the bench of a number as one that moves along the track."""
+    """Return a bench, given its index, as one that moves along the track."""
     dragon = ranges.scene.dragon
     return SweptBench(ranges.track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
                       0.5 * dragon.width_m)
@@ -192,7 +193,7 @@ class _Reaching(InOrder):
 
 
 def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Reaching, side: int) -> Reach:
-    """Return the result on a side, with a bench that is there, and when."""
+    """Return the result on a side, with a bench that reaches it, and when."""
     kind, along_m, corner = search.where[side]
     low, high = ranges.ranges_m[:, kinds[kind]]
     bench = int(kinds[kind][np.argmax(np.minimum(along_m - low, high - along_m))])
@@ -207,10 +208,10 @@ def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Reaching, side: i
 
 @dataclass(frozen=True)
 class BenchStates:
-    """A bench at M places: its link as ``on_track`` sees it, behind its front handle, and its corners' values.
+    """A bench at M positions: its link, behind its front handle, for ``on_track``, and the values of its corners.
 
-    ``value`` (M, 4, 4) are the coordinates of the corners towards SIDES, ``front`` and ``rear`` the two parts of their
-    derivative, without the ratio cos alpha / cos beta.
+    ``value`` (M, 4, 4) are the coordinates of the corners towards SIDES; ``front`` and ``rear`` are the two parts of
+    their derivative, without the ratio cos alpha / cos beta.
     """
 
     link: LinkStates
@@ -219,13 +220,13 @@ class BenchStates:
     rear: Floats
 
     def rows(self, index: Index) -> 'BenchStates':
-        """Return some of the places."""
+        """Return a subset of the states."""
         return BenchStates(self.link.rows(index), self.value[index], self.front[index], self.rear[index])
 
 
 @dataclass(frozen=True)
 class SweptBench:
-    """A bench that moves along a track: its corners, and bounds of these between two of its places."""
+    """A bench that moves along a track: its corners, and bounds on them between two of its positions."""
 
     track: Track
     link_m: float
@@ -240,7 +241,7 @@ class SweptBench:
 
     @cached_property
     def _shares(self) -> tuple[Array, Array]:
-        """A and B of the corners; for a link of no length B is the factor of the tangent."""
+        """A and B of the corners; for a link of zero length B is the factor of the tangent."""
         if not self.link_m:
             return np.ones(4, dtype=np.complex128), self._lever
         return 0.5 + self._lever / self.link_m, 0.5 - self._lever / self.link_m
@@ -262,7 +263,7 @@ class SweptBench:
                            _sides(two * (to_rear if link else 1j * to)[:, None]))
 
     def _rears(self, fronts: Places) -> Places:
-        """Return the rear handles; at a lock itself one by one, since only that solver takes the longest chord."""
+        """Return the rear handles; at a lock one by one, because only the scalar solver accepts the longest chord."""
         try:
             return next_places(self.track, fronts, self.link_m, BEHIND)[0]
         except ChainLockError:
@@ -309,19 +310,20 @@ def _each(value: Floats) -> Floats:
 
 
 def _mean(a: Floats, b: Floats, gone: Floats) -> Ball:
-    """Return the ball of a value that goes from a to b and changes by at most so much in all."""
+    """Return the ball of a value that goes from a to b with a total variation of at most ``gone``."""
     return Ball(0.5 * (a + b), 0.5 * gone)
 
 
 class HandleRanges:
-    """The ranges of a dragon's front handles along the track during a run, and the time when a handle is at a place.
+    """The ranges of a dragon's front handles along the track during a run, and the time when a handle is at a position.
 
-    Each handle moves one way while the leader goes from one of ``_stops_m`` to the next: from the least distance
-    through those at which a handle turns back to the greatest. So its own least and greatest places are at these.
+    Each handle moves in one direction while the leader goes from one of ``_stops_m`` to the next. The stops are the
+    leader's smallest and largest distances and those in between at which a handle turns back. So each handle has its
+    smallest and largest distance at a stop.
     """
 
     def __init__(self, scene: Scene) -> None:
-        """Prepare for a scene, at the accuracy of the tier exact."""
+        """Prepare for a scene, at the accuracy of the exact tier."""
         self.scene = replace(scene, accuracy='exact', solver='march')
         run, law = scene.run, scene.head
         inside = [t_s for t_s in law.breaks_s if run.start_s < t_s < compile_scene(scene).end.t_s]
@@ -350,7 +352,7 @@ class HandleRanges:
 
     @cached_property
     def ranges_m(self) -> Floats:
-        """Least and greatest distance (2, N) of the front handles along the track."""
+        """Smallest and largest distance (2, N) of the front handles along the track."""
         return np.stack((np.min(self._at_stops_m, axis=0), np.max(self._at_stops_m, axis=0)))
 
     def chain(self, gone_m: tuple[float, float]) -> Chain:

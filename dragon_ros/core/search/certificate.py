@@ -1,23 +1,24 @@
-"""What is found of a first contact: when and between which benches, or that there is none, and what proves it."""
+"""Result of a search for the first contact: its time and benches, or no contact, and the certificate that proves it."""
 from dataclasses import dataclass
 
 from dragon_ros.core.geometry.contacts import ObstacleTouch
 from dragon_ros.core.geometry.signed_distance import Witness
 from dragon_ros.core.model import End
 
-ALL = -1        # the lead of an interval that speaks for every bench
+ALL = -1        # the lead of an interval that covers every bench
 
 
 @dataclass(frozen=True)
 class Interval:
     """A cleared part of a run, and a lower bound in metres of the gaps on it.
 
-    ``start_m`` and ``stop_m`` are distances along the track, in the order of the leader's motion, of the front handle
-    of bench ``lead``. The gaps are those of that bench to the next ``behind`` benches but the one just behind it, and
-    those of every bench behind which the remaining link sequence is the same, wherever its own front handle is there.
+    ``start_m`` and ``stop_m`` are distances along the track of the front handle of bench ``lead``, in the order of the
+    leader's motion. The bound applies to the gaps between that bench and the next ``behind`` benches except the one
+    directly behind it. It also applies to every other bench with the same remaining link sequence, while its own front
+    handle is in this part.
 
-    Where ``lead`` is ``ALL`` the distances are those of the head, and the gaps those of all pairs of benches for whose
-    inner bench no other interval speaks.
+    If ``lead`` is ``ALL``, the distances are those of the head, and the bound applies to all pairs of benches whose
+    inner bench no other interval covers.
     """
 
     lead: int
@@ -29,35 +30,36 @@ class Interval:
 
 @dataclass(frozen=True)
 class Certificate:
-    """What proves that nothing touched: intervals that cover the run up to the contact, or up to its end.
+    """Proof that nothing touched: intervals that cover the run up to the contact, or up to its end.
 
-    They speak of pairs of benches; what is cleared of obstacles is not kept.
+    They cover pairs of benches; cleared intervals for obstacles are not kept.
 
-    ``complete`` is False where they end short of the contact by more than a nanometre of the leader's way, and by more
-    than positions may err, or where nobody can say that the benches overlap so far after it: they meet so slowly.
+    ``complete`` is False if the intervals end more than a nanometre of leader travel, and more than the position error,
+    before the contact. It is also False if the benches meet so slowly that they do not provably overlap that far after
+    it.
     """
 
     intervals: tuple[Interval, ...] = ()
     complete: bool = True
 
     def __repr__(self) -> str:
-        """Say how much it proves; there are hundreds of intervals."""
+        """Say how much it proves, without listing hundreds of intervals."""
         return f'Certificate({len(self.intervals)} intervals, complete={self.complete})'
 
     def led_by(self, lead: int) -> tuple[Interval, ...]:
-        """Return the intervals of one leading bench."""
+        """Return the intervals of a leading bench."""
         return tuple(each for each in self.intervals if each.lead == lead)
 
 
 @dataclass(frozen=True)
 class Contact:
-    """A first contact: when, between which benches (the inner first), which corner and edge, and how sure.
+    """A first contact: its time, the benches (the inner one first), the corner and edge that meet, and its uncertainty.
 
-    Where a bench touches an obstacle, ``benches`` has that one alone and ``obstacle`` says what it touches.
-    ``grazing_m`` are bounds on the smallest gap where it is zero to within what positions may err, so that nobody can
-    say if they touch, else None. ``simultaneous`` has the other pairs, of benches or of a bench and an
-    obstacle's name, that touch within the uncertainty, which is the position error of the exact tier over the approach
-    speed. ``states`` counts the states evaluated.
+    For a contact with an obstacle, ``benches`` has one element and ``obstacle`` says what it touches. ``grazing_m``
+    bounds the smallest gap if that gap is zero to within the position error, so that contact cannot be decided;
+    otherwise it is None. ``simultaneous`` lists the other pairs, of two benches or of a bench and an obstacle's name,
+    that touch within the uncertainty, which is the position error of the exact tier divided by the approach speed.
+    ``states`` is the number of states evaluated.
     """
 
     t_s: float
@@ -80,13 +82,13 @@ class Contact:
 
     @property
     def point_m(self) -> tuple[float, float]:
-        """Where they touch."""
+        """The point of contact."""
         return self.witness.point_m
 
 
 @dataclass(frozen=True)
 class NoContact:
-    """The run ended without one."""
+    """The run ended without a contact."""
 
     end: End
     states: int

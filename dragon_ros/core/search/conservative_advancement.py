@@ -1,17 +1,17 @@
-"""How near any two benches can come over a step of the leader, for the whole chain: the larger of two lower bounds.
+"""How close any two benches of the whole chain can come over a step of the leader: the larger of two lower bounds.
 
-Both hold where no link can lock. Handles then only move on as the leader does, so between two states handle i moves by
-exactly the distance D_i between its places at both. A point of a bench at a fraction t of the way between its handles
-moves by at most (1 - t) D_i + t D_(i+1); a point at a distance e beside or beyond them moves by e times the bench's
-turning more, which is at most (D_i + D_(i+1)) / 2 times the track's largest curvature. If two benches met in between,
-the same two points would have been apart by the gaps at both states: they would have moved by at least the sum of both
-gaps.
+Both hold if no link can lock. The handles then move on only when the leader does, so between two states handle i moves
+by exactly the distance D_i between its positions at both. A point of a bench at a fraction t of the way between its
+handles moves by at most (1 - t) D_i + t D_(i+1). A point at a distance e beside or beyond them moves by e times the
+bench's rotation more, which is at most (D_i + D_(i+1)) / 2 times the track's largest curvature. If two benches met in
+between, the two points that meet would be at least the gap apart at either state, so they would have moved by at least
+the sum of both gaps.
 
-That bound shrinks with the moves of benches, even if they move together. The other one, for pairs that it does not
-clear, shrinks with the square of the step, and with the moves of benches relative to each other: over a step h no
-corner leaves the line between its places at both ends by more than B h^2 / 8, with B from ``on_track``. docs/contact.md
-has the proofs. Everything is rounded outwards: gaps and separations by ``signed_distance.rounding_m``, moves by a
-factor ABOVE.
+That bound shrinks with the motion of benches, even if they move together. The other bound is used for pairs that the
+first does not clear. It shrinks with the square of the step, and with the motion of benches relative to each other:
+over a step h no corner deviates from the line between its positions at both ends by more than B h^2 / 8, with B from
+``on_track``. docs/contact.md has the proofs. Everything is rounded outwards: gaps and separations by
+``signed_distance.rounding_m``, motions by the factor ABOVE.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -28,28 +28,28 @@ from dragon_ros.core.search.driver import Judgement, clear, parts_for
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
-_TOLERANCE = 4          # times the position error: two benches may be off, at two states
-_SPACING = 0.3          # of the longest bench, between the first states: a pair two apart has no more room
+_TOLERANCE = 4          # times the position error: two benches at two states
+_SPACING = 0.3          # of the longest bench, between the first states: a pair two benches apart has no more room
 _LEAST_SPACING = 0.05   # of that; intervals are cut anyway, and shorter roots have fewer pairs in reach
-_PARTS_OF_ROOT = 1.05   # so long are the roots of a block that they are cut into so many, were it like the last one,
-_FINER = 0.25           # but no less than this, nor more than its inverse, of what they were
+_PARTS_OF_ROOT = 1.05  # parts per root that a block aims at, judging by the previous block: its roots change in length,
+_FINER = 0.25           # by a factor from this to its inverse
 _MOST = 2_000_000       # of them: some hours
 _FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: near a contact, and near a grazing
-_REACH = 1.25           # of the moves of benches on a root: pairs further apart keep a fifth of their gap
-_SHORTEST = 0.1         # of what a gap must exceed: steps to a contact, where gaps are some times that, are longer
-_FAR = 0.05             # and of the longest bench, so that benches at rest have a positive bound too
-_AT_ONCE = 2**17        # benches that are sampled together, for the memory
-_FEW = 8                # roots of the first block; later ones are twice as long each
-_SETTLED = 0.5          # relative to a gap: a bound this close to it is not computed again on parts of its interval
-_STILL_M = 1e-200       # two states may round to one place
+_REACH = 1.25           # times the motion of benches on a root: pairs further apart keep a fifth of their gap
+_SHORTEST = 0.1    # of the error that a gap must exceed: steps to a contact, where gaps are some times that, are longer
+_FAR = 0.05             # of the longest bench, added so that benches at rest have a positive bound too
+_AT_ONCE = 2**17        # benches that are sampled together, to limit memory
+_FEW = 8                # roots in the first block; each later block has twice as many
+_SETTLED = 0.5          # relative to a gap: a bound this close to it is not recomputed on parts of its interval
+_STILL_M = 1e-200       # two states may round to the same position
 
 
 @dataclass(frozen=True)
 class ChainSamples:
-    """States of a chain with N benches at M places: handles (M, N+1), and rectangles.
+    """States of a chain with N benches at M leader positions: handles (M, N+1), and rectangles.
 
-    ``along_m`` are distances along the track, ``headings`` its headings there, ``curvature`` its curvatures in 1/m, and
-    ``segment`` the numbers of its segments.
+    For each handle ``along_m`` is its distance along the track; ``headings``, ``curvature`` (1/m) and ``segment``
+    (index) are those of the track at it.
     """
 
     places: Floats
@@ -62,7 +62,7 @@ class ChainSamples:
     axis: Floats
 
     def rows(self, index: Ints) -> 'ChainSamples':
-        """Return some of the states."""
+        """Return a subset of the states."""
         return ChainSamples(*(getattr(self, name)[index] for name in _FIELDS))
 
 
@@ -70,11 +70,11 @@ _FIELDS = tuple(each.name for each in fields(ChainSamples))
 
 
 class _ChainIntervals:
-    """The space of the leader's places for ``clear``; pairs are searched once per root, and its parts get those left.
+    """The space of leader positions for ``clear``; each root finds its pairs, and its parts get the remaining ones.
 
-    A group is a set of pairs with a bound of the gaps of all others on an interval. A root's group holds the pairs in
-    reach. Pairs whose bound on an interval is not far below their gaps at its ends are cleared on all its parts too,
-    and left out.
+    A group is a set of pairs, with a bound of the gaps of all other pairs on an interval. A root's group holds the
+    pairs in reach. If a pair's bound on an interval is not far below its gaps at the ends, the pair is cleared on all
+    parts of the interval and left out of their groups.
     """
 
     def __init__(self, domain: SearchDomain, only_beyond: bool, heads_m: dict[float, float]) -> None:
@@ -92,7 +92,7 @@ class _ChainIntervals:
         self._others_m: Floats = np.empty(0)                # bounds of the gaps of each group's other pairs
 
     def sample(self, places: Floats, _: Ints) -> ChainSamples:
-        """Return samples."""
+        """Return the samples at leader positions."""
         at_once = max(1, _AT_ONCE // self._domain.dragon.benches)
         return self.joined([self._sample(places[n:n + at_once]) for n in range(0, places.size, at_once)])
 
@@ -107,11 +107,11 @@ class _ChainIntervals:
                             chain.segment, benches.centre, benches.axis)
 
     def joined(self, parts: list[ChainSamples]) -> ChainSamples:
-        """Return several samples as one."""
+        """Concatenate samples."""
         return ChainSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in _FIELDS))
 
     def begin(self, samples: ChainSamples, pairs: Ints, _: Ints) -> None:
-        """Take the roots: find the pairs that come near on each."""
+        """Take the roots and find the pairs that come close on each."""
         moved_m = np.max(self._moved(samples.rows(pairs[0]), samples.rows(pairs[1])), axis=1)
         reach_m = _REACH * 2 * moved_m + self._far_m
         found = [*self._near(samples, pairs, reach_m)]
@@ -121,7 +121,7 @@ class _ChainIntervals:
         self._others_m = reach_m - 2 * moved_m
 
     def _near(self, samples: ChainSamples, pairs: Ints, reach_m: Floats) -> Iterator[tuple[Ints, Ints]]:
-        """Yield the pairs to examine on roots: all within reach, except those that other pairs cover."""
+        """Yield the pairs to examine on each root: all within reach that no other part of the search covers."""
         corners = Benches(samples.centre, samples.axis, *self._half).corners
         low, high = corners.min(axis=2), corners.max(axis=2)
         low, high = np.minimum(*(low[rows] for rows in pairs)), np.maximum(*(high[rows] for rows in pairs))
@@ -131,13 +131,13 @@ class _ChainIntervals:
             yield i[keep], j[keep]
 
     def _moved(self, a: ChainSamples, b: ChainSamples) -> Floats:
-        """Return how far points of benches (M, N) move at most between samples."""
+        """Return the largest motion of any point of each bench (M, N) between samples."""
         way_m = np.abs(b.along_m - a.along_m)
         out: Floats = np.maximum(way_m[:, :-1], way_m[:, 1:]) + self._turning * (way_m[:, :-1] + way_m[:, 1:])
         return ABOVE * out
 
     def judge(self, a: ChainSamples, b: ChainSamples, group: Ints) -> Judgement:
-        """Judge intervals by gaps less the moves or the bending of benches; cut them as their room suggests.
+        """Judge intervals by gaps less the benches' motion or second-order deviation; cut them as their room suggests.
 
         Room is the fraction of its length to which an interval would have to shrink to be cleared.
         """
@@ -163,7 +163,7 @@ class _ChainIntervals:
         return Judgement(bound_m, touching, parts_for(least), rest)
 
     def _without(self, settled: Array, at: Ints, row: Ints, low_m: Floats, group: Ints, which: Ints) -> Ints:
-        """Return groups (M,): new ones for the intervals ``which``, without their settled pairs."""
+        """Return groups (M,): new ones, without their settled pairs, for the intervals ``which``."""
         out: Ints = group.copy()
         others_m = self._others_m[group]
         np.minimum.at(others_m, row[settled], low_m[settled])
@@ -178,8 +178,8 @@ class _ChainIntervals:
         return out
 
     def _bent(self, a: ChainSamples, b: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[Floats, Floats]:
-        """Return second-order bounds of pairs' gaps, and the room."""
-        # Dragons that wind in on one spiral are cleared by leading benches alone.
+        """Return second-order bounds of the gaps of pairs, and the room."""
+        # Imported here because dragons that wind in on one spiral need only ``leading_benches``.
         from dragon_ros.core.enclosures.on_track import kinematics, link_states, second_derivatives, views
         domain = self._domain
         used, row = np.unique(row, return_inverse=True)
@@ -200,44 +200,44 @@ class _ChainIntervals:
         return gaps(*self._rectangles(samples, row, i, j))
 
     def _rectangles(self, samples: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[Benches, Ints, Ints]:
-        """Return the benches of all states as those of one, and pairs of them."""
+        """Return the benches of all states as one set, and pairs of its indices."""
         states, count = samples.places.size, self._domain.dragon.benches
         half_length, half_width = (np.tile(half, states) for half in self._half)
         benches = Benches(samples.centre.reshape(-1, 2), samples.axis.reshape(-1, 2), half_length, half_width)
         return benches, row * count + i, row * count + j
 
     def lengths_m(self, start: Floats, stop: Floats) -> Floats:
-        """Return the leader's moves."""
+        """Return how far the leader moves on each interval."""
         return np.abs(stop - start)
 
 
 class WholeChain:
-    """All pairs of a domain, or those that ``LeadingBenches`` leave: the cleared part, and its end."""
+    """All pairs of a domain, or those left by ``LeadingBenches``: the cleared part, and where it ends."""
 
     def __init__(self, domain: SearchDomain, only_beyond: bool) -> None:
-        """Take a domain; ``only_beyond`` counts only pairs whose inner bench is beyond the track's first segment."""
+        """Take a domain; ``only_beyond`` limits it to pairs whose inner bench is beyond the track's first segment."""
         self._domain, self._only_beyond, self.tolerance_m = domain, only_beyond, _TOLERANCE * domain.error_m
         longest_m = float(np.max(domain.dragon.bench_lengths_m))
         self._spacing_m, self._finest_m = _SPACING * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
         self._rows: list[tuple[float, float, float]] = []
-        self._heads_m: dict[float, float] = {}      # the head's distance along the track at the places
+        self._heads_m: dict[float, float] = {}      # the head's distance along the track at each leader position
         self._hit: Bracket | None = None
 
     @property
     def searchable_m(self) -> float:
-        """The leader's place up to which the domain does not start with too many places."""
+        """The leader position up to which the search needs an acceptable number of first intervals."""
         domain, most_m = self._domain, _MOST * self._spacing_m
         near = abs(domain.stop_m - domain.start_m) <= most_m
         return domain.stop_m if near else domain.start_m + domain.sense * most_m
 
     def clear(self, stop_m: float) -> Bracket | None:
-        """Clear all pairs up to a place of the leader; return the first bracket of places that is not clear."""
+        """Clear all pairs up to a leader position; return the first bracket that is not clear."""
         self._rows, self._hit = [], None
         self._go_on(self._domain.start_m, stop_m)
         return self._hit
 
     def prove(self, stop_m: float) -> Bracket | None:
-        """Clear up to an earlier place than before; return the first bracket that is not clear."""
+        """Clear up to an earlier position than before; return the first bracket that is not clear."""
         sense = self._domain.sense
         kept = [row for row in self._rows if sense * row[0] < sense * stop_m]
         self._rows = [(start, sense * min(sense * stop, sense * stop_m), bound) for start, stop, bound in kept]
@@ -259,7 +259,7 @@ class WholeChain:
         return self._heads_m[place]
 
     def _go_on(self, start_m: float, stop_m: float, finest_m: tuple[float, ...] | None = None) -> None:
-        """Clear from one place to another, block by block, or up to the first place that is not clear."""
+        """Clear from one position to another, block by block, or up to the first position that is not clear."""
         here_m, stop_m = (self._within(place) for place in (start_m, stop_m))
         most, spacing_m = max(1, _AT_ONCE // self._domain.dragon.benches), self._spacing_m
         size = min(_FEW, most)
@@ -277,7 +277,7 @@ class WholeChain:
             here_m, size = end_m, min(2 * size, most)
 
     def _within(self, place_m: float) -> float:
-        """Return the place, or the nearest one with a bench beyond the first segment if only those count."""
+        """Return the position, or the nearest one with a bench beyond the first segment if only those count."""
         domain = self._domain
         if not self._only_beyond:
             return place_m

@@ -1,17 +1,17 @@
-"""The loop of all searches: cells of a space are judged in batches, and cut until each is settled.
+"""The loop shared by all searches: it judges cells of a space in batches and subdivides them until all are settled.
 
-``run`` takes the search as a parameter. A ``Search`` says which cells may still matter and in which order they come,
-and judges them: it keeps what is settled and returns the parts of other cells. The loop holds the waiting cells and
-decides how many are judged together; if there are too many, the first in order go first, with all their parts. Four
-searches use it. ``clear`` goes through places in order, up to the first that is not clear; ``min_pitch`` does so in the
-plane of radius and pitch; ``bounding_box`` and ``max_speed`` look for largest values. Every search ends: a cell is cut
-into parts at most half as long, until it is as short as requested or as floats allow.
+``run`` takes the search as a parameter. A ``Search`` says which cells may still matter, orders them and judges them: it
+keeps what is settled and returns the parts of all other cells. The loop holds the waiting cells and limits the number
+that are judged together; if there are too many, it takes the first in order, with all their parts. Four searches use
+it. ``clear`` advances through positions up to the first that is not clear; ``min_pitch`` does the same in the plane of
+radius and pitch; ``bounding_box`` and ``max_speed`` search for maxima. Every search terminates: a cell is cut into
+parts at most half as long, until it is as short as requested or as floats allow.
 
-``clear`` clears intervals of a search domain of contact. A domain is sampled at places. Between two of them a bound
-(``on_spiral`` for a bench on a spiral segment, ``conservative_advancement`` for the whole chain) says how near benches
-can come. An interval whose bound does not exceed the position error is cut, at once into as many parts as the bound
-suggests, until each part is cleared or as short as requested. So an interval of length L takes at most log2(L / finest)
-rounds. Intervals carry the samples at their ends, which their parts share, since states are expensive here.
+``clear`` clears intervals of the search domain of a contact. A domain is sampled at positions. Between two of them a
+bound (``on_spiral`` for a bench on a spiral segment, ``conservative_advancement`` for the whole chain) says how close
+benches can come. If its bound does not exceed the position error, an interval is cut at once into as many parts as the
+bound suggests, until each part is cleared or as short as requested. So an interval of length L takes at most log2(L /
+finest) rounds. Adjacent intervals share the samples at their ends, because states are expensive.
 """
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar
@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from dragon_ros.core.numerics.types import Floats, Ints
 
-_SHARE = 0.9        # of the room for an interval: gaps shrink in between
-_MOST_PARTS = 3     # into which an interval is cut at once: shorter ones have more room than a long one suggests
-_AT_ONCE = 4096     # intervals that are bounded together; later ones wait, which bounds the memory of a long search
-_FINEST = 1e-14     # of a time or a distance: intervals this short are not cut
+_SHARE = 0.9        # of the room for an interval: gaps shrink within it
+_MOST_PARTS = 3     # per cut of an interval: shorter intervals have more room than a long one suggests
+_AT_ONCE = 4096     # intervals that are bounded together; later ones wait, which limits the memory of a long search
+_FINEST = 1e-14     # of a time or a distance: shorter intervals are not cut
 Bools = NDArray[np.bool_]
 
 
@@ -37,7 +37,7 @@ class Cells(Protocol):
         ...
 
     def some(self, which: Any) -> Any:
-        """Return some of them."""
+        """Return a subset of the cells."""
         ...
 
 
@@ -66,14 +66,14 @@ class Search(Protocol[C]):
 
 
 class InOrder:
-    """A search for an extreme value over cells along a track or in time: it judges all cells, in order."""
+    """A search for an extreme value over cells along a track or in time; it judges every cell, in order."""
 
     def ahead(self, cells: Cells) -> Bools:
-        """Return True for all: their bounds are unknown before they are judged."""
+        """Return True for all cells: their bounds are unknown until they are judged."""
         return np.ones(cells.size, dtype=bool)
 
     def order(self, cells: Any) -> Floats:
-        """Return where cells begin."""
+        """Return the start of each cell."""
         out: Floats = cells.low[0]
         return out
 
@@ -95,7 +95,7 @@ def run(search: Search[C], cells: C) -> None:
 
 @dataclass(frozen=True)
 class Boxes:
-    """Boxes of a space of D dimensions, ``low`` to ``high`` (D, M): cells without samples."""
+    """Boxes in a space of D dimensions, from ``low`` to ``high`` (D, M): cells without samples."""
 
     low: Floats
     high: Floats
@@ -106,11 +106,11 @@ class Boxes:
         return int(self.low.shape[1])
 
     def some(self, which: Bools | Ints) -> 'Boxes':
-        """Return some of them."""
+        """Return a subset of the boxes."""
         return Boxes(self.low[:, which], self.high[:, which])
 
     def cut(self, parts: int, axis: Ints | int = 0) -> 'Boxes':
-        """Return equal parts of each box along one axis, or along an axis per box."""
+        """Cut each box into equal parts along one axis, or along one axis per box."""
         axis, each = np.broadcast_to(axis, self.size), np.arange(self.size)
         ends = np.linspace(self.low[axis, each], self.high[axis, each], parts + 1, axis=1)
         low, high = (np.repeat(one, parts, axis=1) for one in (self.low, self.high))
@@ -120,23 +120,23 @@ class Boxes:
 
 
 class Samples(Protocol):
-    """States at M places of a domain."""
+    """States at M positions of a domain."""
 
     @property
     def places(self) -> Floats:
-        """Places (M,)."""
+        """The positions (M,)."""
         ...
 
     def rows(self, index: Ints) -> Any:
-        """Return some of them."""
+        """Return a subset of the samples."""
         ...
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """For M intervals: lower bounds of the gaps, whether benches touch at either end (2, M), and the parts to cut into.
+    """For M intervals: lower bounds of the gaps, whether benches touch at either end (2, M), and the numbers of parts.
 
-    ``group`` (M,) is what the parts are judged with: a space may omit from it pairs settled for the whole interval.
+    ``group`` (M,) is the group with which the parts are judged: a space may omit pairs settled for the whole interval.
     """
 
     bound_m: Floats
@@ -146,44 +146,44 @@ class Judgement:
 
 
 class Space(Protocol):
-    """The space of a search: it samples places, and bounds the gaps between two of them.
+    """The space of a search: it samples positions and bounds the gaps between two of them.
 
-    The first intervals are the ``roots``, which are judged with their own numbers; all others are parts of them.
-    Windows are given by their numbers in the list passed to ``clear``.
+    The first intervals are the ``roots``, which are their own groups; all others are parts of them. Windows are
+    identified by their index in the list passed to ``clear``.
     """
 
     @property
     def tolerance_m(self) -> float:
-        """The error of the positions, which a bound must exceed."""
+        """The position error, which a bound must exceed."""
         ...
 
     def sample(self, places: Floats, window: Ints) -> Any:
-        """Return the samples of places (M,) of windows (M,)."""
+        """Return the samples at positions (M,) of windows (M,)."""
         ...
 
     def joined(self, parts: list[Any]) -> Any:
-        """Return several samples as one."""
+        """Concatenate samples."""
         ...
 
     def begin(self, samples: Any, pairs: Ints, window: Ints) -> None:
-        """Take the roots: ``pairs`` (2, R) of rows of the samples, and the numbers (R,) of their windows."""
+        """Take the roots: ``pairs`` (2, R) of rows of the samples, and the indices (R,) of their windows."""
         ...
 
     def judge(self, a: Any, b: Any, group: Ints) -> Judgement:
-        """Judge the intervals between samples a and b; ``group`` is a root's number or one from a judgement."""
+        """Judge the intervals between samples a and b; ``group`` is the index of a root or comes from a judgement."""
         ...
 
     def lengths_m(self, start: Floats, stop: Floats) -> Floats:
-        """Return the lengths of intervals in metres, or bounds of them."""
+        """Return the lengths of intervals in metres, or bounds on them."""
         ...
 
 
 @dataclass(frozen=True)
 class Cleared:
-    """The cleared part of a window, from its start on, as rows (start, stop, bound).
+    """The cleared part of a window, from its start, as rows (start, stop, bound).
 
-    ``hit`` brackets the first place that is not clear, as (cleared end, other end, bound), or is None if all is clear;
-    ``touching`` says that benches touch at its other end.
+    ``hit`` brackets the first position that is not clear, as (cleared end, other end, bound); it is None if all is
+    clear. ``touching`` is True if benches touch at the other end.
     """
 
     rows: list[tuple[float, float, float]]
@@ -192,16 +192,16 @@ class Cleared:
 
 
 def parts_for(room: Floats) -> Ints:
-    """Return the number of parts for intervals that a fraction ``room``, below 1, of their length would clear."""
+    """Return the number of parts for intervals of which the fraction ``room``, below 1, would be cleared."""
     parts = np.ceil(1 / (_SHARE * np.maximum(room, 0.5 / _MOST_PARTS)))
     return np.clip(parts, 2, _MOST_PARTS).astype(np.int64)
 
 
 def clear(space: Space, windows: list[Floats], finest_m: tuple[float, ...]) -> list[Cleared]:
-    """Clear windows, given as places (monotone), each up to the first place that cannot be cleared.
+    """Clear windows, given as monotone positions, each up to the first position that cannot be cleared.
 
-    Intervals are cut down to the first of ``finest_m``. If one is then neither cleared nor touching, the rest of its
-    window is cleared again from there on, down to the next.
+    Intervals are cut down to the first length of ``finest_m``. If such an interval is neither cleared nor touching, the
+    rest of its window is searched again from there down to the next length.
     """
     out, left = [Cleared([], None, False) for _ in windows], dict(enumerate(windows))
     for finest in finest_m:
@@ -228,7 +228,7 @@ def _cleared(space: Space, windows: dict[int, Floats], finest_m: float) -> dict[
 
 @dataclass(frozen=True)
 class _Intervals:
-    """Intervals: ``pairs`` (2, M) of rows of samples, their windows (M,) and groups (M,)."""
+    """Intervals: ``pairs`` (2, M) of rows of samples, with their windows (M,) and groups (M,)."""
 
     samples: Any
     pairs: Ints
@@ -241,13 +241,13 @@ class _Intervals:
         return int(self.window.size)
 
     def some(self, keep: Bools | Ints) -> '_Intervals':
-        """Return some intervals with their samples."""
+        """Return a subset of the intervals with its samples."""
         used, rows = np.unique(self.pairs[:, keep], return_inverse=True)
         return _Intervals(self.samples.rows(used), rows.reshape(2, -1), self.window[keep], self.group[keep])
 
 
 class _Clearing:
-    """A search that clears windows in the order of their places, and its results."""
+    """A search that clears windows in the order of their positions, and its results."""
 
     at_once = _AT_ONCE
 
@@ -256,8 +256,8 @@ class _Clearing:
         of = np.repeat([*windows], [window.size for window in windows.values()])
         self._sign = np.ones(size)
         self._sign[[*windows]] = [1.0 if window[-1] >= window[0] else -1.0 for window in windows.values()]
-        self._touch: Floats = np.full(size, np.inf)      # progress to the first touching place
-        self._limit: Floats = np.full(size, np.inf)      # and to the first place that cannot be cleared
+        self._touch: Floats = np.full(size, np.inf)      # progress to the first touching position
+        self._limit: Floats = np.full(size, np.inf)      # and to the first position that cannot be cleared
         self._done: list[tuple[Floats, Ints]] = []
         self._stuck: list[tuple[Floats, Ints]] = []
         samples, first = space.sample(np.concatenate([*windows.values()]), of), np.flatnonzero(np.diff(of) == 0)
@@ -266,7 +266,7 @@ class _Clearing:
         self.roots = _Intervals(samples, pairs, of[first], np.arange(first.size))
 
     def ahead(self, batch: _Intervals) -> Bools:
-        """Return which intervals begin before the first place that cannot be cleared."""
+        """Return which intervals begin before the first position that cannot be cleared."""
         out: Bools = self.order(batch) < self._limit[batch.window]
         return out
 
@@ -303,7 +303,7 @@ class _Clearing:
         places = np.where(parts[of] == 2, 0.5 * (start + stop)[of], start[of] + share * (stop - start)[of])
         new = batch.samples.places.size + np.arange(of.size)
         samples = self._space.joined([batch.samples, self._space.sample(places, batch.window[of])])
-        # Each interval's rows in order: its start, the new ones, its stop.
+        # The rows of each interval in order: its start, the new ones, its stop.
         fronts, owner = np.empty(of.size + count, dtype=np.int64), np.repeat(np.arange(count), parts)
         heads = np.cumsum(parts) - parts
         inner = np.ones(fronts.size, dtype=bool)
@@ -333,19 +333,19 @@ class _Clearing:
 
 
 def _between(start: Floats, stop: Floats) -> Bools:
-    """Return whether there are floats between two."""
+    """Return whether there is a float between the two."""
     middle = 0.5 * (start + stop)
     out: Bools = (middle != start) & (middle != stop)
     return out
 
 
 def divisible(starts: Floats, stops: Floats) -> Bools:
-    """Return which intervals of time or distance between starts and stops (M,) are long enough to be cut."""
+    """Return which intervals of time or distance from starts to stops (M,) are long enough to be cut."""
     out: Bools = np.abs(stops - starts) > _FINEST * (1 + np.maximum(np.abs(starts), np.abs(stops)))
     return out
 
 
 def _counted(sizes: Ints) -> Ints:
-    """Return 0, 1, ... up to each size in turn."""
+    """Return 0, 1, ... up to each size, concatenated."""
     out: Ints = np.arange(int(np.sum(sizes))) - np.repeat(np.cumsum(sizes) - sizes, sizes)
     return out

@@ -1,15 +1,16 @@
-"""The time up to which no dragon of a family touches itself: benches that differ within tolerances, on one spiral.
+"""The time up to which no dragon of a family touches itself: benches on one spiral that differ within tolerances.
 
-Every bench of a dragon may have its own width, length and hole inset within the tolerances of the scene's; the pitch of
-the track is common to all. Rectangles nest, so width and overhang are taken at their largest; a link may have any
-length between its shortest and its longest. The chain behind a bench depends on its own place alone, so the search
-covers the places of the inner bench of a pair and of the other one, the two links, and the pitches
-(``enclosures.sliding_pair``). The links between the two benches are each between two lengths. So the other bench's
-place lies in one strip for each number of benches in between, and everything outside of all strips is left out. There
-are two searches in one: the head with all benches behind it, and any other bench with all behind it (docs/contact.md).
+Every bench of a dragon may have its own width, length and hole inset within the tolerances around the scene's values;
+the pitch of the track is common to all. Larger rectangles contain smaller ones, so width and overhang are taken at
+their largest; a link may have any length between its shortest and its longest. The chain behind a bench depends only on
+that bench's position. So the search covers the positions of the inner and the other bench of a pair, their two links,
+and the pitches (``enclosures.sliding_pair``). The links between the two benches have bounded lengths. So for each
+number of benches in between, the other bench's position lies in a strip, and everything outside all strips is left out.
+The search has two parts: the head with all benches behind it, and any other bench with all benches behind it
+(docs/contact.md).
 
-Boxes are cleared, left out or halved, always those first that the leader could reach first. So the leader's way to the
-first remaining box is proved clear.
+Boxes are cleared, left out or halved, in the order in which the leader could reach them. So the leader's travel up to
+the first remaining box is proved clear.
 """
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -43,15 +44,15 @@ from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve, arc_between
 
 TOLERANCES = ('dragon.width_m', 'dragon.head_length_m', 'dragon.body_length_m', 'dragon.hole_inset_m', 'track.pitch_m')
-_WITHIN = 0.01          # of a metre of the leader's way, or of the longest link if that is shorter: so far short of a
-                        # touching dragon is near enough, and is left to spare
+_WITHIN = 0.01          # of a metre of leader travel, or of the longest link if that is shorter: a proof ends this
+                        # far before a dragon that touches
 _AT_ONCE, _MOST = 1000, 200_000     # boxes
-_FIRST_RAD = 2.0        # turn of the inner bench about the centre in a first box
+_FIRST_RAD = 2.0        # turn about the centre of the inner bench in a first box
 _MOST_FIRST = 10_000    # first boxes
 _DOWN, _UP = 1 - 2.0**-51, 1 + 2.0**-51     # for a sum of two positive numbers: more than its rounding
-_OUT = 1 + 2.0**-40     # more than the roundings of a dozen sums and products of positive numbers
-_BENT = 1.09            # no spiral's curvature exceeds 1.09 / r (``min_pitch``)
-_INNER_STEPS = 6        # in which the place of the head is bounded from that of the next bench
+_OUT = 1 + 2.0**-40     # more than the rounding of a dozen sums and products of positive numbers
+_BENT = 1.09            # the curvature of any spiral is at most 1.09 / r (``min_pitch``)
+_INNER_STEPS = 6        # iterations that bound the position of the head from that of the next bench
 _HEAD, _BODY = 0, 1     # the inner bench of a pair
 
 
@@ -59,9 +60,9 @@ _HEAD, _BODY = 0, 1     # the inner bench of a pair
 class FamilyProof:
     """No dragon of the family touches itself from the start of the run to ``proved_s``.
 
-    ``why`` says what ends the proof: 'contact' (from ``limit_s`` on some may touch, such as ``benches``), 'run' (the
-    run of the nominal dragon ends there), 'bend' (closer to the centre nothing is known of the handles' order) or
-    'effort'. ``nominal`` is the first contact of the scene itself, ``states`` counts boxes.
+    ``why`` says what ends the proof: 'contact' (some dragons may touch from ``limit_s`` on, with ``benches`` for
+    example), 'run' (the run of the nominal dragon ends), 'bend' (closer to the centre the order of handles is not
+    proved) or 'effort'. ``nominal`` is the first contact of the scene itself; ``states`` is the number of boxes.
     """
 
     within: tuple[tuple[str, float], ...]
@@ -75,7 +76,7 @@ class FamilyProof:
 
 @dataclass(frozen=True)
 class Family:
-    """The common ranges of the dragons of a family: from least to largest, in metres; ``scale`` is 1 / b in 1/m."""
+    """The common ranges of the dragons of a family, from smallest to largest, in metres; ``scale`` is 1 / b in 1/m."""
 
     benches: int
     turns: float
@@ -87,18 +88,18 @@ class Family:
 
     @cached_property
     def scale(self) -> tuple[float, float]:
-        """Least and largest 1 / b in 1/m."""
+        """The smallest and largest 1 / b in 1/m."""
         least_m, most_m = self.pitch_m
         return 2 * pi / most_m / _OUT, 2 * pi / least_m * _OUT
 
     @property
     def start_rad(self) -> float:
-        """Polar angle at which the head starts at 0 s, rounded up."""
+        """The polar angle at which the head starts at 0 s, rounded up."""
         return from_turns(self.turns).hi * _OUT
 
     @property
     def within_m(self) -> float:
-        """How far short of a touching dragon a proof may end."""
+        """The distance before a dragon that touches at which a proof may end."""
         return _WITHIN * min(1.0, self.head_link_m[1], self.body_link_m[1])
 
     @property
@@ -107,7 +108,7 @@ class Family:
         return 0.5 * _BENT * self.scale[1] * max(self.head_link_m[1], self.body_link_m[1]) * _OUT
 
     def gone_m(self, theta: Floats | float, scale: Floats | float) -> Floats:
-        """Return the least distance travelled by the head to polar angles, at scales up to these."""
+        """Return the least distance that the head travels to reach polar angles, for scales up to the given ones."""
         start = self.start_rad
         out: Floats = np.maximum(arc_between(start, np.maximum(start - np.asarray(theta), 0.0)) / scale / _OUT - (
             (_OUT - 1) * start**2 / self.scale[0]), 0.0)
@@ -125,11 +126,11 @@ class Family:
 
 def first_contact_within(scene: Scene, within: Mapping[str, float],
                          progress: Callable[[int], object] = lambda states: None) -> FamilyProof:
-    """Return up to when no dragon touches itself whose benches, and whose track's pitch, are within tolerances.
+    """Return the time up to which no dragon with benches and track pitch within tolerances touches itself.
 
     ``within`` has a tolerance in metres, to either side, for some of ``TOLERANCES``. ``progress(boxes)`` is called with
-    every number of boxes just examined. Raises FieldError for what has no tolerance and for scenes that are not
-    covered, and DragonError, naming the tolerance to blame, where nothing can be proved.
+    the number of boxes examined since the last call. Raises FieldError for unknown tolerances and for scenes that are
+    not covered, and DragonError, naming the tolerance to blame, if nothing can be proved.
     """
     family = family_of(scene, within)
     nominal = first_contact(scene)
@@ -164,14 +165,14 @@ def family_of(scene: Scene, within: Mapping[str, float]) -> Family:
 
 
 def _covered(scene: Scene) -> tuple[Dragon, Spiral]:
-    """Return dragon and track of a scene. Raises FieldError where families are not covered."""
+    """Return dragon and track of a scene. Raises FieldError if families of this scene are not covered."""
     dragon, track, law = scene.dragon, scene.track, scene.head
     if scene.venue is not None:
-        raise FieldError('venue', scene.venue, 'a family is proved among benches alone',
+        raise FieldError('venue', scene.venue, 'families are proved for contacts between benches only',
                          'leave the venue out (--set venue=null) to ask for that')
     if not isinstance(dragon, Dragon):
-        raise FieldError('dragon.groups', f'{dragon.benches} mixed benches', 'families are of benches that are equal '
-                         'behind the head', 'make them equal, and give a tolerance for what differs')
+        raise FieldError('dragon.groups', f'{dragon.benches} mixed benches', 'families need benches that '
+                         'are equal behind the head', 'make them equal, and give a tolerance for each dimension that differs')
     if dragon.benches < 3:
         raise FieldError('dragon.benches', dragon.benches, 'only benches that are not neighbours can touch',
                          'give at least 3')
@@ -186,7 +187,7 @@ def _covered(scene: Scene) -> tuple[Dragon, Spiral]:
 
 
 def _around(key: str, value: float, within: Mapping[str, float], zero: bool = False) -> tuple[float, float]:
-    """Return the interval of a value. Raises FieldError where it reaches to 0 (``zero``: below it)."""
+    """Return the interval of a value. Raises FieldError if it contains 0 (with ``zero``: if it reaches below 0)."""
     tolerance = within.get(key, 0.0)
     if tolerance and (tolerance > value if zero else tolerance >= value):
         raise FieldError(f'--within {key}', tolerance, f'the value itself is {value:g} m', 'give a smaller tolerance')
@@ -234,7 +235,7 @@ def _search(scene: Scene, family: Family, nominal: Contact | NoContact,
 
 
 def _blame(scene: Scene, within: Mapping[str, float], nominal: Contact | NoContact) -> str:
-    """Return what would be proved without one of the tolerances: the one whose absence helps most."""
+    """Return how much would be proved without the tolerance whose absence helps most, in words."""
     best: tuple[float, str] | None = None
     for key in within:
         family = family_of(scene, {**within, key: 0.0})
@@ -243,17 +244,17 @@ def _blame(scene: Scene, within: Mapping[str, float], nominal: Contact | NoConta
         if proved_m > search.begin_m and (best is None or proved_m > best[0]):
             best = proved_m, key
     if best is None:
-        return '; each of the tolerances alone is too wide or there are benches that always touch: give smaller ones'
+        return '; each tolerance alone is too wide, or some benches always touch: give smaller ones'
     until_s = _time_to(_travel(scene, nominal), best[0])
-    return (f'; the tolerance of {best[1]}, {within[best[1]]:g} m, is too wide: without it, it would be proved up to '
+    return (f'; the tolerance of {best[1]}, {within[best[1]]:g} m, is too wide: without it the proof would hold up to '
             f'{until_s:.6g} s')
 
 
 @dataclass(frozen=True)
 class _PairBoxes:
-    """Boxes (5, n) of variables of ``sliding_pair``, which bench is the inner one (n,), and when they matter.
+    """Boxes (5, n) of the variables of ``sliding_pair``, which bench is the inner one (n,), and when they matter.
 
-    ``gone_m`` is the least distance travelled by the leader for a pair of the box.
+    ``gone_m`` is the smallest distance travelled by the leader at which a pair of the box can occur.
     """
 
     low: Floats
@@ -262,20 +263,20 @@ class _PairBoxes:
     gone_m: Floats
 
     def some(self, which: Array | slice) -> '_PairBoxes':
-        """Return some of them."""
+        """Return a subset of the boxes."""
         return _PairBoxes(self.low[:, which], self.high[:, which], self.inner[which], self.gone_m[which])
 
     def __add__(self, other: '_PairBoxes') -> '_PairBoxes':
-        """Return these and others."""
+        """Return the union of two sets of boxes."""
         low, high = (np.concatenate(ends, axis=1) for ends in ((self.low, other.low), (self.high, other.high)))
         return _PairBoxes(low, high, np.concatenate((self.inner, other.inner)),
                           np.concatenate((self.gone_m, other.gone_m)))
 
 
 class _FamilySearch:
-    """Branch and bound over boxes, those first that the leader can reach first.
+    """Branch and bound over boxes, in the order in which the leader can reach them.
 
-    ``frontier_m`` is how far it can travel without reaching a box that is not clear; at ``limit_m`` it reaches a pair
+    ``frontier_m`` is how far it can travel before it reaches a box that is not clear; at ``limit_m`` it reaches a pair
     of ``benches`` that overlap.
     """
 
@@ -301,7 +302,7 @@ class _FamilySearch:
         self.frontier_m = min(self.limit_m, self._end_m)
 
     def _first(self) -> _PairBoxes:
-        """Return boxes that contain all pairs up to the end, in steps of the inner bench's place."""
+        """Return boxes that contain all pairs up to the end, in steps of the inner bench's position."""
         family, scale = self.family, self.family.scale
         inner = max(family.inward_rad(self._end_m), family.innermost_rad)
         outer = family.outward_rad(self.begin_m)
@@ -310,7 +311,7 @@ class _FamilySearch:
         tail = sqrt(outer**2 + pi * scale[1] * (family.head_link_m[1] + family.benches * family.body_link_m[1])) * _OUT
         if tail - inner > _FIRST_RAD * _MOST_FIRST:
             raise FieldError('track.start_turns', family.turns, f'the dragon lies {tail / (2 * pi):.6g} turns out, and '
-                             f'families are searched within {int(_FIRST_RAD * _MOST_FIRST / (2 * pi))}',
+                             f'families are searched up to {int(_FIRST_RAD * _MOST_FIRST / (2 * pi))} turns',
                              'start further in, or give fewer benches')
         parts = [self._row(_HEAD, inner, outer, family.head_link_m), self._row(_BODY, rear, tail, family.body_link_m)]
         return parts[0] + parts[1]
@@ -323,10 +324,10 @@ class _FamilySearch:
         return self._reached(low, high, np.full(same.size, inner))
 
     def _reached(self, low: Floats, high: Floats, inner: Ints) -> _PairBoxes:
-        """Return boxes with how far the leader has at least gone when the inner bench is there.
+        """Return boxes with the least distance that the leader has travelled when the inner bench is there.
 
-        For a body bench that is when bench 1 is. The head is the shortest link further in, which spans least where it
-        is furthest out: each pass puts it further in.
+        For a body bench, the earliest is bench 1. The head is at least the shortest link further in, whose span is
+        smallest when the head is furthest out: each iteration moves the head further in.
         """
         body = inner == _BODY
         rear, chord = high[THETA, body], low[SCALE, body] * self.family.head_link_m[0] / _OUT
@@ -351,7 +352,7 @@ class _FamilySearch:
             return near
         kept = Separations(found.low[unclear], found.middle[unclear], found.slope[:, unclear], found.spread[:, unclear])
         self._note(near, kept)
-        wide = near.high - near.low     # decides in a box that is too wide for derivatives
+        wide = near.high - near.low     # selects the axis in a box that is too wide for derivatives
         return self._cut(near, np.where(np.all(np.isfinite(kept.spread), axis=0), np.argmax(kept.spread, axis=0),
                                         np.argmax(wide[[THETA, AHEAD]], axis=0)))
 
@@ -363,10 +364,10 @@ class _FamilySearch:
         return lower + self._reached(low, boxes.high, boxes.inner)
 
     def _near(self, boxes: _PairBoxes) -> _PairBoxes:
-        """Return what is left of boxes without places that the other bench cannot have, or has too far out to touch.
+        """Return boxes without positions of the other bench that are impossible or too far out to touch.
 
-        Its link is nowhere nearer to the centre than sqrt(theta^2 - c^2 / 4) if its front handle is at theta
-        (docs/contact.md); all of the inner bench is within the radius of its rear handle, and both overhang.
+        If the front handle of its link is at theta, the link comes no nearer to the centre than sqrt(theta^2 - c^2 / 4)
+        (docs/contact.md). All of the inner bench is within the radius of its rear handle, and both benches overhang.
         """
         family, low, high = self.family, boxes.low, boxes.high
         most = high[SCALE] * _OUT
@@ -381,10 +382,10 @@ class _FamilySearch:
         return _PairBoxes(low, high, boxes.inner, boxes.gone_m).some(which)
 
     def _strips(self, low: Floats, high: Floats, inner: Ints) -> tuple[Floats, Floats, Ints]:
-        """Return from where to where the other bench may be ahead, within a box, and the nearest bench that may.
+        """Return the ends of the range in which the other bench may be ahead, within a box, and the nearest such bench.
 
-        The angle from a handle to the one so many links behind falls as theta grows and grows with each link, as every
-        span does (lemma 1). Where it may not be anywhere, the first of the two is the larger.
+        The angle from a handle to the one a given number of links behind falls as theta grows and grows with each link,
+        as every span does (lemma 1). An empty range is returned with its first end larger than its last.
         """
         family, out = self.family, _OUT
         last_bench = np.where(inner == _HEAD, family.benches - 1, family.benches - 2)
@@ -406,9 +407,9 @@ class _FamilySearch:
         return first, last, nearest
 
     def _note(self, boxes: _PairBoxes, found: Separations) -> None:
-        """Keep the first place of the leader at which a pair overlaps: in the corner of a box that looks worst.
+        """Record the first leader position at which a pair overlaps: in the corner of a box that looks worst.
 
-        Only a lower end for what can be proved, which nothing is concluded from; so plain floats will do.
+        This only limits how far a proof can reach; no proof depends on it, so plain floats are enough.
         """
         worst = np.where(found.slope > 0, boxes.low, boxes.high)
         places = 0.5 * (boxes.low + boxes.high)

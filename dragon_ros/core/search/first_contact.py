@@ -1,10 +1,10 @@
-"""The first contact of a run: this one exactly, and a certificate that none came before.
+"""The first contact of a run, located exactly, with a certificate that there is none before it.
 
-The leader's range of travel is searched in each sense. Pairs whose inner bench lies on a first spiral are cleared by
-``leading_benches``, over the track once for all benches with the same links behind them; all others by ``WholeChain``,
-state after state. The obstacles of a venue are cleared by ``obstacle_contact``, over the track once for all benches of
-one length. The first interval that cannot be cleared is solved for the zero of the gap, and everything is cleared up to
-there.
+The leader's range of travel is searched in each direction. ``leading_benches`` clears pairs whose inner bench lies on a
+spiral first segment, once along the track for all benches with identical remaining link sequences; ``WholeChain``
+clears all others, state by state. ``obstacle_contact`` clears the obstacles of a venue, once along the track for all
+benches of one length. In the first interval that cannot be cleared, the zero of the gap is solved for, and everything
+is cleared up to there.
 """
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -33,36 +33,35 @@ from dragon_ros.core.search.leading_benches import (
 from dragon_ros.core.search.search_domain import Bracket, RangeOfTravel, SearchDomain
 from dragon_ros.core.tiers import EXACT
 
-_BEFORE_M = 1e-9        # of the leader's way, or of the longest bench if it is shorter: so far before a contact all is
-                        # cleared
-_TOLD_APART = 4         # gaps there are at least so many times the error that a bound must exceed
-_AHEAD_M = 1e-8         # and doubled: how far ahead of a place that cannot be cleared a contact is looked for
-_AHEAD = 24             # times, so up to 8 cm
-_STEADY = 4             # times as long as a gap takes to close at its last speed may it take
-_ASIDE = 1e3            # times that, to either side of a contact, over which the checker takes how fast a gap closes
-_LAST_PLACES = 4        # of a contact's time, times the leader's speed: so far the place may be off
-_WIDEST_M = 1e-6        # of the leader's way, or of the longest bench if it is shorter: the largest slack
-_GRAZING_M = 1e-7       # likewise: so near to each other benches come that graze
-_HARDLY = 0.99          # of that: a place and its time round
+_BEFORE_M = 1e-9        # of leader travel, or of the longest bench if shorter: clearing stops this far before a contact
+_TOLD_APART = 4         # gaps there are at least this many times the error that a bound must exceed
+_AHEAD_M = 1e-8         # doubled each time: how far beyond a position that cannot be cleared a contact is searched for
+_AHEAD = 24             # doublings, so up to 8 cm
+_STEADY = 4             # times the closing distance at the last rate: a gap that takes longer to close is another one
+_ASIDE = 1e3   # times that, to either side of a contact: the step over which the checker measures how fast a gap closes
+_LAST_PLACES = 4        # ulps of a contact's time, times the leader's speed: the rounding error of the position
+_WIDEST_M = 1e-6        # of leader travel, or of the longest bench if it is shorter: the largest slack
+_GRAZING_M = 1e-7       # likewise: benches that graze come this close to each other
+_HARDLY = 0.99          # of that: a position and its time are rounded
 _TOO_FAR = 'the leader goes too far to be searched'
 
 Pair = tuple[int, int]
 
 
 class BenchPairs(Protocol):
-    """Some of the pairs of a domain, cleared by one of the bounds."""
+    """Some of the pairs of a domain, cleared by one kind of bound."""
 
     @property
     def tolerance_m(self) -> float:
-        """The error of the positions, which a bound must exceed."""
+        """The position error, which a bound must exceed."""
         ...
 
     def clear(self, stop_m: float) -> Bracket | None:
-        """Clear up to a place of the leader; return the first bracket of places that is not clear."""
+        """Clear up to a leader position; return the first bracket that is not clear."""
         ...
 
     def prove(self, stop_m: float) -> Bracket | None:
-        """Clear up to an earlier place; return the first bracket of places that is not clear."""
+        """Clear up to an earlier position; return the first bracket that is not clear."""
         ...
 
     def intervals(self) -> Iterator[Interval]:
@@ -73,9 +72,10 @@ class BenchPairs(Protocol):
 def first_contact(scene: Scene, progress: Callable[[int], object] = lambda states: None) -> Contact | NoContact:
     """Return the first contact of the scene's run, at the exact tier, or how the run ended without one.
 
-    ``progress(states)`` is called with every number of states just evaluated. Raises FieldError, with the time to stop
-    at, where there is none before a place beyond which none can be ruled out (docs/contact.md, limits of the search).
-    In a venue the first touch of an obstacle counts too; FieldError where the dragon starts in one, or not inside.
+    ``progress(states)`` is called with each number of states just evaluated. In a venue the first touch of an obstacle
+    counts too. Raises FieldError, with the time to stop at, if no contact occurs before the position beyond which none
+    can be ruled out (docs/contact.md, limits of the search), or if the dragon does not start inside its venue and clear
+    of obstacles.
     """
     if scene.venue is not None:
         from dragon_ros.core.search.venue import check_sides
@@ -88,17 +88,17 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
         return NoContact(compile_scene(scene).end, sum(search.states for search in searches.values()), proof)
     sense = min(hits, key=lambda sense: hits[sense].t_s)
     hit, before = hits[sense], travel.until(hits[sense].t_s)
-    # What the leader has gone through in the other sense by then is proved apart.
+    # The distance covered in the other direction by then is proved separately.
     rest = [_ContactSearch(SearchDomain(scene, before, other, progress)) for other in before.senses if other != sense]
     proof = _together([hit.certificate, *(search.cleared() for search in rest)])
     return replace(hit, certificate=proof, states=sum(search.states for search in (*searches.values(), *rest)))
 
 
 def head_passes(scene: Scene, progress: Callable[[int], object] = lambda states: None) -> bool:
-    """Return whether it is proved that the head, which comes in on a spiral, touches no bench in the scene's run.
+    """Return whether the head, winding in on a spiral, provably touches no bench in the scene's run.
 
     Other benches may touch each other. For long mixed dragons this takes at most a tenth of the time of
-    ``first_contact``. Raises as that does.
+    ``first_contact``, and it raises the same errors.
     """
     travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
     domain = SearchDomain(scene, travel, 1, progress)
@@ -108,7 +108,7 @@ def head_passes(scene: Scene, progress: Callable[[int], object] = lambda states:
 
 
 class _ContactSearch:
-    """The cleared part of a domain so far, and the first place that is not clear."""
+    """The part of a domain cleared so far, and the first position that is not clear."""
 
     def __init__(self, domain: SearchDomain, parts: list[BenchPairs] | None = None) -> None:
         self._domain, self._complete = domain, True
@@ -125,7 +125,7 @@ class _ContactSearch:
         return self._contact(hit) if hit else None
 
     def bracket(self) -> Bracket | None:
-        """Return the first bracket that is not clear: at the start, if benches touch there."""
+        """Return the first bracket that is not clear; it is at the start if benches touch there."""
         domain = self._domain
         least = 0.0 if domain.start_m != domain.stop_m else self._error_m
         if np.min(domain.near(domain.start_m)[1], initial=inf) <= least:
@@ -142,7 +142,7 @@ class _ContactSearch:
         return Certificate(tuple(each for part in self._parts for each in part.intervals()), self._complete)
 
     def _clear(self) -> Bracket | None:
-        """Clear the domain, or up to the first bracket that is not; raises FieldError where no proof goes so far."""
+        """Clear the domain up to the first bracket that is not clear; raises FieldError if the proof ends before."""
         domain, hit = self._domain, None
         last_m, why = self._last()
         if why is not _TOO_FAR and (last_m == domain.stop_m or last_m != domain.start_m):
@@ -155,7 +155,7 @@ class _ContactSearch:
         return hit
 
     def _last(self) -> tuple[float, str]:
-        """Return the leader's place up to which contacts can be ruled out, and why no further; '' at the end."""
+        """Return the leader position up to which contacts can be ruled out, and the reason; '' if nothing limits it."""
         domain, ends = self._domain, [(self._domain.stop_m, '')]
         if domain.track.from_afar:
             ends.append((searchable_m(domain), _TOO_FAR))
@@ -165,7 +165,7 @@ class _ContactSearch:
         return min(ends, key=lambda end: domain.sense * end[0])
 
     def _contact(self, bracket: Bracket) -> Contact:
-        """Return the contact in a bracket of places, or where nobody can say if the closest pair touches."""
+        """Return the contact in a bracket of positions, or a grazing if contact of the closest pair is undecided."""
         domain = self._domain
         claim, later, grazing_m = self._touching(bracket)
         gone_m, pair = claim.gone_m, claim.pair
@@ -183,22 +183,23 @@ class _ContactSearch:
                        domain.states, self.certificate(), obstacle)
 
     def _named(self, pair: Pair) -> tuple[int, int | str]:
-        """Return a pair with the name of its obstacle in place of an edge."""
+        """Return a pair, with the name of the obstacle instead of an edge."""
         edge, around = self._domain.edge_of(pair), self._domain.around
         return pair if edge is None or around is None else (pair[0], around.names[around.owner[edge]])
 
     def _seen(self, pair: Pair, benches: Benches) -> tuple[ObstacleTouch | None, Witness]:
-        """Return what a pair touches of an obstacle, None of two benches; and corner and edge."""
+        """Return the obstacle that a pair touches, or None for two benches, and the corner and edge that meet."""
         edge, around = self._domain.edge_of(pair), self._domain.around
         if edge is None or around is None:
             return None, witness(benches, *pair)
         return around.touch(benches, pair[0], edge)
 
     def _touching(self, bracket: Bracket) -> tuple['_Claim', list[tuple[float, Pair]], tuple[float, float] | None]:
-        """Return the first contact in a bracket, where others begin to touch, and None; or a grazing, and its bounds.
+        """Return the first contact in a bracket, later touches of other pairs, and None; or a grazing and its bounds.
 
-        Where none touches at the bracket's other end, one may just ahead: if its gap closes from there without a
-        detour, about as fast as it does where it vanishes. A pair that touches where the leader turns back grazes.
+        If no pair touches at the bracket's other end, one may touch just beyond it. It counts if its gap closes
+        directly from there, about as fast as it does at zero. A pair that touches where the leader turns back is a
+        grazing.
         """
         domain = self._domain
         roots = self._roots(bracket) or self._ahead(bracket)
@@ -211,7 +212,7 @@ class _ContactSearch:
         return _Claim(domain, pair, gone_m), [], gap_m
 
     def _ahead(self, bracket: Bracket) -> list[tuple[float, Pair]]:
-        """Return where pairs begin to touch just beyond a bracket, in order; none where it is far or another gap."""
+        """Return where pairs begin to touch just beyond a bracket, in order; none if far or in another approach."""
         domain = self._domain
         for power in range(_AHEAD):
             ahead = bracket.other_m + domain.sense * _AHEAD_M * 2**power
@@ -226,9 +227,9 @@ class _ContactSearch:
         return []
 
     def _roots(self, bracket: Bracket) -> list[tuple[float, Pair]]:
-        """Return where the gaps of the pairs that touch at a bracket's other end vanish, in the leader's order.
+        """Return the zeros of the gaps of the pairs that touch at a bracket's other end, in the leader's order.
 
-        Those that do so at one place, such as at the start of a run, come in the order of their benches.
+        Pairs with the same zero, for example at the start of a run, are in the order of their benches.
         """
         pairs, gap = self._domain.near(bracket.other_m)
         touching = sorted((i, j) for i, j in pairs[gap <= 0].tolist())
@@ -238,7 +239,7 @@ class _ContactSearch:
         return sorted(found, key=lambda row: (self._domain.sense * row[0], row[1]))
 
     def _grazing(self, bracket: Bracket) -> tuple[float, Pair, tuple[float, float]]:
-        """Return from where on nobody can say if the closest pair touches, that pair, and bounds of its gap."""
+        """Return the position from which contact of the closest pair is undecided, that pair, and bounds of its gap."""
         domain, error = self._domain, self._error_m
         pairs, gap = domain.near(bracket.other_m)
         closest = int(np.argmin(gap))
@@ -253,10 +254,10 @@ class _ContactSearch:
         return place, (i, j), (min(low, least) - error, least + error)
 
     def _prove(self, clear_m: float, claim: '_Claim', most_m: float) -> tuple[float, Bracket | None]:
-        """Clear up to a nanometre before a contact, or as near as its gap can be told from zero, or to a grazing.
+        """Clear up to a nanometre before a contact, or as close as its gap differs from zero, or to a grazing.
 
-        That is no further than ``most_m`` before it. Return up to where all is clear, and the first bracket that is
-        not.
+        Clearing ends at most ``most_m`` before it. Return the position up to which all is clear, and the first bracket
+        that is not clear.
         """
         sense, slope = self._domain.sense, claim.slope
         back = max(_BEFORE_M * self._domain.unit, _TOLD_APART * self._error_m / slope if slope > 0 else inf)
@@ -267,16 +268,16 @@ class _ContactSearch:
 
     @property
     def _error_m(self) -> float:
-        """The error of positions, which bounds must exceed."""
+        """The position error, which bounds must exceed."""
         return max(part.tolerance_m for part in self._parts)
 
 
 @dataclass(frozen=True)
 class _Claim:
-    """A pair of benches that is said to touch, or to graze, at a place of the leader; and whether that can be proved.
+    """A claim that a pair of benches touches or grazes at a leader position, and whether it can be proved.
 
-    It is if no benches touch up to a slack before, and the pair overlaps a slack after or is near where it grazes
-    (docs/contact.md, what the checker proves).
+    It is proved if no benches touch until a slack before it, and if the pair overlaps a slack after it or, for a
+    grazing, is close together at it (docs/contact.md, what the checker proves).
     """
 
     domain: SearchDomain
@@ -290,7 +291,7 @@ class _Claim:
 
     @cached_property
     def slope(self) -> float:
-        """How much the gap closes per metre of the leader's way."""
+        """How much the gap closes per metre of leader travel."""
         return self.domain.slope(self.pair, self.gone_m)
 
     @cached_property
@@ -300,7 +301,7 @@ class _Claim:
 
     @cached_property
     def _coarse(self) -> float:
-        """How many times coarser floats are there than near the origin."""
+        """The ratio of the float spacing there to that near the origin."""
         return self.domain.coarse(self.pair, self._told_m)
 
     @cached_property
@@ -310,7 +311,7 @@ class _Claim:
 
     @cached_property
     def slack_m(self) -> float:
-        """The error of positions and times in metres of the leader's way."""
+        """The error of positions and times in metres of leader travel."""
         domain = self.domain
         step = max(_BEFORE_M * domain.unit, _LAST_PLACES * ulp(self.t_s) * domain.speed_m_s(self.t_s))
         slack = max(step, 2 * self._rounding_m / self.slope) if self.slope > 0 else step
@@ -321,22 +322,22 @@ class _Claim:
 
     @cached_property
     def near_m(self) -> float:
-        """How near grazing benches come to each other, and how far before that everything is clear."""
+        """How close grazing benches come to each other, and how far before that everything is clear."""
         return _GRAZING_M * self.domain.unit * self._coarse
 
     @cached_property
     def _steepest(self) -> float:
-        """How much the gap closes per metre at most, as the checker takes it; infinite at an end of the model."""
+        """The largest closing of the gap per metre, as the checker measures it; infinite at an end of the model."""
         step_m, wide_m = _ASIDE * _BEFORE_M * self.domain.unit, self.domain.step_m
         steepest = self._closing(step_m)
         if wide_m <= step_m or steepest == inf:
             return steepest
-        # Of benches of kilometres positions err by more than they go in a step of a micrometre.
+        # For benches of kilometres the position error exceeds their motion over a step of a micrometre.
         wide, wider = self._closing(wide_m), self._closing(4 * wide_m)
         return steepest if wider == inf else min(steepest, wide + abs(wider - wide))
 
     def _closing(self, step_m: float) -> float:
-        """Return how much the gap closes for each metre at most over a step to either side; infinite at an end."""
+        """Return the largest closing of the gap per metre over a step to either side; infinite at a model limit."""
         domain = self.domain
         if min(domain.left_m(self._told_m, sense) for sense in (-1, 1)) <= step_m:
             return inf
@@ -345,21 +346,21 @@ class _Claim:
 
     @cached_property
     def onwards_m(self) -> float:
-        """How far the leader continues from there."""
+        """How much further the leader moves on from there."""
         return self.domain.onwards_m(self.t_s)
 
     @cached_property
     def overlaps(self) -> bool:
-        """Whether the pair certainly overlaps a slack further on, or where the leader turns back before."""
+        """Whether the pair certainly overlaps a slack further on, or where the leader turns back before that."""
         after_m = min(self.slack_m, self.onwards_m)
         return self.domain.gap(self.pair, self._told_m + self.domain.sense * after_m) < -self._rounding_m
 
     def touches(self, cleared_m: float, as_asked: bool) -> bool:
-        """Return whether a contact is proved if all is clear up to a place, ``as_asked`` or not so far."""
+        """Return whether a contact is proved if all is clear up to a position; ``as_asked`` if that was requested."""
         return self.overlaps and (as_asked or self._within(cleared_m, self.slack_m))
 
     def grazes(self, cleared_m: float) -> bool:
-        """Return whether a grazing is proved if all is clear up to a place."""
+        """Return whether a grazing is proved if all is clear up to a position."""
         away_m = abs(self.domain.gap(self.pair, self._told_m)) + self._rounding_m
         return away_m < self.near_m and self._within(cleared_m, self.near_m)
 
@@ -368,13 +369,13 @@ class _Claim:
 
 
 def _together(proofs: Iterable[Certificate]) -> Certificate:
-    """Return the certificates of the search domains from one start as one."""
+    """Merge the certificates of the search domains from one start."""
     kept = list(proofs)
     return Certificate(tuple(each for proof in kept for each in proof.intervals), all(proof.complete for proof in kept))
 
 
 def _all_parts(domain: SearchDomain) -> list[BenchPairs]:
-    """Return the parts of a domain that are cleared separately: its obstacles, if it has any, and pairs of benches."""
+    """Return the separately cleared parts of a domain: obstacles, if it has any, and pairs of benches."""
     if domain.scene.venue is None:
         return parts_of(domain)
     from dragon_ros.core.search.obstacle_contact import Obstacles
@@ -382,7 +383,7 @@ def _all_parts(domain: SearchDomain) -> list[BenchPairs]:
 
 
 def parts_of(domain: SearchDomain) -> list[BenchPairs]:
-    """Return the parts that pairs of benches are cleared in: head and body on a first spiral, and the whole chain."""
+    """Return the parts that clear pairs of benches: head and body on a spiral first segment, and the whole chain."""
     parts = list[BenchPairs]()
     if domain.track.from_afar:
         head, *body = classes_of(domain)

@@ -1,10 +1,10 @@
-"""Pairs on a track's first spiral, cleared once for all benches with the same links behind them.
+"""Pairs on a spiral first segment, cleared once for all benches with the same remaining link sequence.
 
-If the first segment winds in from afar, the chain behind a bench there depends on the place of the bench, and on its
-links from there on. So benches fall into classes with identical remaining link sequences; the first of each leads, and
-its whole class is cleared over the track that its front handles pass. Where that fails, each bench's own part of the
-track is cleared: the part that no other bench of its class has passed before. Mixed benches make many classes: all
-behind the head are sampled and bounded together.
+If the first segment winds in from afar, the chain behind a bench on it depends only on the position of that bench and
+on the links behind it. So benches fall into classes with identical remaining link sequences. The first bench of a class
+is its lead, and the whole class is cleared over the track that its front handles pass. If that fails, each bench is
+cleared over its own part of the track, which no other bench of its class has passed before. Mixed benches make many
+classes: all those behind the head are sampled and bounded together.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -21,20 +21,21 @@ from dragon_ros.core.search.driver import Cleared, Judgement, clear, parts_for
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 from dragon_ros.core.tracks.composite import Place
 
-_FIRST, _FIRST_RAD = 1.173, 2.0     # of the longest bench, and rad: the larger is between the first places. What
-                        # adjacent layers do to each other depends on the angle: far from a contact 2 rad clear at once
+_FIRST, _FIRST_RAD = 1.173, 2.0     # of the longest bench, and rad: the spacing of the first samples is the larger.
+                        # The interaction of adjacent layers depends on the angle: far from a contact 2 rad clear at
+                        # once
 _FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: near a contact, and near a grazing
-_MOST_PLACES = 50_000   # first places of one window, for the memory
-_MOST_RAD = 2e6         # of a domain: a million first places
-_TOGETHER, _USUAL = 2**20, 256      # handles at the first places of windows that are cleared together, for the memory;
-                        # no more than so many benches behind one usually matter
-_POINT = 1e-6           # of the longest link: shorter ones may have both handles at one place
+_MOST_PLACES = 50_000   # first samples of one window, to limit memory
+_MOST_RAD = 2e6         # of a domain: a million first samples
+_TOGETHER, _USUAL = 2**20, 256      # handles at the first samples of windows that are cleared together, to limit
+                        # memory, counting at most so many benches behind each lead: more rarely matter
+_POINT = 1e-6           # of the longest link: both handles of a shorter link may round to the same position
 _IN_CACHE = 2**14       # pairs that are bounded together
-_CLOSER = 20            # halvings of a domain, to a millionth of it, to find how far it can be proved
+_CLOSER = 20            # halvings of a domain, to a millionth of it, to find how far the proof can reach
 
 
 class _SpiralIntervals:
-    """The space of leading benches for ``clear``: each window has its own places and number of benches behind."""
+    """The space of leading benches for ``clear``: each window has its own positions and number of benches behind."""
 
     def __init__(self, sampler: BenchSampler, windows: 'list[_ClassWindow]', tolerance_m: float) -> None:
         self.sampler, self.tolerance_m = sampler, tolerance_m
@@ -43,11 +44,11 @@ class _SpiralIntervals:
         self._window: Ints = np.empty(0, dtype=np.int64)
 
     def sample(self, places: Floats, window: Ints) -> BenchSamples:
-        """Return samples."""
+        """Return the samples at positions."""
         return self.sampler.sample(places, self._lead[window])
 
     def joined(self, parts: list[BenchSamples]) -> BenchSamples:
-        """Return several samples as one."""
+        """Concatenate samples."""
         return joined(parts)
 
     def begin(self, _: BenchSamples, __: Ints, window: Ints) -> None:
@@ -66,14 +67,14 @@ class _SpiralIntervals:
         return Judgement(bound_m, touching, parts_for(room), group)
 
     def lengths_m(self, start: Floats, stop: Floats) -> Floats:
-        """Return upper bounds of the lengths of intervals."""
+        """Return upper bounds on the lengths of intervals."""
         out: Floats = self.sampler.b_m * np.abs(start - stop) * (1 + np.maximum(start, stop))
         return out
 
 
 @dataclass(frozen=True)
 class _ClassWindow:
-    """Places (monotone) that the front handle of a bench of class ``of`` passes, with ``behind`` followers."""
+    """Monotone positions that the front handle of a bench of class ``of`` passes, with ``behind`` followers."""
 
     of: 'LeadingBenches'
     bench: int
@@ -83,7 +84,7 @@ class _ClassWindow:
 
 @dataclass(frozen=True)
 class _ClearedInterval:
-    """A cleared interval between two places."""
+    """A cleared interval between two positions."""
 
     start_rad: float
     stop_rad: float
@@ -92,10 +93,10 @@ class _ClearedInterval:
 
 
 class LeadingBenches:
-    """One class of benches over a domain: the cleared part of its pairs with those behind, and its end."""
+    """One class of benches over a domain: the cleared part of its pairs with the benches behind, and where it ends."""
 
     def __init__(self, domain: SearchDomain, benches: list[int]) -> None:
-        """Take a class, given as its ``benches`` from the head on; the first is its ``lead``."""
+        """Take a class as its ``benches`` in order from the head; the first is its ``lead``."""
         self._domain, self.benches, self.lead = domain, benches, benches[0]
         self._behind = domain.dragon.benches - 1 - self.lead
         assert domain.track.from_afar
@@ -108,16 +109,16 @@ class LeadingBenches:
 
     @property
     def tolerance_m(self) -> float:
-        """The error that a bound must exceed: both benches may be off."""
+        """The error that a bound must exceed: the position errors of both benches."""
         return 2 * self._domain.error_m
 
     @property
     def _single(self) -> bool:
-        """Whether this is the head alone, which moves one way: its places come in the order of the leader's."""
+        """Whether this is the head alone, which moves in one direction: its positions follow the leader's order."""
         return self.benches == [0]
 
     def clear(self, stop_m: float) -> Bracket | None:
-        """Clear the pairs of the class up to a place of the leader; return the first bracket that is not clear."""
+        """Clear the pairs of the class up to a leader position; return the first bracket that is not clear."""
         self.forget()
         for window in self.whole(stop_m):
             (cleared,) = _cleared(self._domain, [window])
@@ -126,14 +127,14 @@ class LeadingBenches:
         return self._hit
 
     def whole(self, stop_m: float) -> Iterator['_ClassWindow']:
-        """Yield the window of all places that the class passes up to a place of the leader, if there are any."""
+        """Yield the window of all positions that the class passes up to a leader position, if there are any."""
         outer, inner = self._track(self.phases(stop_m)[1])
         if self._single and self._on_spiral(self._domain.start_m)[0] < self._on_spiral(stop_m)[0]:
             outer, inner = inner, outer
         yield from self._window(self.lead, outer, inner, self._behind)
 
     def clear_apart(self, stop_m: float, whole: Cleared) -> Bracket | None:
-        """Clear bench by bench the rest that was not cleared as a whole; return the first bracket that is not clear."""
+        """Clear bench by bench what was not cleared as a whole; return the first bracket that is not clear."""
         phases, ends = self.phases(stop_m)
         if self._single:
             self._hit = self._bracket(self.lead, whole.hit, (phases[0], phases[-1])) if whole.hit else None
@@ -144,15 +145,15 @@ class LeadingBenches:
         return self._hit
 
     def forget(self) -> None:
-        """Start again."""
+        """Discard all results."""
         self._rows, self._hit = [], None
 
     def keep(self, cleared: Cleared, behind: int) -> None:
-        """Add cleared intervals, with their number of benches behind."""
+        """Add cleared intervals, with the number of benches behind for which they were cleared."""
         self._rows += [_ClearedInterval(*row, behind) for row in cleared.rows]
 
     def prove(self, stop_m: float) -> Bracket | None:
-        """Clear up to an earlier place than before; return the first bracket that is not clear."""
+        """Clear up to an earlier position than before; return the first bracket that is not clear."""
         if self._hit is None:
             self._trim(stop_m)
         elif self._single:
@@ -169,7 +170,7 @@ class LeadingBenches:
             yield Interval(self.lead, start_m, stop_m, row.behind, row.bound_m)
 
     def _go_on(self, stop_m: float) -> None:
-        """Clear the head's track up to a place beyond its cleared part, or drop the cleared part beyond."""
+        """Clear the head's track up to a position beyond its cleared part, or drop the cleared part beyond it."""
         start, stop = (float(self._on_spiral(place)[0]) for place in (self._domain.start_m, stop_m))
         sign = 1.0 if stop > start else -1.0
         self._rows = [row for row in self._rows if sign * row.stop_rad <= sign * stop]
@@ -178,26 +179,26 @@ class LeadingBenches:
             self._hit = self._bracket(0, rest.hit, (self._domain.start_m, stop_m)) if rest.hit else None
 
     def _trim(self, stop_m: float) -> None:
-        """Drop what the class has not reached when the leader is at a place."""
+        """Drop the parts that the class has not reached when the leader is at a position."""
         outer, inner = self._track(self.phases(stop_m)[1])
         clipped = (replace(row, start_rad=min(max(row.start_rad, inner), outer),
                            stop_rad=min(max(row.stop_rad, inner), outer)) for row in self._rows)
         self._rows = [row for row in clipped if row.start_rad != row.stop_rad]
 
     def _on_spiral(self, gone_m: float) -> Floats:
-        """Return the polar angles of the handles (N+1,) on the spiral; for those beyond, the angle of its end."""
+        """Return the polar angles of the handles (N+1,) on the spiral; beyond it, that of its end."""
         chain = self._domain.chain(gone_m)
         return np.where(chain.segment == 0, chain.u, self._domain.track.segments[0].last)
 
     def phases(self, stop_m: float) -> tuple[list[float], list[Floats]]:
-        """Return the leader's places between which every handle moves one way, and all handles there."""
+        """Return the leader positions between which every handle moves in one direction, and all handles there."""
         start_m = self._domain.start_m
         ends = [self._on_spiral(place) for place in (start_m, stop_m)]
         turns = self._domain.leader.turning_m(start_m, stop_m, 2)[::1 if start_m < stop_m else -1]
         return [start_m, *turns, stop_m], [ends[0], *(self._on_spiral(place) for place in turns), ends[1]]
 
     def all_come_in(self, stop_m: float) -> bool:
-        """Return whether all links from the third on come in with their front handles up to a place of the leader."""
+        """Return whether all links from the third on come in with their front handles up to a leader position."""
         links = self._domain.dragon.link_lengths_m[2:]
         for theta in self.phases(stop_m)[1]:
             front, span = theta[2:], np.diff(theta[2:])
@@ -206,19 +207,19 @@ class LeadingBenches:
         return True
 
     def _track(self, ends: list[Floats]) -> tuple[float, float]:
-        """Return the outermost and the innermost place of the class, given all handles at the ends of phases."""
+        """Return the outermost and the innermost position of the class, given all handles at the ends of phases."""
         return (max(float(theta[self.benches[-1]]) for theta in ends),
                 min(float(theta[self.lead]) for theta in ends))
 
     def _clear_phase(self, phase: tuple[float, float], here: Floats, there: Floats) -> Bracket | None:
-        """Clear the part of the track of each bench while the leader goes through a phase."""
+        """Clear each bench's part of the track while the leader goes through a phase."""
         windows = [*self._parts(here, there)]
         hits = [self._bracket(window.bench, cleared.hit, phase)
                 for window, cleared in zip(windows, _cleared(self._domain, windows), strict=True) if cleared.hit]
         return min(hits, key=lambda hit: self._domain.sense * hit.other_m, default=None)
 
     def _parts(self, here: Floats, there: Floats) -> Iterator[_ClassWindow]:
-        """Yield each bench's part of the track, without the parts that another one of its class passes before it."""
+        """Yield each bench's part of the track, without the parts that another bench of its class passes before it."""
         last = self._domain.dragon.benches - 1
         reach = self.sampler(np.array(self._track([here, there]))).follow
         for before, bench, after in zip([0, *self.benches], self.benches, [*self.benches[1:], last], strict=False):
@@ -230,13 +231,13 @@ class LeadingBenches:
             yield from self._window(bench, start, stop, last - bench if last - bench < reach else self._behind)
 
     def _bracket(self, bench: int, hit: tuple[float, float, float], within: tuple[float, float]) -> Bracket:
-        """Return the leader's places when a bench's front handle is at two places."""
+        """Return the leader positions at which a bench's front handle is at the two ends of a hit."""
         segment, origin_m = self._domain.track.segments[0], self._domain.track.origins_m[0]
         one, two = (self._domain.gone_at(bench, float(origin_m + segment.metres(place)), within) for place in hit[:2])
         return Bracket(one, two, hit[2])
 
     def _window(self, bench: int, start: float, stop: float, behind: int) -> Iterator[_ClassWindow]:
-        """Yield the window between two places, unless it is empty."""
+        """Yield the window between two positions, unless it is empty."""
         if start == stop or behind < 2:
             return
         step = max(self._first_m / (self._spiral.b_m * (1 + max(start, stop))), _FIRST_RAD)
@@ -249,12 +250,12 @@ class LeadingBenches:
         yield _ClassWindow(self, bench, places if stop > start else places[::-1], behind)
 
     def sampler(self, ends: Floats) -> BenchSampler:
-        """Return the sampler of the class between two places, with the followers that can matter there."""
+        """Return the sampler of the class between two positions, with the followers that can matter there."""
         return _sampler(self._domain, (self.lead,)).reaching(ends)
 
 
 class BodyBenches:
-    """All classes of benches behind the head; their whole tracks are cleared together."""
+    """All classes of benches behind the head; their windows are cleared together."""
 
     def __init__(self, domain: SearchDomain, classes: list[LeadingBenches]) -> None:
         """Take the classes."""
@@ -262,7 +263,7 @@ class BodyBenches:
         self.tolerance_m = 2 * domain.error_m
 
     def clear(self, stop_m: float) -> Bracket | None:
-        """Clear the pairs of all classes up to a place of the leader; return the first bracket that is not clear."""
+        """Clear the pairs of all classes up to a leader position; return the first bracket that is not clear."""
         hit: Bracket | None = None
         for each in self._classes:
             each.forget()
@@ -273,7 +274,7 @@ class BodyBenches:
         return hit
 
     def prove(self, stop_m: float) -> Bracket | None:
-        """Clear up to an earlier place than before; return the first bracket that is not clear."""
+        """Clear up to an earlier position than before; return the first bracket that is not clear."""
         hits = [hit for each in self._classes if (hit := each.prove(stop_m))]
         return min(hits, key=lambda hit: self._domain.sense * hit.other_m, default=None)
 
@@ -283,7 +284,7 @@ class BodyBenches:
             yield from each.intervals()
 
     def _together(self, windows: list[_ClassWindow]) -> Iterator[list[_ClassWindow]]:
-        """Yield as many windows at a time as the memory allows; one by one if links of no length need separate care."""
+        """Yield as many windows at a time as memory allows; one at a time if links of zero length need it."""
         links_m = self._domain.dragon.link_lengths_m
         size, most, one_by_one = 0, list[_ClassWindow](), bool(np.min(links_m) <= _POINT * np.max(links_m))
         for window in windows:
@@ -303,7 +304,7 @@ def _sampler(domain: SearchDomain, leads: tuple[int, ...]) -> BenchSampler:
 
 
 def _cleared(domain: SearchDomain, windows: list[_ClassWindow]) -> list[Cleared]:
-    """Clear windows, and pass the clear intervals to their classes."""
+    """Clear windows, and pass the cleared intervals to their classes."""
     if not windows:
         return []
     leads = tuple(dict.fromkeys(window.of.lead for window in windows))
@@ -318,7 +319,7 @@ def _cleared(domain: SearchDomain, windows: list[_ClassWindow]) -> list[Cleared]
 
 
 def classes_of(domain: SearchDomain) -> list[LeadingBenches]:
-    """Return the classes of benches that others follow: the head, and body benches with the same links behind them.
+    """Return the classes of benches with followers: the head, and body benches by their remaining link sequence.
 
     The body is a single class if all its benches are equal.
     """
@@ -335,7 +336,7 @@ def classes_of(domain: SearchDomain) -> list[LeadingBenches]:
 
 
 def searchable_m(domain: SearchDomain) -> float:
-    """Return the leader's place up to which a domain on the spiral does not start with too many places."""
+    """Return the leader position up to which a domain on the spiral needs an acceptable number of first samples."""
     here, there = (domain.leader.place((gone_m, 0.0)) for gone_m in (domain.start_m, domain.stop_m))
     gone_rad = there.u.hi - here.u.hi
     if here.segment or there.segment or abs(gone_rad) <= _MOST_RAD:
@@ -345,10 +346,10 @@ def searchable_m(domain: SearchDomain) -> float:
 
 
 def provable_m(domain: SearchDomain) -> float:
-    """Return the leader's place up to which no handle behind the third turns back, so that each moves one way.
+    """Return the leader position up to which no handle behind the third turns back and each moves in one direction.
 
-    If links cannot lock, or are equal, none turns back, and this is where the domain stops. Otherwise a link that spans
-    at most half a turn and comes in where its front handle is nearest to the centre does so everywhere
+    If links cannot lock or are equal, none turns back, and the result is the end of the domain. Otherwise, a link that
+    spans at most half a turn and comes in when its front handle is nearest to the centre comes in everywhere
     (docs/contact.md, lemmas 1 and 2).
     """
     if not domain.track.may_lock or is_even(domain.dragon.link_lengths_m):

@@ -1,21 +1,21 @@
 """The speed of the fastest handle over a whole run, and the leader's largest speed under a limit.
 
-Speeds relative to the leader's depend on the leader's place and not on time, so branch and bound searches intervals of
-time in which the leader moves one way; intervals whose bound exceeds the largest speed found so far are cut. If handles
-are equally fast in many places, as on a circle, that would never end. So the more intervals would be cut, the more
-their bounds may exceed it.
+Speeds relative to the leader's depend on the leader's position and not on time. So branch and bound searches intervals
+of time in which the leader moves in one direction, and cuts those whose bound exceeds the largest speed found so far.
+If handles are equally fast at many positions, as on a circle, that would never end. So the allowed excess of a bound
+grows with the number of intervals that would be cut.
 
 The bound of an interval: ``enclosures.on_track`` bounds the slope of log |v| of each handle by the leader's distance
-between two states. With slopes between a lowest and a highest, log |v| lies below the two lines from its ends, and its
+between two states. With slopes between a lowest and a highest, log |v| lies below the two lines from its ends, so the
 bound is where they meet. The log of the leader's own speed is added; its slope is its acceleration over its speed
 squared. If a slope is unbounded, because a handle turns back or the leader comes to rest, the product of the largest
 ratios bounds the speed. As intervals shrink, the excess of the bound falls with the square of their length, or with the
 length itself if a handle passes a joint, where the curvature jumps.
 
 If the first segment winds in behind a leading head, no handle on it is faster than the one before it: curvature
-increases to the front, and of a chord's two angles with an arc that turns by less than pi the one at the more curved
-end is the larger (Vogt 1914). So only handles beyond it are followed; on a single spiral, those beyond the place where
-a link's arc could turn by pi.
+increases to the front, and of a chord's two angles with an arc that turns by less than pi, the one at the more curved
+end is the larger (Vogt 1914). So only handles beyond the segment are followed; on a single spiral, those beyond the
+point where a link's arc could turn by pi.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -44,22 +44,22 @@ _SPACING_M = 0.1        # of the leader's distance, per first interval
 _PARTS = 4              # parts into which an interval is cut
 _AT_ONCE = 128          # intervals
 _SAME = 1e-12           # relative: speeds closer than this are equal
-_APART_M = 1e-9         # before the end of the segment that winds in: at the end itself rounding could go either way
+_APART_M = 1e-9         # before the end of the segment that winds in: exactly at the end, rounding decides
 _MOST = 2_000_000       # first intervals
-_BENT = 1.09            # no spiral's curvature exceeds 1.09 / r (see ``min_pitch``)
+_BENT = 1.09            # the curvature of any spiral is at most 1.09 / r (see ``min_pitch``)
 _SURE = 1.98            # curvature times link below which a link spans an arc that turns by less than pi (2 would do)
 
 
 @dataclass(frozen=True)
 class MaxSpeed:
-    """The largest speed of any handle in a run over the leader's largest: the handle (the first of equals), and where.
+    """The largest speed of any handle in a run over the leader's largest: the handle (the first if equal), and where.
 
-    ``gone_m`` is the leader's distance since t = 0 at that time, ``along_m`` its distance along the track (of a turn:
-    from the entry). No handle exceeds ``bound`` times the leader's largest speed anywhere in the run: proved, including
-    the rounding of speeds. ``looks`` is the number of states computed.
+    ``gone_m`` is the leader's distance since t = 0 at that time, ``along_m`` its distance along the track (for a turn:
+    from the entry). No handle exceeds ``bound`` times the leader's largest speed anywhere in the run; this is proved,
+    including the rounding of speeds. ``looks`` is the number of states evaluated.
 
-    A profile is scaled as a whole: all its speeds by one factor and all its times by the inverse, so that the leader
-    passes the same places. If the leader rests for the whole run, the ratio is that of the place where it rests.
+    A profile is scaled as a whole: all its speeds by one factor and all its times by the inverse, so the leader passes
+    the same positions. If the leader rests for the whole run, the ratio is that at its position.
     """
 
     ratio: float
@@ -81,8 +81,8 @@ class MaxSpeed:
 def max_speed(scene: Scene, progress: Callable[[int], object] = lambda looks: None) -> MaxSpeed:
     """Return the fastest handle over the scene's run.
 
-    ``progress(looks)`` is called with the number of states computed since the last call. Raises FieldError if the run
-    reaches a lock, where speeds have no bound, or ends so near to one that floats give none.
+    ``progress(looks)`` is called with the number of states evaluated since the last call. Raises FieldError if the run
+    reaches a lock, where speeds are unbounded, or ends so close to one that rounding leaves no finite bound.
     """
     end = compile_scene(scene).end
     if end.reason == 'lock':
@@ -96,16 +96,16 @@ def max_speed(scene: Scene, progress: Callable[[int], object] = lambda looks: No
 
 
 class _Speeding(InOrder):
-    """A search over times. The best so far: log of the largest speed met, when, and of which handle."""
+    """A search over times. The best result so far: log of the largest speed, when, and of which handle."""
 
-    at_once = _MOST     # all: a bound helps most once the best of all is known
+    at_once = _MOST     # all: bounds cut most once the best of all states is known
 
     def __init__(self, scene: Scene, progress: Callable[[int], object]) -> None:
         self._scene, self._leader, self._law = scene, compile_scene(scene).model.leader, _law_of(scene)
         self._looks, self._tell = 0, progress
         self._best, self._bound = (-inf, scene.run.start_s, 0), -inf
         leader = self._leader
-        self._behind_m = np.concatenate(([0.0], np.cumsum(leader.links_m)))    # at least, behind the head
+        self._behind_m = np.concatenate(([0.0], np.cumsum(leader.links_m)))    # lower bounds, behind the head
         self._sure_m = _sure_m(leader.track, leader.links_m) if leader.direction == BEHIND else -inf
 
     def run(self) -> MaxSpeed:
@@ -120,7 +120,7 @@ class _Speeding(InOrder):
                         leader.track.distance_of(leader.place(gone))[0], bound, self._looks)
 
     def judge(self, boxes: Boxes) -> Boxes:
-        """Bound intervals, record the bounds of those that hold nothing faster, and cut the others."""
+        """Bound intervals, record the bounds of those that contain nothing faster, and cut the others."""
         intervals = np.stack((boxes.low[0], boxes.high[0]))
         tops, sure, *ways = np.concatenate([self._bounds(part) for part in np.array_split(
             intervals, ceil(boxes.size / _AT_ONCE), axis=1)], axis=1)
@@ -131,7 +131,7 @@ class _Speeding(InOrder):
         return boxes.some(higher).cut(_PARTS)
 
     def _first(self) -> Floats:
-        """Return the first intervals (2, M): cut at the law's breaks, where handles turn back, and finely enough."""
+        """Return the first intervals (2, M), cut at the law's breaks and where handles turn back, and finely enough."""
         start_s, stop_s = self._scene.run.start_s, compile_scene(self._scene).end.t_s
         times = [start_s, *(t_s for t_s in self._scene.head.breaks_s if start_s < t_s < stop_s), stop_s]
         gone = [self._gone_m(t_s) for t_s in times]
@@ -147,8 +147,8 @@ class _Speeding(InOrder):
                 count += part
         parts.append((stop_s, stop_s, 1))       # the law may jump there
         if count > _MOST:
-            raise FieldError('run.stop_s', self._scene.run.stop_s, f'the leader goes {count * _SPACING_M:.3g} m and no '
-                             f'more than {_MOST * _SPACING_M:.3g} m can be searched', 'stop earlier')
+            raise FieldError('run.stop_s', self._scene.run.stop_s, f'the leader travels {count * _SPACING_M:.3g} m; '
+                             f'at most {_MOST * _SPACING_M:.3g} m can be searched', 'stop earlier')
         nodes = [np.linspace(low_s, high_s, part + 1) for low_s, high_s, part in parts]
         return np.concatenate([np.stack((one[:-1], one[1:])) for one in nodes], axis=1)
 
@@ -162,7 +162,7 @@ class _Speeding(InOrder):
         return float(self._scene.head.travelled_m(t_s)[0])
 
     def _when_s(self, gone_m: float, low_s: float, high_s: float) -> float:
-        """Return when the leader has travelled a distance, between two times between which it moves one way."""
+        """Return when the leader has travelled a distance, within a period in which it moves in one direction."""
         return illinois(lambda t_s: self._gone_m(t_s) - gone_m, low_s, high_s, self._gone_m(low_s) - gone_m,
                         self._gone_m(high_s) - gone_m)
 
@@ -174,11 +174,11 @@ class _Speeding(InOrder):
         return int(np.searchsorted(self._behind_m[:-1], beyond))
 
     def _bounds(self, intervals: Floats) -> Floats:
-        """Return bounds of log speed on intervals (2, M), and the leader's distances at their ends; note speeds there.
+        """Return bounds of log speed on intervals (2, M), and the leader's distances at both ends; record speeds there.
 
-        In rows (4, M): bounds without and with rounding, then metres travelled at the starts and at the stops. A speed
-        is promised relative to itself: the position error over the mean link, times the square of its ratio to the
-        leader's (docs/model.md).
+        The rows (4, M) are bounds without and with rounding, then metres travelled at the starts and at the stops. The
+        promised relative error of a speed is the position error over the mean link, times the square of its ratio to
+        the leader's speed (docs/model.md).
         """
         times, index = np.unique(intervals, return_inverse=True)
         states = self._states(times)
@@ -217,7 +217,7 @@ class _Speeding(InOrder):
 
 
 def _sure_m(track: Track, links_m: Floats) -> float:
-    """Return the distance along the track up to which no handle is faster than the one before it; -inf if none is."""
+    """Return the distance along the track up to which no handle is faster than the one before it; -inf if unknown."""
     if track.from_afar is None:
         return -inf
     if not track.may_lock:       # every link turns by less than pi
@@ -229,14 +229,14 @@ def _sure_m(track: Track, links_m: Floats) -> float:
 
 @dataclass(frozen=True)
 class LawBetween:
-    """Of M intervals: log of the leader's speed over its largest at the start and the stop, its slope by distance."""
+    """For M intervals: log of the leader's speed over its largest, at start and stop, and its slope by distance."""
 
     start: Floats
     stop: Floats
     slope: Ball
 
     def swapped(self, which: Array) -> 'LawBetween':
-        """Return some intervals with start and stop the other way round."""
+        """Return the intervals with start and stop swapped where ``which`` is True."""
         return LawBetween(np.where(which, self.stop, self.start), np.where(which, self.start, self.stop), self.slope)
 
 
@@ -258,9 +258,9 @@ class _Varying:
     largest_m_s: float
 
     def between(self, start_s: Floats, stop_s: Floats) -> LawBetween:
-        """Return speeds and slopes on intervals between the law's breaks; at a jump the speed on the interval's side.
+        """Return speeds and slopes on intervals between the law's breaks; at a jump, the speed on the interval's side.
 
-        By distance the slope of log |v| is dv/dt / v^2. At rest it has no bound, and log |v| is -inf.
+        By distance the slope of log |v| is dv/dt / v^2. At rest it is unbounded, and log |v| is -inf.
         """
         pairs = list(zip(start_s.tolist(), stop_s.tolist(), strict=True))
         at, before = self.law.speed_at_m_s, self.law.speed_before_m_s
@@ -276,12 +276,12 @@ class _Varying:
 
 
 def _law_of(scene: Scene) -> _Steady | _Varying:
-    """Return the leader's speed over its largest in the run; a constant if it rests all the time."""
+    """Return the leader's speed over its largest in the run; constant if it rests throughout."""
     if isinstance(scene.head, Head):
         return _Steady()
     start_s, stop_s = scene.run.start_s, compile_scene(scene).end.t_s
     ends = [start_s, *(t_s for t_s in scene.head.breaks_s if start_s < t_s < stop_s), stop_s]
-    assert isinstance(scene.head, Profile)      # a led one has no breaks to tell
+    assert isinstance(scene.head, Profile)      # a commanded law has no breaks in advance
     at, before = scene.head.speed_at_m_s, scene.head.speed_before_m_s
     largest = max(*(abs(at(t_s)) for t_s in ends), *(abs(before(t_s)) for t_s in ends[1:] if start_s < stop_s))
     return _Varying(scene.head, largest) if largest else _Steady()
@@ -291,9 +291,9 @@ def _law_of(scene: Scene) -> _Steady | _Varying:
 class SpeedStates:
     """M states of a chain, handles in order from the leader: K ``links_m``, their ``links``, and speeds.
 
-    ``log`` (M, K+1) are the logs of speeds over the leader's, ``size_m`` (K+1,) the largest distance of each handle
-    from the origin, ``bends`` the least and greatest curvatures from one segment of the track to another, ``way`` -1
-    behind a head and 1 ahead of a tail.
+    ``log`` (M, K+1) are the logs of speeds over the leader's, ``size_m`` (K+1,) is the largest distance of each handle
+    from the origin, ``bends`` are the smallest and largest curvatures from one segment of the track to another, and
+    ``way`` is -1 behind a head and 1 ahead of a tail.
     """
 
     links_m: Floats
@@ -305,7 +305,7 @@ class SpeedStates:
     size_m: Floats
 
     def rows(self, index: Ints) -> 'SpeedStates':
-        """Return some of the states."""
+        """Return a subset of the states."""
         return replace(self, gone_m=self.gone_m[index], log=self.log[index], links=self.links.rows(index))
 
 

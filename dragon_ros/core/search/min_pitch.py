@@ -1,20 +1,21 @@
-"""The smallest pitch at which the head comes in to a circle without contact on the way, between bounds.
+"""Bounds on the smallest pitch at which the head winds in to a circle without a contact.
 
-Contact need not be monotone in the pitch: benches also slip past each other. So the largest pitch with a contact on the
-way is sought: branch and bound searches the plane of (radius of the head, pitch) from the largest pitch down. A
-touching pair anywhere is a lower bound. A cell of the plane is clear, with every pitch and radius in it, if each pair
-has an edge from which it is apart at all four corners by more than the benches' corners can sag in between, B1 h1^2 / 8
-+ B2 h2^2 / 8: no function differs more from its bilinear interpolation. B1 and B2 bound second derivatives by radius
-and scale on the whole cell, which is proved (``on_spiral``, ``by_scale``).
+Contact need not be monotone in the pitch, because benches can also slip past each other. So the search looks for the
+largest pitch with a contact before the circle is reached: branch and bound in the plane of (radius of the head, pitch),
+from the largest pitch down. Any touching pair gives a lower bound. A cell of the plane is clear, with every pitch and
+radius in it, if each pair has an edge from which it is separated at all four corners by more than the benches' corners
+can sag in between, B1 h1^2 / 8 + B2 h2^2 / 8: no function differs more from its bilinear interpolation. B1 and B2 are
+proved bounds on the second derivatives by radius and by scale over the whole cell (``on_spiral``, ``by_scale``).
 
-Everything is computed in units of b = pitch / 2 pi, where there is one spiral, r = theta, and a dragon ``scale`` = 1 /
-b times as large: a smaller pitch is a larger dragon. A state is a scale and a place, the radius in metres of the
-leading handle; a *winding* is a little more than the turn of the chain behind it.
+Everything is computed in units of b = pitch / 2 pi. In these units there is a single spiral, r = theta, and the dragon
+is ``scale`` = 1 / b times as large: a smaller pitch means a larger dragon. A state is a scale and a position, the
+radius in metres of the leading handle; a *winding* is a little more than one turn of the chain behind it.
 
-All this requires that benches behind the head are equal. For mixed benches a bracket of two given pitches is halved. It
-is proved that there is a contact at its lower end and none at its upper end, but not that no larger pitch has one.
+All this requires that the benches behind the head are equal. For mixed benches a bracket of two given pitches is
+bisected. The result is a proved contact at its lower end and a proved absence of contact at its upper end, but not that
+no larger pitch has one.
 
-Bounds are rounded outwards as those of the first contact are: balls by themselves, separations by
+Bounds are rounded outwards as for the first contact: balls by their arithmetic, separations by
 ``signed_distance.rounding_m``, polar angles by the position error.
 """
 from collections.abc import Callable
@@ -43,21 +44,21 @@ from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
 
-_WAY_RAD, _STEP = 0.8, 0.1  # the largest cell: the leading handle's turn about the centre, and a fraction of the pitch
+_WAY_RAD, _STEP = 0.8, 0.1  # largest cell: the leading handle's turn about the centre; fraction of pitch
 _AT_ONCE, _MOST = 256, 100_000      # cells
 _OUTWARDS = 1 + 2.0**-50    # for a pitch, which is the quotient of a rounded number and a scale
 _SAME = 1e-15               # relative to a pitch, which is the inverse of a scale, rounded twice
 _UNIT = track_of(Spiral(2 * pi, 1.0), BEHIND)   # in units of b
-_BENT = 1.09                # no spiral's curvature exceeds 1.09 / r: (u^3 + 4 u^2 + 4 u) / (1 + u)^3 <= 32 / 27
+_BENT = 1.09               # the curvature of any spiral is at most 1.09 / r: (u^3 + 4 u^2 + 4 u) / (1 + u)^3 <= 32 / 27
 
 
 @dataclass(frozen=True)
 class MinPitch:
-    """A pitch with a contact, ``low_m``, and ``high_m``, from which on no pitch up to ``largest_m`` has one.
+    """A pitch with a contact, ``low_m``, and ``high_m``, from which up to ``largest_m`` no pitch has a contact.
 
     At ``low_m`` ``benches`` touch with the head's front handle at ``radius_m``; ``states`` is the number of windings
-    placed, or of states. For mixed benches it is not ``proved`` that no pitch between ``high_m`` and ``largest_m`` has
-    a contact: only that these two have none.
+    placed, or of states for mixed benches. For mixed benches ``proved`` is False: ``high_m`` and ``largest_m`` have no
+    contact, but the pitches between them are not proved.
     """
 
     low_m: float
@@ -71,7 +72,7 @@ class MinPitch:
 
 @dataclass(frozen=True)
 class _PitchTask:
-    """A dragon that comes in from ``turns`` turns to a circle of ``radius_m``, for pitches up to ``largest_m``."""
+    """A dragon that winds in from ``turns`` turns to a circle of ``radius_m``, for pitches up to ``largest_m``."""
 
     dragon: AnyDragon
     radius_m: float
@@ -85,16 +86,17 @@ class _PitchTask:
         return self.radius_m / self.turns
 
     def widest_m(self, pitch_m: float, first: int) -> float:
-        """Return an upper bound of the radius of the front handle of the head (0) or of a body bench (1).
+        """Return an upper bound on the radius of the front handle of the head (0) or of a body bench (1).
 
-        An arc of curvature at most k is at most 2 asin(k chord / 2) / k long, and r^2 grows by at most 2 b per metre.
+        An arc of curvature at most k is at most 2 asin(k chord / 2) / k long, and r^2 grows by at most 2 b per metre of
+        arc.
         """
         bend = 0.5 * _BENT / self.radius_m
         arc = sum(asin(bend * link) / bend for link in self.dragon.link_lengths_m.tolist()) if first else 0.0
         return sqrt((self.turns * pitch_m) ** 2 + pitch_m / pi * arc)
 
     def innermost_m(self, pitch_m: float, first: int) -> float:
-        """Return a lower bound of the radius, for this pitch and larger ones: arcs are no shorter than their chords."""
+        """Return a lower bound on the radius for this and larger pitches: an arc is at least as long as its chord."""
         b_m, radius_m = pitch_m / (2 * pi), self.radius_m
         inward = 2 * b_m * float(self.dragon.link_lengths_m[0]) / sqrt(1 + (b_m / radius_m) ** 2)
         return sqrt(radius_m**2 + inward * first)
@@ -103,10 +105,10 @@ class _PitchTask:
 def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_turns: float = 16.0,
               largest_m: float = 1.0, within_m: float = 2e-11,
               progress: Callable[[int], object] = lambda states: None, smallest_m: float | None = None) -> MinPitch:
-    """Return the smallest pitch from which on, up to ``largest_m``, the head reaches the circle without contact.
+    """Return the smallest pitch from which, up to ``largest_m``, the head reaches the circle without contact.
 
-    The head starts at ``start_turns``; the circle of ``diameter_m`` is about the centre. ``low_m`` and ``high_m``
-    differ by at most ``within_m``. Mixed benches need ``smallest_m``, a pitch at which benches touch; for others it is
+    The head starts at ``start_turns``; the circle of ``diameter_m`` is centred on the spiral. ``low_m`` and ``high_m``
+    differ by at most ``within_m``. Mixed benches need ``smallest_m``, a pitch at which benches touch; otherwise it is
     ignored. ``progress(states)`` is called with the number of states computed since the last call. Raises FieldError if
     there is no such pitch or benches touch at ``largest_m``, DragonError if none can be proved, ChainLockError if a
     link is longer than the circle's diameter.
@@ -152,7 +154,7 @@ def _task(dragon: AnyDragon, diameter_m: float, start_turns: float, largest_m: f
 
 
 class _Runs:
-    """Runs of a dragon that comes in to a circle, one per pitch."""
+    """Runs of a dragon that winds in to a circle, one per pitch."""
 
     def __init__(self, dragon: AnyDragon, diameter_m: float, start_turns: float,
                  progress: Callable[[int], object]) -> None:
@@ -169,16 +171,16 @@ class _Runs:
         return coming_in(dragon, pitch_m, start_turns, diameter_m)
 
     def check(self, pitch_m: float) -> None:
-        """Refuse a pitch at which nothing comes in. Raises FieldError."""
+        """Reject a pitch at which the head starts inside the circle. Raises FieldError."""
         self._scene(pitch_m)
 
     def contact(self, pitch_m: float) -> Contact | None:
-        """Return the first contact on the way in."""
+        """Return the first contact while the head winds in."""
         found = first_contact(self._scene(pitch_m), self._progress)
         return found if isinstance(found, Contact) else None
 
     def head_touches(self, pitch_m: float) -> bool:
-        """Return whether the head touches a bench on the way in, or may touch one."""
+        """Return whether the head may touch a bench while it winds in."""
         return not head_passes(self._scene(pitch_m), self._progress)
 
     def radius_m(self, pitch_m: float, t_s: float) -> float:
@@ -187,7 +189,7 @@ class _Runs:
 
 
 def coming_in(dragon: AnyDragon, pitch_m: float, start_turns: float, diameter_m: float) -> Scene:
-    """Return the scene of a head that comes in from its start to a circle at 1 m/s."""
+    """Return the scene of a head that winds in from its start to a circle at 1 m/s."""
     track, turns = Spiral(pitch_m, start_turns), 0.5 * diameter_m / pitch_m
     if turns >= start_turns:
         raise FieldError('start_turns', start_turns, f'at a pitch of {pitch_m:g} m the head starts inside the circle',
@@ -196,10 +198,10 @@ def coming_in(dragon: AnyDragon, pitch_m: float, start_turns: float, diameter_m:
 
 
 def _halved(runs: _Runs, smallest_m: float | None, largest_m: float, within_m: float) -> MinPitch:
-    """Halve the bracket of mixed benches. Raises FieldError if its ends are not a contact and none.
+    """Bisect the bracket of mixed benches. Raises FieldError unless there is a contact at its lower end alone.
 
-    Halving checks the head, which is usually the first to touch; the remaining bracket is checked for all benches. So
-    the given bracket is examined only if no part of it is cut off.
+    Bisection checks only the head, which is usually the first to touch; the remaining bracket is checked for all
+    benches. So the ends of the given bracket are checked only if they are still its ends after bisection.
     """
     if smallest_m is None:
         raise FieldError('smallest_m', None, 'the pitch of mixed benches is halved between two bounds',
@@ -221,7 +223,7 @@ def _halved(runs: _Runs, smallest_m: float | None, largest_m: float, within_m: f
 
 
 def _bisected(touching: Callable[[float], object], low_m: float, high_m: float, within_m: float) -> tuple[float, float]:
-    """Halve a bracket of pitches, with a contact at the lower end and none at the upper one."""
+    """Bisect a bracket of pitches, with a contact at the lower end and none at the upper end."""
     while high_m - low_m > within_m:
         middle_m = 0.5 * (low_m + high_m)
         low_m, high_m = (middle_m, high_m) if touching(middle_m) else (low_m, middle_m)
@@ -231,8 +233,8 @@ def _bisected(touching: Callable[[float], object], low_m: float, high_m: float, 
 class _Descending:
     """A search for one leading bench, from the largest pitch down to ``floor_m`` or to a contact.
 
-    Boxes are of radius in m and of scale: a larger scale is a smaller pitch. ``touch`` is (radius in m, pitch in m,
-    bench) of the contact with the largest pitch found.
+    Boxes span radius in m and scale: a larger scale is a smaller pitch. ``touch`` is (radius in m, pitch in m, bench)
+    of the contact with the largest pitch found.
     """
 
     at_once = _AT_ONCE
@@ -243,10 +245,10 @@ class _Descending:
         self._best = self._limit = 2 * pi / floor_m     # scales: of the contact, and up to which all is clear
         self._done = 0
         size_m = task.widest_m(task.largest_m, 1)
-        self._tolerance_m = 2 * EXACT.promise_for_m(size_m)     # both benches may be off
+        self._tolerance_m = 2 * EXACT.promise_for_m(size_m)     # the position errors of both benches
 
     def run(self) -> tuple[float, float]:
-        """Return (pitch with a contact or the floor, pitch from which on everything is clear)."""
+        """Return (pitch with a contact or the floor, smallest pitch above which everything is clear)."""
         cells = self._grid()
         run(self, Boxes(cells[[0, 2]], cells[[1, 3]]))
         return 2 * pi / self._best, _OUTWARDS * 2 * pi / self._limit
@@ -262,7 +264,7 @@ class _Descending:
         return out
 
     def judge(self, boxes: Boxes) -> Boxes:
-        """Compute the corners of boxes; return the halves of those that are not clear and not near the contact."""
+        """Evaluate the corners of boxes; return the halves of those that are neither clear nor near the contact."""
         if self._done > _MOST:
             raise DragonError(f'min-pitch: nothing is proved below a pitch of {2 * pi / np.min(boxes.low[1]):.9g} m '
                               f'after {self._done} cells; some benches may almost touch at every pitch')
@@ -274,7 +276,7 @@ class _Descending:
         return boxes.some(left).cut(2, axis[left])
 
     def _grid(self) -> Floats:
-        """Return the first cells: strips of pitch, each as long as the distance at its larger pitch.
+        """Return the first cells: strips of pitch, each as long as the track that the larger of its pitches needs.
 
         Corners sag with the square of the angle, and little with the radius; gaps do not shrink further out.
         """
@@ -289,9 +291,9 @@ class _Descending:
         return np.concatenate(strips, axis=1)
 
     def _unclear(self, cells: Floats) -> tuple[Array, Ints]:
-        """Compute the corners of cells (4, n): radius and scale, each from, to; return which are not clear.
+        """Evaluate the corners of cells (4, n), rows radius from, to and scale from, to; return which are not clear.
 
-        The axis along which to cut each is returned too: the one on which it varies more.
+        The second result is the axis along which to cut each cell: the one along which it varies more.
         """
         corners = np.concatenate([cells[[i, j]] for i in (0, 1) for j in (2, 3)], axis=1)
         places, where = np.unique(corners, axis=1, return_inverse=True)
@@ -313,7 +315,7 @@ class _Descending:
         return low[each, pair, edge] <= self._tolerance_m * cells[3], (place < scale).astype(np.int64)
 
     def _windings(self, radius_m: Floats, scale: Floats) -> BenchSamples:
-        """Return a little more than the turn of the chain behind each place."""
+        """Return a little more than one turn of the chain behind each position."""
         self.states += scale.size
         self._tell(scale.size)
         dragon = self.task.dragon
@@ -323,7 +325,7 @@ class _Descending:
         return windings(dragon, self.first, follow, radius_m, scale)
 
     def _sags(self, cells: Floats, placed: BenchSamples, ends: Ints) -> Floats:
-        """Return bounds of how far corners sag in cells, by radius and by scale, for eight edges, (n, K, 8, 2)."""
+        """Return bounds on the sag of corners in cells, by radius and by scale, for eight edges, (n, K, 8, 2)."""
         benches = slice(self.first, self.first + placed.delta.shape[1])
         dragon, scale = self.task.dragon, cells[2:, :, None]
         arm = scale[1] * 0.5 * np.hypot(dragon.bench_lengths_m[benches], dragon.width_m)
@@ -338,17 +340,17 @@ class _Descending:
         return out
 
     def _angle_errors(self, theta: Floats, scale: Floats) -> Floats:
-        """Return the error of polar angles: twice the position error, over a handle's move per radian."""
+        """Return the error of polar angles: twice the position error, divided by a handle's travel per radian."""
         out: Floats = self._tolerance_m * scale / np.maximum(theta, 1.0)
         return out
 
     def _check_rest(self, cells: Floats, placed: BenchSamples, ends: Ints) -> None:
-        """Reject cells in which a bench further behind than those placed could come near.
+        """Reject cells in which a bench beyond those placed could come close.
 
-        In metres the leading bench is within its rear handle's radius, which is largest at the larger radius and pitch,
-        and its overhang. The last link's line is l^2 - (delta / scale)^2 over 2 l tan(delta / 2) from the centre, at
-        least the value for the largest delta and smallest scale. Links further behind lie further out
-        (docs/contact.md).
+        The leading bench lies within the radius of its rear handle plus its overhang, in metres; that radius is largest
+        at the larger radius and pitch. The line of the last link is l^2 - (delta / scale)^2 over 2 l tan(delta / 2)
+        from the centre, which is at least the value for the largest delta and smallest scale. Links further behind lie
+        further out (docs/contact.md).
         """
         dragon, count = self.task.dragon, placed.delta.shape[1]
         if count == dragon.benches - self.first:
@@ -361,7 +363,7 @@ class _Descending:
             raise DragonError('min-pitch: one turn of benches is too few to prove this dragon, which is not covered')
 
     def _note(self, places: Floats, separation: Floats) -> None:
-        """Record the touching place with the largest pitch; the head is never further out than at its start."""
+        """Record the touching position with the largest pitch; the head is never further out than at its start."""
         radius_m, scale = places
         outer = np.inf if self.first else 2 * pi * self.task.turns / scale
         gap = np.max(separation, axis=-1)
@@ -374,7 +376,7 @@ class _Descending:
 
 
 def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale: Floats) -> BenchSamples:
-    """Place ``follow`` benches behind radii (M,) on spirals of the given scales, in units of b; the first is ``first``.
+    """Place ``follow`` benches from bench ``first`` on, behind radii (M,) on spirals of given scales, in units of b.
 
     Raises ChainLockError if a link cannot be placed.
     """
@@ -385,9 +387,9 @@ def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale
 
 
 def separations(dragon: AnyDragon, first: int, winding: BenchSamples, scale: Floats) -> Floats:
-    """Return the separations of the leading bench and those from the second behind it on, (M, K, 8), in units of b.
+    """Return separations of the leading bench from the second and later benches behind, (M, K, 8), in units of b.
 
-    They are from four edges of the leading bench and four of the other: benches are apart if any is positive.
+    They are measured from four edges of the leading bench and four of the other: benches are apart if any is positive.
     """
     half = 0.5 * scale[:, None] * dragon.bench_lengths_m[first:first + winding.delta.shape[1]]
     side, (centre, axis) = 0.5 * scale[:, None] * dragon.width_m, (winding.centre, winding.axis)

@@ -1,11 +1,12 @@
-"""Near misses: local minima of the gap of any two benches over time, below a threshold, before the first contact.
+"""Near misses: local minima over time of the gap between two benches, below a threshold, before the first contact.
 
-Near misses of a bench and an obstacle of the venue count too: over the track, once for all benches of one length.
+Near misses between a bench and an obstacle of the venue count too; they are found over the track, once for all benches
+of one length.
 
-Only intervals whose certified bound is below the threshold are sampled. Benches with the same links behind them have
-the same gaps at the same places: each minimum on a first spiral is found once for its class, and each bench of it
-reaches the place at its own time. Where the leader reverses, a gap that was closing has a minimum too. A dip that is
-narrower than the samples, or shallower than a nanometre, may be missed.
+Only intervals whose certified bound is below the threshold are sampled. Benches with the same remaining link sequence
+have the same gaps at the same positions. So each minimum on a spiral first segment is found once for its class, and
+each bench of the class reaches that position at its own time. When the leader reverses, a gap that was closing has a
+minimum too. A dip narrower than the sample spacing, or shallower than a nanometre, may be missed.
 """
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -31,26 +32,26 @@ if TYPE_CHECKING:       # scenes without a venue import none of it
     from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
 
 MOST = 1000             # near misses listed, the nearest first; the others are only counted
-_COARSE_M = 1.0         # between places at which obstacles are searched at all
+_COARSE_M = 1.0         # between positions for the coarse search of obstacles
 _SPACING_M = 0.02       # between samples along the track: a corner that passes a bench makes dips some decimetres wide
-_LIPSCHITZ = 2.0        # of a gap by the leader's way, roughly: how far above the threshold a sample of a dip may be
-_SHALLOW_M = 1e-9       # far above the error of gaps: shallower dips cannot be told from a constant gap
+_LIPSCHITZ = 2.0    # of a gap per metre of leader travel, roughly: how far above the threshold a sample of a dip may be
+_SHALLOW_M = 1e-9       # far above the error of gaps: shallower dips are indistinguishable from a constant gap
 _AT_ONCE = 64           # samples that are evaluated together
 _GOLDEN = 0.5 * (5**0.5 - 1)
-_ROUNDS = 34            # of golden sections: 0.618^34 of 4 cm are 3 nm, less than a flat minimum resolves
-_REFINED = 1024         # minima that are refined together, for the memory
-_SAME_M = 1e-4          # of the leader's way: two minima of one pair closer than this are one
-_CLOSING_M = 1e-6       # of the leader's way before it reverses: over this length a gap must have been closing
-_NEWTON = 8             # steps to a place: handles are about as fast as the leader, three are enough
-_THERE_M = 1e-9         # tolerance for a place found by Newton
+_ROUNDS = 34            # of golden-section search: 0.618^34 of 4 cm is 3 nm, less than a flat minimum resolves
+_REFINED = 1024         # minima that are refined together, to limit memory
+_SAME_M = 1e-4          # of leader travel: minima of one pair closer than this count as one
+_CLOSING_M = 1e-6       # of leader travel before it reverses: the gap must have been closing over this length
+_NEWTON = 8             # iterations per position: handles are about as fast as the leader, so three are enough
+_THERE_M = 1e-9         # tolerance for a position found by Newton's method
 
 Pair = tuple[int, int]
-Gaps = Callable[[Floats, Ints], Floats]     # of places (M,) and pairs (..., 2): gaps (M, K) or (M,)
+Gaps = Callable[[Floats, Ints], Floats]     # for positions (M,) and pairs (..., 2): gaps (M, K) or (M,)
 
 
 @dataclass(frozen=True)
 class NearMiss:
-    """The smallest gap of two benches (the inner first), or of one to an obstacle: time in s, gap in m."""
+    """The smallest gap of two benches (the inner one first), or of a bench to an obstacle: time in s, gap in m."""
 
     benches: tuple[int, ...]
     t_s: float
@@ -73,7 +74,7 @@ class NearMisses:
 
 @dataclass(frozen=True)
 class _Dip:
-    """A local minimum of a pair's gap over places; the names of a venue's obstacles are numbered behind the benches."""
+    """A local minimum of a pair's gap over positions; the venue's obstacles are numbered after the benches."""
 
     pair: Pair
     place: float
@@ -82,7 +83,7 @@ class _Dip:
 
 @dataclass(frozen=True)
 class _ClassDip:
-    """A dip of the first bench of a class, transferred to another one of it, in one phase of the leader's motion."""
+    """A dip of the first bench of a class, applied to another bench of it in one phase of the leader's motion."""
 
     dip: _Dip
     bench: int
@@ -91,10 +92,10 @@ class _ClassDip:
 
 def near_misses(scene: Scene, found: Contact | NoContact, below_m: float,
                 progress: Callable[[int], object] = lambda states: None) -> NearMisses:
-    """Return the near misses before the contact (or end) with gaps below ``below_m``; times are right to about 1e-5 s.
+    """Return the near misses with gaps below ``below_m`` before the contact or end; times are accurate to about 1e-5 s.
 
-    A place that the leader passes several times gives one each time. ``progress(states)`` is called with the number of
-    states evaluated since the last call.
+    A position that the leader passes several times gives one near miss per passage. ``progress(states)`` is called with
+    the number of states evaluated since the last call.
     """
     end_s = found.t_s if isinstance(found, Contact) else compile_scene(scene).end.t_s
     travel = RangeOfTravel(scene.head, scene.run.start_s, end_s)
@@ -113,14 +114,14 @@ def near_misses(scene: Scene, found: Contact | NoContact, below_m: float,
 
 
 def _miss(pair: Pair, t_s: float, gap_m: float, benches: int, names: Sequence[str]) -> NearMiss:
-    """Return a near miss of two benches, or of one and an obstacle."""
+    """Return a near miss of two benches, or of a bench and an obstacle."""
     if pair[1] < benches:
         return NearMiss(pair, t_s, gap_m)
     return NearMiss(pair[:1], t_s, gap_m, names[pair[1] - benches])
 
 
 def _distinct(dips: list[_Dip]) -> list[_Dip]:
-    """Return dips without duplicates of one pair."""
+    """Return the dips without duplicates for the same pair."""
     out: list[_Dip] = []
     for dip in sorted(dips, key=lambda dip: (dip.pair, dip.place)):
         if not out or out[-1].pair != dip.pair or dip.place - out[-1].place > _SAME_M:
@@ -129,7 +130,7 @@ def _distinct(dips: list[_Dip]) -> list[_Dip]:
 
 
 def _in_domain(domain: SearchDomain, proof: Certificate, below_m: float) -> tuple[list[_Dip], int]:
-    """Return the dips of a domain, at places of the leader, and how many are omitted from the list."""
+    """Return the dips of a domain, by leader position, and the number of dips omitted from the list."""
     out = _of_chain(domain, [each for each in proof.led_by(ALL) if each.bound_m < below_m], below_m)
     alike: list[_ClassDip] = []
     out += _of_obstacles(domain, below_m) if domain.around else []
@@ -163,7 +164,7 @@ def _of_chain(domain: SearchDomain, near: list[Interval], below_m: float) -> lis
 
 
 def _of_class(domain: SearchDomain, part: LeadingBenches, proof: Sequence[Interval], below_m: float) -> Iterator[_Dip]:
-    """Yield the dips of a class's first bench with those behind, at polar angles of its front handle."""
+    """Yield the dips between a class's first bench and those behind, by polar angle of its front handle."""
     segment, origin_m, lead = domain.track.segments[0], domain.track.origins_m[0], part.lead
     links_m = domain.dragon.link_lengths_m
     ends = [(segment.after(each.start_m - origin_m).hi, segment.after(each.stop_m - origin_m).hi) for each in proof]
@@ -184,7 +185,7 @@ def _of_class(domain: SearchDomain, part: LeadingBenches, proof: Sequence[Interv
 
 
 def _gaps(chain: Chain, domain: SearchDomain, first: int, pairs: Ints) -> Floats:
-    """Return the gaps of pairs (K, 2) in M chains from bench ``first`` on, (M, K); of (M, 1, 2) one each, (M, 1)."""
+    """Return the gaps of pairs (K, 2) in M chains from bench ``first`` on, (M, K); for pairs (M, 1, 2), (M, 1)."""
     dragon, count = domain.dragon, chain.links_m.size
     centre = 0.5 * (chain.p[:, :-1] + chain.p[:, 1:])
     half_length = np.broadcast_to(0.5 * dragon.bench_lengths_m[first:first + count], centre.shape[:2])
@@ -194,7 +195,7 @@ def _gaps(chain: Chain, domain: SearchDomain, first: int, pairs: Ints) -> Floats
 
 
 def _spans(ends: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return intervals, merged if they overlap or adjoin, in increasing order."""
+    """Return intervals in increasing order, merged if they overlap or adjoin."""
     out: list[tuple[float, float]] = []
     for low, high in sorted((min(pair), max(pair)) for pair in ends):
         if out and low <= out[-1][1]:
@@ -205,14 +206,14 @@ def _spans(ends: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def _grids(low: float, high: float, step: float) -> Iterator[Floats]:
-    """Yield places at equal distances; two of each part are in the next one too, so that no dip lies between two."""
+    """Yield equidistant positions in parts that overlap by two, so that no dip falls between parts."""
     places = np.linspace(low, high, max(3, 2 + int((high - low) / step)), dtype=np.float64)
     for start in range(0, places.size - 2, _AT_ONCE - 2):
         yield places[start:start + _AT_ONCE]
 
 
 def _bracketed(places: Floats, pairs: Ints, gap_m: Floats, below_m: float) -> tuple[Ints, Floats, Floats]:
-    """Return pairs (D, 2), left and right places of the local minima among samples (M,) of their gaps (M, K)."""
+    """Return pairs (D, 2), left and right positions of the local minima among samples (M,) of their gaps (M, K)."""
     low, sides = gap_m[1:-1], (gap_m[:-2], gap_m[2:])
     dip = (low <= sides[0]) & (low <= sides[1]) & (low + _SHALLOW_M < np.maximum(*sides))
     row, column = np.nonzero(dip & (low < below_m + _LIPSCHITZ * _SPACING_M))
@@ -220,7 +221,7 @@ def _bracketed(places: Floats, pairs: Ints, gap_m: Floats, below_m: float) -> tu
 
 
 def _dips(gaps_at: Gaps, brackets: list[tuple[Ints, Floats, Floats]], below_m: float) -> list[_Dip]:
-    """Return the minima in brackets, of gaps below the threshold."""
+    """Return the minima in brackets whose gaps are below the threshold."""
     out: list[_Dip] = []
     if not brackets:
         return out
@@ -239,7 +240,7 @@ def _dips(gaps_at: Gaps, brackets: list[tuple[Ints, Floats, Floats]], below_m: f
 
 
 def _lowest(function: Callable[[Floats], Floats], left: Floats, right: Floats) -> tuple[Floats, Floats]:
-    """Return where functions with one minimum each are smallest in their intervals, by golden sections; how small."""
+    """Return the minimum of each function in its interval, and its value, by golden-section search."""
     a, b = right - _GOLDEN * (right - left), left + _GOLDEN * (right - left)
     at_a, at_b = function(a), function(b)
     for _ in range(_ROUNDS):
@@ -267,7 +268,7 @@ def _reached(domain: SearchDomain, part: LeadingBenches, dips: list[_Dip]) -> li
 
 
 def _at_places(domain: SearchDomain, phase: tuple[float, float], alike: list[_ClassDip]) -> list[_Dip]:
-    """Return dips at the places of the leader at which benches reach them in a phase."""
+    """Return dips at the leader positions at which benches reach them in a phase."""
     segment, origin_m = domain.track.segments[0], domain.track.origins_m[0]
     along_m = origin_m + segment.metres(np.array([each.dip.place for each in alike]))
     gone_m = _gone_at(domain, np.array([each.bench for each in alike]), along_m, phase)
@@ -276,7 +277,7 @@ def _at_places(domain: SearchDomain, phase: tuple[float, float], alike: list[_Cl
 
 
 def _gone_at(domain: SearchDomain, bench: Ints, along_m: Floats, within: tuple[float, float]) -> Floats:
-    """Return the leader's places when front handles of benches (M,) are at distances (M,) along the track."""
+    """Return the leader positions at which front handles of benches (M,) are at distances (M,) along the track."""
     row, gone_m = np.arange(bench.size), np.full(bench.size, 0.5 * sum(within))
     missing = np.zeros(bench.size)
     for _ in range(_NEWTON if bench.size else 0):
@@ -292,7 +293,7 @@ def _gone_at(domain: SearchDomain, bench: Ints, along_m: Floats, within: tuple[f
 
 
 def _of_obstacles(domain: SearchDomain, below_m: float) -> list[_Dip]:
-    """Return the dips of benches with obstacles, at places of the leader: the ``MOST`` deepest of each phase."""
+    """Return the dips between benches and obstacles, by leader position: the ``MOST`` deepest of each phase."""
     from dragon_ros.core.search.bounding_box import by_length
     from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
     from dragon_ros.core.search.obstacle_contact import phases, swept_bench, windows_of
@@ -319,7 +320,7 @@ def _of_obstacles(domain: SearchDomain, below_m: float) -> list[_Dip]:
 
 def _obstacle_dips(bounds: 'ObstacleBounds', span: tuple[float, float], below_m: float
                    ) -> Iterator[tuple[int, float, float]]:
-    """Yield the obstacle's number, the front handle's place and the gap of a bench's dips on a span of the track."""
+    """Yield the obstacle's index, the front handle's position and the gap of a bench's dips on a span of the track."""
     from dragon_ros.core.search.obstacle_bounds import corners_of
     places = np.linspace(*span, 2 + int((span[1] - span[0]) / _COARSE_M))
     states = bounds.bench.states(places)
@@ -343,7 +344,7 @@ def _obstacle_dips(bounds: 'ObstacleBounds', span: tuple[float, float], below_m:
 
 
 def _least(bounds: 'ObstacleBounds', edges: Ints, places: Floats) -> Floats:
-    """Return the smallest gap to some edges at places (M,)."""
+    """Return the smallest gap to a set of edges at positions (M,)."""
     row = np.repeat(np.arange(places.size), edges.size)
     gap_m = bounds.gaps(bounds.bench.states(places).rows(row), np.tile(edges, places.size))
     out: Floats = np.min(gap_m.reshape(places.size, -1), axis=1)
@@ -351,14 +352,14 @@ def _least(bounds: 'ObstacleBounds', edges: Ints, places: Floats) -> Floats:
 
 
 def _boxes(corners: Complexes, reach_m: Floats) -> tuple[Floats, Floats]:
-    """Return lower left and upper right corners (M, 2) of boxes that hold points (M, K) and more."""
+    """Return lower left and upper right corners (M, 2) of boxes around points (M, K), widened by ``reach_m``."""
     low = np.stack((np.min(corners.real, axis=1), np.min(corners.imag, axis=1)), axis=1) - reach_m[:, None]
     high = np.stack((np.max(corners.real, axis=1), np.max(corners.imag, axis=1)), axis=1) + reach_m[:, None]
     return low, high
 
 
 def _at_reversals(scene: Scene, travel: RangeOfTravel, below_m: float) -> Iterator[NearMiss]:
-    """Yield the nearest pairs where the leader reverses."""
+    """Yield the pairs with a minimum where the leader reverses."""
     for t_s, sense in travel.reversals:
         domain, gone_m = SearchDomain(scene, travel, sense, lambda states: None), travel.gone_m(t_s)
         benches = domain.benches(gone_m)

@@ -1,12 +1,13 @@
-"""Lower bounds of the gap of a bench to an edge of an obstacle while the bench goes from one place to another.
+"""Lower bounds on the gap between a bench and an edge of an obstacle while the bench moves between two positions.
 
-The pose of a bench depends on its length and on the place of its front handle, so an interval of the track stands for
-all benches of one length that pass it. The larger of two bounds counts. Both hold from one end of an interval to the
-other, if the rear handle moves one way. *By the move:* no point of the bench moves further than its farthest corner, M,
+The pose of a bench depends on its length and on the position of its front handle, so an interval of the track
+represents all benches of one length that pass it. The larger of two bounds counts. Both hold over the whole interval,
+if the rear handle moves in one direction. *By motion:* no point of the bench moves further than its farthest corner, M,
 so the gap is at least half of the sum of its values at the ends less M. *By a direction d*, the best one at an end: a
 corner's coordinate along d has its derivative in the ball of ``SweptBench.slopes``, so it changes by at most V and is
-nowhere below the mean of its values at the ends less V / 2; the least of the corners' bounds, less the larger
-coordinate of the edge's ends, bounds the gap. V shrinks to the corner's move along d, with the square of the interval.
+nowhere below the mean of its values at the ends less V / 2. The smallest of the corners' bounds, less the larger
+coordinate of the edge's ends, bounds the gap. V shrinks to the corner's motion along d, with the square of the
+interval.
 """
 from dataclasses import dataclass
 
@@ -18,12 +19,12 @@ from dragon_ros.core.geometry.venue import Surroundings
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 from dragon_ros.core.search.bounding_box import BenchStates, SweptBench
 
-_APART_M = 1e-9     # relative to sizes: nearer points have no direction; axes of the bench and the edge are tried
+_APART_M = 1e-9     # relative to sizes: closer points define no direction, so axes of the bench and the edge are tried
 
 
 @dataclass(frozen=True)
 class ObstacleBounds:
-    """A bench that moves along a track, and the edges of a venue: gaps at places, and bounds between two of them.
+    """A bench that moves along a track, and the edges of a venue: gaps at positions, and bounds between two of them.
 
     ``error_m`` bounds position errors; the bounds hold for benches with such errors.
     """
@@ -48,7 +49,7 @@ class ObstacleBounds:
         return ways
 
     def bounds(self, a: BenchStates, b: BenchStates, gaps: tuple[Floats, Floats], edge: Ints) -> Floats:
-        """Return lower bounds of the gaps to edges between states a and b, at which they are known."""
+        """Return lower bounds on the gaps to edges between states a and b, given the gaps at both."""
         slope, crude = self.bench.slopes(a, b)
         corners = corners_of(a), corners_of(b)
         with np.errstate(all='ignore'):
@@ -70,7 +71,7 @@ class ObstacleBounds:
 
     @property
     def _unsure(self) -> float:
-        """The error of the derivatives of the corners' coordinates, due to the error of the places of handles."""
+        """The error of the derivatives of the corners' coordinates due to position errors of the handles."""
         link, bench = self.bench.link_m, self.bench
         lever = 2 + (bench.half_length_m + bench.half_width_m) * (1 / link if link else bench.track.bend)
         return 8 * self.error_m * (bench.track.bend + (1 / link if link else 0.0)) * lever
@@ -82,7 +83,7 @@ class ObstacleBounds:
         return 0.5 * (front + rear_right), axis
 
     def _directions(self, corners: Complexes, gap_m: Floats, edge: Ints) -> Complexes:
-        """Return for each bench and edge the direction in which they are furthest apart, or nearly so."""
+        """Return, for each bench and edge, the direction in which they are furthest apart, or nearly so."""
         apart = gap_m > _APART_M * sum(self.half_m)
         out = np.empty(edge.size, dtype=np.complex128)
         if np.any(apart):
@@ -92,7 +93,7 @@ class ObstacleBounds:
         return out
 
     def _to_bench(self, corners: Complexes, edge: Ints) -> Complexes:
-        """Return the directions from the nearest point of edges to that of benches, which are apart."""
+        """Return the directions from the nearest points of edges to those of benches, which are apart."""
         around, half, (centre, axis) = self.around, self.half_m, self._seats(corners)
         seen = (corners - around.middle[edge][:, None]) * np.conj(around.axis[edge])[:, None]
         long = around.half_m[edge][:, None]
@@ -109,7 +110,7 @@ class ObstacleBounds:
         return out
 
     def _along_axes(self, corners: Complexes, edge: Ints) -> Complexes:
-        """Return those axes of benches and edges along which they are furthest apart, or overlap least."""
+        """Return the axes of benches and edges along which they are furthest apart, or overlap least."""
         around, (_, axis) = self.around, self._seats(corners)
         across = 1j * around.axis[edge]
         ways = np.stack((across, -across, axis, -axis, 1j * axis, -1j * axis))
@@ -122,10 +123,10 @@ class ObstacleBounds:
 
 def least_along(d: Complexes, ends: tuple[Complexes, Complexes], slope: Ball, unsure: float, h: Floats,
                 way_m: Floats) -> Floats:
-    """Return the least coordinate along d (M) that corners (M, 4) may have between two states, in m.
+    """Return the smallest coordinate along d (M,) that corners (M, 4) may have between two states, in m.
 
-    ``slope`` (M, 4, 3) holds their derivatives by a variable that grows by ``h`` (M, 1), of x first, of y last, with
-    errors up to ``unsure``. The corners move by at most ``way_m`` (M, 4).
+    ``slope`` (M, 4, 3) holds their derivatives by a variable that grows by ``h`` (M, 1): that of x first, that of y
+    last, with errors up to ``unsure``. The corners move by at most ``way_m`` (M, 4).
     """
     back, middle = np.conj(d)[:, None], slope.mid[..., 0] + 1j * slope.mid[..., 2]
     rad = slope.rad[..., 0] + slope.rad[..., 2] + unsure

@@ -1,11 +1,12 @@
 """Contact of benches with a venue: cleared over the track, once for all benches of one length.
 
-The pose of a bench depends on its length and on the place of its front handle. So an obstacle blocks places of the
-track for each length, and the first bench of a length to reach a blocked place is the one that starts next to it. Each
-bench therefore has a window: the places that its front handle passes, up to the start of the next bench of its length,
-which passes the rest before it. Each window is cleared by itself, up to the first place that cannot be cleared
-(``driver``, with the bounds of ``obstacle_bounds``); the leader gets to one of these first. Where handles turn back,
-near the centre of a spiral, the leader's way is split into phases in which each of them moves one way.
+The pose of a bench depends on its length and on the position of its front handle. So for each length, an obstacle
+blocks positions on the track, and the first bench of that length to reach a blocked position is the one that starts
+next to it. Each bench therefore has a window: the positions that its front handle passes, up to the start of the next
+bench of its length, which passes the rest before it. Each window is cleared separately, up to the first position that
+cannot be cleared (``driver``, with the bounds of ``obstacle_bounds``); the result is the one that the leader reaches
+first. If handles turn back, near the centre of a spiral, the leader's travel is split into phases in which each handle
+moves in one direction.
 """
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
@@ -22,42 +23,42 @@ from dragon_ros.core.search.driver import Judgement, clear
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, corners_of
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 
-_TOLERANCE = 4          # times the position error: a bench may be off, at two states
-_SPACING = 0.5          # of the longest bench, between the first places
-_MOST_PLACES = 50_000   # of one window to begin with, for the memory
+_TOLERANCE = 4          # times the position error, at two states
+_SPACING = 0.5          # of the longest bench, between the first positions
+_MOST_PLACES = 50_000   # first positions of one window, to limit memory
 _FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: near a contact, and near a grazing
-_SHORTEST = 0.1         # of what a gap must exceed: steps to a contact, where gaps are some times that, are longer
-_FAR = 0.05             # of the longest bench: edges that stay further away than this are not examined
+_SHORTEST = 0.1    # of the error that a gap must exceed: steps to a contact, where gaps are some times that, are longer
+_FAR = 0.05             # of the longest bench: edges that stay further away are not examined
 _PARTS = 3              # parts into which an interval is cut
-_LONG = 6.0             # times the longest bench: over a longer way the bound is not worth its many edges
+_LONG = 6.0             # times the longest bench: over a longer move the bound is not worth its many edges
 
 
 @dataclass(frozen=True)
 class _Samples:
-    """Benches with their front handles at places (M,) of the track."""
+    """Benches with their front handles at positions (M,) on the track."""
 
     places: Floats
     states: BenchStates
 
     def rows(self, index: Ints) -> '_Samples':
-        """Return some of them."""
+        """Return a subset of the samples."""
         return _Samples(self.places[index], self.states.rows(index))
 
 
 class _SweptIntervals:
-    """The space of intervals of the track for ``clear``; the edges near a bench are found by the boxes of intervals."""
+    """The space of track intervals for ``clear``; the edges near a bench are found by the boxes of intervals."""
 
     def __init__(self, bounds: ObstacleBounds, tolerance_m: float, longest_m: float,
                  count: Callable[[int], None]) -> None:
         self.tolerance_m, self._bounds, self._longest_m, self._count = tolerance_m, bounds, longest_m, count
 
     def sample(self, places: Floats, _: Ints) -> _Samples:
-        """Return samples."""
+        """Return the samples at positions."""
         self._count(places.size)
         return _Samples(places, self._bounds.bench.states(places))
 
     def joined(self, parts: list[_Samples]) -> _Samples:
-        """Return several samples as one."""
+        """Concatenate samples."""
         return _Samples(np.concatenate([part.places for part in parts]), _joined([part.states for part in parts]))
 
     def begin(self, samples: _Samples, pairs: Ints, window: Ints) -> None:
@@ -81,19 +82,19 @@ class _SweptIntervals:
         return Judgement(bound_m, touching, np.full(group.size, _PARTS), group)
 
     def _near(self, a: BenchStates, b: BenchStates, reach_m: Floats) -> tuple[Ints, Ints]:
-        """Return intervals, and edges that a bench may come near to on them."""
+        """Return pairs of an interval and an edge that a bench may come close to on it."""
         corners = np.concatenate((corners_of(a), corners_of(b)), axis=1)
         ends = [op(part, axis=1) for op in (np.min, np.max) for part in (corners.real, corners.imag)]
         low, high = np.stack(ends[:2], axis=1) - reach_m[:, None], np.stack(ends[2:], axis=1) + reach_m[:, None]
         return self._bounds.around.in_boxes(low, high)
 
     def lengths_m(self, start: Floats, stop: Floats) -> Floats:
-        """Return the moves of the front handle."""
+        """Return how far the front handle moves."""
         return np.abs(stop - start)
 
 
 def _joined(parts: list[Any]) -> Any:
-    """Return states, and the states in them, one after the other."""
+    """Concatenate states, field by field."""
     first = parts[0]
     if isinstance(first, np.ndarray):
         return np.concatenate(parts)
@@ -102,14 +103,14 @@ def _joined(parts: list[Any]) -> Any:
 
 @dataclass(frozen=True)
 class Window:
-    """Places (monotone) that the front handle of a bench goes through before any other bench of its length does."""
+    """Monotone positions that the front handle of a bench passes before that of any other bench of its length."""
 
     bench: int
     places: Floats
 
 
 class Obstacles:
-    """All benches of a domain with all obstacles: the cleared part, and its end."""
+    """All benches of a domain with all obstacles: the cleared part, and where it ends."""
 
     def __init__(self, domain: SearchDomain) -> None:
         """Take a domain whose scene has a venue."""
@@ -121,22 +122,22 @@ class Obstacles:
         self._hit: Bracket | None = None
 
     def clear(self, stop_m: float) -> Bracket | None:
-        """Clear up to a place of the leader; return the first bracket of places that is not clear."""
+        """Clear up to a leader position; return the first bracket that is not clear."""
         self._hit = self._first(stop_m, self._finest_m)
         return self._hit
 
     def prove(self, stop_m: float) -> Bracket | None:
-        """Clear up to an earlier place than before; return the first bracket that is not clear."""
+        """Clear up to an earlier position than before; return the first bracket that is not clear."""
         if self._hit:
             self._hit = self._first(stop_m, (*self._finest_m, _SHORTEST * self.tolerance_m))
         return self._hit
 
     def intervals(self) -> Iterator[Interval]:
-        """Yield nothing: a checker finds by itself where obstacles are near."""
+        """Yield nothing: a checker finds where obstacles are near without it."""
         return iter(())
 
     def _first(self, stop_m: float, finest_m: tuple[float, ...]) -> Bracket | None:
-        """Return the first bracket of the leader's places that is not clear, phase by phase."""
+        """Return the first bracket of leader positions that is not clear, phase by phase."""
         hit: Bracket | None = None
         for start, stop in phases(self._domain, stop_m):
             for benches in by_length(self._domain.dragon.bench_lengths_m):
@@ -147,7 +148,7 @@ class Obstacles:
         return None
 
     def _first_of(self, benches: Ints, phase: tuple[float, float], finest_m: tuple[float, ...]) -> Bracket | None:
-        """Return the first bracket in a phase that is not clear of benches of one length."""
+        """Return the first bracket in a phase in which some bench of one length is not clear."""
         domain, bench = self._domain, swept_bench(self._domain, int(benches[0]))
         windows = windows_of(domain, benches, phase, _SPACING * self._longest_m)
         if not windows:
@@ -160,7 +161,7 @@ class Obstacles:
 
     def _earliest(self, hits: list[tuple[int, tuple[float, float, float]]], phase: tuple[float, float]
                   ) -> Bracket | None:
-        """Return the bracket that the leader reaches first, given those of the front handles of some benches."""
+        """Return the bracket that the leader reaches first, given brackets of front handles."""
         domain, first = self._domain, None
         while hits:
             bench, (clear_m, other_m, bound_m) = hits[0]
@@ -173,23 +174,23 @@ class Obstacles:
 
 
 def phases(domain: SearchDomain, stop_m: float) -> list[tuple[float, float]]:
-    """Return the parts of the leader's way up to a place in which every handle moves one way, in its order."""
+    """Return the parts of the leader's travel up to a position in which every handle moves in one direction."""
     start_m = domain.start_m
     turns = domain.leader.turning_m(start_m, stop_m, 2)[::1 if start_m < stop_m else -1]
     return [] if start_m == stop_m else [*pairwise(dict.fromkeys([start_m, *turns, stop_m]))]
 
 
 def swept_bench(domain: SearchDomain, number: int) -> SweptBench:
-    """Return the bench of a number as one that moves along the track."""
+    """Return a bench, given its index, as one that moves along the track."""
     dragon = domain.dragon
     return SweptBench(domain.track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
                       0.5 * dragon.width_m)
 
 
 def windows_of(domain: SearchDomain, benches: Ints, phase: tuple[float, float], spacing_m: float) -> list[Window]:
-    """Return the intervals that the front handles of benches of one length pass in a phase, each place once.
+    """Return the intervals that the front handles of benches of one length pass in a phase, each position once.
 
-    A bench gets the places that no bench of its length ahead of it has passed before.
+    A bench gets the positions that no bench of its length ahead of it has passed before.
     """
     here, there = (domain.along_m(end)[benches] for end in phase)
     turns = turning_m(domain.track, float(domain.dragon.link_lengths_m[benches[0]]))

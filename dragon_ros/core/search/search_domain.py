@@ -1,11 +1,11 @@
-"""The space of a search for contact: the leader's range of travel, and all chains while the leader moves one way.
+"""The space of a contact search: the leader's range of travel, and the chains while the leader moves in one direction.
 
-The places of all handles depend on how far the leader has travelled and not on time, so contact is searched over
-places; each new place is further on or further back than all before. A place of the domain is the distance travelled by
-the leader, in metres. Places of handles are distances along the track.
+Handle positions depend on how far the leader has travelled and not on time. So the search runs over leader positions,
+always further on or further back than all before. A position in the domain is the distance travelled by the leader, in
+metres. Positions of handles are distances along the track.
 
-A pair can touch: two benches, or a bench and an edge of the venue's obstacles. Edges are numbered after the benches,
-and are rectangles of no width.
+A pair that can touch is two benches, or a bench and an edge of the venue's obstacles. Edges are numbered after the
+benches and are rectangles of zero width.
 """
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -34,13 +34,13 @@ from dragon_ros.core.tracks.segments import BEHIND
 if TYPE_CHECKING:       # scenes without a venue import none of it
     from dragon_ros.core.geometry.venue import Surroundings
 
-_LOCK_RAD = 1e-9        # of 1 + polar angle, before the model's own end at a lock or at the centre: speeds are infinite
+_LOCK_RAD = 1e-9  # of 1 + polar angle: margin before a lock or the centre, where the model ends and speeds are infinite
 _FLOATS = 1e-13         # of the largest coordinate: the promise of the exact tier far out, and kept near the centre too
-_SLOPE = 1e-6           # to either side, for a slope, of links of 1 m to 2 m: gaps err by 1e-11 m, a slope by 1e-5
-_COARSEST = 0.05        # relative to the longest bench: if positions err by more, benches cannot be told apart
-_KEPT = 6               # chains: ends of domains and phases are used repeatedly
-_FEW = 12               # chains that are placed faster one by one than together
-_MANY = 30              # chains for which tables are built, which later ones use too
+_SLOPE = 1e-6  # to either side, for a slope, with links of 1 m to 2 m: gap errors of 1e-11 m make a slope error of 1e-5
+_COARSEST = 0.05        # of the longest bench: with larger position errors, benches cannot be told apart
+_KEPT = 6               # chains: the ends of domains and phases are used repeatedly
+_FEW = 12               # chains: so few are placed faster one by one than together
+_MANY = 30              # chains: for more, tables are built, which later ones use too
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class RangeOfTravel:
 
     @property
     def _times(self) -> list[float]:
-        """Times between which the leader moves one way."""
+        """Times between which the leader moves in one direction."""
         return [self.start_s, *(t_s for t_s in self.law.breaks_s if self.start_s < t_s < self.end_s), self.end_s]
 
     def gone_m(self, t_s: float) -> float:
@@ -65,17 +65,17 @@ class RangeOfTravel:
         return float(self.law.travelled_m(t_s)[0])
 
     def farthest_s(self, sense: int) -> float:
-        """Return when the leader is furthest on (``sense`` 1) or back (-1) for the first time."""
+        """Return the first time when the leader is furthest on (``sense`` 1) or back (-1)."""
         return max(self._times, key=lambda t_s: sense * self.gone_m(t_s))
 
     @property
     def senses(self) -> list[int]:
-        """The senses in which the leader gets beyond its start; none if it rests."""
+        """The senses in which the leader gets beyond its start; empty if it rests."""
         here = self.gone_m(self.start_s)
         return [sense for sense in (1, -1) if sense * (self.gone_m(self.farthest_s(sense)) - here) > 0]
 
     def onwards_m(self, t_s: float, sense: int) -> float:
-        """Return how far the leader moves on in a sense after a time until it turns or rests, whenever its run ends."""
+        """Return how far the leader moves on in a sense after a time until it turns or rests, even beyond its run."""
         here_m, most_m, last_s = self.gone_m(t_s), 0.0, t_s
         for last_s in (break_s for break_s in self.law.breaks_s if break_s > t_s):
             on_m = sense * (self.gone_m(last_s) - here_m)
@@ -86,7 +86,7 @@ class RangeOfTravel:
 
     @property
     def reversals(self) -> list[tuple[float, int]]:
-        """Times at which the leader reverses, and the sense in which it moved before; a rest reverses nothing."""
+        """Times at which the leader reverses, and the sense in which it moved before; a rest is not a reversal."""
         out, going, turned_s = list[tuple[float, int]](), 0, self.start_s
         for before, after in pairwise(self._times):
             moved = self.gone_m(after) - self.gone_m(before)
@@ -98,7 +98,7 @@ class RangeOfTravel:
         return out
 
     def passages_s(self, places_m: Sequence[float]) -> list[list[float]]:
-        """Return all times at which the leader passes each of some places between those at which it may turn."""
+        """Return, for each position, all times at which the leader passes it strictly between possible reversals."""
         ways = [(before, after, self.gone_m(before), self.gone_m(after)) for before, after in pairwise(self._times)]
         return [[self._passage_s(place, way) for way in ways if min(way[2:]) <= place <= max(way[2:]) and
                  way[2] != place != way[3]] for place in places_m]
@@ -126,7 +126,7 @@ class RangeOfTravel:
 
 
 class Bracket(NamedTuple):
-    """Two places of the leader, the first of which ends the clear part, and a lower bound of the gaps in between."""
+    """Two leader positions, the first of which ends the clear part, and a lower bound of the gaps between them."""
 
     clear_m: float
     other_m: float
@@ -147,8 +147,8 @@ class SearchDomain:
         self.rounding_m = _FLOATS * simulation.size_m
         self.error_m = max(EXACT.promise_m * self.unit, self.rounding_m)    # tiny dragons are placed as exactly
         if self.error_m > _COARSEST * longest_m:
-            raise InputError(f'track: {simulation.size_m:.3g} m from the origin positions err by up to '
-                             f'{self.error_m:.2g} m, and benches can be told apart up to '
+            raise InputError(f'track: {simulation.size_m:.3g} m from the origin, positions err by up to '
+                             f'{self.error_m:.2g} m, but benches can be told apart only up to '
                              f'{_COARSEST * longest_m:.2g} m; use a smaller track')
         self._kept: dict[float, Chain] = {}
         stop_s = travel.farthest_s(sense)
@@ -183,7 +183,7 @@ class SearchDomain:
         return self._kept[gone_m]
 
     def chains(self, gone_m: Floats) -> Chain:
-        """Return all handles at many places (M,)."""
+        """Return all handles at many positions (M,)."""
         if gone_m.size <= _FEW:
             return stack([self.chain(one) for one in gone_m.tolist()])
         gone = gone_m, np.zeros_like(gone_m)
@@ -204,7 +204,8 @@ class SearchDomain:
     def gone_at(self, bench: int, along_m: float, within: tuple[float, float]) -> float:
         """Return the distance travelled by the leader when a bench's front handle is at a distance along the track.
 
-        Between the two places of the leader that handle moves one way; beyond its range the nearer end is returned.
+        Between the two given leader positions the handle moves in one direction; outside its range the nearer one is
+        returned.
         """
         if bench == 0 and self.leader.direction == BEHIND:
             gone = self.leader.gone_m(self.track.place_at(along_m))
@@ -219,7 +220,7 @@ class SearchDomain:
         return within[1] if high == 0 or low * high > 0 else illinois(beyond, *within, low, high)
 
     def near(self, gone_m: float) -> tuple[Ints, Floats]:
-        """Return the pairs (M, 2) that can touch at a place, and their gaps."""
+        """Return the pairs (M, 2) that can touch at a leader position, and their gaps."""
         chain = self.chain(gone_m)
         benches = benches_of(chain, self.dragon, axes_of(chain))
         i, j = candidates(chain.p, benches)
@@ -231,7 +232,7 @@ class SearchDomain:
                 np.concatenate((gap_m, self.around.gaps(benches, bench, edge))))
 
     def edge_of(self, pair: tuple[int, int]) -> int | None:
-        """Return the edge of a pair; None for two benches."""
+        """Return the edge of a pair, or None for two benches."""
         return pair[1] - self.dragon.benches if pair[1] >= self.dragon.benches else None
 
     def rounding_of(self, pair: tuple[int, int]) -> float:
@@ -242,7 +243,7 @@ class SearchDomain:
         return max(self.rounding_m, _FLOATS * float(np.abs((self.around.start[edge], self.around.stop[edge])).max()))
 
     def gap(self, pair: tuple[int, int], gone_m: float) -> float:
-        """Return the gap of a pair at a place; only the handles from the leader to the pair are placed."""
+        """Return the gap of a pair at a leader position; only the handles from the leader to the pair are placed."""
         edge = self.edge_of(pair)
         last_bench = pair[0] if edge is not None else pair[1]
         first, last = (0, last_bench + 1) if self.leader.direction == BEHIND else (pair[0], self.dragon.benches)
@@ -256,7 +257,7 @@ class SearchDomain:
         return float(gaps(benches, *(np.array([bench - first]) for bench in pair))[0])
 
     def root(self, pair: tuple[int, int], bracket: Bracket) -> float:
-        """Return the place in a bracket where the gap of a pair vanishes; the bracket's other end if it does not."""
+        """Return the position in a bracket where the gap of a pair vanishes, or the bracket's other end."""
         low, high = (self.gap(pair, end) for end in bracket[:2])
         if high > 0 or bracket.clear_m == bracket.other_m:
             return bracket.other_m
@@ -264,7 +265,7 @@ class SearchDomain:
             lambda gone_m: self.gap(pair, gone_m), *bracket[:2], low, high)
 
     def slope(self, pair: tuple[int, int], gone_m: float) -> float:
-        """Return how much a gap closes at a place per metre travelled by the leader."""
+        """Return how much a gap closes per metre travelled by the leader."""
         low, high = sorted((self.start_m, self.stop_m))
         step_m = max(self.step_m, 2.0**10 * ulp(gone_m))
         early, late = max(low, gone_m - step_m), min(high, gone_m + step_m)
@@ -277,7 +278,7 @@ class SearchDomain:
         return _SLOPE * 2.0 ** (floor(log2(longest_m)) - 1) if longest_m else _SLOPE
 
     def coarse(self, pair: tuple[int, int], gone_m: float) -> float:
-        """Return how many times coarser than near the origin floats are at the head's start, or at a pair."""
+        """Return the ratio of the float spacing at the head's start, or at a pair, to that near the origin."""
         benches, two = self.benches(gone_m), [bench for bench in pair if bench < self.dragon.benches]
         arm_m = np.hypot(benches.half_length[two], benches.half_width[two])
         reach_m = float(np.max(np.hypot(*benches.centre[two].T) + arm_m))
@@ -298,7 +299,7 @@ class SearchDomain:
     def onwards_m(self, t_s: float) -> float:
         """Return how far the leader moves on after a time until it turns, rests or the model ends; 0 in an empty run.
 
-        That may be beyond the end of the run.
+        This may be beyond the end of the run.
         """
         if self.start_m == self.stop_m:
             return 0.0
@@ -306,7 +307,7 @@ class SearchDomain:
         return max(0.0, min(left_m, self._travel.onwards_m(t_s, self.sense)))
 
     def left_m(self, gone_m: float, sense: int) -> float:
-        """Return how far the model continues from a place in a sense."""
+        """Return how far the model continues from a leader position in a sense."""
         limit = self.simulation.model.limits[sense > 0]
         return sense * (limit.gone_m - gone_m) if limit else inf
 

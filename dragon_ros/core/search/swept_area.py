@@ -1,8 +1,8 @@
-"""The area that benches sweep in a run, from closely spaced places: for drawing and measuring, and not proved.
+"""The area that benches sweep in a run, from closely spaced positions: for drawing and measuring, without proof.
 
-The head sweeps it, and so do the benches of each other length, wherever their front handles go. It is the union of
-overlapping benches one step apart, and of the areas between their ends. Beside a track of radius R it is too narrow by
-about step^2 / 8 R.
+It is swept by the head, and by the benches of each other length over the positions of all their front handles. It is
+the union of overlapping benches one step apart, and of the areas between their ends. Beside a track of radius R it is
+too narrow by about step^2 / 8 R.
 """
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,14 +18,14 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.bounding_box import HandleRanges, bench_of, by_length, intervals_of
 from dragon_ros.core.tracks.composite import Track
 
-STEP_M = 0.1            # of the front handle's distance
+STEP_M = 0.1            # spacing of the front handle's positions
 _ENDS = ((0, 3), (1, 2))     # the corners at the front and at the rear
-_MOST_PLACES = 40_000   # beyond which the step grows
+_MOST_PLACES = 40_000   # positions; for more, the step grows
 
 
 @dataclass(frozen=True, eq=False)
 class SweptArea:
-    """The area that the head and the body sweep, in m, and the parts (n,) that it is made of.
+    """The area that the head and the body sweep, in m, and the parts (n,) that it consists of.
 
     ``at_m`` (n,) increases: the distances of the front handles along the track. ``long_m`` is the length of the longest
     bench.
@@ -90,7 +90,7 @@ def room_every_metre(scene: Scene, swept: SweptArea) -> tuple[Floats, Floats]:
 def room_needed_m(track: Track, swept: SweptArea, stations_m: Floats) -> Floats:
     """Return how far benches reach to the left and right of a track (n, 2) at distances (n,) along it.
 
-    Only benches that pass there count, and not those on another part of a track that comes back.
+    Only benches near that distance along the track count, not those on another part of the track that passes close by.
     """
     places = track.places_at(stations_m, np.zeros_like(stations_m))
     points, headings = (_complex(one) for one in track.poses(*places))

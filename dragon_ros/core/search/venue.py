@@ -1,4 +1,4 @@
-"""Questions about a dragon in a venue: whether it starts clear of it."""
+"""Checks that a dragon starts clear of the obstacles of its venue, and inside it."""
 from contextlib import suppress
 from typing import NoReturn
 
@@ -11,11 +11,11 @@ from dragon_ros.core.venue import INSIDE
 
 
 def check_start(scene: Scene) -> None:
-    """Raise FieldError if an obstacle covers or touches a bench as the run starts, or a bench is not inside."""
+    """Raise FieldError if a bench touches an obstacle when the run starts, or is not inside the venue."""
     if scene.venue is None:
         return
     around, simulation = surroundings_of(scene.venue), compile_scene(scene)
-    with suppress(ModelEnd):        # a run that starts after the model's end is none
+    with suppress(ModelEnd):        # a run that starts after the model's end has no states
         chain = simulation.model.march(scene.head.travelled_m(scene.run.start_s))
         benches = benches_of(chain, scene.dragon, axes_of(chain))
         bench, number, _ = around.touching(benches)
@@ -25,7 +25,7 @@ def check_start(scene: Scene) -> None:
 
 
 def check_sides(scene: Scene) -> None:
-    """Raise FieldError if an obstacle covers the middle of the head as the run starts, or it is not inside."""
+    """Raise FieldError if an obstacle covers the middle of the head when the run starts, or if it is not inside."""
     assert scene.venue
     around = surroundings_of(scene.venue)
     with suppress(ModelEnd):

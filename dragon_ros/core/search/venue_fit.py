@@ -1,7 +1,7 @@
-"""How near the benches of a run come to each obstacle of a venue, between bounds, by branch and bound.
+"""Bounds on how close the benches of a run come to each obstacle of a venue, by branch and bound.
 
-The pose of a bench depends on its length and on the place of its front handle. So cells are intervals of the track that
-the front handles of benches of one length pass, each with one edge of an obstacle (``obstacle_bounds``).
+The pose of a bench depends on its length and on the position of its front handle. So a cell is an interval of the track
+that the front handles of benches of one length pass, with one edge of an obstacle (``obstacle_bounds``).
 """
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,8 +24,8 @@ _AT_ONCE = 8192     # cells
 _PARTS = 4          # parts into which a cell is cut
 _FIRST_M = 2.0      # approximate length of the first intervals
 _MOST_FIRST = 20_000    # first intervals for one kind of bench
-_PAIRS_AT_ONCE = 2_000_000      # pairs of places and edges whose distances are computed together, for the memory
-_SAME_M = 4e-12     # twice the position error: a gap that is less below the margin may still have it
+_PAIRS_AT_ONCE = 2_000_000      # pairs of positions and edges whose distances are computed together, to limit memory
+_SAME_M = 4e-12     # twice the position error: a gap that falls short of the margin by less may still meet it
 _MOST = 3_000_000   # cells examined
 
 
@@ -46,7 +46,7 @@ class ObstacleGap:
 
 @dataclass(frozen=True)
 class VenueFit:
-    """The smallest gap to each obstacle, the smallest first, and the required gap."""
+    """The smallest gap to each obstacle, in increasing order, and the required gap."""
 
     gaps: tuple[ObstacleGap, ...]
     margin_m: float
@@ -54,12 +54,12 @@ class VenueFit:
 
     @property
     def lacking(self) -> tuple[ObstacleGap, ...]:
-        """The obstacles that a bench touches, or comes nearer to than the margin, the worst first."""
+        """The obstacles that a bench touches, or approaches closer than the margin; the smallest gap first."""
         return tuple(one for one in self.gaps if one.high_m < self.margin_m - _SAME_M or one.high_m <= 0)
 
     @property
     def fits(self) -> bool | None:
-        """Whether all gaps are at least the margin, and none is touched; None where bounds cannot tell."""
+        """Whether all gaps are at least the margin and none is touched; None if the bounds do not decide it."""
         if self.lacking:
             return False
         return True if all(one.low_m >= self.margin_m and one.low_m > 0 for one in self.gaps) else None
@@ -68,8 +68,9 @@ class VenueFit:
 def venue_fit(scene: Scene, within_m: float = 1e-6, progress: Callable[[int], object] = lambda looks: None) -> VenueFit:
     """Return the smallest gap to each obstacle of the scene's venue, between bounds about ``within_m`` apart.
 
-    They differ by more where ``_MOST`` cells were not enough. ``progress(looks)`` is called with every number of cells
-    just judged. Raises FieldError without a venue, and where the dragon starts in an obstacle or outside of the inside.
+    They differ by more if judging ``_MOST`` cells is not enough. ``progress(looks)`` is called with the number of cells
+    judged since the last call. Raises FieldError if there is no venue, or if the dragon starts in an obstacle or
+    outside the venue's inside.
     """
     if scene.venue is None:
         raise FieldError('venue', None, 'the scene has none', 'give obstacles or an inside')
@@ -98,15 +99,15 @@ class _EdgeIntervals:
 
     @property
     def low(self) -> Floats:
-        """Where they begin (1, M)."""
+        """The starts of the intervals (1, M)."""
         return self.ends[:1]
 
     def some(self, which: Array) -> '_EdgeIntervals':
-        """Return some of them."""
+        """Return a subset of the intervals."""
         return _EdgeIntervals(self.ends[:, which], self.edge[which])
 
     def cut(self) -> '_EdgeIntervals':
-        """Return equal parts of each."""
+        """Cut each interval into equal parts."""
         parts = Boxes(self.ends[:1], self.ends[1:]).cut(_PARTS)
         return _EdgeIntervals(np.concatenate((parts.low, parts.high)), np.repeat(self.edge, _PARTS))
 
@@ -131,9 +132,10 @@ class _Nearing(InOrder):
         run(self, self._roots(Boxes(*intervals[:, None])))
 
     def _roots(self, boxes: Boxes) -> _EdgeIntervals:
-        """Return the cells that may matter: an edge is at least as far as its distance from a middle, less the rest.
+        """Return the cells that may matter, by the distance of the edge from the bench's middle.
 
-        The nearest edge to any middle bounds the gap to each obstacle from above.
+        That distance, less the bench's motion and arm, bounds the gap from below; the edge nearest to any middle bounds
+        the gap to its obstacle from above.
         """
         longest = float(np.max(boxes.high - boxes.low, initial=0.0))
         boxes = boxes.cut(int(min(max(1, np.ceil(longest / _FIRST_M)), max(1, _MOST_FIRST // boxes.size))))
@@ -154,7 +156,7 @@ class _Nearing(InOrder):
             least = np.min(np.minimum.reduceat(away, firsts, axis=1), axis=0)
             nearest[owner[firsts]] = np.minimum(nearest[owner[firsts]], least)
             low = 0.5 * (away[at[0]] + away[at[1]] - way[rows, None]) - arm
-            row, edge = np.nonzero(low <= nearest[owner])       # of those so far: later ones leave out more
+            row, edge = np.nonzero(low <= nearest[owner])       # nearest so far: later rounds leave out more
             kept.append((rows[row], edge, low[row, edge]))
         cells = list[_EdgeIntervals]()
         for rows, edge, low in kept:
@@ -171,7 +173,7 @@ class _Nearing(InOrder):
         return out
 
     def judge(self, cells: _EdgeIntervals) -> _EdgeIntervals:
-        """Bound the gaps of cells, set aside those that hold nothing smaller, and cut the others."""
+        """Bound the gaps of cells, set aside those that contain nothing smaller, and cut the others."""
         places, index = np.unique(cells.ends, return_inverse=True)
         index, states, owner = index.reshape(2, -1), self._bounds.bench.states(places), self._around.owner[cells.edge]
         self.looks += cells.size
@@ -186,7 +188,7 @@ class _Nearing(InOrder):
         return cells.some(more).cut()
 
     def _note(self, gap_m: Floats, places: Floats, owner: Ints) -> None:
-        """Keep the smallest gaps to obstacles, and where they are."""
+        """Record the smallest gaps to obstacles, and where they occur."""
         before = self.best.copy()
         np.minimum.at(self.best, owner, gap_m)
         met = np.flatnonzero((gap_m == self.best[owner]) & (gap_m < before[owner]))
