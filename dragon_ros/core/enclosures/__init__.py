@@ -1,1 +1,1 @@
-"""Enclosures: bounds of positions, speeds and gaps while the leader moves from one place to another."""
+"""Enclosures: bounds on positions, speeds and gaps while the leader moves from one position to another."""

@@ -1,9 +1,9 @@
-"""How far corners of benches leave straight lines while a spiral's pitch changes and the head's radius is constant.
+"""How far corners of benches deviate from straight lines while a spiral's pitch changes at a constant head radius.
 
-In units of b (see ``min_pitch``) the chain then grows: it is ``scale`` times as large, with handle 0 at
-theta = scale r. A prime is scale times the derivative by the scale, two are scale^2 times the second: c' = c, c'' = 0,
-and the leading handle has p = theta' = theta, a = theta'' = 0. With m = theta - p, 0 for the leading handle,
-F = c^2 / 2 gives
+In units of b (see ``min_pitch``) the chain then grows: it is ``scale`` times as large, with handle 0 at theta = scale
+r. One prime is scale times the derivative by the scale, two are scale^2 times the second derivative: c' = c, c'' = 0,
+and the leading handle has p = theta' = theta, a = theta'' = 0. With m = theta - p, 0 for the leading handle, F = c^2 /
+2 gives
 
     delta'  = (delta^2 + (1 - cos delta) (theta delta + (2 theta + delta) m)) / F_delta,
     m_next  = (1 + d1) m + theta (theta + delta) delta sin delta / F_delta,
@@ -16,13 +16,13 @@ where nothing large cancels because c^2 was replaced by 2 F. The link's directio
     psi' = delta' / 2 + N / c^2,     N = sin delta (delta p - theta delta') + (theta + delta / 2) delta delta',
     psi'' = delta'' / 2 + (N' - 2 N) / c^2.
 
-Handles turn by p = theta_0 + the sum of delta' before them; theta_0 is common to all and cancels in differences.
+Handles turn by p = theta_0 plus the sum of delta' before them; theta_0 is common to all and cancels in differences.
 
 Ranges of theta and delta: let all curvature times each link be below 2, so that 1 + d1 > 0 and delta < pi. Each theta
 grows with r and with the scale (p_next = (1 + d1) p + c^2 / F_delta). m >= 0 by the formula above, so delta grows with
-the scale; it falls as r grows (docs/contact.md, lemma 1). So over a rectangle of r and scale, theta is least at the
-lowest of both and greatest at the highest; delta is least at the largest r and lowest scale, and greatest at the
-opposite corner.
+the scale; it falls as r grows (docs/contact.md, lemma 1). So over a rectangle of r and scale, theta is smallest where
+both are smallest and largest where both are largest; delta is smallest at the largest r and smallest scale, and largest
+at the opposite corner.
 """
 from dataclasses import dataclass
 
@@ -34,7 +34,7 @@ from dragon_ros.core.numerics.types import Floats
 
 
 def bend_by_scale(theta: Ball, delta: Ball, chord: Ball, arm: Floats) -> Floats:
-    """Return bounds (M, K-2, 2), as ``bend`` does, of scale^2 times second derivatives by the scale, in units of b."""
+    """Return bounds (M, K-2, 2), as ``bend`` does, on scale^2 times second derivatives by the scale, in units of b."""
     with np.errstate(all='ignore'):
         return corners(_motion(theta, delta, chord), arm, growth=1.0)
 

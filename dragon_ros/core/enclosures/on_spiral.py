@@ -1,14 +1,14 @@
-"""How near a bench and its followers can come while its front handle moves between two places on a spiral segment.
+"""How close a bench and its followers can come while its front handle moves between two positions on a spiral segment.
 
-On an interval of length h (in the polar angle of the leading handle) the corners of a bench, seen in the frame of
-another, leave the straight lines between their places at its ends by at most B h^2 / 8, if B bounds their second
+On an interval of length h (in the polar angle of the leading handle) the corners of a bench, in the frame of another,
+deviate from the straight lines between their positions at its ends by at most B h^2 / 8, if B bounds their second
 derivative there. Along straight lines the separation from a fixed edge is concave, so it is nowhere less than the
 smaller of its values at the two ends. Hence a pair is apart on the whole interval if, for one edge and one side of it,
 that smaller value exceeds B h^2 / 8.
 
-Close to a lock, where there is no such B, the bound is how far the handles of both benches move at all. Benches further
+Close to a lock there is no such B, and the bound is the distance that the handles of both benches move. Benches further
 out are cleared by a circle about the centre that separates them. All this assumes that handles move in one direction on
-an interval: it must not contain a place where one turns back.
+an interval: it must not contain a position at which one turns back.
 
 B follows from the polar angles of the handles at the two ends of the interval; docs/contact.md has the proofs. A prime
 is a derivative by the polar angle of the leading handle. A link of chord c (in units of b) from a handle at theta spans
@@ -25,11 +25,11 @@ In the frame of a bench that turns at w, the handle b theta exp(i theta) has the
 
     b (a - theta v^2)  outwards,     b (2 p v + theta v')  across.
 
-Benches of adjacent layers turn at almost the same rate, so v is small and nothing large cancels. delta and, on either
-side of the place where the follower turns back, theta lie between their values at the ends. So every formula is
+Benches of adjacent layers turn at almost the same rate, so v is small and nothing large cancels. delta lies between its
+values at the ends, and so does theta on either side of the position where the follower turns back. So every formula is
 evaluated once, for all values in these ranges, widened by the position error.
 
-Everything is rounded outwards: balls by themselves (``ball_arithmetic``), separations by
+Everything is rounded outwards: balls by their arithmetic (``ball_arithmetic``), separations by
 ``signed_distance.rounding_m``, and formulas that combine bounds, sums and products of a few dozen positive numbers, by
 the factor ABOVE.
 
@@ -53,20 +53,20 @@ from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints
 from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND
 
-ABOVE = 1 + 2.0**-40    # for bounds: more than eight thousand roundings of positive numbers take away
-_SETTLED = 0.5      # relative to a gap: a first-order bound this close to it suffices
+ABOVE = 1 + 2.0**-40    # for bounds: covers more than eight thousand roundings of positive numbers
+_SETTLED = 0.5      # relative to a gap: a first-order bound this close to it is sufficient
 _SURE = 8           # times the position error: more than any tolerance
-_STILL = 1e-9       # of a turn of the follower: closer to it nothing moves by more than the position error
+_STILL = 1e-9  # relative to the follower's turning position: closer to it nothing moves by more than the position error
 _COMPLEX = np.array([1, 1j])
-_AT_ONCE = 512  # places, so that intermediate results fit the cache
+_AT_ONCE = 512  # positions, so that intermediate results fit into the cache
 _FEW = 64       # followers tried first: more than two layers of the classic dragon near the centre
 
 
 @dataclass(frozen=True)
 class BenchSamples:
-    """Samples at M places of leading benches, each with its K - 2 followers from the second on.
+    """Samples of leading benches at M positions, each with its K - 2 followers from the second on.
 
-    ``lead`` (M,) are the sampler's numbers of the leading benches. ``theta`` (M, K+1) are polar angles of all handles
+    ``lead`` (M,) are the sampler's indices of the leading benches. ``theta`` (M, K+1) are polar angles of all handles
     from the leading one on, ``delta`` (M, K) the spans of the links, ``centre`` and ``axis`` (M, K) the middles and
     axes of the benches as complex numbers. ``apart`` (M, K-2) is the largest separation along the axes of both benches:
     positive if the pair is apart.
@@ -85,7 +85,7 @@ class BenchSamples:
         return self.theta[:, 0]
 
     def rows(self, index: Ints | slice) -> 'BenchSamples':
-        """Return some of the samples."""
+        """Return a subset of the samples."""
         return BenchSamples(*(getattr(self, name)[index] for name in _FIELDS))
 
 
@@ -93,20 +93,20 @@ _FIELDS = tuple(each.name for each in fields(BenchSamples))
 
 
 def joined(samples: list[BenchSamples]) -> BenchSamples:
-    """Return several samples as one."""
+    """Concatenate samples."""
     return BenchSamples(*(np.concatenate([getattr(each, name) for each in samples]) for name in _FIELDS))
 
 
 def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floats], theta: Floats,
                lead: Ints) -> BenchSamples:
-    """Return the samples of leading benches at places (M,), with common links (K,) or links for each (M, K).
+    """Return the samples of leading benches at positions (M,), with common links (K,) or links for each (M, K).
 
     ``half_m`` are half lengths (M or 1, K) and half widths (M, 1), or one value for all.
     """
     leaders = np.zeros(theta.size, dtype=np.int64), theta, np.zeros_like(theta)
     chain = marched_many(track, links_m, leaders, BEHIND)
     z, axis = chain.p @ _COMPLEX, axes_of(chain) @ _COMPLEX
-    # Far out an angle has too few digits for a link's span; with its low part it has enough.
+    # Far out an angle has too few digits for a link's span; its low part provides the rest.
     delta, centre = np.diff(chain.u) + np.diff(chain.u_lo), 0.5 * (z[:, :-1] + z[:, 1:])
     half_length_m, half_width_m = half_m
     pairs = seen_from((centre[:, :1], centre[:, 2:]), (axis[:, :1], axis[:, 2:]),
@@ -118,9 +118,9 @@ def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floa
 class Sizes:
     """The sampled benches: links, half lengths (L, K) and half width in metres; ``error_m`` bounds position errors.
 
-    There is a row per leading bench, or after ``of`` per sample. ``longest_m`` (L, 1) is the longest link among these
-    and those behind; 0 if all links behind the first are equal. Fewer than K benches are padded with copies of the
-    last.
+    There is one row per leading bench or, after ``of``, per sample. ``longest_m`` (L, 1) is the longest link among
+    these and those behind; 0 if all links behind the first are equal. Fewer than K benches are padded with copies of
+    the last.
     """
 
     b_m: float
@@ -141,7 +141,7 @@ class Sizes:
     def angle_errors(self, theta: Floats) -> Floats:
         """Return the error of polar angles (...): a handle at theta moves b sqrt(1 + theta^2) per radian.
 
-        It is twice the position error, which leaves as much for computing positions from angles.
+        It is twice the position error, so the second half covers the computation of positions from angles.
         """
         out: Floats = (2 * self.error_m / self.b_m) / np.maximum(theta, 1.0)
         return out
@@ -155,7 +155,7 @@ class Sizes:
 
 @dataclass(frozen=True)
 class BenchSampler:
-    """Samples benches ``leads`` (0 is the head), each with ``follow`` benches from it on, on a first spiral.
+    """Samples benches ``leads`` (0 is the head), each with ``follow`` benches from it on, on a spiral first segment.
 
     ``error_m`` bounds position errors. With several leads, no link may have a length of zero or nearly so.
     """
@@ -168,7 +168,7 @@ class BenchSampler:
     error_m: float
 
     def sample(self, theta: Floats, lead: Ints | None = None) -> BenchSamples:
-        """Return the samples at places (M,) of leading benches (M,), given by number; by default of the first."""
+        """Return the samples at positions (M,) of leading benches (M,), given by index; by default of the first."""
         lead = np.zeros(theta.size, dtype=np.int64) if lead is None else lead
         return joined([self._sample(theta[at:at + _AT_ONCE], lead[at:at + _AT_ONCE])
                        for at in range(0, theta.size, _AT_ONCE)])
@@ -196,7 +196,7 @@ class BenchSampler:
                      0.5 * d.width_m, np.array(longest_m))
 
     def reaching(self, theta: Floats, lead: Ints | None = None) -> 'BenchSampler':
-        """Return a sampler of only the followers that can come within reach at some place, if these are few."""
+        """Return a sampler of only the followers that can come within reach at any given position, if these are few."""
         follow, most = _FEW, self.dragon.benches - np.array(self.leads)
         while follow < self.follow:
             fewer = replace(self, follow=follow)
@@ -211,16 +211,16 @@ class BenchSampler:
 
 
 def beyond(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
-    """Return how far benches (M, K-2) stay outside the leading one's circle about the centre, between two places.
+    """Return how far benches (M, K-2) stay outside the leading one's circle about the centre, between two positions.
 
-    The leading bench reaches at most as far out as a corner's distance beyond its rear handle. A link's line is H = b
-    (c^2 - delta^2) cot(delta / 2) / 2c from the centre, which falls as delta grows and so rises with theta.
+    The leading bench reaches at most as far out as a corner's distance beyond its rear handle. The line of a link is at
+    H = b (c^2 - delta^2) cot(delta / 2) / 2c from the centre, which falls as delta grows and so rises with theta.
     """
     span, outer = np.maximum(a.delta, b.delta)[:, 2:], np.maximum(a.theta[:, 1], b.theta[:, 1])
     inner, chord = np.minimum(a.theta, b.theta)[:, 2:-1], sizes.links_m[:, 2:] / sizes.b_m
     linked = chord > 0
     across = line_distance(np.where(linked, chord, 1), np.where(linked, span, 1), 2 * sizes.angle_errors(inner))
-    along = inner * inner / np.sqrt(1 + inner * inner)      # for a link of no length: a tangent
+    along = inner * inner / np.sqrt(1 + inner * inner)      # for a link of zero length: a tangent
     overhang = sizes.half_length_m[:, 0] - 0.5 * sizes.links_m[:, 0]
     reach = sizes.b_m * outer + 2 * sizes.error_m + np.hypot(overhang, sizes.half_width_m)
     off = sizes.rounding_m(np.maximum(a.theta[:, -1], b.theta[:, -1]))
@@ -229,11 +229,11 @@ def beyond(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
 
 
 def line_distance(chord: Floats, delta: Floats, error: Floats) -> Floats:
-    """Return lower bounds of the distances of the lines of links from the centre, in units of b.
+    """Return lower bounds on the distances of the lines of links from the centre, in units of b.
 
     Links are ``chord`` long and span ``delta`` to within an error e. For delta < pi the distance (c^2 - delta^2)
-    cot(delta / 2) / 2c changes by no more than e (2 / c + 2.5 c / delta^2), since delta cot(delta / 2) <= 2 and
-    sin(delta / 2) >= delta / pi; from pi on it is not positive. Rounding adds 2^-49 of c / delta.
+    cot(delta / 2) / 2c changes by at most e (2 / c + 2.5 c / delta^2), because delta cot(delta / 2) <= 2 and sin(delta
+    / 2) >= delta / pi; from pi on it is not positive. Rounding adds 2^-49 of c / delta.
     """
     distance = (chord - delta) * (chord + delta) / (2 * chord * np.tan(0.5 * delta))
     out: Floats = distance - error * (2 / chord + 2.5 * chord / (delta * delta)) - 2.0**-49 * chord / delta
@@ -245,7 +245,7 @@ def further(a: BenchSamples, b: BenchSamples, sizes: Sizes, circle: Floats) -> F
 
     If links are equal, this is the distance of each bench itself, which grows from bench to bench. Otherwise a link of
     length l comes no nearer to the centre than sqrt(r^2 - l^2 / 4), where r is the distance of its front handle and
-    grows from bench to bench: its nearer handle is at most half of it from the foot of the perpendicular. No point of a
+    grows from bench to bench: its nearer handle is at most l / 2 from the foot of the perpendicular. No point of a
     bench is further from its link than the overhang at the hole and half the width.
     """
     if not np.any(sizes.longest_m):
@@ -298,7 +298,7 @@ class _Slopes:
 
 @dataclass(frozen=True)
 class Spans:
-    """Links (M, K): handles at theta and outer, quantities between them, F_delta's inverse, and ratio = 1 + d1."""
+    """Links (M, K) from handles at theta to handles at outer: functions of delta, and the inverse of F_delta."""
 
     theta: Ball
     delta: Ball
@@ -328,7 +328,7 @@ class Spans:
 class SpiralMotion:
     """Handles (M, K+1): angle, p, a, and ``turned``: p without the common part; links (M, K): turning and its rate.
 
-    The common part is left out of the links' turning too: only differences matter there.
+    The common part is left out of the links' turning too: only differences matter.
     """
 
     theta: Ball
@@ -347,12 +347,12 @@ def spans(theta: Ball, delta: Ball) -> Spans:
 
 
 def bend(theta: Ball, delta: Ball, chord: Ball, arm: Floats, pairs: _Pairs | None = None) -> Floats:
-    """Return bounds (M, K-2, 2) of second derivatives on M intervals, in units of b per square radian.
+    """Return bounds (M, K-2, 2) on second derivatives on M intervals, in units of b per square radian.
 
-    ``theta`` (M, K+1) are all angles of handles on an interval, ``delta`` (M, K) all spans of links, ``chord`` and
-    ``arm`` (M or 1, K) their lengths and the half diagonals of the benches in units of b. The bounds are those of the
-    corners of benches 2 and on in the frame of bench 0, and of the corners of bench 0 in theirs; for selected pairs
-    they are (P, 2). Infinite if there is no bound, close to a lock.
+    ``theta`` (M, K+1) encloses the angles of handles on an interval, ``delta`` (M, K) the spans of links; ``chord`` and
+    ``arm`` (M or 1, K) are their lengths and the half diagonals of the benches in units of b. The bounds are those of
+    the corners of benches 2 and on in the frame of bench 0, and of the corners of bench 0 in theirs; for selected pairs
+    they are (P, 2). They are infinite close to a lock.
     """
     with np.errstate(all='ignore'):
         return corners(_motion(theta, _slopes(theta, delta, chord)), arm, pairs=pairs)
@@ -376,7 +376,7 @@ def corners(moving: SpiralMotion, arm: Floats, growth: float = 0.0, pairs: _Pair
 
 
 def _middles(moving: SpiralMotion, pairs: _Pairs, w: Ball, w_rate: Ball) -> Floats:
-    """Return bounds of the accelerations of middles of benches, seen in the turning frames of leading benches."""
+    """Return bounds on the accelerations of middles of benches in the turning frames of leading benches."""
     one, two, three, four = (_acceleration(moving, at, w, w_rate) for at in pairs)
     return 0.5 * (one + two + three + four)
 
@@ -410,7 +410,7 @@ def _slopes(theta: Ball, delta: Ball, chord: Ball) -> _Slopes:
 
 
 def _with_joined(slopes: _Slopes, theta: Ball, joined: Array) -> _Slopes:
-    """Return the slopes, with those of links of no length, which lie along the track."""
+    """Return the slopes, with those of links of zero length, which lie along the track."""
     none = Ball(np.zeros_like(theta.mid), np.zeros_like(theta.mid))
     flat = (1 + theta.squared()).inverse()
     along = none, none, flat, -2 * theta * flat.squared()
@@ -420,9 +420,9 @@ def _with_joined(slopes: _Slopes, theta: Ball, joined: Array) -> _Slopes:
 
 
 def _handles(slopes: _Slopes) -> tuple[Ball, Ball]:
-    """Return p and a of all handles: behind the third by its angle, where a / p is a sum along the chain.
+    """Return p and a of all handles; behind the third, a follows from a / p, which is a sum along the chain.
 
-    The second and third handle may turn back, where this quotient has no bound.
+    The second and third handle may turn back; there this quotient has no bound.
     """
     ratio, rate = 1 + slopes.delta_1, slopes.delta_2
     none = Ball(np.zeros_like(ratio.mid[:, :1]), np.zeros_like(ratio.mid[:, :1]))
@@ -440,8 +440,8 @@ def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tupl
     """Return lower bounds (M,) of the gaps on intervals between samples a and b, and room.
 
     An interval is cleared if its bound is positive. Room is the factor, at most 1, by which its length should shrink.
-    Only the next ``behind`` (M,) benches count. Pairs for which the moves of benches, or the circle, leave most of
-    their gap are not examined further.
+    Only the next ``behind`` (M,) benches count. Pairs are not examined further if the benches' motion, or the circle,
+    leaves most of their gap.
     """
     sizes = sizes.of(a.lead)
     circle, one, two = beyond(a, b, sizes), a.apart, b.apart
@@ -473,7 +473,7 @@ def _bent(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, other: Ints
 
 
 def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints) -> Floats:
-    """Return how far corners leave straight lines, (P, 2) in metres: in frames of leading benches, and of others.
+    """Return how far corners deviate from straight lines, (P, 2) in metres: in frames of leading and of other benches.
 
     Chains are followed up to the last of these benches, in the rows that have one.
     """
@@ -490,15 +490,15 @@ def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints)
     length = (a.places - b.places)[used][row, None]
     with np.errstate(invalid='ignore', over='ignore'):
         out: Floats = most * (sizes.b_m * length * length / 8)
-    return np.where(np.isnan(out), np.inf, out)     # infinity times an interval of no length: there is no bound
+    return np.where(np.isnan(out), np.inf, out)     # infinity times an interval of zero length: there is no bound
 
 
 def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
     """Return how far corners of pairs (M, K-2) move at most in metres, both together: the smaller of two bounds.
 
-    A corner moves at most as far as a handle, times the bench's lever. Handles move along their track. Seen from a
-    frame that turns about the centre with the leading handle, they move inwards by b times the change of their angle,
-    and around by as much as all spans from the leading one on change. Each of these changes is monotone.
+    A corner moves at most as far as a handle, times the bench's lever. Handles move along their track. In a frame that
+    turns about the centre with the leading handle, they move inwards by b times the change of their angle, and around
+    by the sum of the changes of all spans from the leading one on. Each of these changes is monotone.
     """
     outer = np.maximum(a.theta, b.theta)
     inwards = sizes.b_m * np.abs(a.theta - b.theta)
@@ -514,9 +514,10 @@ def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
 
 
 def levers(sizes: Sizes) -> Floats:
-    """Return the ratio of how far a bench's corners move at most to the move of its farther handle, (M, K).
+    """Return the ratio of a bench's largest corner motion to the motion of its farther handle, (M, K).
 
-    A move that turns the bench about the middle of its link, its handles in opposite directions, comes close to it.
+    A rotation of the bench about the middle of its link, with its handles moving in opposite directions, comes close to
+    it.
     """
     overhang = sizes.half_length_m - 0.5 * sizes.links_m + sizes.half_width_m
     out: Floats = 1 + 2 * overhang / np.maximum(sizes.links_m, 1e-12)
@@ -528,8 +529,8 @@ def _straight(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
 
     The track turns by less than 2 radians per radian of the polar angle, so no two links between a bench's front handle
     and another's rear one differ in direction by more than twice their common span: the turn. The links in between lead
-    away from the leading bench by at least their lengths times its cosine. Minus infinity if the turn is more than a
-    radian.
+    away from the leading bench by at least their lengths times the cosine of the turn. The result is minus infinity if
+    the turn is more than a radian.
     """
     off = sizes.angle_errors(np.minimum(a.theta, b.theta)[:, :-1])
     turn = 2 * np.cumsum(ABOVE * np.maximum(a.delta, b.delta) + 4 * off, axis=1)[:, 2:]

@@ -1,9 +1,9 @@
-"""Bounds of handles, links and benches between two states of a chain on any track: speeds, turning, and their rates.
+"""Bounds on handles, links and benches between two states of a chain on any track: speeds, turning, and their rates.
 
-One enclosure is used for the first contact (corners seen from other benches), the fastest handle (ratios of speeds and
-their changes) and the bounding box (the moves of one bench). Between the states the leader goes from one place to
-another and every handle moves one way. The exception is a follower that turns back, near the centre of a single spiral;
-``Leader.turning_m`` tells where intervals must be cut for it.
+One enclosure is used for the first contact (corners as seen from other benches), the fastest handle (ratios of speeds
+and their changes) and the bounding box (the motion of one bench). Between the states the leader goes from one position
+to another and every handle moves in one direction. The exception is a follower that turns back, near the centre of a
+single spiral; ``Leader.turning_m`` returns where intervals must be cut for it.
 
 A prime is a derivative by the leader's distance, a dot one by a handle's own. For each link let A be the handle nearer
 to the leader and B the other one, e its unit vector in the direction of the track, and alpha and beta the angles from e
@@ -14,13 +14,13 @@ to the track at A and B. The length l is constant, so with speeds v and curvatur
     w. = (cos alpha alpha. - r. sin beta - r cos beta beta.) / l,
     v_B' = r v_A' + r. v_A^2, that is (log |v_B|)' = (log |v_A|)' + v_A g,      omega' = w v_A' + w. v_A^2
 
-(behind a tail that leads, e points away from A: w and w. have the other sign, and so has the prime).
+(behind a leading tail, e points away from A, so w, w. and the prime have the opposite sign).
 
-Ranges of angles between two states: a quantity that changes by L at most in all lies within L / 2 of the mean of its
+Ranges of angles between two states: a quantity with a total variation of at most L lies within L / 2 of the mean of its
 two values, or between these if that is more. The turning of a link, and of the track under its handles, bounds the
-change of angles (``swing_rad``). If k l < 2 for the largest curvature k in between, a chord and the track at its ends
-differ by at most asin(k l / 2) in any case (Schur). Then each pass bounds the rates of angles, and with these the
-angles; if both handles stay on one line or arc, angles are constant.
+change of angles (``swing_rad``). If k l < 2 for the largest curvature k in between, the directions of a chord and of
+the track at its ends always differ by at most asin(k l / 2) (Schur). Then each pass bounds the rates of angles, and
+from these the angles; if both handles stay on one line or arc, angles are constant.
 
 For two benches let x be the middle of the second in the frame of the first, from its middle and along its axis, and tau
 the angles of the handles' tracks in that frame:
@@ -33,10 +33,10 @@ frame of the other bench, which turns by D more, the bound is |x''| + 2 |D| |x'|
 distance from the middle adds that distance times |(D', D^2)|. Curvatures jump at joints, so first derivatives have
 kinks there; the argument only needs them to be bounded.
 
-Everything is evaluated in ball arithmetic and rounded outwards: balls by themselves, their combinations by the factor
-ABOVE (``on_spiral``). States are known only as well as positions p are, to within an error e: the axis of a link of
-length l turns by at most 2 e / l, that of a link of no length with the track, and the track by k e; curvatures of lines
-and arcs are constant, and those of spirals change by at most k^2 e.
+Everything is evaluated in ball arithmetic and rounded outwards: balls by their arithmetic, their combinations by the
+factor ABOVE (``on_spiral``). States are known only to within the position error e: the axis of a link of length l turns
+by at most 2 e / l, that of a link of zero length with the track, and the track by k e; curvatures of lines and arcs are
+constant, and those of spirals change by at most k^2 e.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -49,8 +49,8 @@ from dragon_ros.core.enclosures.on_spiral import ABOVE
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 
 _ROUNDED_RAD = 2.0**-46 # error of an angle between unit vectors
-_PASSES = 8     # at most; each shrinks the part beyond the ends by about the move over twice the link's length
-_WORTH = 0.9    # of a radius: a pass that leaves more of nearly all of them is the last one
+_PASSES = 8     # at most; each shrinks the part beyond the ends by about the motion over twice the link's length
+_WORTH = 0.9    # of a radius: the last pass is the one that leaves more than this of nearly all radii
 _FEW = 0.02     # of the radii may still shrink by more
 
 Range = tuple[Floats, Floats]
@@ -71,13 +71,13 @@ class LinkStates:
     far: Floats
 
     def rows(self, index: Index) -> 'LinkStates':
-        """Return some of the states."""
+        """Return a subset of the states."""
         return LinkStates(*(getattr(self, each.name)[index] for each in fields(self)))
 
 
 def link_states(along_m: Floats, segment: Ints, curvature: Floats, headings: Floats, axis: Floats,
                 leader: int) -> LinkStates:
-    """Return the links of chains given from head to tail; ``leader`` is 0 or -1, ``axis`` (M, N, 2) are of links."""
+    """Return the links of chains given from head to tail; ``leader`` is 0 or -1, ``axis`` (M, N, 2) has links' axes."""
     ends = _angle(axis, headings[:, :-1]), _angle(axis, headings[:, 1:])
     if leader == 0:
         return LinkStates(along_m, segment, curvature, *ends)
@@ -93,10 +93,10 @@ def _angle(axis: Floats, headings: Floats) -> Floats:
 
 
 def curvature_range(bends: Range, segments: Sequence[Ints], curvatures: Sequence[Floats]) -> Range:
-    """Return the least and greatest curvature in 1/m on the track between places with these segments and curvatures.
+    """Return the smallest and largest curvature in 1/m on the track between positions on given segments.
 
     ``bends`` are the bounds from one segment to another, (P, P). Curvature is monotone on a segment, so on one segment
-    it lies between the values at the places; otherwise all segments between count in full.
+    it lies between the values at the positions; otherwise the whole range of every segment in between counts.
     """
     first, last = reduce(np.minimum, segments), reduce(np.maximum, segments)
     one = first == last
@@ -105,10 +105,10 @@ def curvature_range(bends: Range, segments: Sequence[Ints], curvatures: Sequence
 
 
 def swing_rad(most: Floats, link_m: float | Floats, moved_m: Floats) -> Floats:
-    """Return the largest angle by which a link turns, in all, while its two handles move by ``moved_m`` together.
+    """Return the largest total angle by which a link turns while its two handles move by ``moved_m`` in sum.
 
-    ``most`` is the largest curvature in 1/m between the rear handle's first place and the front handle's last. A link
-    turns at (v_rear sin beta - v_front sin alpha) / link. No sine exceeds 1 or, if most * link < 2, half of that
+    ``most`` is the largest curvature in 1/m between the rear handle's first position and the front handle's last. A
+    link turns at (v_rear sin beta - v_front sin alpha) / link. No sine exceeds 1 or, if most * link < 2, half of that
     product (Schur's comparison with a circle).
     """
     with np.errstate(divide='ignore'):
@@ -120,8 +120,8 @@ def swing_rad(most: Floats, link_m: float | Floats, moved_m: Floats) -> Floats:
 class LinkMotion:
     """Enclosures of links (M, N) and their handles (M, N+1), from the leader on, over M intervals.
 
-    ``k`` are curvatures, ``near`` and ``far`` sines and cosines of the angles, ``inverse_l`` has the sign of e.
-    ``rigid`` links keep their angles, ``joined`` ones have no length. Rates are by the distance of the nearer handle.
+    ``k`` are curvatures, ``near`` and ``far`` sines and cosines of the angles; ``inverse_l`` has the sign of e.
+    ``rigid`` links have constant angles, ``joined`` ones zero length. Rates are by the distance of the nearer handle.
     """
 
     k: Ball
@@ -142,7 +142,7 @@ class LinkMotion:
 
     @cached_property
     def w(self) -> Ball:
-        """The rate at which a link turns; one of no length turns with the track."""
+        """The rate at which a link turns; a link of zero length turns with the track."""
         return _where(self.joined, self.k[:, :-1], (self.near[0] - self.r * self.far[0]) * self.inverse_l)
 
     @cached_property
@@ -159,7 +159,7 @@ class LinkMotion:
 
     @cached_property
     def w_dot(self) -> Ball:
-        """The rate of change of turning; unbounded for a link of no length across a jump of the track's curvature."""
+        """The rate of change of turning; unbounded for a link of zero length across a jump of the track's curvature."""
         (sin_f, cos_f), (near, far) = self.far, self._dots
         rate = (self.near[1] * near - self.r * (self.g * sin_f + cos_f * far)) * self.inverse_l
         unknown = Ball(self._none.mid, np.where(self.k.rad[:, :-1] > 0, np.inf, 0.0))
@@ -184,9 +184,9 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
              error_m: float = 0.0, passes: int = _PASSES) -> LinkMotion:
     """Return the enclosures of links (N,), from the leader on, between states of M chains.
 
-    ``bends`` are the least and greatest curvatures from one segment to another, (P, P), ``sign`` is 1.0 behind a head
-    and -1.0 ahead of a tail, and ``error_m`` bounds position errors. At most ``passes`` narrow the angles; without any
-    they are as wide as the turning of links and the track.
+    ``bends`` are the smallest and largest curvatures from one segment to another, (P, P), ``sign`` is 1.0 behind a head
+    and -1.0 ahead of a tail, and ``error_m`` bounds position errors. At most ``passes`` passes narrow the angles;
+    without any they are as wide as the turning of links and the track.
     """
     with np.errstate(all='ignore'):
         low, high = curvature_range(bends, (one.segment, two.segment), (one.curvature, two.curvature))
@@ -204,14 +204,14 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
 
 
 def direction_errors(links_m: Floats, bends: Range, error_m: float) -> tuple[Floats, float]:
-    """Return the errors in rad of directions of links (N,) and of the track, given the position error."""
+    """Return the errors in rad of the directions of links (N,) and of the track, given the position error."""
     track_error = float(np.max(np.abs(bends))) * error_m + _ROUNDED_RAD
     some, rounded_rad = links_m > 0, 2 * error_m / np.where(links_m > 0, links_m, 1.0) + _ROUNDED_RAD
     return np.where(some, rounded_rad, track_error), track_error
 
 
 def _largest(one: LinkStates, two: LinkStates, bends: Range) -> Floats:
-    """Return bounds of the curvatures between the handles of links (M, N)."""
+    """Return bounds on the curvatures between the handles of links (M, N)."""
     places = [(state.segment[:, part], state.curvature[:, part]) for state in (one, two)
               for part in (slice(None, -1), slice(1, None))]
     low, high = curvature_range(bends, [segment for segment, _ in places], [curvature for _, curvature in places])
@@ -264,8 +264,8 @@ def _where(chosen: Array, one: Ball, other: Ball) -> Ball:
 class Kinematics:
     """Enclosures of handles (M, N+1) and links (M, N), from head to tail, over intervals, by the leader's distance.
 
-    Speeds and turning, and their rates. ``k`` are curvatures; ``axis_error`` (N,) and ``track_error`` bound the errors
-    of directions of links and of the track, and ``error_m`` those of positions.
+    They are speeds ``v`` and turning ``w`` with their rates. ``k`` are curvatures; ``axis_error`` (N,) and
+    ``track_error`` bound the errors of directions of links and of the track, and ``error_m`` those of positions.
     """
 
     v: Ball
@@ -292,7 +292,7 @@ def kinematics(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, 
 
 @dataclass(frozen=True)
 class Views:
-    """Pairs of benches (K,) at one state: the second's middle and axis seen from the first, and the handles' tracks.
+    """Pairs of benches (K,) at one state: the second's middle as seen from the first, and the handles' tracks.
 
     ``track`` are the cosines and sines (K, 4, 2) of both handles' headings of the first bench and then of the second.
     """
@@ -311,16 +311,16 @@ def views(p: Floats, axis: Floats, headings: Floats, row: Ints, i: Ints, j: Ints
 
 
 def _turned(u: Floats, vectors: Floats) -> tuple[Floats, Floats]:
-    """Return vectors along and across axes."""
+    """Return the components of vectors along and across axes."""
     return (u[:, 0] * vectors[:, 0] + u[:, 1] * vectors[:, 1], u[:, 0] * vectors[:, 1] - u[:, 1] * vectors[:, 0])
 
 
 def second_derivatives(moving: Kinematics, one: Views, two: Views, row: Ints, i: Ints, j: Ints, gone_m: Floats,
                        arm: Floats) -> tuple[Floats, Floats]:
-    """Return bounds (K,) of corners' second derivatives: of the second bench's seen from the first, and the reverse.
+    """Return bounds (K,) on corners' second derivatives: of the second bench's seen from the first, and the reverse.
 
-    ``gone_m`` (K,) are the leader's moves, ``arm`` (N,) the distances of corners from middles. Infinite if there is no
-    bound.
+    ``gone_m`` (K,) are the leader's moves, ``arm`` (N,) the distances of corners from middles. Unbounded derivatives
+    give infinity.
     """
     with np.errstate(all='ignore'):
         turn, turn_rate = _at(moving.w, row, i), _at(moving.w_rate, row, i)
@@ -350,13 +350,13 @@ def _at(ball: Ball, row: Ints, column: Ints) -> Ball:
 
 def _handle(moving: Kinematics, row: Ints, handle: Ints, track: tuple[Floats, Floats], turn: Ball, gone_m: Floats,
             off: Floats) -> tuple[tuple[Ball, Ball], tuple[Ball, Ball]]:
-    """Return a handle's velocity and its rate, along and across the first bench, from a frame that does not turn."""
+    """Return a handle's velocity and its rate, along and across the first bench, in a frame that does not turn."""
     v, a, k = (_at(ball, row, handle) for ball in (moving.v, moving.a, moving.k))
     start, stop = (np.arctan2(each[:, 1], each[:, 0]) for each in track)
     stop = start + np.remainder(stop - start + np.pi, 2 * np.pi) - np.pi
     reach = ABOVE * (0.5 * (k * v - turn).most * gone_m + off)
     ends = between(start, stop, off)
-    # With less than half a turn in all, the angle took the short way from one end to the other.
+    # With less than half a turn in total, the angle took the short way from one end to the other.
     sin, cos = Ball(ends.mid, np.where(reach < 0.5 * np.pi, np.maximum(ends.rad, reach), np.inf)).sin_cos()
     bent = k * v.squared()
     return (v * cos, v * sin), (a * cos - bent * sin, a * sin + bent * cos)
@@ -366,8 +366,8 @@ def _middle(one: Views, two: Views, v: tuple[Ball, Ball], turn: Ball, gone_m: Fl
             off: Floats) -> tuple[Ball, Ball, Ball, Ball]:
     """Return enclosures of the second bench's middle, seen from the first, and of its velocity.
 
-    The distance of the middles changes at most as their velocities say, however the first bench turns. At the states
-    they may be ``off`` (K,) in metres.
+    The rotation of the first bench does not change the distance of the middles, so their velocities bound its change.
+    At the two states they may be off by ``off`` (K,) in metres.
     """
     far = np.minimum(np.hypot(*one.middle), np.hypot(*two.middle)) + off
     far = ABOVE * (far + gone_m * np.hypot(v[0].most, v[1].most))

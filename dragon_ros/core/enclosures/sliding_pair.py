@@ -1,15 +1,15 @@
-"""The gap of two benches at any two places of a spiral: bounds over boxes of all variables on which it depends.
+"""The gap of two benches at any two positions on a spiral: bounds over boxes of all variables on which it depends.
 
-In units of b = pitch / 2 pi there is one spiral, r = theta, and a dragon is ``scale`` = 1 / b times as large. The gap
-of two benches depends on five variables, the rows of a box:
+In units of b = pitch / 2 pi there is a single spiral, r = theta, and a dragon is ``scale`` = 1 / b times as large. The
+gap of two benches depends on five variables, the rows of a box:
 
     THETA   polar angle of the front handle of the bench that is further in
     AHEAD   polar angle from there to the front handle of the other bench
     SCALE   1 / b
     LINK    distance in metres between the handles of the bench further in
-    OTHER   the same of the other one
+    OTHER   the same distance for the other bench
 
-The number and the lengths of the benches between the two only decide which angles AHEAD occur. A bench reaches
+The number and the lengths of the benches between the two only decide which angles AHEAD occur. A bench extends
 ``overhang`` metres beyond its handles and half its width to either side.
 
 A link of chord c from theta spans delta, the root of F(theta, delta) = c^2 / 2 (docs/contact.md). Up to delta = pi
@@ -27,8 +27,8 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.spiral import first_guesses, steps
 
 THETA, AHEAD, SCALE, LINK, OTHER = range(5)
-_WIDER = 2.0**-30       # relative to a span: Newton in floats is closer, and balls (2^-36) can tell
-_ABOVE = 1 + 2.0**-40   # for a sum of positive numbers: more than its roundings take away
+_WIDER = 2.0**-30       # relative to a span: Newton's method in floats is more accurate, and balls (2^-36) can prove it
+_ABOVE = 1 + 2.0**-40   # for a sum of positive numbers: more than its roundings reduce it
 
 
 class Separations(NamedTuple):
@@ -46,19 +46,19 @@ class Separations(NamedTuple):
 
 
 def least_span(theta: Floats, chord: Floats) -> Floats:
-    """Return angles no larger than the spans of chords (in units of b) from polar angles."""
+    """Return angles at most as large as the spans of chords (in units of b) from polar angles."""
     return _proved_span(theta, chord, 1 - _WIDER, -1)
 
 
 def largest_span(theta: Floats, chord: Floats) -> Floats:
-    """Return angles no smaller than the spans of chords (in units of b) from polar angles."""
+    """Return angles at least as large as the spans of chords (in units of b) from polar angles."""
     return _proved_span(theta, chord, 1 + _WIDER, 1)
 
 
 def separations(low: Floats, high: Floats, half_width_m: float, overhang_m: float) -> Separations:
     """Return the separation of two benches in boxes from ``low`` to ``high`` (5, n).
 
-    The benches are apart on a box if one edge keeps all corners of the other bench away.
+    The benches are apart on a box if all corners of one bench are beyond one edge of the other.
     """
     middle = 0.5 * (low + high)
     reach = _ABOVE * np.maximum(high - middle, middle - low)
@@ -82,14 +82,14 @@ def _proved_span(theta: Floats, chord: Floats, factor: float, sense: int) -> Flo
     place, delta = between(theta, theta), between(span, span)
     excess = delta.squared() * 0.5 + place * (place + delta) * delta.versine() - between(chord, chord).squared() * 0.5
     if not np.all(sense * excess.mid >= excess.rad) or np.any(span > np.pi):
-        raise DragonError('a link is too long for the place on the spiral where its span is bounded')
+        raise DragonError('a link is too long for its position on the spiral: its span cannot be bounded')
     return span
 
 
 def _edges(low: Floats, high: Floats, half_width_m: float, overhang_m: float) -> list[list[Graded]]:
     """Return how far the four corners of either bench are beyond each of four edges of the other, in units of b.
 
-    Seen from the centre of the spiral, the front handle further in is at the angle 0.
+    Polar angles are measured from the front handle further in.
     """
     theta, ahead, scale, link, other = variables(low, high)
     chord, far_chord, far = scale * link, scale * other, theta + ahead
