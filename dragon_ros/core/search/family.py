@@ -172,7 +172,8 @@ def _covered(scene: Scene) -> tuple[Dragon, Spiral]:
                          'leave the venue out (--set venue=null) to ask for that')
     if not isinstance(dragon, Dragon):
         raise FieldError('dragon.groups', f'{dragon.benches} mixed benches', 'families need benches that '
-                         'are equal behind the head', 'make them equal, and give a tolerance for each dimension that differs')
+                         'are equal behind the head', 'make them equal, and give a tolerance for each dimension '
+                         'that differs')
     if dragon.benches < 3:
         raise FieldError('dragon.benches', dragon.benches, 'only benches that are not neighbours can touch',
                          'give at least 3')
