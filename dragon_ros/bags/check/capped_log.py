@@ -12,7 +12,7 @@ class CappedLog:
     count: int = 0
 
     def note(self, what: object) -> None:
-        """Count a problem, and keep its line unless there are too many."""
+        """Count a problem; keep its line unless the log is full."""
         self.count += 1
         if len(self.lines) < _MOST:
             self.lines.append(str(what))

@@ -1,10 +1,10 @@
 """Compare a bag with the model tick by tick: bit for bit, or to the promise of its tier if bits differ.
 
 The last bits may differ between machines and between versions of this software. Handles, benches and velocities must
-then agree within twice the promise of the tier, since each side may be off by it. If another version, or other kernels
-of BLAS or numpy, made the bag, this also applies to everything computed from them.
+then agree within twice the tier's promise, because each side may be off by one promise. If the bag was made by another
+version or with other BLAS or numpy kernels, the same tolerance applies to everything computed from them.
 
-Every message of the bag is accounted for: compared, or left unchecked, with the reason.
+Every message in the bag is either compared or listed as unchecked, with the reason.
 """
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -45,12 +45,12 @@ from dragon_ros.scenes.provenance import RECORD, other_kernel
 from dragon_ros.version import __version__
 
 _HUGE = 1e100
-_MOST_LAST = 128        # ticks at the end of a led run that may lack a topic: a killed recorder may have lagged
+_MOST_LAST = 128        # ticks at the end of a led run that may lack a topic, because a killed recorder may have lagged
 _Instant = tuple[int, dict[str, list[bytes]]]
-_SHOWN = 'model/markers'        # versions may show contacts differently; model/contacts has their places
-_SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # how a tick was solved; versions may differ
+_SHOWN = 'model/markers'        # markers may differ between versions; the contacts themselves are in model/contacts
+_SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # solver diagnostics, which may differ between versions
 _POINT_FIELDS = {6: '<u4', 7: '<f4', 8: '<f8'}       # arrays of a cloud: handles, coordinates, speeds
-MOST_FAULTS = 1000      # lines that are kept, of all that are counted
+MOST_FAULTS = 1000      # lines kept; all are counted
 _VIEWS: dict[str, Callable[[bytes | bytearray], list[Array]]] = {
     'handles': lambda data: [read_pose_array(data).poses],
     'benches': lambda data: read_marker_array(data).geometry,
@@ -59,16 +59,15 @@ _VIEWS: dict[str, Callable[[bytes | bytearray], list[Array]]] = {
 
 @dataclass
 class Comparison:
-    """The numbers of bit-identical and of only ``close`` messages, and one line per range of faults.
+    """Counts of bit-identical and ``close`` messages, and one line per range of faults.
 
-    ``close`` messages keep twice the promise of the tier (each side may be off by one); ``worst_m`` is the largest
-    position difference among them. ``fault_count`` counts messages that are missing, extra or different;
-    ``missing_count`` counts only missing ones.
-    ``other_version`` is the version that made the bag if it differs from this one; ``other_kernel`` names its numpy and
-    kernels if these differ. In both cases all topics may be close.
-    ``once`` counts the messages that are published once per run and equal the scene's. ``unchecked`` has, by topic, the
-    number of messages that were not compared and the reason; ``seen`` has the number of compared messages of each
-    tick's topics.
+    ``close`` messages agree within twice the tier's promise (one promise per side); ``worst_m`` is the largest position
+    difference among them. ``fault_count`` counts messages that are missing, extra or different; ``missing_count``
+    counts only missing ones. ``other_version`` is the version that made the bag, if it is not this one;
+    ``other_kernel`` names the bag's numpy and kernels, if they are not this machine's. In both cases every topic may be
+    close instead of identical. ``once`` counts the messages that are published once per run and equal those of the
+    scene. ``unchecked`` gives, by topic, the number of messages that were not compared and the reason; ``seen`` counts
+    the compared messages of each per-tick topic.
     """
 
     other_version: str | None = None
@@ -120,7 +119,7 @@ class Comparison:
 
     @property
     def may_all_be_close(self) -> bool:
-        """Whether all topics may differ by the promise: another version or another kernel made the bag."""
+        """Whether all topics may differ by the promise, because another version or another kernel made the bag."""
         return self.other_version is not None or self.other_kernel is not None
 
     @property
@@ -132,9 +131,9 @@ class Comparison:
 def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
                        progress: Callable[[int], object] = lambda k: None, frame_id: str = 'dragon',
                        contact_s: float | None = None) -> Comparison:
-    """Recompute every tick of the scene's run and compare each topic's message with the bag's.
+    """Recompute every tick of the scene's run and compare each topic's message with the one in the bag.
 
-    A run that ends in a contact has the ticks before ``contact_s``, followed by the frame at exactly that time.
+    A run that ends in a contact consists of the ticks before ``contact_s`` and a last frame at exactly that time.
     """
     made = bag.metadata(RECORD)
     made_by = made.get('about.dragon_ros')
@@ -152,7 +151,7 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
 
 def _compare_run(result: Comparison, scene: Scene, encode: Mapping[str, Encode], instants: Iterable[_Instant],
                  contact_s: float | None, progress: Callable[[int], object]) -> None:
-    """Compare the ticks of a run that the scene alone determines."""
+    """Compare the ticks of a run that is determined by the scene alone."""
     ticks, k, last = compile_scene(scene).last_tick + 1, 0, None
     if contact_s is not None:
         ticks, last = min(ticks, ticks_before(scene, contact_s)), contact_frame(scene, contact_s)
@@ -179,8 +178,9 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
                  most: int, progress: Callable[[int], object]) -> None:
     """Compare the ticks of a led dragon, with the speeds recorded in its topic ``leader``.
 
-    Such a run may end at any tick. Up to ``most`` of its last ticks may lack topics that a killed recorder had not yet
-    received, but their messages must not differ. If a speed is missing, nothing after it can be recomputed.
+    Such a run may end at any tick. In up to ``most`` of its last ticks, topics may be missing because a killed recorder
+    had not received them yet, but the messages that exist must not differ. After a missing speed, nothing can be
+    recomputed.
     """
     law, waiting, left = None, list[tuple[int, Frame, dict[str, list[bytes]]]](), iter(instants)
     for k, (t_ns, recorded) in enumerate(left):
@@ -206,7 +206,7 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
 
 
 def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, frame_id: str, each: set[str]) -> None:
-    """Account for the messages of the bag that belong to no tick, or to one that could not be compared."""
+    """Account for messages that belong to no tick or to a tick that could not be compared."""
     for topic in bag.topics:
         name = topic.name.removeprefix(f'{namespace}/')
         left, row = topic.messages - result.seen[name], channels().get(name)
@@ -255,7 +255,7 @@ def _nearly(scene: Scene, kind: str, wanted: bytes, found: bytes) -> bool:
 
 
 def _walked_m_s(found: list[bytes], t_ns: int) -> float | None:
-    """Return the speed in the only message of a tick; None if there are several, or if it belongs to another tick."""
+    """Return the speed in a tick's only message; None if there are several or the message belongs to another tick."""
     if len(found) != 1:
         return None
     stamp_ns, speed_m_s = read_odometry(found[0])
@@ -285,14 +285,15 @@ def _instants(bag: BagReader, namespace: str, names: Iterable[str]) -> Iterator[
         recorded: dict[str, list[bytes]] = {}
         for _, name, data in group:
             found = recorded.setdefault(name, [])
-            found.append(data if not found else b'')        # if there are several, only their number matters
+            found.append(data if not found else b'')        # of several messages, only their number matters
         yield t_ns, recorded
 
 
 def _stamped(bag: BagReader, namespace: str, name: str, stamps: Ints) -> Iterator[tuple[int, str, bytes]]:
     """Yield (stamp, name, message) of one topic of a bag with wall-clock log times.
 
-    Messages without stamps belong to the handles of the same index: topics are in order, but overtake each other.
+    A message without a stamp belongs to the handles with the same index: each topic arrives in order, but topics
+    overtake each other.
     """
     kind = channels()[name].type
     for n, message in enumerate(bag.messages([f'{namespace}/{name}'])):
@@ -301,7 +302,7 @@ def _stamped(bag: BagReader, namespace: str, name: str, stamps: Ints) -> Iterato
 
 
 def _missing(result: Comparison, names: Iterable[str], k: int, stop: int) -> int:
-    """Count the ticks from ``k`` up to, but not including, ``stop`` as missing; return the next one."""
+    """Count the ticks k <= tick < stop as missing; return the next tick."""
     if stop <= k:
         return k
     for name in names:
@@ -327,7 +328,7 @@ def _compare(result: Comparison, name: str, k: int, frame: Frame, wanted: bytes,
 
 
 def _allowed_m(frame: Frame, scene: Scene) -> float:
-    """Return twice the tier's promise, since each side may be off by it; 0 for a tier without a promise."""
+    """Return twice the tier's promise, one for each side; 0 for a tier without a promise."""
     compiled = compile_scene(scene)
     promise_m = position_promise_m(compiled.tier, compiled.size_m, conditioning(frame.chain))
     return 2 * promise_m if promise_m < inf else 0.0
@@ -350,7 +351,7 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, r
         return inf
     offs = [np.abs(one - other) for one, other in zip(got, expected, strict=True)]
     for view in (*expected, *got):
-        view[...] = 0.0         # these are views: the bytes then hold everything else
+        view[...] = 0.0         # a view: with it zeroed, the bytes contain everything else
     if ours != theirs:
         return inf
     if not any(np.any(off) for off in offs):        # a speed of 0 may be -0
@@ -362,7 +363,7 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, r
 
 
 def _in_metres(off_m_s: float, frame: Frame, scene: Scene) -> float:
-    """Return the position error that is the same fraction of its promise as a speed error is of its own."""
+    """Convert a speed error to the position error that uses the same fraction of its promise."""
     compiled = compile_scene(scene)
     one = speed_promise_m_s(compiled.tier, compiled.size_m, compiled.model.length_m / scene.dragon.benches,
                             conditioning(frame.chain), _speed_m_s(frame, scene))
@@ -382,10 +383,10 @@ def _speed_m_s(frame: Frame, scene: Scene) -> float:
 def _off_of_others_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:
     """Return the deviation in metres of a message of another version or kernel; inf if more than its numbers differs.
 
-    Accelerations and tensions contain second derivatives of positions. A position error enters them with a factor of
-    1 / link^2 times the square of the leader's speed, and once more per power of the conditioning that derivatives add.
-    A tension sums the forces on all handles up to the free end. They are passed from link to link along directions with
-    a relative error of position error / link.
+    Accelerations and tensions contain second derivatives of positions. They multiply a position error by the square of
+    the leader's speed / link^2, and by each further power of the conditioning that a derivative adds. A tension sums
+    the forces on all handles up to the free end. Forces are passed from link to link along directions whose relative
+    error is position error / link.
     """
     kind = channels()[name].type
     try:
@@ -441,7 +442,7 @@ def _off_of_clouds_m(wanted: dict[str, Any], found: dict[str, Any], frame: Frame
 
 
 def _leaves(value: object) -> Iterator[object]:
-    """Yield the numbers and texts of a decoded message, except those on how a tick was solved."""
+    """Yield the numbers and texts of a decoded message, except solver diagnostics."""
     if isinstance(value, dict):
         if value.get('key') in _SOLVED:
             return

@@ -35,7 +35,7 @@ _BLOCK = 2**20
 _MOST_RANGES = 20
 _REGULAR = 0.8      # a topic has ticks if this fraction of its steps is within a tenth of the median
 _LEAST = 3
-Checks = dict[int, LengthCheck | str]       # by channel: its length check, or why it has none
+Checks = dict[int, LengthCheck | str]       # by channel: its length check, or the reason for having none
 
 
 @dataclass
@@ -69,7 +69,7 @@ class Contents:
 
 
 def examine(path: Path, progress: Callable[[int], object] = lambda size: None) -> Contents:
-    """Return the contents of a bag, damaged or not. Raises BagError if it is not a bag, MissingError."""
+    """Return the contents of a bag, damaged or not. Raises BagError (not a bag) or MissingError."""
     contents = Contents(files_of(path))
     for each in contents.files:
         try:
@@ -163,7 +163,7 @@ def _measure(contents: Contents, index: Index, checks: Checks, seen: TopicSeen, 
 
 
 def _check_of(index: Index, channel: Channel) -> LengthCheck | str:
-    """Return the length check of a channel, or why it has none."""
+    """Return the length check of a channel, or the reason for having none."""
     schema = index.schemas.get(channel.schema_id)
     if schema is None:
         return 'no schema'
@@ -175,7 +175,7 @@ def _check_of(index: Index, channel: Channel) -> LengthCheck | str:
 
 
 def _check_others(contents: Contents, file: McapFile, scanned: Index) -> None:
-    """Report metadata and attachments that do not parse: other readers stop there. Large ones are not read."""
+    """Report metadata and attachments that do not parse, since other readers stop at them. Large ones are not read."""
     for places, parse in ((scanned.metadata, Metadata.read), (scanned.attachments, Attachment.read)):
         for place in places:
             try:
@@ -186,7 +186,7 @@ def _check_others(contents: Contents, file: McapFile, scanned: Index) -> None:
 
 
 def _hold_summary(contents: Contents, file: McapFile, scanned: Index) -> None:
-    """Report contradictions between the summary and the records."""
+    """Report where the summary contradicts the records."""
     if scanned.damage and not file.closed_properly:
         return
     try:
@@ -221,10 +221,10 @@ def _check_data_crc(contents: Contents, file: McapFile, scanned: Index) -> None:
 
 @dataclass(frozen=True)
 class Gaps:
-    """Messages per second and, for a topic with ticks, which and how many are missing, and how many are duplicates.
+    """Messages per second and, for a topic with ticks, the missing ticks and the number of duplicates.
 
-    Ticks are numbered as in the run of the scene, or from the first message if there is none; ``ranges`` holds the
-    first missing ones as (first, last). All but ``rate_hz`` are None if the spacing of messages is irregular.
+    Ticks are numbered as in the scene's run, or from the first message if the bag has no scene; ``ranges`` lists the
+    first missing ticks as (first, last). If messages are irregularly spaced, all fields but ``rate_hz`` are None.
     """
 
     rate_hz: float | None
@@ -243,7 +243,7 @@ def gaps_of(times_ns: 'array[int]', run: Run | None, each_tick: bool = True) -> 
     steps = np.diff(distinct(times))
     if not each_tick or steps.size + 1 < _LEAST:
         return Gaps(rate_hz)
-    usual = float(np.mean(np.sort(steps)[(steps.size - 1) // 2:steps.size // 2 + 1]))     # the median of their spacing
+    usual = float(np.mean(np.sort(steps)[(steps.size - 1) // 2:steps.size // 2 + 1]))     # their median spacing
     if np.mean(np.abs(steps - usual) <= 0.1 * usual) < _REGULAR:
         return Gaps(rate_hz)
     start_ns, period_ns = (run.start_ns, NS / run.rate_hz) if run else (times[0], usual)

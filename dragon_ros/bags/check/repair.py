@@ -35,7 +35,7 @@ from dragon_ros.version import __version__
 
 @dataclass
 class Repaired:
-    """The number of messages that were recovered, and one line per part that was not.
+    """The number of recovered messages, and one line per part that could not be recovered.
 
     ``unsaved`` counts messages that parse but were not saved.
     """
@@ -68,7 +68,7 @@ class _Sink:
 
 
 def repair(path: Path, output: Path, progress: Callable[[int], object] = lambda size: None) -> Repaired:
-    """Write the readable parts of a bag to one complete file, in file order. Raises BagError, MissingError."""
+    """Write the readable parts of a bag to one complete file, in file order. Raises BagError or MissingError."""
     done, parts = Repaired(), files_of(path)
     with _created(output) as out:
         sink = _Sink(out)
@@ -131,9 +131,9 @@ def _put(done: Repaired, sink: _Sink, index: Index, row: StoredMessage, data: by
 
 
 def messages_that_parse(file: McapFile) -> int:
-    """Return how many messages a pass over all records finds up to the first damage, whatever stands between them.
+    """Return how many messages a pass over all records finds before the first damage, skipping other records.
 
-    It shares only the record parser with the scan, so that a repair can be checked against it.
+    It shares only the record parser with the scan, so a repair can be checked against it.
     """
     found, offset = 0, len(MAGIC)
     while offset < file.size:
@@ -162,7 +162,7 @@ def _parsed_in(file: McapFile, place: Location) -> int:
 
 
 def _beyond(file: McapFile, scanned: Index) -> list[MessageBatch]:
-    """Return chunks that the scan did not reach, from the summary."""
+    """Return the chunks in the summary that the scan did not reach."""
     try:
         summary = summary_index(file)
     except BagError:

@@ -45,7 +45,7 @@ class BagFrame:
 
     @cached_property
     def clearance_m(self) -> float | None:
-        """Smallest signed gap of benches that are not neighbours, in m; inf if all are, None without benches."""
+        """Smallest signed gap (m) between benches that are not neighbours; inf if all are, None without benches."""
         if self.benches is None:
             return None
         from dragon_ros.core.geometry.near_pairs import closeness  # few readers need it
@@ -61,7 +61,7 @@ class _FrameParts:
 
 
 def namespace_of(bag: BagReader, asked: str | None = None) -> str:
-    """Return the namespace of the requested dragon, or of the only one that has messages (or, failing that, topics).
+    """Return the namespace of the requested dragon, or of the only one with messages (failing that, with topics).
 
     Raises InputError if it is missing or ambiguous.
     """
@@ -79,7 +79,7 @@ def namespace_of(bag: BagReader, asked: str | None = None) -> str:
 
 
 def scene_of_bag(bag: BagReader, namespace: str | None = None, trust: bool = False) -> Scene | None:
-    """Return the scene that a bag stores or has as a message; None if there is none.
+    """Return the scene in a bag's metadata or messages; None if the bag has no scene.
 
     Raises InputError, also if the scene exceeds its budgets.
     """
@@ -88,7 +88,7 @@ def scene_of_bag(bag: BagReader, namespace: str | None = None, trust: bool = Fal
 
 
 def frame_of_bag(bag: BagReader, namespace: str | None = None) -> str:
-    """Return the frame of a bag's messages according to its scene; the default if the scene names none."""
+    """Return the coordinate frame that a bag's scene names, or the default frame."""
     return str(_about(bag, namespace).get('frame_id', FRAME_ID))
 
 
@@ -132,7 +132,7 @@ def _published_scene(bag: BagReader, namespace: str | None) -> str | None:
 
 
 def law_on(scene: Scene, law: Walked | None, t_ns: int, speed_m_s: float) -> Walked:
-    """Return the head law of a led scene, extended by the next tick's speed; None before the first tick, at rest.
+    """Return the head law of a led scene, extended by the next tick's speed; None, at rest, before the first tick.
 
     Raises InputError for a speed that a led dragon cannot have.
     """
@@ -145,15 +145,15 @@ def law_on(scene: Scene, law: Walked | None, t_ns: int, speed_m_s: float) -> Wal
 
 
 def keep_s(scene: Scene) -> float:
-    """Return how far back in time a tick of a led scene depends on the walk: the length of its trail."""
+    """Return for how long a led scene's tick depends on earlier speeds, in seconds: the length of its trail."""
     return scene.trails.seconds if Effect.TRAILS in scene.effects else 0.0
 
 
 def walked_scene(bag: BagReader, scene: Scene, namespace: str) -> Scene:
-    """Return a led scene as walked: a profile of the recorded speeds, up to the last of the consecutive ones.
+    """Return a led scene with the recorded speeds as its profile, up to the first missing one.
 
-    Any other scene is returned unchanged. Raises InputError if there are too many changes of speed for a profile, or
-    too many ticks.
+    Any other scene is returned unchanged. Raises InputError if the run has too many speed changes for a profile, or too
+    many ticks.
     """
     if not scene.is_led:
         return scene
@@ -175,7 +175,7 @@ def walked_scene(bag: BagReader, scene: Scene, namespace: str) -> Scene:
 
 
 def log_times_are_ticks(bag: BagReader, namespace: str) -> bool:
-    """Return whether messages are logged at simulation time, as by our recorder, rather than at wall time."""
+    """Return whether messages are logged at simulation time, as this package's recorder does, not at wall time."""
     first = next(bag.messages([f'{namespace}/handles']), None)
     return first is None or read_stamp_ns(first.data) == first.t_ns
 
@@ -184,8 +184,8 @@ def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = 
            end_ns: int | None = None) -> Iterator[BagFrame]:
     """Yield the ticks of a bag with log times in start_ns <= t < end_ns, in order.
 
-    Handles and benches are paired by their stamps. Velocities have no stamp and belong to the handles with the same log
-    time. Handles without benches are yielded alone. Raises InputError that names topic and time.
+    Handles and benches are paired by their stamps. Velocities have no stamp; they belong to the handles with the same
+    log time. Handles without benches are yielded alone. Raises InputError, which names topic and time.
     """
     root = namespace_of(bag) if namespace is None else namespace
     names = {topic.name: name for name in _TOPICS for topic in bag.topics if topic.name == f'{root}/{name}'}

@@ -1,6 +1,6 @@
-"""A bounded MCAP reader: no length in a file is trusted before it is checked against the file.
+"""A bounded MCAP reader: each length in a file is checked against the file's size before it is used.
 
-It is written by hand because the library's reader allocates the sizes that a file claims, decompresses without a bound
+It is written by hand because the library's reader allocates whatever sizes a file claims, decompresses without limit
 and stops at the first damage. Here every allocation is bounded, damage is reported with its offset, and the records
 before and after it can be recovered.
 
@@ -32,11 +32,11 @@ FOOTER_BYTES = HEAD.size + 20
 T = TypeVar('T')
 _FIXED = struct.Struct('<QQQII')
 _MESSAGE = struct.Struct('<HIQQ')
-_INDEX_HEAD, _INDEX_ENTRY = struct.Struct('<HI'), 16     # channel and bytes of the entries; time and offset of each
-MESSAGE_HEAD = _MESSAGE.size    # bytes in the content of a message before its data
+_INDEX_HEAD, _INDEX_ENTRY = struct.Struct('<HI'), 16     # head: channel, bytes of its entries; an entry: time, offset
+MESSAGE_HEAD = _MESSAGE.size    # bytes of a message's content before its data
 _LONGEST_NAME = 32              # characters in the name of a compression
-_MOST_FAULTS = 100      # that are kept
-_PACKED_MORE = 1 / 128          # largest growth of a chunk of random bytes by compression
+_MOST_FAULTS = 100      # kept
+_PACKED_MORE = 1 / 128          # how much compression can enlarge a chunk of random bytes
 _RUN = 4 * 2**20            # bytes of consecutive messages outside chunks that form one batch
 
 
@@ -97,7 +97,7 @@ class McapFile:
         return data
 
     def place(self, offset: int, end: int | None = None) -> Location:
-        """Return the record at an offset. Raises BagError if it does not end before ``end`` (the file's end)."""
+        """Return the record at an offset. Raises BagError if it ends after ``end`` (by default the file's end)."""
         end = self.size if end is None else min(end, self.size)
         if offset + HEAD.size > end:
             raise self.fault(offset, f'a record should begin, {max(0, end - offset)} bytes are left')
@@ -110,7 +110,7 @@ class McapFile:
         return place
 
     def places(self, offset: int, end: int | None = None) -> Iterator[Location]:
-        """Yield the records from ``offset`` on, up to exactly ``end`` (the file's end)."""
+        """Yield the records from ``offset`` to exactly ``end`` (by default the file's end)."""
         end = self.size if end is None else end
         while offset < end:
             place = self.place(offset, end)
@@ -118,7 +118,7 @@ class McapFile:
             offset = place.end
 
     def fields(self, place: Location, parse: Callable[[ReadDataStream], T]) -> T:
-        """Return the fields of a small record; ``parse`` is one of the ``mcap.records`` readers."""
+        """Return the fields of a small record; ``parse`` is a reader from ``mcap.records``."""
         if place.length > RECORD_BYTES:
             raise self.fault(place.offset, f'a record with opcode {place.opcode} has {place.length} bytes; '
                              f'the largest that is read is {RECORD_BYTES}')
@@ -129,7 +129,7 @@ class McapFile:
 
     @property
     def closed_properly(self) -> bool:
-        """Whether the file ends like a closed bag."""
+        """Whether the file ends as a properly closed bag does."""
         tail = FOOTER_BYTES + len(MAGIC)
         return self.size >= len(MAGIC) + tail and self.read(self.size - len(MAGIC), len(MAGIC)) == MAGIC
 
@@ -319,7 +319,7 @@ def _plain(data: bytes, size: int) -> bytes:
 
 
 def _zstd(data: bytes, size: int) -> bytes:
-    """Decompress; the frame must claim the same size as the chunk before anything is allocated."""
+    """Decompress, after checking that the frame claims the same size as the chunk: nothing is allocated before that."""
     claimed = zstandard.frame_content_size(data)
     if claimed not in (-1, size):
         raise ValueError(f'its zstd frame claims {claimed} bytes, the chunk {size}')
@@ -338,7 +338,7 @@ _UNPACK: dict[str, Callable[[bytes, int], bytes]] = {'': _plain, 'zstd': _zstd, 
 class MessageBatch:
     """A chunk, or consecutive messages outside chunks: its location, and the times of its messages in ns.
 
-    ``messages`` is the number of messages in a chunk by the indexes that follow it; None if it is not needed.
+    ``messages`` is the number of messages in a chunk according to the indexes that follow it; None if not needed.
     """
 
     file: McapFile
@@ -368,10 +368,10 @@ class MessageBatch:
 class Index:
     """Contents of one file.
 
-    ``damage`` says where and why a scan ended early, ``cut`` is the chunk in which it ended. ``faults`` are the first
-    of ``fault_count`` records that cannot be read, between others that can. ``data_end`` is the end of the data
-    section, None where it is unknown. ``stray`` are ends of data that records follow all the same. ``numbered`` counts
-    messages by channel as the indexes of the chunks do. ``reach`` is the offset up to which there are records.
+    ``damage`` says where and why a scan ended early; ``cut`` is the chunk in which it ended. ``faults`` lists the first
+    of ``fault_count`` unreadable records between readable ones. ``data_end`` is the end of the data section, None if
+    unknown. ``stray`` lists DataEnd records that are followed by further records. ``numbered`` counts messages by
+    channel according to the chunk indexes. ``reach`` is the offset where the last record ends.
     """
 
     file: McapFile
@@ -410,7 +410,7 @@ class Index:
             raise ValueError(f'it declares {type(found).__name__.lower()} {found.id} a second time, in another way')
 
     def fault(self, error: BagError) -> None:
-        """Note a record that cannot be read."""
+        """Note an unreadable record."""
         self.fault_count += 1
         if len(self.faults) < _MOST_FAULTS:
             self.faults.append(error)
@@ -489,10 +489,10 @@ def _indexed(file: McapFile, opcode: int, offset: int, length: int) -> Location:
 
 
 def scanned_index(file: McapFile, progress: Callable[[int], object] = lambda offset: None) -> Index:
-    """Return the index from a scan of all records up to the first damage, without decompressing chunks.
+    """Scan all records up to the first damage, without decompressing chunks, and return the index.
 
-    For every command, this defines the contents of a bag. It has what a stream reader sees: messages inside and outside
-    of chunks, including those after a stray end of data. The summary, which repeats them, follows the last end of data.
+    For every command, this index defines the contents of a bag: what a stream reader sees, which is messages inside and
+    outside of chunks, including those after a stray DataEnd. The summary, which repeats them, follows the last DataEnd.
     """
     scan = _Scan(Index(file))
     try:
@@ -511,16 +511,16 @@ _DATA = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.ATTACHMENT, Opcode.METADATA)
 
 
 class _Scan:
-    """Processes one record after the other."""
+    """Processes records one by one."""
 
     def __init__(self, index: Index) -> None:
         self.index = index
         self._run: list[tuple[Location, int]] = []
         self._numbered: int | None = None       # messages in the last chunk according to its indexes
-        self._end: Location | None = None       # end of the data, if only a summary has followed so far
+        self._end: Location | None = None       # the DataEnd record, if only a summary has followed so far
 
     def take(self, place: Location) -> bool:
-        """Process a record; return whether others may follow."""
+        """Process a record; return whether further records may follow."""
         index = self.index
         if place.opcode == Opcode.FOOTER:
             if place.end + len(MAGIC) != index.file.size:
@@ -538,7 +538,7 @@ class _Scan:
         return True
 
     def end(self, error: BagError | None) -> None:
-        """Record where the records end; damage to a summary loses no message."""
+        """Record where the records end. Damage to the summary loses no messages."""
         self._end_batch()
         index, file = self.index, self.index.file
         index.reach = file.size if error is None else error.fields.get('offset', file.size)
@@ -546,7 +546,7 @@ class _Scan:
         index.cut = None if self._end or error is None else _cut(file, error.fields.get('offset'))
 
     def _end_stray(self) -> None:
-        """Record that something follows the last end of data."""
+        """Record that something follows the last DataEnd."""
         if self._end:
             self.index.stray.append(self._end)
             self._end = None
@@ -603,9 +603,9 @@ class _Scan:
 
 
 def is_indexed(scanned: Index, summary: Index) -> bool:
-    """Return whether a file's summary, chunk indexes and records agree, so that no chunk needs to be opened.
+    """Return whether a file's summary, chunk indexes and records agree; then no chunk needs to be opened.
 
-    If they agree, the counts of the summary are those of the file. Writers may omit parts of a summary.
+    If they agree, the counts in the summary are correct. Writers may omit parts of a summary.
     """
     said, counts, channels = summary.statistics, +summary.counts, scanned.channels
     return (said is not None and not scanned.fault_count and _chunks(summary) == _chunks(scanned)

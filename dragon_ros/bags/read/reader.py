@@ -161,7 +161,7 @@ def _opened(file: Path, bag: Path) -> McapFile:
 
 
 def _index_of(file: McapFile) -> Index:
-    """Return the index of a complete file; messages that its summary does not count are counted in its chunks."""
+    """Return the index of a complete file; if the summary lacks counts, count the messages in the chunks."""
     index = None
     try:
         summary, index = summary_index(file), scanned_index(file)
@@ -218,7 +218,7 @@ def _topics(channels: list[tuple[Index, Channel]]) -> list[Topic]:
 
 
 def qos_of(metadata: dict[str, str]) -> dict[str, Any]:
-    """Return the first QoS profile of a channel; {} if there is no readable one."""
+    """Return the first QoS profile of a channel; {} if none is readable."""
     text = metadata.get('offered_qos_profiles', '')
     try:
         profiles = values_of(text) if len(text) <= QOS_CHARACTERS else None
@@ -249,7 +249,7 @@ class _OpenBatch(NamedTuple):
 
 
 class TimeOrder:
-    """Yields the messages that ``choose`` accepts, by time and then in file order, even if batches overlap.
+    """Yields the messages that ``choose`` accepts, by time and then by position in the file, even if batches overlap.
 
     ``learn`` receives all other records of the batches, and raises BagError if one contradicts the index.
     """
@@ -282,7 +282,7 @@ class TimeOrder:
             heappush(heap, (times[position], number, position))
 
     def _opened(self, number: int) -> _OpenBatch:
-        """Return an open batch; close the least recently used ones if open batches exceed the limit."""
+        """Return an open batch; close the least recently used ones when too many are open."""
         if number in self._open:
             self._open.move_to_end(number)
             return self._open[number]

@@ -8,13 +8,13 @@ _MOST_SHOWN = 20
 
 
 class IntervalSet:
-    """The numbers seen so far; memory grows with the number of gaps, of which at most 10,000 are kept."""
+    """The numbers seen so far. Memory grows with the number of gaps; at most 10,000 gaps are kept."""
 
     def __init__(self) -> None:
         """Start empty."""
         self._lows: list[int] = []
         self._highs: list[int] = []
-        self.forgotten = 0      # numbers in front gaps that were dropped to bound the memory
+        self.forgotten = 0      # missing numbers in early gaps that were dropped to bound the memory
 
     def add(self, k: int) -> None:
         """Add a number; adding it twice is harmless."""

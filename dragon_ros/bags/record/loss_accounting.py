@@ -1,9 +1,9 @@
 """Loss accounting: compares received with published messages, so that every loss is reported.
 
-There are two sources. A publisher numbers its messages (the publication sequence number of DDS): a gap is a message
-lost in transit, and a first number above 1 tells how many were published before the recorder listened. If the scene is
-known, a stamp is also a tick: a gap is a missing tick, lost or never published, and a first tick after tick 0 means
-that the beginning of the run is missing.
+There are two sources. A publisher numbers its messages (DDS publication sequence numbers): a gap means that messages
+were lost in transit, and a first number above 1 tells how many were published before the recorder listened. If the
+scene is known, a stamp also identifies a tick: a gap means that ticks are missing (lost or never published), and a
+first tick after tick 0 means that the beginning of the run is missing.
 """
 from collections import Counter
 from collections.abc import Iterable
@@ -24,7 +24,7 @@ class TopicCount:
     """The account of one topic."""
 
     received: int = 0
-    left_out: int = 0           # left out because the disk was too slow
+    left_out: int = 0           # dropped because the disk was too slow
     lost: int = 0               # by publishers that were replaced
     sequence: IntervalSet = field(default_factory=IntervalSet)
     ticks: IntervalSet = field(default_factory=IntervalSet)
@@ -58,7 +58,7 @@ class TopicCount:
 
     @property
     def lost_on_the_way(self) -> int:
-        """How many messages after the first received one were published but not received."""
+        """How many published messages were not received, after the first received one."""
         return 0 if self.shared else self.lost + interval_set.count(self.sequence.gaps()) + self.sequence.forgotten
 
     @property
@@ -80,7 +80,7 @@ class LossAccount:
         self._last_ns: int | None = None
 
     def scene(self, scene: Scene | None, namespace: str) -> None:
-        """Set the recorded run, which assigns a tick to each stamp, also to stamps that arrived just before the scene.
+        """Set the recorded run; it assigns a tick to each stamp, including those that arrived just before the scene.
 
         Another run resets the ticks.
         """
@@ -93,14 +93,14 @@ class LossAccount:
         self.scene_again()
 
     def scene_again(self) -> None:
-        """Count stamps that arrived just before the scene, which may be the scene of the previous run."""
+        """Count stamps that arrived just before the scene, if the scene is the previous run's again."""
         for topic, row in self.topics.items():
             for t_ns in row.scene_came():
                 if self._run is not None and topic in self._each_tick:
                     row.tick(self._run, t_ns)
 
     def offer(self, topic: str) -> None:
-        """Note that a topic with a message per tick has a publisher."""
+        """Note that a topic with one message per tick has a publisher."""
         self._offered.add(topic)
 
     def share(self, topics: Iterable[str]) -> None:
@@ -136,7 +136,7 @@ class LossAccount:
     def missing(self, ended: bool) -> dict[str, list[Interval]]:
         """Return the missing ticks of each topic, between its first and its last tick.
 
-        If the run has ``ended``, its last tick is the last of any topic, so that topics that end earlier lack ticks.
+        If the run has ``ended``, the latest tick of any topic is its last tick, and topics that end earlier lack ticks.
         """
         ticks = {topic: row.ticks for topic, row in self.topics.items()
                  if row.ticks.last is not None and not row.shared}
@@ -145,9 +145,10 @@ class LossAccount:
         return {topic: gaps for topic, gaps in found.items() if gaps}
 
     def beginnings(self) -> dict[str, int]:
-        """Return, by topic, how many messages are missing before its first, by ticks of the run or by sequence numbers.
+        """Return how many messages each topic lacks before its first one, by ticks of the run or by sequence numbers.
 
-        Only topics with a message per tick count, and those of ``sim`` without a scene: others continue across runs.
+        This covers only topics with one message per tick and, without a scene, those of ``sim``: others continue across
+        runs.
         """
         if self._run is None:
             found = {topic: row.before for topic, row in self.topics.items()
@@ -157,7 +158,7 @@ class LossAccount:
         return {topic: count for topic, count in found.items() if count}
 
     def unheard(self) -> list[str]:
-        """Return the topics that received nothing although a scene or a publisher has a message per tick for them."""
+        """Return the topics without any message although the scene or a publisher provides one per tick."""
         return sorted((self._each_tick | self._offered) - {topic for topic, row in self.topics.items() if row.received})
 
     def complete(self, ended: bool) -> bool:

@@ -1,4 +1,4 @@
-"""Reads the scenes that arrive on a topic, outside the recording thread, since a scene may take seconds."""
+"""Reads scenes from a topic, outside the recording thread because reading one may take seconds."""
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ class ReadScene(NamedTuple):
 
 
 class SceneReader:
-    """Reads one scene at a time; of the scenes that arrive meanwhile only the newest is read."""
+    """Reads one scene at a time; of the scenes that arrive meanwhile, it reads only the newest."""
 
     def __init__(self, settings: dict[str, str], trust: bool = False) -> None:
         """``settings`` are the recorder's, for the metadata record."""
@@ -44,7 +44,7 @@ class SceneReader:
             self._next = text
 
     def take(self, wait: bool = False) -> ReadScene | None:
-        """Return the newest scene, once, when it has been read; with ``wait``, wait for it."""
+        """Return the newest scene once it has been read, each only once; with ``wait``, wait for it."""
         while self._job is not None and (wait or self._job.done()):
             found, self._job = self._result(self._job), None
             if self._next is None:

@@ -1,13 +1,13 @@
-"""Assigns a simulation time to every recorded message, even to messages without a stamp.
+"""Assigns a simulation time to every recorded message, with or without a stamp.
 
-A message with a stamp is logged at that time. A message without one belongs to the tick of its publisher's last
-stamped message before it. Source times decide this order, since topics overtake each other in transit. The stamped
-message of a sim is the handles (velocities follow); of a monitor, which lags behind the sim, the stamped clearance. A
-message that cannot be paired is left out and counted.
+A message with a stamp is logged at that time. A message without one belongs to the tick of its publisher's last stamped
+message before it. Source times decide this order, since topics overtake each other in transit. The stamped message is
+the handles for a sim (velocities follow) and the stamped clearance for a monitor, which lags behind the sim. A message
+that cannot be assigned to a tick is left out and counted.
 
-Source times are times of the system clock, which may be set back during a run: then the next message of a topic has an
-earlier source time than the one before. So messages are ordered by a moment: how often the clock was set back before,
-and the source time.
+Source times come from the system clock, which may be set back during a run: then the next message of a topic has an
+earlier source time than the previous one. Messages are therefore ordered by a moment: how often the clock has been set
+back so far, then the source time.
 """
 import time
 from bisect import bisect_right
@@ -19,8 +19,8 @@ from dragon_ros.core.limits import HELD_BYTES
 
 Write = Callable[[str, bytes, int, int, int], None]
 _KEEP = 1000
-_SURELY_NS = 10**9      # of a source time before the last one: no delay in transit explains it
-_Moment = tuple[int, int]       # how often the clock was set back before, and the source time in ns
+_SURELY_NS = 10**9      # source times that go back further than this: no delay in transit explains it
+_Moment = tuple[int, int]       # how often the clock has been set back so far, and the source time in ns
 
 
 class _Held(NamedTuple):
@@ -46,7 +46,7 @@ class _Sent(NamedTuple):
     sequence: int
 
     def is_before_setting_back(self, source_ns: int, sequence: int) -> bool:
-        """Return whether the clock was set back between this message and the next one of its publisher."""
+        """Return whether the clock was set back between this message and its publisher's next one."""
         earlier_ns = self.moment[1] - source_ns
         return earlier_ns > (0 if sequence in (self.sequence + 1, 1) else _SURELY_NS)
 
@@ -59,7 +59,7 @@ class SimulationClock:
         self._write = write
         self._moments: list[_Moment] = []       # of the marks, in order
         self._marks: list[_Mark] = []
-        self._set_back, self._turn_ns = 0, (0, 0)       # how often, and source times before and after the last time
+        self._set_back, self._turn_ns = 0, (0, 0)       # how often; source times before and after the last time
         self._sent: dict[str, _Sent] = {}
         self._held: list[_Held] = []
         self._held_bytes = 0
@@ -69,7 +69,7 @@ class SimulationClock:
         self.unpaired: Counter[str] = Counter()     # messages with an unknown tick, by topic
 
     def mark(self, source_ns: int, t_ns: int, sequence: int = 0) -> None:
-        """Record that the stamped message of the tick at ``t_ns`` was published at ``source_ns``, with this number."""
+        """Record when (``source_ns``) and with which number the stamped message of the tick at ``t_ns`` was sent."""
         last = self._marks[-1] if self._marks else None
         if last and _Sent(last.moment, last.sequence).is_before_setting_back(source_ns, sequence):
             self._set_back, self._turn_ns = self._set_back + 1, (last.moment[1], source_ns)
@@ -86,8 +86,8 @@ class SimulationClock:
                   exact: bool = True) -> None:
         """Log a message without a stamp when its tick is known.
 
-        Of messages before the first tick only latched ones are kept, and logged at that tick. A message that is not
-        ``exact`` belongs to no tick and is logged at the last tick before it.
+        Of messages before the first tick, only latched ones are kept; they are logged at that tick. A message that is
+        not ``exact`` belongs to no tick and is logged at the last tick before it.
         """
         moment = self._moment_of(topic, source_ns, sequence, exact)
         self._held.append(_Held(moment, topic, data, sequence, latched, exact, time.monotonic()))
@@ -99,7 +99,7 @@ class SimulationClock:
     def _moment_of(self, topic: str, source_ns: int, sequence: int, exact: bool) -> _Moment:
         """Return the moment of a message without a stamp.
 
-        If the clock was set back, the next message of a topic can tell it before the next stamped one does.
+        If the clock was set back, a topic's next message may reveal it before the next stamped message does.
         """
         last = self._sent.get(topic)
         times = last.moment[0] if last else 0
@@ -111,9 +111,9 @@ class SimulationClock:
         return times, source_ns
 
     def _is_after_turn(self, source_ns: int) -> bool:
-        """Return whether a source time must be from after the clock was last set back, not from a message in transit.
+        """Return whether a source time must be later than the clock's last set-back, and not of a message in transit.
 
-        For up to a second after the clock was set back by less than that, a rare message may belong to either side.
+        If the clock was set back by less than a second, this remains ambiguous for rare messages for up to a second.
         """
         before_ns, after_ns = self._turn_ns
         if before_ns - after_ns < _SURELY_NS:
@@ -121,7 +121,7 @@ class SimulationClock:
         return abs(source_ns - after_ns) <= abs(source_ns - before_ns)
 
     def _give_up(self) -> None:
-        """Take messages from those that wait too long: for a run that begins late, or for a tick that never came."""
+        """Give up on messages that have waited too long, because the run begins late or the tick never came."""
         if self._marks:
             self._sent.clear()
             self._release(lambda held: True)
@@ -162,7 +162,7 @@ class SimulationClock:
             return self._early_time_of(held, first_ns)
         mark = self._marks[at]
         if held.latched and held.exact and self._is_gap(at):
-            mark = self._marks[at + 1]      # it came in by then, and still holds
+            mark = self._marks[at + 1]      # it had arrived by then and is still valid
         elif held.exact and (self._is_gap(at) or self._is_second(held, mark)):
             self.unpaired[held.topic] += 1
             return None
@@ -180,12 +180,12 @@ class SimulationClock:
         return None
 
     def _is_gap(self, at: int) -> bool:
-        """Return whether the stamped message of a later tick was lost: messages after it may belong to either tick."""
+        """Return whether a later tick's stamped message was lost; messages after it may then belong to either tick."""
         if at + 1 == len(self._marks):
             return False
         here, there = self._marks[at].sequence, self._marks[at + 1].sequence
         return bool(here and there) and there not in (here + 1, 1)
 
     def _is_second(self, held: _Held, mark: _Mark) -> bool:
-        """Return whether its topic already has a message of that tick; this one then belongs to a later tick."""
+        """Return whether the topic already has a message for that tick; then this one belongs to a later tick."""
         return held.exact and not held.latched and self._last.get(held.topic) == mark

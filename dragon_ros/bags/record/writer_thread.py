@@ -8,15 +8,15 @@ from functools import partial
 from dragon_ros.bags.write.writer import MB, BagWriter
 from dragon_ros.core.errors import DragonError
 
-_AT_ONCE_BYTES = 500_000        # bytes that justify waking the thread: a wake-up costs as much as some writes
+_AT_ONCE_BYTES = 500_000        # enough to wake the thread: a wake-up costs as much as several writes
 _Job = tuple[int, Callable[[], object]]      # size in bytes, and the write
 
 
 class WriterThread:
-    """Accepts messages immediately and writes them in order; every second (``flush_s``) the file is up to date.
+    """Accepts messages immediately and writes them in order; the file is brought up to date every second (``flush_s``).
 
-    If the queue is full, a ``patient`` write waits, which is counted: nothing is dropped here. After a disk error,
-    which ``error`` holds, nothing more is written.
+    If the queue is full, a ``patient`` write waits, and the wait is counted: nothing is dropped here. After a disk
+    error (kept in ``error``) nothing more is written.
     """
 
     def __init__(self, bag: BagWriter, flush_s: float = 1.0, queue_mb: float = 256.0) -> None:
@@ -34,7 +34,7 @@ class WriterThread:
         self._thread.start()
 
     def write(self, topic: str, data: bytes, t_ns: int, sequence: int, publish_ns: int, patient: bool = True) -> None:
-        """Queue one message; if ``patient``, wait while the queue is full; otherwise the caller checks ``fill``."""
+        """Queue one message. If ``patient``, wait while the queue is full; otherwise the caller must check ``fill``."""
         self._put(len(data), partial(self._bag.write, topic, data, t_ns, sequence, publish_ns), False, patient)
 
     def describe(self, name: str, values: dict[str, str]) -> None:

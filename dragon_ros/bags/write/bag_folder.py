@@ -13,8 +13,8 @@ _METADATA = 'metadata.yaml'
 class BagFolder:
     """A folder with the parts of one bag.
 
-    While a part is written, ``metadata.yaml.new`` exists with the size that its content will need, so that the parts
-    can be listed even if the disk is full.
+    While a part is being written, ``metadata.yaml.new`` already has the size that the metadata will need. The parts can
+    then be listed even if the disk fills up.
     """
 
     def __init__(self, path: Path, replace: bool) -> None:

@@ -1,4 +1,4 @@
-"""Files without any message that a recorder left: the next recorder may replace them."""
+"""Files without messages left by a recorder, which the next recorder may replace."""
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from dragon_ros.bags.read.mcap import Index
 
 _HOLDING = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.ATTACHMENT)
-_CUT_BYTES = 4096       # bytes of a record truncated by a kill: more may be something else
+_CUT_BYTES = 4096       # a record truncated by a kill has at most this many bytes; more may be something else
 
 
 def holds_no_message(path: Path) -> bool:

@@ -1,9 +1,10 @@
-"""Writes one MCAP file chunk by chunk: each chunk is written whole or not at all, so that the file can be closed.
+"""Writes one MCAP file chunk by chunk. A chunk is written whole or not at all, so the file can always be closed.
 
 It is written by hand because the library's writer ends a chunk only by size, cannot flush on demand, and cannot undo a
-chunk that a full disk truncated. The records are the library's; only the Message record, on the hot path, is packed
-here. A full chunk is compressed and written on a thread while the next one is filled; two buffers alternate. A writer
-with a thread of its own does not use another, since handing over a chunk costs as much as filling it.
+chunk that a full disk truncated. Records are the library's, except for the Message record, which is packed here because
+it is on the hot path. A full chunk is compressed and written on a thread while the next one is filled, in two
+alternating buffers. A caller that already has its own writer thread does without this one, since handing over a chunk
+costs as much as filling it.
 """
 import os
 import struct
@@ -31,13 +32,13 @@ from dragon_ros.core.errors import DiskError, MissingError
 from dragon_ros.version import __version__
 
 _CHUNK = struct.Struct('<QQQQQH')       # start, size, raw size, first and last log time, channels
-_COUNT = struct.Struct('<HQ')           # channel, messages; one per channel, before the chunk's own row
+_COUNT = struct.Struct('<HQ')           # channel, messages: one row per channel, before the row of the chunk
 _CHUNK_HEAD, _INDEX_HEAD, _INDEX_ENTRY = 49, 15, 16     # bytes of Chunk (without the compression name), MessageIndex
 CHUNK_BYTES = 2**20
 _BUFFER_BYTES = 2 * CHUNK_BYTES
 _MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; then the data
 MESSAGE_HEAD_BYTES = _MESSAGE.size
-MESSAGE_BYTES = limits.CHUNK_BYTES - _MESSAGE.size      # largest data of a message: no larger chunk is read
+MESSAGE_BYTES = limits.CHUNK_BYTES - _MESSAGE.size      # largest data of a message, since readers reject larger chunks
 MAGIC = b'\x89MCAP0\r\n'
 _Bytes = bytes | memoryview
 
@@ -54,7 +55,7 @@ class Worker:
         """Start a job after the previous one. Raises the previous job's error without starting the new one.
 
         Returns when the job first releases the interpreter lock. A thread that merely requests the lock can starve
-        while its holder repeatedly releases and retakes it, as numpy does: the job would run only when the caller
+        while its holder keeps releasing and retaking it, as numpy does; the job would then run only when the caller
         waits for it.
         """
         self.settle()
@@ -78,7 +79,7 @@ class Worker:
 
 
 class NoWorker:
-    """Runs jobs in the calling thread: replaces a Worker if the caller has a thread of its own."""
+    """Runs jobs in the calling thread; replaces a Worker if the caller has its own thread."""
 
     def start(self, job: Callable[[], None]) -> None:
         """Run a job. Raises its error."""
@@ -92,13 +93,13 @@ class NoWorker:
 
 
 def _after(begun: Lock, job: Callable[[], None]) -> None:
-    """Run a job; the caller waits for its start and resumes when this thread releases the interpreter lock."""
+    """Run a job. The caller waits for its start and resumes when this thread releases the interpreter lock."""
     begun.release()
     job()
 
 
 def packed_bytes(topics: int) -> int:
-    """Return the bytes of memory for a chunk's entry with messages of this many topics."""
+    """Return the memory in bytes of the entry for a chunk with messages of this many topics."""
     return _CHUNK.size + topics * _COUNT.size
 
 
@@ -126,7 +127,7 @@ class Stored(NamedTuple):
 
 
 class FileParts:
-    """The parts of a file in order: chunks and a few others, packed since a long recording has many chunks."""
+    """The parts of a file in order: chunks and a few others, packed because a long recording has many chunks."""
 
     def __init__(self) -> None:
         """Start empty."""
@@ -174,7 +175,7 @@ class OpenChunk:
         self.clear()
 
     def clear(self) -> None:
-        """Remove the messages; the memory of an unusually large chunk is freed."""
+        """Remove the messages, and free the memory of an unusually large chunk."""
         if len(self._buffer) > _BUFFER_BYTES:
             self._buffer = _memory(_BUFFER_BYTES)
         self.size = 0
@@ -198,12 +199,12 @@ class OpenChunk:
         self._buffer[first:self.size] = data
 
     def takes(self, size: int) -> bool:
-        """Return whether a message of this size fits; a chunk that was too large for any reader would not be read."""
+        """Return whether a message of this size fits; readers would reject a larger chunk."""
         return self.size + _MESSAGE.size + size <= limits.CHUNK_BYTES
 
     @property
     def is_full(self) -> bool:
-        """Whether it is large enough to be ended."""
+        """Whether the chunk is large enough to be ended."""
         return self.size >= CHUNK_BYTES
 
     def times_ns(self) -> tuple[int, int]:
@@ -254,7 +255,7 @@ class PackedChunk(NamedTuple):
 
 
 def packed(done: OpenChunk, compression: str, compress: Callable[[memoryview], _Bytes]) -> PackedChunk:
-    """Return a chunk as it is written, by its compression's name in MCAP and function."""
+    """Return a chunk as it is written; ``compression`` is a name in MCAP and a function."""
     data, times_ns = compress(done.data), done.times_ns()
     chunk = records.Chunk(compression=compression, data=b'', message_start_time=times_ns[0],
                           message_end_time=times_ns[1], uncompressed_crc=zlib.crc32(done.data),
@@ -264,7 +265,7 @@ def packed(done: OpenChunk, compression: str, compress: Callable[[memoryview], _
 
 
 class Packer:
-    """Packs messages into chunks that end where those of a McapWriter do."""
+    """Packs messages into the same chunks as a McapWriter does."""
 
     def __init__(self, compression: str) -> None:
         """Take the compression, as BagOptions names it."""
@@ -285,7 +286,7 @@ class Packer:
     def _ended(self) -> PackedChunk:
         done = packed(self._open, self._compression, self._compress)
         self._open.clear()
-        return done._replace(data=bytes(done.data))     # without compression it is the buffer that comes next
+        return done._replace(data=bytes(done.data))     # uncompressed data are in the buffer that is reused
 
 
 def mcap_name(compression: str) -> str:
@@ -295,7 +296,7 @@ def mcap_name(compression: str) -> str:
 
 def closing(schemas: Sequence[records.Schema], channels: Sequence[records.Channel], parts: FileParts,
             compression: str, end: int) -> bytes:
-    """Return everything after the last part of a file, which ends at ``end``: data end, index, footer."""
+    """Return everything after a file's last part, which ends at ``end``: DataEnd, index and footer."""
     data_end = record_bytes(records.DataEnd(data_section_crc=0))
     start = end + len(data_end)
     chunks = [record_bytes(chunk.found_by(compression)) for chunk in parts.chunks()]
@@ -337,8 +338,8 @@ def _taken(builder: RecordBuilder) -> bytes:
 class McapWriter:
     """Writes one file. A failed write raises DiskError and leaves the file as it was.
 
-    If a chunk fails on a thread, the next call that writes raises the error; messages added in between are lost with
-    the chunk.
+    If writing a chunk fails on a thread, the next call that writes raises the error; messages added in between are lost
+    with the chunk.
     """
 
     def __init__(self, path: Path, overwrite: bool = False, compression: str = 'zstd', fsync: bool = False,
@@ -366,7 +367,7 @@ class McapWriter:
 
     @property
     def size(self) -> int:
-        """Bytes of the file without its index; the open chunk counts uncompressed."""
+        """Bytes of the file without its index; the open chunk is counted uncompressed."""
         self._settle()
         return self._end + self._open.size
 
@@ -448,7 +449,7 @@ class McapWriter:
         self._write_packed(packed(done, self._compression, self._compress))
 
     def _write_packed(self, chunk: PackedChunk) -> None:
-        """Write a chunk in one call on large buffers: each releases the interpreter lock and waits to retake it."""
+        """Write a chunk in one call on large buffers: each call releases the interpreter lock and must retake it."""
         start = self._append([chunk.head, chunk.data, chunk.tail])
         self.parts.add(Stored(start, len(chunk.data), chunk.raw_size, *chunk.times_ns, chunk.counts))
         if self._fsync:
@@ -458,7 +459,7 @@ class McapWriter:
     def finish(self) -> None:
         """Write the index and close the file. If the disk is full, remove the last chunks to make room for it.
 
-        Raises DiskError if this loses messages; the file is complete nevertheless.
+        Raises DiskError if this loses messages; the file is complete even then.
         """
         try:
             try:
@@ -526,7 +527,7 @@ class McapWriter:
                          'followed is lost')
 
     def _write(self, data: list[_Bytes]) -> None:
-        """Write buffers at the current position; an almost full disk may take only part of them at first."""
+        """Write buffers at the current position; an almost full disk may accept only part of them at first."""
         done, whole = os.writev(self._file.fileno(), data), sum(map(len, data))
         if done < whole:
             rest = memoryview(b''.join(data))[done:]
@@ -554,8 +555,8 @@ _HEADER = MAGIC + record_bytes(records.Header('ros2', f'dragon_ros {__version__}
 def compressor(name: str) -> Callable[[memoryview], _Bytes]:
     """Return the function that compresses a chunk.
 
-    MCAP's C++ library calls level -3 fast. For 223 benches its bags are 5 % larger than at level 1, its default;
-    writing them takes three fifths of the time, reading them half of it.
+    MCAP's C++ library calls level -3 "fast". For 223 benches, its bags are 5 % larger than at the default level 1, but
+    take three fifths of the time to write and half the time to read.
     """
     if name == 'none':
         return lambda raw: raw
@@ -570,7 +571,7 @@ def _create(path: Path, overwrite: bool) -> FileIO:
     try:
         if overwrite and path.exists() and not path.stat().st_mode & 0o222:
             raise MissingError(f'{path}: is read-only; give another --output')
-        # An existing file is emptied only under a lock: no other process is writing it then.
+        # An existing file is emptied only under a lock, when no other process is writing it.
         file = FileIO(path, 'r+' if path.exists() and (overwrite or holds_no_message(path)) else 'x')
         flock(file, LOCK_EX | LOCK_NB)
         file.truncate(0)

@@ -3,19 +3,20 @@ import os
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 
-STEP_BYTES = 2**24          # between requests: each costs tens of microseconds
-KEPT_BYTES = 4 * STEP_BYTES     # requested again: data that one request sends to the disk, a later one can release
+STEP_BYTES = 2**24          # written between requests, since each request costs tens of microseconds
+KEPT_BYTES = 4 * STEP_BYTES     # requested again: a later request can release what an earlier one sent to the disk
 
 
 class PageCache:
-    """Sends written data to the disk soon, and releases its memory for the data written next.
+    """Sends written data to the disk soon, and then releases its memory for new data.
 
-    By default the system keeps all data, writes it in large bursts, and makes the writer wait when a fifth of its
-    memory is not on the disk. Unused memory also costs more than reused memory: on a virtual machine, recording 2,000
-    benches at 700 Hz takes 0.8 of a core without this and 0.55 with it. Files below 64 MiB stay in memory for their
-    next reader.
+    By default the system keeps all data in memory, writes it in large bursts, and makes the writer wait when a fifth of
+    the memory is still to be written. Fresh memory also costs more than reused memory: on a virtual machine, recording
+    2,000 benches at 700 Hz takes 0.8 of a core without this and 0.55 with it. Files below 64 MiB stay in memory for
+    their next reader.
 
-    A thread waits for the disk. While the disk is slower than the writer, the file grows as it would without this.
+    The waiting for the disk is done on a thread. While the disk is slower than the writer, the file grows as it would
+    without this class.
     """
 
     def __init__(self, file: int) -> None:
@@ -31,7 +32,7 @@ class PageCache:
         if end < KEPT_BYTES or end <= self._asked or busy or not hasattr(os, 'posix_fadvise'):
             return
         first, self._asked = max(0, self._asked - KEPT_BYTES), end
-        with suppress(RuntimeError):        # no thread is available, and this is advice only
+        with suppress(RuntimeError):        # no thread is available; the request is only advice to the system
             self._job = self._pool.submit(_let_go, self._file, first, end - first)
 
     def close(self) -> None:
@@ -40,6 +41,6 @@ class PageCache:
 
 
 def _let_go(file: int, start: int, size: int) -> None:
-    """Request that a part is sent to the disk, and that the memory of data already there is released."""
-    with suppress(OSError):     # advice, which some file systems do not support
+    """Ask the system to send a part to the disk and to release the memory of data already written."""
+    with suppress(OSError):     # only advice; some file systems do not support it
         os.posix_fadvise(file, start, size, os.POSIX_FADV_DONTNEED)

@@ -24,18 +24,18 @@ from dragon_ros.messages.channels import Channel
 from dragon_ros.messages.schemas import schema_text, type_hash
 
 MB = 10**6
-_SWITCH_S = 2e-5        # shorter than the time between two releases of the interpreter lock by numpy
+_SWITCH_S = 2e-5        # shorter than numpy's time between two releases of the interpreter lock
 _VERSION = 9            # version of metadata.yaml, as ROS 2 Jazzy writes it
 _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 _INDEX_BYTES, _INDEX_BYTES_A_CHUNK = 100_000, 600        # schemas, channels, metadata; a chunk with its 10 channels
-_LISTED_BYTES, _LISTED_BYTES_A_PART = 65_536, 512       # of metadata.yaml: its topics; a part
+_LISTED_BYTES, _LISTED_BYTES_A_PART = 65_536, 512       # size of metadata.yaml: its topics; each part
 
 
 @dataclass(frozen=True)
 class BagOptions:
     """How a bag is written. None means no limit, a megabyte is 10^6 bytes, and durations are in log time.
 
-    ``fsync`` waits for the disk after each chunk, which also protects against power cuts, not only killed processes.
+    ``fsync`` waits for the disk after each chunk, which protects against power cuts as well as killed processes.
     """
 
     compression: str = 'zstd'
@@ -70,13 +70,13 @@ class BagPart(NamedTuple):
 
     @property
     def messages(self) -> int:
-        """How many messages are in it."""
+        """The number of its messages."""
         return sum(self.counts.values())
 
 
 @dataclass
 class _Extras:
-    """The records that every file of a bag contains, so that each file alone documents its run."""
+    """The records that every file of a bag contains, so that each file documents its run by itself."""
 
     metadata: list[tuple[str, dict[str, str]]] = field(default_factory=list)
     attachments: list[tuple[str, str, bytes]] = field(default_factory=list)
@@ -96,7 +96,7 @@ class BagWriter:
         if self._single and self.options.splits:
             raise InputError(f'--output {path}: is one file and cannot be split; name a directory')
         self._folder = None if self._single else BagFolder(path, overwrite)
-        self._broken: DiskError | None = None       # the reason why no part follows the last one
+        self._broken: DiskError | None = None       # why no part follows the last one
         self._channels: dict[str, Channel] = {}
         self._ids: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
@@ -149,7 +149,7 @@ class BagWriter:
         return self._ids[topic]
 
     def write_chunk(self, chunk: PackedChunk) -> None:
-        """Append a chunk that was packed elsewhere, with the channels of ``channel_of``; of bags that do not split."""
+        """Append a chunk packed elsewhere with the channels of ``channel_of``; only for bags that do not split."""
         assert not self._limited
         self._open_file().add_chunk(chunk)
         topics = {channel: topic for topic, channel in self._ids.items()}
@@ -187,7 +187,7 @@ class BagWriter:
         self.close()
 
     def _open_file(self) -> McapWriter:
-        """Return the file being written. If an earlier DiskError left none, raises that error."""
+        """Return the file being written; if an earlier DiskError left none, raise that error."""
         if self._broken is not None:
             raise self._broken
         return self._file
@@ -255,7 +255,7 @@ class BagWriter:
 
     @property
     def kept(self) -> int:
-        """How many messages a closed bag contains: all, unless the disk was full."""
+        """How many messages the closed bag contains: all, unless the disk was full."""
         return sum(file.messages for file in self._files)
 
     def _summary(self) -> BagPart:
@@ -319,7 +319,7 @@ def _topic(name: str, kind: str, qos: str, type_hash: str, count: int) -> dict[s
 def prompt_switches() -> Iterator[None]:
     """Let the compressing thread get the interpreter lock soon, since it is idle while it waits.
 
-    A thread may demand the lock after a wait of 5 ms, which restarts at each release of the lock.
+    By default a thread may demand the lock only after waiting for 5 ms, and each release restarts that wait.
     """
     before = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCH_S)
