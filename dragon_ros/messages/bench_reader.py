@@ -15,7 +15,7 @@ _WORD = 4
 
 
 class BenchReader:
-    """Reads the benches of successive messages; one with the last one's layout is compared with it, not parsed."""
+    """Reads the benches of successive messages; a message with the layout of the previous one is not parsed again."""
 
     def __init__(self) -> None:
         """Start without a message."""
@@ -31,7 +31,7 @@ class BenchReader:
 
 
 class _Pattern:
-    """The words that decide the layout of a message that has only cubes, of one layout, in the order of the benches."""
+    """The words that determine the layout of a message that has only cubes, all of one layout, in bench order."""
 
     def __init__(self, read: BenchMarkers) -> None:
         """Keep all words except stamps, poses, colours and lifetimes. Raises MessageError for impossible sizes."""
@@ -46,12 +46,12 @@ class _Pattern:
         self._same = [words.copy() for words in self._words(markers.data)]
 
     def _words(self, data: bytes | bytearray) -> list[Array]:
-        """View the words that decide the layout, by marker."""
+        """View the words that determine the layout, by marker."""
         return [strided(data, 'u4', start, self._stride, self._count, (end - start) // _WORD)
                 for start, end in self._ranges]
 
     def fits(self, data: bytes) -> bool:
-        """Return whether a message has the same layout as the one before."""
+        """Return whether a message has the same layout as the previous one."""
         return len(data) == self._size and data.startswith(self._head) and not any(
             np.not_equal(mine, its).any() for mine, its in zip(self._same, self._words(data), strict=True))
 

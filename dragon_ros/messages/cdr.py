@@ -1,6 +1,6 @@
 """Frames as CDR bytes: one template per message, built once and patched in place by numpy.
 
-It is written by hand for speed: a template takes microseconds, a general serialiser takes milliseconds.
+It is written by hand for speed: a template takes microseconds; a general serialiser takes milliseconds.
 
 The layout is plain CDR (OMG DDS-RTPS 2.3, 10.2; the first XCDR encoding): every primitive is aligned to its size,
 counted from the end of the 4-byte encapsulation header. Padding is zero.
@@ -51,7 +51,7 @@ class Writer:
         return stamp
 
     def finish(self) -> bytearray:
-        """Return the data, padded to a multiple of 4 bytes as on the wire: recorded and sent bytes are equal."""
+        """Return the data, padded to a multiple of 4 bytes as on the wire, so recorded and sent bytes are equal."""
         self.data += bytes(-len(self.data) % 4)
         return self.data
 
@@ -69,7 +69,7 @@ def stamp_of(t_ns: int) -> tuple[int, int]:
 
 
 def stamp_number(t_ns: int) -> int:
-    """Return the 64-bit number that a stamp's two fields form in memory."""
+    """Return the two fields of a stamp as the 64-bit number that they form in memory."""
     seconds, rest_ns = stamp_of(t_ns)
     return seconds | rest_ns << 32
 
@@ -92,9 +92,9 @@ class RowLayout:
 class Template:
     """The bytes of a message, laid out once and patched in place for each tick.
 
-    BytesIO returns them without a copy, unless the caller still holds the previous message when the next one is made:
-    copying megabytes takes longer than patching them. Python caches the hash of bytes, so a caller that hashes a
-    message must hold it until the next one.
+    BytesIO returns them without a copy, unless the caller still holds the previous message when the next one is made.
+    This matters because copying megabytes takes longer than patching them. Python caches the hash of bytes, so a caller
+    that hashes a message must keep it until the next one is made.
     """
 
     def __init__(self, data: bytearray) -> None:
@@ -102,7 +102,7 @@ class Template:
         self._message = BytesIO(bytes(data))
 
     def patched(self, patch: Callable[[memoryview], None]) -> bytes:
-        """Return the bytes after ``patch``, which must not keep a view of them."""
+        """Apply ``patch``, which must not keep a view of the bytes, and return them."""
         with self._message.getbuffer() as data:
             patch(data)
         return self._message.getvalue()
@@ -226,14 +226,14 @@ def float64_of(value: float) -> bytes:
 
 
 def half_turns(axis: Floats) -> Floats:
-    """Return (z, w) of the quaternions that turn x onto ``axis`` (N, 2): its square root as a complex number."""
+    """Return (z, w) of the quaternions that turn x onto ``axis`` (N, 2): square roots of axes as complex numbers."""
     half, out = np.sqrt(plane(axis)), np.empty(axis.shape)
     out[:, 0], out[:, 1] = half.imag, half.real
     return out
 
 
 class _Turns:
-    """Half turns as complex numbers (N,), computed once per tick: its messages share one read-only array of axes."""
+    """Half turns as complex numbers (N,), computed once per tick: its messages share a read-only array of axes."""
 
     def __init__(self) -> None:
         self._last: tuple[Floats | None, Array] = None, np.empty(0, np.complex128)

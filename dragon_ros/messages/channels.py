@@ -33,7 +33,7 @@ class Channel:
 
     @property
     def each_tick(self) -> bool:
-        """Whether it has one message per tick; the topics of a monitor have their own rate."""
+        """Whether it has one message per tick; a monitor's topics have their own rate."""
         return self.publisher == 'sim' and not self.latched
 
 

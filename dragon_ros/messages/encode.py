@@ -11,7 +11,7 @@ Encode = Callable[[Frame], bytes]
 
 
 def encoders(scene: Scene, frame_id: str = 'dragon') -> dict[str, Encode]:
-    """Return the functions that encode frames of this scene, by topic; this builds each template once."""
+    """Return the functions that encode frames of this scene, by topic; each template is built once."""
     return {channel.name: _builder(channel.name)(scene, frame_id) for channel in live(scene.effects)}
 
 

@@ -1,8 +1,8 @@
-"""Skips whole ticks evenly when more arrive than can be processed; a fuller queue skips more of them."""
+"""Skips whole ticks evenly when more arrive than can be processed: the fuller the queue, the more are skipped."""
 from dataclasses import dataclass, field
 
 FROM_FILL = 0.5     # fraction of its budget to which a queue fills before a tick is skipped
-_REMEMBERED = 8192      # stamps, since one topic may run ahead of another
+_REMEMBERED = 8192      # remembered stamps, since one topic may run ahead of another
 
 
 @dataclass
@@ -14,8 +14,8 @@ class _Tick:
 class EvenSkips:
     """Decides for each stamp when its first message arrives, and repeats the decision for its other messages.
 
-    All ticks are kept up to ``FROM_FILL`` of the budget, none at the whole budget; between them the fraction is linear.
-    The queue settles at the fill at which ticks are kept as fast as they are processed.
+    All ticks are kept up to a fill of ``FROM_FILL``, none at a fill of 1; in between, the fraction is linear. The queue
+    settles at the fill at which ticks are kept as fast as they are processed.
     """
 
     def __init__(self) -> None:

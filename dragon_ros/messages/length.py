@@ -9,7 +9,7 @@ _ALIGNED = 4        # a message may be padded to a multiple of this
 
 
 class LengthCheck:
-    """Checks messages of one type; one whose strings and sequences are as long as in the last one is not parsed."""
+    """Checks messages of one type; messages with strings and sequences as long as the previous ones are not parsed."""
 
     def __init__(self, name: str) -> None:
         """Take the name of a type of the package."""
@@ -17,7 +17,7 @@ class LengthCheck:
         self._last: tuple[str, Layout, Array, Array] | None = None
 
     def fault(self, data: bytes) -> str | None:
-        """Return the reason why the bytes are not one whole message; None if they are."""
+        """Return why the bytes are not exactly one whole message; None if they are."""
         try:
             end = self._end(Reader(data))
         except MessageError as error:

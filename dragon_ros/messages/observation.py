@@ -82,7 +82,7 @@ class BenchCubes:
 
 @dataclass(frozen=True)
 class WaitingBenches:
-    """The benches of one message without the message: the arrays of ``Benches``, or of ``_facing`` for triangles."""
+    """The benches of a message that is no longer kept: the arrays of ``Benches``, or of ``_facing`` for triangles."""
 
     t_ns: int
     frame_id: str
@@ -107,7 +107,7 @@ ShownBenches = BenchMarkers | BenchCubes | WaitingBenches
 
 
 def observation_of(poses: Poses, shown: ShownBenches) -> Observation:
-    """Return the observation from two messages of one tick. Raises MessageError that names message and field."""
+    """Return the observation from two messages of one tick. Raises MessageError, which names message and field."""
     handles_m = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
     rectangles = shown.rectangles(handles_m)
     _counted(len(rectangles.centre), len(handles_m))
@@ -150,7 +150,7 @@ class BenchesFromHandles:
     def __init__(self, width_m: float = 0.3, hole_inset_m: float = 0.275) -> None:
         """Take the hole inset and the width, in metres, that all benches share."""
         self._width_m, self._hole_inset_m = width_m, hole_inset_m
-        self._frame_id, self._lengths_m = '', np.empty(0)       # of the template
+        self._frame_id, self._lengths_m = '', np.empty(0)       # as in the template
         self._template: CubesTemplate | None = None
 
     def encode(self, handles: bytes) -> bytes:
@@ -234,7 +234,7 @@ def _triangles(markers: Markers, marker: int, handles: int | None = None) -> tup
         _counted(len(points) // 6, handles)
     first, second = np.moveaxis(points.reshape(-1, 2, 3, 2), 1, 0)
     if np.array_equal(first[:, 0], second[:, 0]) and np.array_equal(first[:, 2], second[:, 1]):
-        # The diagonal and winding of our own messages.
+        # The diagonal and winding of this package's messages.
         start, corner, end, far = first[:, 0], first[:, 1], first[:, 2], second[:, 2]
     else:
         start, corner, end, far = _around(first, second)
@@ -257,7 +257,7 @@ def _norm(vectors: Floats) -> Floats:
 def _around(first: Floats, second: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Return the corners (N, 2), in order, of pairs of triangles (N, 3, 2) that share their longest sides.
 
-    If they do not, the last corner is moved by the distance between these sides.
+    If the sides differ, the last corner is moved by the distance between them.
     """
     (corner, start, end), (far, one, other) = _from_right_angle(first), _from_right_angle(second)
     apart = np.minimum(_norm(start - one) + _norm(end - other), _norm(start - other) + _norm(end - one))
@@ -288,7 +288,7 @@ def _facing(centre: Floats, sides: Floats, half: Floats, handles_m: Floats) -> B
 
 
 def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
-    """Return points (K, 3) in the plane, with the scale and pose of their marker applied."""
+    """Apply the scale and pose of their marker to points (K, 3); return them in the plane."""
     pose = _finite('benches: pose', markers.poses[marker:marker + 1])[0]
     scale = _finite('benches: scale', markers.scale[marker:marker + 1])[0]
     x, y, z, w = pose[3:] / max(float(np.linalg.norm(pose[3:])), 1e-150)

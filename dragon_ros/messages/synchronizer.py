@@ -1,4 +1,4 @@
-"""Pairs handles and benches of one tick, which arrive on two topics, by stamp, in bounded memory and time.
+"""Pairs the handles and benches of a tick, which arrive on two topics, by their stamps, in bounded memory and time.
 
 If a topic has several publishers, ``Streams`` distinguishes their messages.
 """
@@ -11,9 +11,9 @@ from dragon_ros.core.limits import MONITOR_BYTES
 from dragon_ros.messages.decode import Poses
 from dragon_ros.messages.observation import BenchCubes, BenchMarkers, ShownBenches
 
-_EACH_BYTES = 4096      # bytes of one message in addition to its own, at most
-_LONGEST_JUMP = 1000    # consecutive messages of a publisher that may be lost
-_MOST_OTHERS = 7        # publishers that are distinguished, besides the known one
+_EACH_BYTES = 4096      # largest overhead of one message, in bytes
+_LONGEST_JUMP = 1000    # how many consecutive messages of a publisher may be lost
+_MOST_OTHERS = 7        # how many publishers are distinguished, besides the known one
 _EXACT = 0.25           # steps by which a stamp may deviate and still identify its publisher
 _HANDLES, _BENCHES = 'handles', 'benches'
 Pair = tuple[Poses, ShownBenches]
@@ -34,10 +34,10 @@ class Unmatched(NamedTuple):
 
 
 class Synchronizer:
-    """Holds messages without a partner in order of arrival, until a later pair overtakes them or a limit drops them.
+    """Holds unpaired messages in order of arrival, until a later pair overtakes them or a limit drops them.
 
-    A stamp may repeat if a run restarts while the other topic lags: the oldest messages are paired first. One topic may
-    run ahead while the other is resent: waiting messages are bounded only in their total bytes over both topics.
+    If a run restarts while the other topic lags, a stamp may repeat; the oldest messages are then paired first. One
+    topic may run ahead while the other is resent, so only the total bytes of both topics are bounded.
     """
 
     def __init__(self) -> None:
@@ -71,7 +71,7 @@ class Synchronizer:
         return out
 
     def _add(self, topic: str, message: Any, now_s: float) -> Pair | None:
-        """Add a message and return its pair; or, if too many bytes wait, drop the messages that have waited longest."""
+        """Add a message and return its pair, if any; if too many bytes wait, drop the oldest messages."""
         new = _Waiting(message.t_ns, message, now_s, message.size_bytes + _EACH_BYTES)
         self._waiting[topic].append(new)
         self._stamps[topic][new.t_ns] += 1
@@ -83,7 +83,7 @@ class Synchronizer:
         return pair
 
     def _match(self, t_ns: int) -> Pair | None:
-        """Return the oldest pair of a stamp, if any; drop messages that arrived before its halves."""
+        """Return the oldest pair with a stamp, if any; drop messages that arrived before either half."""
         if not all(stamps[t_ns] for stamps in self._stamps.values()):
             return None
         for topic, waiting in self._waiting.items():
@@ -106,14 +106,14 @@ class Synchronizer:
 
 @dataclass
 class _Stream:
-    """The state of one publisher: its last number and stamp, and the increase of the stamp per number."""
+    """The state of one publisher: its last sequence number and stamp, and the increase of the stamp per number."""
 
     sequence: int
     t_ns: int
     step_ns: float | None = None
 
     def off(self, sequence: int, t_ns: int) -> float:
-        """Return how many steps a stamp deviates from the publisher's stamp for that number; inf if that is unknown."""
+        """Return by how many steps a stamp deviates from the publisher's stamp for that number; inf if unknown."""
         if self.step_ns is None:
             return inf
         return abs(t_ns - self.t_ns - self.step_ns * (sequence - self.sequence)) / max(self.step_ns, 1.0)
@@ -131,12 +131,12 @@ class _Stream:
 
 
 class Streams:
-    """Distinguishes the messages of several publishers of one topic; the middleware does not name them to readers.
+    """Distinguishes the messages of several publishers of one topic, since the middleware does not name the sender.
 
-    Each publisher numbers its messages, and stamps grow evenly with the numbers: a message belongs to the publisher
-    whose sequence it continues. Publishers with equal numbers and stamps cannot be distinguished, nor publishers with
-    equal numbers at the moment when one of them seeks. Messages of all publishers are accepted until one publisher is
-    adopted; from then on only its messages are.
+    Each publisher numbers its messages, and its stamps grow evenly with the numbers: a message belongs to the publisher
+    whose sequence it continues. Publishers with equal numbers and stamps cannot be distinguished, nor can publishers
+    with equal numbers at the moment when one of them seeks. Messages of all publishers are accepted until one is
+    adopted; from then on only the adopted publisher's are.
     """
 
     def __init__(self) -> None:
@@ -145,7 +145,7 @@ class Streams:
         self._known: _Stream | None = None
 
     def follows(self, sequence: int) -> bool:
-        """Return whether a message has the number that follows the last number of a publisher."""
+        """Return whether a message's number continues the sequence of a publisher."""
         return any(sequence == stream.sequence + 1 for stream in self._all)
 
     def take(self, sequence: int, t_ns: int, alone: bool) -> bool:

@@ -1,4 +1,4 @@
-"""The dragon as a URDF robot: benches are links, handles are revolute joints, and sizes are true.
+"""The dragon as a URDF robot in its real size: benches are links, handles are revolute joints.
 
 The frame of bench i is at its front handle, with x towards the head. Joint i rotates bench i relative to bench i - 1
 about handle i, by its angle in topic ``joint_states``.
@@ -10,8 +10,8 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.messages.markers import BENCH_HEIGHT_M
 
 ROOT = 'bench_0'
-_UNLIMITED = 1e3        # effort in N m, speed in rad/s: nothing drives a joint, but importers require positive numbers
-_MASS_KG = 1.0          # a scene has no masses, but importers drop links without mass
+_UNLIMITED = 1e3        # N m and rad/s; nothing drives the joints, but importers require positive numbers
+_MASS_KG = 1.0          # scenes have no masses, but importers drop links without mass
 
 
 def joint_names(benches: int) -> list[str]:

@@ -7,13 +7,13 @@ from dragon_ros.core.venue import INSIDE, LineObstacle, Points, Venue
 from dragon_ros.messages.cdr import Writer
 from dragon_ros.messages.markers import BLACK, LINE_LIST, TEXT_VIEW_FACING, Colour, MarkerSpec, put_marker
 
-EDGES, NAMES = 'venue', 'venue names'       # namespaces; the id is the number of the obstacle, the last is the inside
+EDGES, NAMES = 'venue', 'venue names'       # namespaces; the id is the obstacle's number, the last one is the inside
 _WIDTH_M, _LETTER_M, _ABOVE_M = 0.08, 0.6, 0.5
 _GREY: Colour = (0.35, 0.35, 0.35, 1.0)
 
 
 def venue_message(scene: Scene, frame_id: str) -> bytes:
-    """Return a MarkerArray with one LINE_LIST and one name for each obstacle, in their order, and for the inside.
+    """Return a MarkerArray with a LINE_LIST and a name for each obstacle, in order, and for the inside.
 
     It is stamped with the start of the run, and empty without a venue.
     """

@@ -12,16 +12,17 @@ from dragon_ros.core.search.certificate import ALL, Contact, Interval, NoContact
 from dragon_ros.core.search.family import FamilyProof
 from dragon_ros.scenes.load import scene_values
 
-_VERSION = 2        # of the format and the meaning of its claims; certificates up to 0.2.0 carry none and count as 1
-_WITH_VENUE = 3     # of certificates of a scene with a venue
-_MOST = 20_000      # rows of a certificate; they only hint where to split
+_VERSION = 2        # of the format and the meaning of its claims; certificates made up to 0.2.0 lack it and count as 1
+_WITH_VENUE = 3     # for a scene with a venue
+_MOST = 20_000      # rows of a certificate, which are only hints where to split
 _NAMES = {ALL: 'all', 0: 'head', 1: 'body'}
 
 
 def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
     """Return a certificate as plain values. Raises InputError if there is none.
 
-    It contains the claim and where to split intervals, but not the solver's bounds, which the checker does not use.
+    It contains the claim and hints where to split intervals, but not the solver's bounds: the checker does not use
+    them.
     """
     proof = found.certificate
     if not proof.complete:
@@ -42,7 +43,7 @@ def of_claim(scene: Scene, claim: Any) -> dict[str, Any]:
 
 def _certificate(scene: Scene, contact: Any, rows: list[dict[str, Any]]) -> dict[str, Any]:
     values, version = scene_values(scene), _VERSION
-    if scene.venue is not None:     # what is proved is that nothing touches, whatever gap is wanted, anywhere on earth
+    if scene.venue is not None:     # the proof depends on neither the wanted clearance nor the origin
         values['venue'] = {key: values['venue'][key] for key in ('obstacles', 'inside') if values['venue'].get(key)}
         version = _WITH_VENUE
     return {'version': version, 'scene': values, 'contact': contact, 'intervals': rows}
@@ -62,7 +63,7 @@ def _contact(found: Contact | NoContact) -> dict[str, Any]:
 
 
 def _rows(intervals: Sequence[Interval]) -> list[dict[str, Any]]:
-    """Return the rows; beyond the most that are written, each covers several consecutive intervals."""
+    """Return the rows; if there are more intervals than rows, each row covers several consecutive ones."""
     most, joined = ceil(len(intervals) / _MOST), 1
     out: list[dict[str, Any]] = []
     for row in map(_row, intervals):

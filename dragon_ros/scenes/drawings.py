@@ -1,7 +1,7 @@
 """Read the line to walk from a drawing (SVG, GeoJSON, WKT or CSV) as parts in metres, with y upwards.
 
 svgelements interprets SVG paths, shapes, transforms, units and viewBox. It receives only the chosen element and its
-groups, from a parser that rejects files that are too large or too deep, or that declare entities.
+groups, from a parser that rejects files that are too large, nested too deeply or declare entities.
 """
 import csv
 import io
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 _SVG = '{http://www.w3.org/2000/svg}'
 _LABEL = '{http://www.inkscape.org/namespaces/inkscape}label'
 _SHAPES = ('path', 'polyline', 'line', 'polygon', 'rect', 'circle', 'ellipse')
-_AROUND = ('svg', 'g', 'a', 'switch')     # contents of defs, symbols and masks are not drawn in place
+_AROUND = ('svg', 'g', 'a', 'switch')     # whose contents are not drawn in place
 _PX_M = 0.0254 / 96     # CSS: a pixel is a 96th of an inch
 _MOST_LISTED = 12
 _SIZE = re.compile(r'\s*(\d{1,20}(?:\.\d{0,20})?|\.\d{1,20})\s*(mm|cm|in|pt|pc)\s*')
 _MM = {'mm': 1.0, 'cm': 10.0, 'in': 25.4, 'pt': 25.4 / 72, 'pc': 25.4 / 6}
-_JOINED = 1e-9          # of a coordinate: ends closer than this are one point
+_JOINED = 1e-9          # relative to a coordinate: ends closer than this are one point
 _SCALE = re.compile(r'1\s*:\s*(\d+(?:\.\d*)?)')
 METRES = 'metres of the SVG: '      # then six numbers a to f, in the description: x = a u + c v + e, y = b u + d v + f
 _NUMBER = r'[-+0-9.eE]{1,30}'
 _METRES = re.compile(METRES + r'matrix\((' + ', '.join([_NUMBER] * 6) + r')\)')
-# What svgelements raises for invalid drawings.
+# Errors that svgelements raises for invalid drawings.
 _FAILS = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RecursionError)
 
 
@@ -63,7 +63,7 @@ def _turned_round(part: DrawnPart) -> DrawnPart:
 
 
 def metres_a_unit(scale: str | None, unit_m: float | None) -> tuple[float, bool] | None:
-    """Return metres per unit, and whether the unit is a metre of paper; None if neither scale nor unit is given.
+    """Return metres per unit, and whether the unit is a metre on paper; None if neither scale nor unit is given.
 
     Raises FieldError.
     """
@@ -109,7 +109,7 @@ def chosen(path: Path, what: str, names: list[str], asked: str | None, option: s
 # CSV
 
 def csv_line(path: Path, unit_m: float) -> DrawnLine:
-    """Return the points of a CSV file: columns x and y (or x_m, y_m), or the first two if there is no header."""
+    """Return the points of a CSV file: columns x and y (or x_m, y_m), or the first two columns if it has no header."""
     text = _text(path, bytes_of(path))
     try:
         rows = [(number, row) for number, row in enumerate(csv.reader(io.StringIO(text), _dialect(text)), 1)
@@ -176,7 +176,7 @@ def _within(path: Path, point: complex) -> complex:
 # GeoJSON and WKT
 
 def map_line(path: Path, asked: str | None, origin_deg: tuple[float, float] | None) -> DrawnLine:
-    """Return a line of a GeoJSON or WKT file by its name (``venue_files.read_drawing``, which projects degrees)."""
+    """Return a line of a GeoJSON or WKT file by its name; ``venue_files.read_drawing`` projects degrees."""
     from shapely import get_coordinates
 
     from dragon_ros.scenes.venue_files import read_drawing
@@ -196,8 +196,8 @@ def map_line(path: Path, asked: str | None, origin_deg: tuple[float, float] | No
 def svg_line(path: Path, asked: str | None, scale: tuple[float, bool] | None) -> DrawnLine:
     """Return a path of an SVG file by its id or Inkscape label; the lower left corner of the page is (0, 0).
 
-    ``scale`` is metres per unit of the viewBox, or per metre of paper. Pictures that define their own scale, such as
-    those of ``plot``, take none.
+    ``scale`` is metres per unit of the viewBox, or per metre on paper. Pictures that define their own scale, such as
+    those of ``plot``, accept none.
     """
     root = _tree(path, bytes_of(path))
     shapes = list(_shapes(root, [root]))
@@ -219,7 +219,7 @@ def _id_of(shapes: list[tuple[list['Element'], 'Element']], names: list[str], as
 
 
 def _name(number: int, above: list['Element'], element: 'Element') -> str:
-    """Return the id of a shape, or of a group that contains nothing else; its number if there is none."""
+    """Return the id of a shape, or of a group that contains nothing else; without an id, the shape's number."""
     return next(iter(_said(above, element, 'id')), f'#{number}')
 
 
@@ -229,7 +229,7 @@ def _said(above: list['Element'], element: 'Element', key: str) -> list[str]:
 
 
 def _tree(path: Path, data: bytes) -> 'Element':
-    """Parse a file without entities; depth and number of elements are checked on the way."""
+    """Parse a file without entities, checking depth and number of elements on the way."""
     builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate(namespace_separator='}')
     depth, count = 0, 0
 
@@ -255,7 +255,7 @@ def _tree(path: Path, data: bytes) -> 'Element':
         parser.Parse(data, True)
     except expat.ExpatError as error:
         raise InputError(f'{path}: it is not SVG: {error}') from None
-    except ValueError as error:     # an encoding that Python lacks
+    except ValueError as error:     # an encoding unknown to Python
         raise InputError(f'{path}: it is not SVG: {shown(str(error))[1:-1]}') from None
     return builder.close()
 
@@ -279,7 +279,7 @@ def _shapes(element: 'Element', above: list['Element']) -> Iterator[tuple[list['
 
 
 def _metres_of(root: 'Element') -> tuple[float, ...] | None:
-    """Return the matrix from user units to metres that a picture's description contains."""
+    """Return the matrix from user units to metres in a picture's description."""
     for element in root.iter():
         found = _METRES.search(element.text or '')
         if found:
@@ -327,7 +327,7 @@ def _copy(element: 'Element') -> 'Element':
 
 
 def _size_in_pixels(root: 'Element') -> None:
-    """Convert the size of the page to pixels, because svgelements rounds units of paper to 6 digits."""
+    """Convert the size of the page to pixels, because svgelements rounds paper units to 6 digits."""
     for key in ('width', 'height'):
         found = _SIZE.fullmatch(root.get(key, ''))
         if found:
@@ -374,7 +374,7 @@ def _parts(path: Path, document: Any, shape: Any, matrix: tuple[float, ...] | No
 
 
 def _ellipse(path: Path, to_m: Any, arc: Any) -> EllipseArc:
-    """Return an arc by its conjugate half axes, which any affine transform maps to conjugate half axes."""
+    """Return an arc by its conjugate half axes, which remain conjugate under any affine transform."""
     centre = to_m(arc.center)
     a, b = to_m(arc.prx) - centre, to_m(arc.pry) - centre
     start = to_m(arc.start) - centre

@@ -1,9 +1,9 @@
 """Custom head laws: Python entry points in the group ``dragon_ros.head_laws``.
 
 An entry point is a function that takes the settings of a scene file as keyword arguments and returns a ``Head`` or a
-``Profile`` of ``dragon_ros.core.chain.head_law``, the same one for the same settings. The scene stores the returned
-law, not the name of the entry point, so a bag can be recomputed without the plug-in. Only a scene file or a command
-line loads an entry point, never a bag or a topic.
+``Profile`` of ``dragon_ros.core.chain.head_law``, the same one for the same settings. The scene stores the returned law
+instead of the entry point's name, so a bag can be recomputed without the plug-in. Only a scene file or a command line
+loads an entry point, never a bag or a topic.
 """
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ KEYS = ('kind', 'law', 'settings')
 
 
 def plugged(document: Document) -> Head | Profile:
-    """Return the head law that the section head names. Raises InputError if it is missing or invalid."""
+    """Return the custom head law that section head names. Raises InputError if it is missing or invalid."""
     given = document.section('head')
     document.check_keys('head.', given, KEYS)
     name, settings = given.get('law'), given.get('settings', {})
@@ -43,7 +43,7 @@ def plugged(document: Document) -> Head | Profile:
 
 def _found(document: Document, name: Any) -> 'EntryPoint':
     """Return the entry point with a name, without loading it."""
-    from importlib.metadata import entry_points  # takes a tenth of the time of a table
+    from importlib.metadata import entry_points  # importing this takes a tenth of the time of command `table`
     known = entry_points(group=GROUP)
     found = [one for one in known if one.name == name]
     if len(found) != 1:

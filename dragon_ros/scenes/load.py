@@ -29,7 +29,7 @@ SECTIONS: dict[str, dict[str, type]] = {
     'noise': {'': Noise},
     'trails': {'': Trails},
     'venue': {'': Venue},
-}       # by kind; the first is the default
+}       # by kind; the first kind is the default
 _ABSENT = ('venue',)        # sections that have no default
 # Lists of mappings in a section, by their key.
 PARTS: dict[str, dict[str, type]] = {'pieces': dict(PIECES), 'groups': {'': Group}, 'obstacles': dict(OBSTACLES)}
@@ -42,7 +42,7 @@ SINGLES = ('accuracy', 'effects', *CHOICES)
 _MOST_SHOWN = 100       # characters of a --set in an error
 # Lines of corners of a venue, as provenance writes them.
 _CORNERS = re.compile(r"^[ -]*(?:points_m|inside)?:? *'?[-+.e0-9, ]+'?\n", re.MULTILINE)
-ABOUT = 'about'     # free notes on a scene; they have no effect
+ABOUT = 'about'     # free notes on a scene, without effect
 
 
 def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
@@ -57,7 +57,7 @@ def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
 
 
 def _read(name_or_file: str) -> Document:
-    """Return the document of a name or file, completed by the venue file beside it."""
+    """Return the document of a name or file, including the venue file that it names."""
     path = _find(name_or_file)
     document = read_document(path)
     _take_file(document, path.parent)
@@ -65,7 +65,7 @@ def _read(name_or_file: str) -> Document:
 
 
 def _take_file(document: Document, folder: Path) -> None:
-    """Replace the key venue.file, if it is given, by the contents of that file. Raises InputError."""
+    """Replace the key venue.file, if given, by the contents of that file. Raises InputError."""
     section = document.values.get('venue')
     if not isinstance(section, dict):
         return
@@ -86,7 +86,7 @@ def _take_file(document: Document, folder: Path) -> None:
 
 
 def _refuse_late_origin(document: Document) -> None:
-    """Reject an origin from an option or a change if the venue file is already projected about another one."""
+    """Reject an origin from an option or a change if the venue file has already been projected about another one."""
     place = document.places.get('venue.origin_deg', '')
     if 'venue.file' in document.places and place and not place.startswith(f'{document.name}:') and (
             document.values['venue'].get('origin_deg') is not None):
@@ -95,7 +95,7 @@ def _refuse_late_origin(document: Document) -> None:
 
 
 def _scene_with_plugin(document: Document) -> Scene:
-    """Return the scene of a document from the user, which may name a custom head law.
+    """Return the scene of a user's document, which may name a custom head law.
 
     A venue file named by an option or a change is relative to the working directory.
     """
@@ -108,7 +108,7 @@ def _scene_with_plugin(document: Document) -> Scene:
 def changed_scene(name_or_file: str, changes: Mapping[str, Any]) -> Scene:
     """Return the scene of a name or file, changed by a mapping that is laid out like a scene file.
 
-    Keys of a section are changed one by one; if another kind is chosen, the section's other keys are dropped.
+    Keys of a section are changed one by one; if the kind changes, the section's other keys are dropped.
     Raises InputError with the key.
     """
     document = _read(name_or_file)
@@ -131,7 +131,7 @@ def _as_lists(value: Any) -> Any:
 
 
 def strangers_scene(name: str, text: str, trust: bool = False) -> Scene:
-    """Return the scene that a text from a bag or a topic describes.
+    """Return the scene described by a text from a bag or a topic.
 
     Unless ``trust`` is set, the budgets of ``core.limits`` apply. Raises InputError.
     """
@@ -144,13 +144,13 @@ def strangers_scene(name: str, text: str, trust: bool = False) -> Scene:
         _within(name, 'benches', scene.dragon.benches, SCENE_BENCHES)
     _check_compiled(document, scene)
     if not trust:
-        with suppress(FieldError):      # a run without an end is rejected where its ticks are iterated
+        with suppress(FieldError):      # an endless run is rejected later, where its ticks are iterated
             _within(name, 'ticks', compile_scene(scene).last_tick + 1, SCENE_TICKS)
     return scene
 
 
 def _characters_of_corners(text: str) -> int:
-    """Return the number of characters of a scene's text in lines that contain only corners of a venue."""
+    """Return how many characters of a scene's text are in lines that contain only corners of a venue."""
     return sum(map(len, _CORNERS.findall(text)))
 
 
@@ -161,14 +161,14 @@ def _within(name: str, what: str, value: int, most: int) -> None:
 
 
 def scene_of(document: Document) -> Scene:
-    """Return the scene that a document describes. Raises InputError."""
+    """Return the scene described by a document. Raises InputError."""
     scene = _settings(document)
     _check_compiled(document, scene)
     return scene
 
 
 def _check_compiled(document: Document, scene: Scene) -> None:
-    """Reject errors that show only once the track is laid out in the plane. Raises InputError."""
+    """Raise InputError for errors that appear only when the track is laid out in the plane."""
     try:
         compile_scene(scene)
         if scene.venue is not None:
@@ -179,7 +179,7 @@ def _check_compiled(document: Document, scene: Scene) -> None:
 
 
 def _settings(document: Document) -> Scene:
-    """Return a document's scene as settings, without compiling anything or loading a custom head law."""
+    """Return a document's scene as settings, without compiling it or loading a custom head law."""
     if document.section('head').get('kind') == PLUGIN:
         document.refuse('head.kind', 'custom head laws are loaded only from scene files, not from bags or topics')
     if isinstance(document.values.get('venue'), dict) and 'file' in document.values['venue']:
@@ -200,12 +200,12 @@ def _settings(document: Document) -> Scene:
 
 
 def _placed(document: Document, error: FieldError) -> InputError:
-    """Return the error of a field with its position in the document."""
+    """Return a field's error with its position in the document."""
     return InputError(f'{document.place(error.fields["field"])}: {error}', **error.fields)
 
 
 def scene_values(scene: Scene) -> dict[str, Any]:
-    """Return the complete scene as the mapping of a scene file."""
+    """Return the complete scene as a mapping laid out like a scene file."""
     values = {name: _values(part, kinds) for name, kinds in SECTIONS.items()
               if (part := getattr(scene, name)) is not None}
     return {**values, 'accuracy': scene.accuracy, 'effects': scene.effects.names,
@@ -338,7 +338,7 @@ def _override(document: Document, text: str) -> None:
 
 
 def _below(target: Any, section: str, place: str, key: str) -> Any:
-    """Return the section, or the item of a list counted from 1, that one part of a dotted key selects."""
+    """Return the section or list item (counted from 1) that one part of a dotted key selects."""
     below = target[_item(target, section, place, key)] if isinstance(target, list) else target.setdefault(section, {})
     if not isinstance(below, (dict, list)):
         raise InputError(f'{place}: {section} is not a section', field=key)
@@ -346,7 +346,7 @@ def _below(target: Any, section: str, place: str, key: str) -> Any:
 
 
 def _item(items: list[Any], number: str, place: str, key: str) -> int:
-    """Return the index of an item that a dotted key counts from 1."""
+    """Return the index of an item, which dotted keys count from 1."""
     if not (number.isdecimal() and 1 <= int(number) <= len(items)):
         raise InputError(f'{place}: {shown(number)} is not an item of a list of {len(items)}; '
                          f'count from 1 to {len(items)}', field=key)

@@ -22,7 +22,7 @@ from dragon_ros.version import __version__
 RECORD = 'dragon_ros'
 ATTACHMENT = 'scene.yaml'
 CLAIM = 'first_contact'     # key of ``about`` for the claim of the certificate, if the run ends in its contact
-# The OpenBLAS function that names the running kernel, in builds of distributions and in numpy's wheels.
+# The OpenBLAS function that returns the running kernel's name, in distribution builds and in numpy's wheels.
 _CORE_NAMES = ('openblas_get_corename', 'openblas_get_corename64_', 'scipy_openblas_get_corename64_',
                'scipy_openblas_get_corename')
 
@@ -41,7 +41,7 @@ def versions() -> dict[str, str]:
 def kernels() -> dict[str, str]:
     """Return the kernels of BLAS and numpy on this machine, which determine the last bits.
 
-    For BLAS: name, version and kernel (``unknown`` if it does not report one). For numpy: the CPU features it uses.
+    For BLAS: name, version and kernel (``unknown`` if it reports none). For numpy: the CPU features in use.
     """
     about: Mapping[str, Any] = np.show_config(mode='dicts')
     blas = about.get('Build Dependencies', {}).get('blas', {})
@@ -52,7 +52,7 @@ def kernels() -> dict[str, str]:
 
 
 def other_kernel(made: Mapping[str, str]) -> str | None:
-    """Describe the kernels that differ between this machine and the one that made a bag, given its metadata record.
+    """Describe how this machine's kernels differ from those that made a bag, given the bag's metadata record.
 
     None if nothing differs or nothing is recorded.
     """
@@ -72,7 +72,7 @@ def scene_file(scene: Scene, settings: Mapping[str, Any] | None = None) -> str:
 
 
 def _with_short_points(value: Any) -> Any:
-    """Return the values of a venue with lists of points as text, which is much faster to read and write."""
+    """Return a venue's values with lists of points as text, which is much faster to read and write."""
     if isinstance(value, dict):
         return {key: _with_short_points(one) for key, one in value.items()}
     if isinstance(value, list) and value and all(isinstance(one, list) and len(one) == 2 and
@@ -91,7 +91,7 @@ def differing_scene_file(scene: Scene, about: Mapping[str, Any]) -> str:
 def run_metadata(text: str, scene: Scene | None, recorder: Mapping[str, str]) -> dict[str, str]:
     """Return the metadata record of a bag with the scene file ``text``; ``recorder`` holds settings of its recorder.
 
-    ``scene`` is the scene that the text describes; None if this version cannot read it.
+    ``scene`` is the scene described by the text; None if this version cannot read it.
     """
     record = {'scene': text, **{f'about.{_text(key)}': _text(value) for key, value in _about(text).items()}}
     if scene is not None:
@@ -102,7 +102,7 @@ def run_metadata(text: str, scene: Scene | None, recorder: Mapping[str, str]) ->
 
 
 def _only_in(words: str, others: str) -> str:
-    """Return the words that are missing in another list; lists of CPU features mostly agree."""
+    """Return the words that another list lacks; two lists of CPU features differ in few words."""
     known = set(others.split())
     left = [word for word in words.split() if word not in known]
     return shown(' '.join(left)) if left else 'fewer'
@@ -132,11 +132,11 @@ def _text(value: Any) -> str:
 
 
 def _git(*arguments: str) -> str:
-    """Return the git commit of the checkout that holds this code; '' outside of one."""
+    """Return the git commit of the checkout that contains this code; '' outside a checkout."""
     root = Path(__file__).resolve().parents[2]
     if not (root / '.git').exists():
         return ''
-    import subprocess  # who reads a bag starts nothing
+    import subprocess  # reading a bag must not start a process
     with suppress(OSError, subprocess.SubprocessError):
         return subprocess.run(['git', '-C', str(root), *arguments], capture_output=True, text=True, check=True,
                               timeout=5).stdout.strip()

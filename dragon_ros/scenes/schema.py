@@ -1,6 +1,6 @@
 """The JSON Schema of scene files, made from their dataclasses, for editors and other programs.
 
-It covers names, types and choices. Limits of numbers are checked when a scene is built, with clearer errors.
+It covers names, types and choices. Limits on numbers are checked when a scene is built, with clearer errors.
 """
 import json
 from collections.abc import Mapping
@@ -69,7 +69,7 @@ def _section(kinds: Mapping[str, type]) -> Schema:
 
 
 def kind_schema(name: str, one: type, needed: bool) -> Schema:
-    """Return the schema of one dataclass; ``needed`` is true where its kind must be given."""
+    """Return the schema of one dataclass; ``needed`` is true if its kind must be given."""
     properties = {field.name: _field(field) for field in fields(one)}
     required = [field.name for field in fields(one) if field.default is MISSING]
     if name:

@@ -1,7 +1,7 @@
 """Read venues and drawings: GeoJSON, whose degrees are projected to metres about their centre, and WKT in metres.
 
-A feature's name is its property ``name``. Benches must stay in the polygon named ``inside``. GeoJSON has degrees (RFC
-7946) unless the file has ``"units": "m"`` at its top, or a ``crs`` as in the older specification.
+A feature's name is its property ``name``. Benches must stay in the polygon named ``inside``. Coordinates in GeoJSON are
+degrees (RFC 7946) unless the file has ``"units": "m"`` at its top level, or a ``crs`` as in the older specification.
 """
 import json
 from collections.abc import Iterator
@@ -34,11 +34,11 @@ class Drawing:
 
 
 def read_drawing(path: Path, origin_deg: tuple[float, float] | None = None) -> Drawing:
-    """Return the features of a GeoJSON (``.geojson``, ``.json``) or WKT (``.wkt``, one a line) file, in metres.
+    """Return the features of a GeoJSON (``.geojson``, ``.json``) or WKT (``.wkt``, one per line) file, in metres.
 
-    Degrees become metres east and north of ``origin_deg`` (longitude, latitude), or of the middle of all that is drawn.
-    Metres stay as they are; there ``origin_deg`` says where (0, 0) lies.
-    Raises MissingError if the file cannot be read, InputError if it is invalid.
+    Degrees become metres east and north of ``origin_deg`` (longitude, latitude), by default the centre of the drawing.
+    Metres are kept; ``origin_deg`` is then the position of (0, 0). Raises MissingError if the file cannot be read,
+    InputError if it is invalid.
     """
     text = _text_of(path)
     if path.suffix.lower() == '.wkt':
@@ -49,7 +49,7 @@ def read_drawing(path: Path, origin_deg: tuple[float, float] | None = None) -> D
 
 
 def venue_values(path: Path, origin_deg: tuple[float, float] | None = None) -> dict[str, Any]:
-    """Return the obstacles, inside and origin of a file, as in a scene file. Raises the errors of ``read_drawing``."""
+    """Return the obstacles, inside and origin of a file, as a scene file has them. Raises as ``read_drawing`` does."""
     obstacles: list[dict[str, Any]] = []
     out: dict[str, Any] = {}
     drawing = read_drawing(path, origin_deg)

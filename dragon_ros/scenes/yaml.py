@@ -11,7 +11,7 @@ import yaml
 from dragon_ros.core.errors import InputError, MissingError, did_you_mean, shown
 from dragon_ros.core.limits import SCENE_FILE_BYTES, YAML_DEPTH, YAML_VALUES
 
-_LONG = 16_384      # characters, which pure PyYAML reads in 30 ms
+_LONG = 16_384      # characters; pure PyYAML reads this many in 30 ms
 _EXPONENT = pattern(r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+')
 
 
@@ -30,7 +30,7 @@ class Document:
     def place(self, key: str) -> str:
         """Return the position of ``key``, of a key below it, or of the nearest section above it.
 
-        Items of lists have numbers, from 1: ``track.pieces.2``. A list itself is where its key stands.
+        List items are numbered from 1: ``track.pieces.2``. The position of a list is that of its key.
         """
         below = (place for place in self.places if place.startswith(f'{key}.') and not place[len(key) + 1].isdigit())
         key = key if key.rpartition('.')[2].isdigit() and key in self.places else next(below, key)
@@ -55,7 +55,7 @@ class Document:
 
 
 def read_own(path: Path) -> Document:
-    """Read a YAML mapping that comes with the package, by libyaml if PyYAML has it (ten times as fast)."""
+    """Read a YAML mapping that comes with the package, with libyaml if PyYAML has it (ten times as fast)."""
     return _document(str(path), path.read_text(encoding='utf-8'), getattr(yaml, 'CSafeLoader', _Loader))
 
 
@@ -67,7 +67,7 @@ def read_document(path: Path) -> Document:
         text = data.decode()
     except OSError as error:
         raise MissingError(f'{path}: cannot be read: {error.strerror}') from None
-    except ValueError as error:     # also a path with a NUL in it
+    except ValueError as error:     # also for a path that contains a NUL
         reason = 'it is not UTF-8 text' if isinstance(error, UnicodeDecodeError) else str(error)
         raise MissingError(f'{shown(str(path))[1:-1]}: cannot be read: {reason}') from None
     if len(data) > SCENE_FILE_BYTES:
@@ -100,7 +100,7 @@ def _document(name: str, text: str, kind: Callable[[str], Any]) -> Document:
 def _composed(text: str, kind: Callable[[str], Any]) -> tuple[Any, yaml.Node | None]:
     """Return a loader and the root of a text. Long texts use libyaml, if PyYAML has it, because it is faster.
 
-    ``kind`` reads texts that libyaml rejects or that are nested too deeply, because its errors carry text and position.
+    ``kind`` reads texts that libyaml rejects or that are nested too deeply, because its errors quote text and position.
     Raises YAMLError or ValueError.
     """
     fast = getattr(yaml, 'CSafeLoader', None)
@@ -135,12 +135,12 @@ def _value_of(loader: Any, root: yaml.Node) -> Any:
     """Return the value of a node. Raises YAMLError, ValueError or RecursionError."""
     try:
         return loader.construct_document(root)
-    except (AttributeError, LookupError, TypeError, OverflowError) as error:    # from a tag such as !!int ''
+    except (AttributeError, LookupError, TypeError, OverflowError) as error:    # raised for a tag such as !!int ''
         raise ValueError(f'a value does not match its tag ({error})') from None
 
 
 class _Loader(yaml.SafeLoader):
-    """A loader that rejects deep nesting as it scans; PyYAML takes quadratic time for it, then recurses."""
+    """A loader that rejects deep nesting while scanning; PyYAML would take quadratic time and then recurse."""
 
     def fetch_flow_collection_start(self, kind: Any) -> None:
         self._refuse_deeper_than(self.flow_level)
@@ -162,7 +162,7 @@ def check_size(root: yaml.Node | None) -> None:
 
     def size(node: yaml.Node) -> int:
         if id(node) not in sizes:
-            sizes[id(node)] = YAML_VALUES + 1       # for a value that contains itself
+            sizes[id(node)] = YAML_VALUES + 1       # stops at a value that contains itself
             sizes[id(node)] = 1 + sum(map(size, _below(node)))
         return sizes[id(node)]
     if root is not None and size(root) > YAML_VALUES:
@@ -198,5 +198,5 @@ def _collect_items(document: Document, node: yaml.SequenceNode, key: str) -> Non
 
 
 def plain_number(value: Any) -> Any:
-    """Return a number that YAML 1.1 parses as text, such as 1e-9; anything else is unchanged, quoted numbers too."""
+    """Return a number that YAML 1.1 parses as text, such as 1e-9, as a number; leave all else, even quoted numbers."""
     return float(value) if isinstance(value, str) and _EXPONENT.fullmatch(value) else value
