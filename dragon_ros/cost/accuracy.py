@@ -21,8 +21,8 @@ from dragon_ros.cost.measure import Timing, timed_in_turn
 from dragon_ros.cost.reference import Reference, reference
 
 _PLACES = (1.0, 0.0, 0.5, 0.25, 0.75)       # fractions of the run, in the order of the references
-_STEP_S = 0.01                              # of the paper's recipe, which has no times in between
-_MOST_HANDLES = 20_001                      # of the reference, from the head on
+_STEP_S = 0.01                              # step of the paper's recipe, which has no times in between
+_MOST_HANDLES = 20_001                      # handles of the reference, from the head on
 MARCHED = ', marched'
 
 
@@ -65,7 +65,7 @@ class _TimedSolver:
 
 
 def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> Accuracy:
-    """Measure a scene for about so many seconds; ``done(what)`` is called before each part."""
+    """Measure a scene for about ``budget_s`` seconds; ``done(what)`` is called before each part."""
     done('reference')
     known = _references(scene, 0.3 * budget_s)
     ways = list(_ways(scene, known, done))
@@ -78,9 +78,9 @@ def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> Acc
 
 
 def _references(scene: Scene, budget_s: float) -> dict[float, Reference | None]:
-    """Return references at instants along the run, as many as fit the budget, at least one.
+    """Return references at instants along the run: as many as the budget allows, at least one.
 
-    None if that would take minutes: for very long dragons led by their tail, all links come before the first handle.
+    None if that would take minutes: in a dragon led by its tail, the first handle comes after all links.
     """
     times, began = _instants(scene), time.perf_counter()
     out: dict[float, Reference | None] = {}
@@ -94,7 +94,7 @@ def _references(scene: Scene, budget_s: float) -> dict[float, Reference | None]:
 
 
 def _instants(scene: Scene) -> list[float]:
-    """Return instants along the run, at steps of the paper if the run contains them."""
+    """Return instants along the run, at the paper's steps if the run contains any."""
     simulation = compile_scene(scene)
     start_s, stop_s = (scene.run.time_ns(k) / NS for k in (0, simulation.last_tick))
     times = [start_s + part * (stop_s - start_s) for part in _PLACES]
@@ -114,7 +114,7 @@ def _ways(scene: Scene, known: dict[float, Reference | None], done: Callable[[st
 
 
 def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> Iterator[_TimedSolver]:
-    """Yield a tier by its default solver and, if that is another one, by forward placement."""
+    """Yield a tier by its default solver and, if that is different, by forward placement."""
     solvers = {}
     for solver in ('table',) if tier == PAPER.name else ('table', 'march'):
         name = tier + MARCHED * (solver == 'march')
@@ -131,7 +131,7 @@ def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> I
 
 
 def _tier(scene: Scene, name: str, known: dict[float, Reference | None]) -> tuple[_TimedSolver, str]:
-    """Return a tier by one solver, with the name of the solver."""
+    """Return a tier by one solver, named after it."""
     simulation = compile_scene(scene)
     error_m = error_m_s = 0.0
     worst = 1.0
@@ -157,7 +157,7 @@ def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:
 
 
 def _simple(scene: Scene, name: str, known: dict[float, Reference | None]) -> _TimedSolver:
-    """Return a simple solver, which supports only one spiral led by the head."""
+    """Return a simple solver; it supports only one spiral led by the head."""
     if not isinstance(scene.track, Spiral) or scene.head.lead != 'head':
         return _absent(name, 'supports only one spiral, led by the head')
     solve, error_m = SIMPLE[name], 0.0

@@ -43,7 +43,7 @@ class BagCost:
 
 
 def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> tuple[BagCost, ...]:
-    """Write bags for about so many seconds in all, as ``simulate`` does; they are removed."""
+    """Write bags as ``simulate`` does, for about ``budget_s`` seconds in all, and remove them."""
     share_s = budget_s / len(COMPRESSIONS)
     out = []
     with tempfile.TemporaryDirectory(prefix='dragon_ros-') as folder, prompt_switches():
@@ -54,9 +54,9 @@ def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> tup
 
 
 def _written(scene: Scene, compression: str, path: Path, budget_s: float) -> BagCost:
-    """Write the first ticks of the run to a bag, as many as fit the budget."""
+    """Write the first ticks of the run to a bag, as many as the budget allows."""
     topics, count, size = list(encoders(scene).items()), compile_scene(scene).last_tick + 1, 0
-    next(ticks(scene, 0, 1))        # tables and templates are made once per run
+    next(ticks(scene, 0, 1))        # tables and templates are built once per run
     began = time.perf_counter()
     with BagWriter(path, options=BagOptions(compression)) as bag:
         for row in live(scene.effects):

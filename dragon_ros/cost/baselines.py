@@ -24,7 +24,7 @@ def chain_by(next_angle: Callable[[float, float], float], scene: Scene, t_s: flo
 
 
 def cosine_rule(theta: float, outer: float, chord: float) -> float:
-    """Return r1^2 + r2^2 - 2 r1 r2 cos(delta) - l^2 in units of b^2, the form in the paper and most public code."""
+    """Return r1^2 + r2^2 - 2 r1 r2 cos(delta) - l^2 in units of b^2, as in the paper and most public code."""
     return theta * theta + outer * outer - 2 * theta * outer * cos(outer - theta) - chord * chord
 
 

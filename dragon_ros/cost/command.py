@@ -12,10 +12,10 @@ from dragon_ros.core.errors import InputError, MissingError
 PAGES = ('limits', 'accuracy', 'promises', 'contact', 'effects', 'tick', 'first', 'scale', 'bag', 'simulate', 'memory',
          'startup', 'study', 'venue', 'all')
 _BUDGET_S = 6.0
-_ABOUT = """Measure what accuracy, effects, a contact and bags cost for a scene on this machine.
+_ABOUT = """Measure the cost of accuracy, effects, contact and bags for a scene on this machine.
 
   cost --scene NAME     measures a scene: tables, JSON, a picture; less than a minute
-  ./dragon cost PAGE    measures a page of docs/cost; that takes a checkout, since only it has the benchmarks
+  ./dragon cost PAGE    measures a page of docs/cost; only in a checkout, which has the benchmarks
                         (more: ./dragon cost PAGE --help). The pages are:
                         {pages}"""
 
@@ -33,14 +33,14 @@ def main(argv: list[str]) -> int:
 def _options() -> ArgumentParser:
     options = command_line.parser('cost', _ABOUT.format(pages=', '.join(PAGES)),
                                   'cost --scene winding --output cost.png')
-    options.add_argument('page', nargs='?', choices=PAGES, metavar='PAGE', help='a page: ./dragon cost PAGE, from a '
-                         'checkout')
+    options.add_argument('page', nargs='?', choices=PAGES, metavar='PAGE',
+                         help='a page: ./dragon cost PAGE, only in a checkout')
     command_line.add_scene_options(options)
-    options.add_argument('--budget', type=float, default=_BUDGET_S, metavar='S', help='about so many seconds for each '
-                         'of the four parts (%(default)g)')
+    options.add_argument('--budget', type=float, default=_BUDGET_S, metavar='S',
+                         help='approximate seconds for each of the four parts (%(default)g)')
     command_line.add_format_option(options, ('text', 'json'), figures.FORMATS)
-    options.add_argument('--output', type=Path, metavar='FILE', help=f'{", ".join(figures.FORMATS)}: a picture beside '
-                         'the tables; else a file instead of standard output')
+    options.add_argument('--output', type=Path, metavar='FILE', help=f'{", ".join(figures.FORMATS)}: a picture in '
+                         'addition to the tables; any other suffix: a file for the tables')
     return options
 
 
@@ -52,7 +52,7 @@ def _check_folder(output: Path | None) -> None:
 
 def _run(arguments: Namespace) -> int:
     if arguments.page is not None:
-        raise InputError(f'PAGE {arguments.page}: is made from a checkout: ./dragon cost {arguments.page}; '
+        raise InputError(f'PAGE {arguments.page}: is available only in a checkout: ./dragon cost {arguments.page}; '
                          'for a scene: cost --scene NAME')
     _check_folder(arguments.output)
     budget_s = number('--budget', arguments.budget, low=0.01, high=1e5)

@@ -38,12 +38,12 @@ class Costs:
 
 
 def measure(scene: Scene, name: str, budget_s: float, done: Callable[[str], object]) -> Costs:
-    """Measure a scene, each of the four parts for about so many seconds; ``done(what)`` is called before each step.
+    """Measure a scene, each of the four parts for about ``budget_s``; ``done(what)`` is called before each step.
 
     Raises FieldError for a dragon that is led from outside.
     """
     if isinstance(scene.head, Commanded):
-        raise FieldError('head.kind', 'commanded', 'the walk of a led dragon is known only from a recorded run',
+        raise FieldError('head.kind', 'commanded', 'the speeds of a led dragon are known only from a recorded run',
                          'measure it at a constant speed: --set head.kind=constant')
     solvers = accuracy.measure(scene, budget_s, done)
     prices = []
@@ -60,7 +60,7 @@ def measure(scene: Scene, name: str, budget_s: float, done: Callable[[str], obje
 
 
 def values_of(costs: Costs) -> dict[str, Any]:
-    """Return all figures as plain values: seconds, metres and bytes; None if missing."""
+    """Return all figures as plain values in seconds, metres and bytes; missing ones are None."""
     return {
         'scene': costs.scene, 'benches': costs.benches, 'ticks': costs.ticks, 'start_s': costs.start_s,
         'stop_s': costs.stop_s, 'rate_hz': costs.rate_hz, 'machine': costs.machine,
@@ -96,7 +96,7 @@ def text_of(costs: Costs) -> str:
 def _accuracy_text(found: Accuracy) -> str:
     times = ', '.join(f'{t_s:g}' for t_s in found.times_s)
     title = (f'Accuracy: largest errors of {found.handles:,} handles at {times} s' if found.handles else
-             f'Accuracy: no errors, since a reference of so long a dragon behind its tail takes minutes; at {times} s')
+             f'Accuracy at {times} s; no errors, since a reference for so long a dragon led by its tail takes minutes')
     rows = [(row.name, _figure(row.error_m), _figure(row.promise_m), _figure(row.speed_error_m_s), _us(row.positions),
              _us(row.with_velocities), row.note) for row in found.solvers]
     head = 'solver', 'error (m)', 'promise (m)', 'speed (m/s)', 'µs per tick', 'with velocities', ''
@@ -106,7 +106,7 @@ def _accuracy_text(found: Accuracy) -> str:
 def _effects_text(costs: Costs) -> str:
     rows = [(row.effect, 'yes' if row.effect in costs.effects else '', _us(row.timing), f'{row.size:,}')
             for row in costs.prices]
-    return _table('Effects: what each adds to a tick, computed and encoded',
+    return _table('Effects: time to compute and encode each per tick',
                   ('effect', 'in the scene', 'µs per tick', 'bytes per tick'), rows)
 
 
@@ -122,7 +122,7 @@ def _bags_text(found: Sequence[BagCost]) -> str:
 
 
 def _table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return rows under their heads, the first column and the notes aligned to the left, figures to the right."""
+    """Return rows under their heads: the first column and the notes are left-aligned, figures right-aligned."""
     lines = [tuple(head), *map(tuple, rows)]
     widths = [max(len(line[n]) for line in lines) for n in range(len(head))]
     left = {0, *(n for n, name in enumerate(head) if not name)}

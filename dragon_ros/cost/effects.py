@@ -17,10 +17,10 @@ from dragon_ros.messages.encode import Encode, encoders
 
 ALONE = 'alone'
 LEAST, MOST = 15, 400         # calls
-_PLACES, _RUN = 7, 20           # starts along the run, and consecutive ticks from each, as in a simulator
+_PLACES, _RUN = 7, 20           # starting points along the run, and consecutive ticks from each, as in a simulator
 Call = Callable[[], object]
-# The field of each effect, and how it is filled in a frame that has what it needs, as ``frame_of`` does: a test keeps
-# both the same. A table in ``frame_of`` itself takes 1.05 times as long per tick, since it calls by a list.
+# The field of each effect, and how ``frame_of`` fills it in a frame that has what the effect needs; a test keeps the
+# two in agreement. If ``frame_of`` itself called functions from such a table, a tick would take 1.05 times as long.
 FIELDS: dict[Effect, tuple[str, Callable[[Simulation, Frame], Any]]] = {
     Effect.VELOCITY: ('velocity_m_s', lambda of, to: to.chain.velocities(of.scene.head.speed_at_m_s(to.t_ns / NS))),
     Effect.BENCHES: ('benches', lambda of, to: benches_of(to.chain, of.scene.dragon, to.axis)),
@@ -38,9 +38,9 @@ FIELDS: dict[Effect, tuple[str, Callable[[Simulation, Frame], Any]]] = {
 
 @dataclass(frozen=True)
 class Price:
-    """What an effect adds to a tick of a scene (ALONE: of the classic one with what it needs), and to its bytes.
+    """The time and bytes that an effect adds to a tick of a scene (ALONE: of the classic one with what it needs).
 
-    ``timing`` is None where nothing is computed for it.
+    ``timing`` is None if nothing is computed for it.
     """
 
     effect: str
@@ -50,9 +50,9 @@ class Price:
 
 
 def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
-    """Return the cost of an effect in a scene with all effects that it needs and none that need it.
+    """Return the cost of an effect in a scene with all effects that it needs and none that depend on it.
 
-    Only its own work is timed: filling its field of a frame that has the others, and encoding its topics.
+    Only its own work is timed: filling its field in a frame that has the other effects, and encoding its topics.
     """
     without = scene.effects & ~effect & ~_above(effect) | _below(effect)
     off, on = (replace(scene, effects=effects) for effects in (without, without | effect))
@@ -92,7 +92,7 @@ def _below(effect: Effect) -> Effect:
 
 
 def _above(effect: Effect) -> Effect:
-    """Return the effects that need an effect."""
+    """Return the effects that depend on an effect."""
     out = Effect.NONE
     for other in known().values():
         out |= other if effect in _below(other) else Effect.NONE

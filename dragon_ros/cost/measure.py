@@ -34,7 +34,7 @@ class Timing:
 
 
 def timed(call: Callable[[], object], budget_s: float = 0.3, least: int = 5, most: int = 200) -> Timing:
-    """Call once unmeasured, then as often as the budget allows."""
+    """Call once without timing, then as often as the budget allows."""
     call()
     spent: list[float] = []
     while len(spent) < least or (sum(spent) < budget_s and len(spent) < most):
@@ -46,9 +46,9 @@ def timed(call: Callable[[], object], budget_s: float = 0.3, least: int = 5, mos
 
 def timed_in_turn(calls: Sequence[Callable[[], object]], budget_s: float = 0.3, least: int = 5, most: int = 200
                   ) -> list[Timing]:
-    """Time several calls in turns, so that other load on the machine slows them all alike.
+    """Time several calls in turn, so that other load on the machine affects them equally.
 
-    Each is called twice in a row and timed the second time, when the caches have recovered from the other calls.
+    Each is called twice in a row, and the second call is timed, when the caches have recovered from the other calls.
     """
     spent: list[list[float]] = [[] for _ in calls]
     end_s, rounds = time.perf_counter() + budget_s * len(calls), 0

@@ -40,13 +40,13 @@ def _errors(axes: Any, costs: Costs) -> None:
                         [max(row.error_m, _SMALLEST_M) for row in mine], marker, color=colour, label=kind,
                         linestyle='none')
     for place, names in _labels(costs).items():
-        together = len(names) > 1       # below, clear of other points
+        together = len(names) > 1       # below the point, away from others
         text = f'{names[0]} to {names[-1]}' if names == list(TIERS)[1:] else ', '.join(names)
         axes.annotate(text, place, xytext=(0, -14) if together else (7, -3), textcoords='offset points', fontsize=8,
                       ha='center' if together else 'left')
     axes.margins(x=0.3, y=0.12)
     axes.set(xlabel='time per tick (µs): positions of all handles', ylabel='largest error (m)',
-             title='What accuracy costs')
+             title='Cost of accuracy')
     if drawn:
         axes.legend()
 
@@ -80,8 +80,8 @@ def _effects(axes: Any, costs: Costs) -> None:
     axes.set_yticks(range(len(rows)), [row.effect for row in rows])
     axes.invert_yaxis()
     axes.grid(visible=False, axis='y')
-    axes.set(xlabel='added to a tick, computed and encoded (µs)',
-             title='What each effect adds (in colour: the effects of the scene)')
+    axes.set(xlabel='time to compute and encode per tick (µs)',
+             title='Cost of each effect (coloured: effects of the scene)')
     axes.set_xlim(0, 1.45 * axes.get_xlim()[1])
 
 
@@ -106,7 +106,7 @@ def _whole(axes: Any, costs: Costs) -> None:
     axes.set_xscale('log')
     low, high = min(bars.values()), max(bars.values())
     axes.set_xlim(0.3 * low, 8 * high)
-    axes.set(xlabel='time (s)', title=f'What the whole run takes ({costs.stop_s - costs.start_s:g} s of it)')
+    axes.set(xlabel='time (s)', title=f'Time for the whole run ({costs.stop_s - costs.start_s:g} s of it)')
 
 
 def _bags(axes: Any, costs: Costs) -> None:
@@ -117,5 +117,5 @@ def _bags(axes: Any, costs: Costs) -> None:
                       textcoords='offset points', ha='center', fontsize=8)
     axes.set_xticks(range(len(costs.bags)), [row.compression for row in costs.bags])
     axes.grid(visible=False, axis='x')
-    axes.set(ylabel='size (kB per tick)', title='What a bag takes')
+    axes.set(ylabel='size (kB per tick)', title='Size of a bag')
     axes.set_ylim(0, 1.2 * max(row.bytes_per_tick for row in costs.bags) / 1000)

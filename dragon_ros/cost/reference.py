@@ -1,9 +1,9 @@
 """A reference for handles and velocities that shares no arithmetic, equation or search with the solvers.
 
-It is computed in decimals of 60 digits and rounded once, to double-doubles: its errors are below 1e-30 of a coordinate,
-unless a link is so close to its lock that the last digit of the leader's distance matters more. The scene's floats are
+It is computed with 60 decimal digits and rounded once, to double-doubles. Its errors are below 1e-30 of a coordinate,
+unless a link is so close to locking that the last digit of the leader's distance matters more. The scene's floats are
 taken as exact numbers. Pieces of track are laid out independently, and a link is found by Newton's method in a bracket
-on which the distance from the handle before it grows: chords grow along arcs of less than pi / bend, and on a single
+on which the distance from the previous handle grows: chords grow along arcs of less than pi / bend, and on a single
 spiral up to half a turn behind the handle, or on the first rise beyond it.
 """
 from collections.abc import Callable, Iterator
@@ -23,17 +23,17 @@ from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc,
 
 _CONTEXT = Context(prec=60)
 _PI = Decimal('3.14159265358979323846264338327950288419716939937510582097494459230781640628620899862803')
-_DONE = Decimal('1e-32')        # a Newton step, relative: the next error is about its square
+_DONE = Decimal('1e-32')        # relative Newton step; the next error is about its square
 _ZERO, _ONE, _TWO, _HALF = Decimal(0), Decimal(1), Decimal(2), Decimal('0.5')
 _HAIR = Decimal('1e-40')
-_RISE = Decimal('0.0625')       # rad, step of the search for the first rise of a chord
+_RISE = Decimal('0.0625')       # rad: step of the search for the first rise of a chord
 _MOST_STEPS = 400
 _BACK, _AHEAD = -1, 1
 _OFF = 'the reference cannot place a link'
 
 Number = Decimal
 Pair = tuple[Number, Number]        # a vector
-Point = tuple[Number, Number, Number, Number]       # a point, and its derivative by the coordinate
+Point = tuple[Number, Number, Number, Number]       # a point, and its derivative with respect to the coordinate
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Reference:
 
 
 def reference(scene: Scene, t_s: float, most: int | None = None) -> Reference:
-    """Return the reference of a scene at a time; ``most`` limits the number of handles behind a leading head.
+    """Return the reference of a scene at a time; ``most`` limits the handles if the head leads.
 
     Raises DragonError if a link cannot be placed.
     """
@@ -69,7 +69,7 @@ def reference(scene: Scene, t_s: float, most: int | None = None) -> Reference:
 
 
 def chain_at(scene: Scene, t_s: float, most: int | None = None) -> list[Point]:
-    """Return (x, y, vx, vy) of all handles from the head on, to the digits of the current context."""
+    """Return (x, y, vx, vy) of all handles from the head on, with the precision of the current context."""
     track = _track_of(scene)
     gone, speed = _gone(scene, Decimal(t_s))
     links = [Decimal(link) for link in scene.dragon.link_lengths_m.tolist()]
@@ -82,7 +82,7 @@ def chain_at(scene: Scene, t_s: float, most: int | None = None) -> list[Point]:
 
 
 def cos_sin(angle: Number) -> Pair:
-    """Return cosine and sine, by the series of the sine at an eighth of the angle reduced to a quarter turn."""
+    """Return cosine and sine, by the sine's series at one eighth of the angle reduced to a quarter turn."""
     quarters = int((angle / (_PI * _HALF)).to_integral_value())
     left = (angle - quarters * (_PI * _HALF)) / 8
     square, total = left * left, _ZERO
@@ -118,7 +118,7 @@ class _ByMetres:
         return metres
 
     def within(self, u: Number, arc_m: float) -> float:
-        """Return how much u changes along so many metres of track."""
+        """Return how much u changes along the given metres of track."""
         return abs(arc_m)
 
 
@@ -139,7 +139,7 @@ class _Straight(_ByMetres):
 
 @dataclass
 class _Round(_ByMetres):
-    """An arc, to the left where ``side`` is 1."""
+    """An arc, to the left if ``side`` is 1."""
 
     start: Pair
     heading: Pair
@@ -162,7 +162,7 @@ class _Round(_ByMetres):
 
 @dataclass
 class _Winding:
-    """A spiral; u is the polar angle from ``axis``, to the left where ``side`` is 1, outwards where ``way`` is 1."""
+    """A spiral; u is the polar angle from ``axis``, to the left if ``side`` is 1, outwards if ``way`` is 1."""
 
     b: Number
     centre: Pair
@@ -190,7 +190,7 @@ class _Winding:
 
     def after(self, metres: Number) -> Number:
         wanted = _arc(self.anchor) + self.way * metres / self.b
-        u = (2 * max(wanted, _ZERO)).sqrt()         # from outside, where the convex arc length makes Newton monotone
+        u = (2 * max(wanted, _ZERO)).sqrt()         # from outside: Newton is monotone, the arc length being convex
         for _ in range(_MOST_STEPS):
             step = (_arc(u) - wanted) / (1 + u * u).sqrt()
             u -= step
@@ -199,7 +199,7 @@ class _Winding:
         raise DragonError(_OFF)
 
     def within(self, u: Number, arc_m: float) -> float:
-        """Return about how much u changes along so many metres of track, outwards where they are positive."""
+        """Return approximately how much u changes along the given metres of track; positive metres lead outwards."""
         start, change = float(u), 0.0
         for _ in range(3):
             middle = max(0.0, start + 0.5 * change)
@@ -208,7 +208,7 @@ class _Winding:
 
 
 _Piece = _Straight | _Round | _Winding
-_Place = tuple[int, Number]         # of a piece, and u on it
+_Place = tuple[int, Number]         # the number of a piece, and u on it
 
 
 def _arc(u: Number) -> Number:
@@ -219,7 +219,7 @@ def _arc(u: Number) -> Number:
 
 @dataclass
 class _DecimalTrack:
-    """Pieces, the distance along the track at u = anchor of each, and where the head is at t = 0."""
+    """Pieces, the distance along the track at each piece's u = anchor, and the head's place at t = 0."""
 
     pieces: list[_Piece]
     origins: list[Number]
@@ -237,15 +237,15 @@ class _DecimalTrack:
 
     @cached_property
     def bend(self) -> float:
-        """Largest curvature in 1/m."""
+        """The largest curvature in 1/m."""
         return max(piece.bend for piece in self.pieces)
 
     def _hair(self, k: int, u: Number) -> Number:
-        """Return how far rounding may put a handle beyond the track's ends."""
+        """Return how far beyond the track's ends rounding may put a handle."""
         return _ZERO if 0 <= k < len(self.pieces) else _HAIR * (1 + abs(u))
 
     def next(self, place: _Place, chord: Number, way: int, guess: Number | None) -> _Place:
-        """Return the first place behind, or ahead, at the chord's length; ``guess`` is the expected change of u."""
+        """Return the first place, behind or ahead, at the chord's length; ``guess`` is the expected change of u."""
         k, u = place
         if not chord:
             return place
@@ -271,7 +271,7 @@ class _DecimalTrack:
 
 
 def _longest_m(bend: float, chord_m: float) -> float:
-    """Return an arc longer than any with this chord, but short enough for chords to grow along it."""
+    """Return an arc length above that of any arc with this chord, but short enough for chords to grow along it."""
     if not bend:
         return 1.1 * chord_m
     reach_m = 2 / bend * asin(min(1.0, 0.5 * bend * chord_m))
@@ -282,7 +282,7 @@ _Excess = Callable[[Number], Pair]
 
 
 def _excess(piece: _Piece, here: Pair, chord: Number, start: Number, sense: int) -> _Excess:
-    """Return x -> (half of squared distance from a point minus squared chord, its slope), at u = start + sense x."""
+    """Return a function of x: ((squared distance to a point - squared chord) / 2, slope) at u = start + sense x."""
     def excess(x: Number) -> Pair:
         px, py, dx, dy = piece.at(start + sense * x)
         px, py = px - here[0], py - here[1]
@@ -291,16 +291,17 @@ def _excess(piece: _Piece, here: Pair, chord: Number, start: Number, sense: int)
 
 
 def _on_spiral(excess: _Excess, chord: Number, guess: Number | None) -> Number:
-    """Return the smallest angle outwards at which a single spiral is a chord away.
+    """Return the smallest outward angle at which a point of a single spiral is one chord away.
 
-    Up to half a turn the distance only grows: half the slope of its square is d + 2 t sin^2(d/2) + t (t + d) sin d.
+    Up to half a turn the distance grows monotonically: half the slope of its square is d + 2 t sin^2(d/2) + t (t + d)
+    sin d.
     """
     low, high = _ZERO, _PI
     if excess(high)[0] < 0:
         low, high = high, high + _RISE
         while excess(high)[0] < 0 < excess(high)[1]:
             low, high = high, high + _RISE
-        if excess(high)[0] < 0:         # beyond the top: it is between, where the slope vanishes
+        if excess(high)[0] < 0:         # beyond the maximum, which is in between, where the slope vanishes
             high = _root(lambda x: (-excess(x)[1], _falling(excess, x)), low, high, None)
     if excess(high)[0] < 0:
         raise DragonError(_OFF)
@@ -308,13 +309,13 @@ def _on_spiral(excess: _Excess, chord: Number, guess: Number | None) -> Number:
 
 
 def _falling(excess: _Excess, x: Number) -> Number:
-    """Return the approximate negative second derivative, which suffices to find the maximum."""
+    """Return the approximate negative second derivative, which is good enough to find the maximum."""
     step = Decimal('1e-20')
     return (excess(x - step)[1] - excess(x + step)[1]) / (2 * step)
 
 
 def _root(function: _Excess, low: Number, high: Number, guess: Number | None) -> Number:
-    """Return the root of an increasing function: by Newton's method, or by bisection if a step leaves the bracket."""
+    """Return the root of an increasing function, by Newton's method, or by bisection if a step leaves the bracket."""
     x = guess if guess is not None and low < guess < high else low + (high - low) * _HALF
     for _ in range(_MOST_STEPS):
         value, slope = function(x)
@@ -339,7 +340,7 @@ def _track_of(scene: Scene) -> _DecimalTrack:
 
 
 def _turn(turn: STurn) -> _DecimalTrack:
-    """Return the S-turn: arcs that turn by twice the angle gamma between track and radius, tan gamma = theta."""
+    """Return the S-turn: arcs that turn by twice the angle gamma between track and radius; tan gamma = theta."""
     b, radius = Decimal(turn.pitch_m) / (2 * _PI), Decimal(turn.diameter_m) / 2
     theta = radius / b
     gamma = _arctangent(theta)
@@ -353,7 +354,7 @@ def _turn(turn: STurn) -> _DecimalTrack:
 
 
 def _arctangent(tangent: Number) -> Number:
-    """Return the arc tangent, by Newton's method on tangent cos - sin."""
+    """Return the arc tangent, by Newton's method for tangent cos - sin = 0."""
     angle = Decimal(float(np.arctan(float(tangent))))
     for _ in range(_MOST_STEPS):
         cos, sin = cos_sin(angle)
@@ -365,14 +366,14 @@ def _arctangent(tangent: Number) -> Number:
 
 
 def _end_of(piece: _Piece) -> tuple[Pair, Pair]:
-    """Return where a piece ends, and the unit vector along the head's way there."""
+    """Return the end of a piece, and the unit vector in the head's direction there."""
     x, y, dx, dy = piece.at(piece.last)
     length = piece.way * (dx * dx + dy * dy).sqrt()
     return (x, y), (dx / length, dy / length)
 
 
 def _laid(track: Composite) -> _DecimalTrack:
-    """Return the pieces joined in the plane; the first one extends backwards, unless it winds out."""
+    """Return the pieces laid end to end in the plane; the first one extends backwards unless it winds out."""
     pieces, origins = list[_Piece](), [_ZERO]
     begin = track.pieces[0]
     x, y = begin.at_m or (0.0, 0.0)
@@ -393,7 +394,7 @@ def _laid(track: Composite) -> _DecimalTrack:
 
 
 def _wound(spec: SpiralArc, point: Pair, heading: Pair, first: Number | None) -> _Winding:
-    """Return a spiral from a point in a direction."""
+    """Return a spiral that starts at a point in a direction."""
     start, last = 2 * _PI * Decimal(spec.from_turns), 2 * _PI * Decimal(spec.to_turns)
     way = _AHEAD if last > start else _BACK
     side = 1 if (spec.side == 'left') == (way == _AHEAD) else -1
@@ -431,7 +432,7 @@ def _gone(scene: Scene, t: Number) -> Pair:
 
 
 def _places(track: _DecimalTrack, place: _Place, links: list[Number], way: int) -> Iterator[_Place]:
-    """Yield the places of the handles, starting from the leader; earlier links of equal length give the guess."""
+    """Yield the places of the handles, starting from the leader; earlier links of equal length provide the guess."""
     yield place
     before, last = list[Number](), None
     for chord in links:
@@ -452,7 +453,7 @@ def _guessed(before: list[Number]) -> Number | None:
 
 
 def _followed(track: _DecimalTrack, leader: _Place, links: list[Number], way: int, speed: Number) -> Iterator[Point]:
-    """Yield point and velocity of the handles, from the leader: both ends of a link are equally fast along it."""
+    """Yield position and velocity of the handles, from the leader: both ends of a link have equal speed along it."""
     before: tuple[Pair, Pair] | None = None
     for k, u in _places(track, leader, links, way):
         x, y, dx, dy = track.pieces[k].at(u)

@@ -23,14 +23,14 @@ from dragon_ros.studies.statistics import (
 )
 from dragon_ros.studies.study import Study
 
-SAFE = 0.999            # the share of dragons that a safe value is for
+SAFE = 0.999            # the share of dragons that a bound must cover
 _RANDOM = ('random', 'sobol')
-_FEW = 8                # rows below which no distribution is told
+_FEW = 8                # with fewer rows no distribution is estimated
 _MOST_SHOWN = 5         # reasons
 
 
 def main_answers(study: Study) -> list[str]:
-    """Return the column of each question that figures show."""
+    """Return the column of each question that summaries and figures show."""
     return [MAIN[name_of(one)] for one in study.ask]
 
 
@@ -102,12 +102,14 @@ def _between(one: dict[str, Any]) -> str:
 
 
 def _bounds(name: str, one: dict[str, Any]) -> Iterator[str]:
-    """Yield a bound on all but one dragon in a thousand, if there are enough rows for one."""
+    """Yield a bound that covers all but one dragon in a thousand, if the rows suffice, or how many rows it needs."""
     if 'share' not in one:
         return
     if one['bound'] is not None:
-        yield f'{name}: {one["share"]:.1%} of dragons are below {one["bound"]:.9g} (95 % sure)'
+        yield f'{name}: {one["share"]:.1%} of dragons are below {one["bound"]:.9g} (with 95 % confidence)'
         return
-    normal = (f'; for a normal distribution, which these rows do not contradict, it is {one["bound_if_normal"]:.9g}'
+    normal = ('; if the values are normally distributed, which these rows do not contradict, it is '
+              f'{one["bound_if_normal"]:.9g}'
               if 'bound_if_normal' in one else '')
-    yield f'{name}: a bound on {one["share"]:.1%} of dragons (95 % sure) needs {one["rows_for_bound"]:,} rows{normal}'
+    yield (f'{name}: a bound for {one["share"]:.1%} of dragons (95 % confidence) needs {one["rows_for_bound"]:,} rows'
+           f'{normal}')

@@ -1,8 +1,8 @@
 """Run a study on Dask: on processes that it starts on this host, or on a running cluster.
 
-A batch has as many rows as take about ``_BATCH_S`` seconds, so that the overhead of Dask is small. A few batches per
-worker are submitted ahead. A batch returns as a Parquet file and is written as received. If a worker dies, Dask
-computes its batch again; a batch that kills worker after worker is tried row by row.
+A batch takes about ``_BATCH_S`` seconds, to keep the overhead of Dask small. A few batches per worker are submitted
+ahead. A batch returns as a Parquet file, which is written as received. If a worker dies, Dask computes its batch again;
+if a batch kills one worker after another, its rows are tried one by one.
 """
 import asyncio
 import logging
@@ -36,18 +36,18 @@ from dragon_ros.studies.rows import FAILED, OK, STATUSES, columns_of, parsed, ro
 from dragon_ros.studies.sampling import check_libraries
 from dragon_ros.version import __version__
 
-_BATCH_S = 2.0          # work per batch; Dask takes some milliseconds for each
-_MOST_ROWS = 4096       # per batch; a block is a multiple of it
+_BATCH_S = 2.0          # work per batch; each costs Dask a few milliseconds
+_MOST_ROWS = 4096       # largest batch; a block is a multiple of it
 _AHEAD = 2              # batches per worker: one is computed while the next one waits
 _LATEST = 0.3           # weight of the latest batch in the mean time per row
-_WAIT_S = 0.5           # for a batch, before signals are checked again
-_LOOK_S = 2.0           # between two counts of the workers
+_WAIT_S = 0.5           # longest wait for a batch before signals are checked again
+_LOOK_S = 2.0           # time between two counts of the workers
 _CONNECT_S = 30.0
-_START_S = 120.0        # for a thread of this process
-_NO_WORKERS_S = 60.0    # before an error says that there is no worker
+_START_S = 120.0        # longest wait for a thread of this process
+_NO_WORKERS_S = 60.0    # time without workers that counts as an error
 # Dask's HTTP routes are for its dashboard, which is off. Its profiler is off too: sampling a hundred times per second
-# took a tenth of a worker's time.
-# By default a worker gives memory back from 64 KB on, and fetching it anew takes as long as the arithmetic with it.
+# took a tenth of a worker's time. By default a worker returns blocks of 64 KB and more to the system, and fetching them
+# anew takes as long as the arithmetic.
 _ALONE: dict[str, Any] = {'distributed.scheduler.http.routes': [], 'distributed.worker.http.routes': [],
                           'distributed.worker.profile.enabled': False, 'distributed.admin.tick.interval': '1s',
                           'distributed.admin.system-monitor.interval': '5s',
@@ -67,7 +67,7 @@ class BatchResult(NamedTuple):
 
 @dataclass
 class StudyProgress:
-    """The progress of a study: rows that exist, and the number of rows of each status that this run has computed."""
+    """The progress of a study: the number of existing rows, and of rows that this run has computed, by status."""
 
     total: int
     done: int
@@ -81,7 +81,7 @@ class StudyProgress:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions that must agree everywhere for rows to have the same values."""
+    """Return the versions that must agree on all workers, so that rows have the same values."""
     return {'dragon_ros': __version__, 'python': python_version(), 'numpy': np.__version__, 'scipy': _scipy(),
             'pyarrow': pyarrow.__version__, 'dask': dask.__version__, 'distributed': distributed.__version__}
 
@@ -95,8 +95,8 @@ def _scipy() -> str:
 
 
 def compute(text: str, start: int, stop: int, wanted: dict[str, str]) -> BatchResult:
-    """Compute the rows from ``start`` to before ``stop`` on a worker. Raises InputError if its versions differ."""
-    _check_same('worker', versions(), wanted)       # a worker may have joined later
+    """Compute the rows start <= index < stop on a worker. Raises InputError if its versions differ."""
+    _check_same('worker', versions(), wanted)       # a worker may have joined after the first check
     began, study = perf_counter(), parsed(text)
     rows = rows_of(study, range(start, stop))
     statuses = {status: sum(row['status'] == status for row in rows) for status in STATUSES}
@@ -112,7 +112,7 @@ def _check_same(who: str, found: dict[str, str], wanted: dict[str, str]) -> None
 
 @contextmanager
 def local_client(workers: int | None) -> Iterator[Client]:
-    """Yield a client of processes on this host, one per core, that no one else can reach.
+    """Yield a client of processes on this host, one per core, that nobody else can reach.
 
     They listen on the loopback address, without a dashboard, and use TLS with keys that exist only in memory, so
     another user of this host can neither read nor join.
@@ -159,10 +159,10 @@ def _running_loop() -> tuple[IOLoop, Callable[[], None]]:
 
 @contextmanager
 def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Block SIGINT in threads and processes that are started inside this block; for this thread it stays pending.
+    """Block SIGINT in threads and processes that are started inside this block; in this thread it stays pending.
 
-    A terminal sends SIGINT to all processes, but workers should end in order with this one and not each with a
-    traceback. The resource tracker of multiprocessing is started before, since it would unblock the signal.
+    A terminal sends SIGINT to all processes, but workers should be ended by this one and not each with a traceback. The
+    resource tracker of multiprocessing is started beforehand, since it would unblock the signal.
     """
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
@@ -181,7 +181,7 @@ def joined_client(scheduler: str) -> Iterator[Client]:
     where = {'scheduler_file': scheduler} if Path(scheduler).is_file() else {'address': scheduler}
     loop, end = _running_loop()
     try:
-        with warnings.catch_warnings():         # versions are compared below, with one line for all of them
+        with warnings.catch_warnings():         # versions are compared below, with one message for all of them
             warnings.simplefilter('ignore', distributed.versions.VersionMismatchWarning)
             client = Client(**where, timeout=_CONNECT_S, set_as_default=False, loop=loop)
     except (OSError, ValueError, TypeError, RuntimeError) as error:     # the client closes itself in its loop, later
@@ -196,7 +196,7 @@ def joined_client(scheduler: str) -> Iterator[Client]:
 
 
 def check_versions(client: Client) -> None:
-    """Raise InputError if versions of the scheduler or of a worker differ from ours, or dragon_ros is missing there."""
+    """Raise InputError if the scheduler or a worker has other versions than this process, or lacks dragon_ros."""
     wanted = versions()
     found = {'the scheduler': _asked(lambda: client.run_on_scheduler(versions)),
              **{f'worker {address}': one for address, one in client.run(versions, on_error='return').items()}}
@@ -215,10 +215,10 @@ def _asked(call: Callable[[], Any]) -> Any:
 
 
 def run(data: DataSet, client: Client, stop: Event, tell: Callable[[StudyProgress], object]) -> StudyProgress:
-    """Compute the missing rows of a data set and write them, until the set is complete or ``stop`` is set.
+    """Compute and write the missing rows of a data set, until it is complete or ``stop`` is set.
 
     ``tell`` is called after each batch. Raises DiskError if rows cannot be written, DragonError if the cluster is gone.
-    Rows that were written stay, and the next run continues from them.
+    Written rows are kept, and the next run continues from them.
     """
     work = _StudyRun(data, client)
     tell(work.progress)
@@ -283,17 +283,17 @@ class _StudyRun:
     def _count_workers(self) -> None:
         """Count the workers. Raises DragonError if the scheduler is gone or no worker joins."""
         if self._client.status not in ('running', 'connecting'):
-            raise DragonError(f'the scheduler is gone; {self.progress.done} rows are kept, start the study '
-                              'again to go on')
+            raise DragonError(f'the scheduler is gone; {self.progress.done} rows are kept; start the study again to '
+                              'continue')
         try:
             self.progress.workers = sum(self._client.nthreads().values())
         except (OSError, TimeoutError) as error:
-            raise DragonError(f'the scheduler does not answer ({error}); {self.progress.done} rows are kept, '
-                              'start the study again to go on') from None
+            raise DragonError(f'the scheduler does not answer ({error}); {self.progress.done} rows are kept; start '
+                              'the study again to continue') from None
         self._seen = monotonic() if self.progress.workers else self._seen
         if monotonic() - self._seen > _NO_WORKERS_S:
-            raise DragonError(f'no worker has been there for {_NO_WORKERS_S:g} s; {self.progress.done} rows are '
-                              'kept: start workers, and the study again')
+            raise DragonError(f'there has been no worker for {_NO_WORKERS_S:g} s; {self.progress.done} rows are kept; '
+                              'start workers, then the study again')
 
     def take(self) -> None:
         """Write the batches that have arrived; wait a little if there are none."""
@@ -325,19 +325,19 @@ class _StudyRun:
             self.progress.statuses[status] += count
 
     def _after_deaths(self, start: int, stop: int) -> None:
-        """Try the rows of a batch that killed workers one by one; a single row that does so has failed."""
+        """Split a batch that killed workers into single rows; a single row that kills workers has failed."""
         if stop - start > 1:
             for index in range(start, stop):
                 self._submit(index, index + 1)
             return
         row = dict.fromkeys(columns_of(self._data.study)) | {
             'index': start, 'status': FAILED, 'version': __version__,
-            'reason': 'every worker that computed it died, as for want of memory'}
+            'reason': 'every worker that computed it died, possibly of lack of memory'}
         self._written(start, stop, BatchResult(part_of(self._data.study, [row]), {FAILED: 1}, 0.0))
 
 
 def _in_blocks(ranges: list[tuple[int, int]]) -> Iterator[tuple[int, int]]:
-    """Yield ranges cut at the ends of blocks, so that no part spans two."""
+    """Yield ranges cut at the ends of blocks, so that no part spans two blocks."""
     for start, stop in ranges:
         while start < stop:
             end = min(stop, (start // BLOCK + 1) * BLOCK)
@@ -356,6 +356,6 @@ def complete(data: DataSet, stop: Event, tell: Callable[[StudyProgress], object]
         data.join_blocks()
         return StudyProgress(data.study.rows, data.study.rows, dict.fromkeys(STATUSES, 0))
     if scheduler is not None and workers is not None:
-        raise InputError('--workers: a cluster that is joined brings its own workers; leave it out', field='workers')
+        raise InputError('--workers: a running cluster has its own workers; omit this option', field='workers')
     with joined_client(scheduler) if scheduler is not None else local_client(workers) as client:
         return run(data, client, stop, tell)

@@ -1,9 +1,9 @@
-"""A study's data set: a folder with the study file and its rows as Parquet parts, each of them complete or absent.
+"""A study's data set: a folder with the study file and its rows as Parquet parts, each complete or absent.
 
-A part holds the rows of one range of indices and is named after it. It is written under a temporary name, synchronised
-to disk and renamed, so a killed study, a full disk or a power cut leaves no partial file. The parts of batches are
-joined into larger ones, block by block, and then removed. After a kill in between, duplicates are ignored, and the next
-run removes them. In the end each block of ``BLOCK`` rows is one file, whatever the batches were.
+A part contains the rows of one range of indices and is named after the range. It is written under a temporary name,
+synchronised to disk and renamed, so a killed study, a full disk or a power cut leaves no partial file. The parts of
+batches are joined into larger ones, block by block, and then removed. If the study is killed in between, duplicates are
+ignored until the next run removes them. In the end each block of ``BLOCK`` rows is one file, regardless of the batches.
 """
 import fcntl
 import os
@@ -29,7 +29,7 @@ _TYPES: dict[type, Any] = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(
 
 
 class RowFile(NamedTuple):
-    """A file with the rows from ``start`` to before ``stop``."""
+    """A file with the rows start <= index < stop."""
 
     start: int
     stop: int
@@ -37,7 +37,7 @@ class RowFile(NamedTuple):
 
 
 def schema_of(study: Study) -> pa.Schema:
-    """Return the columns of a study's Parquet files; each file carries the study."""
+    """Return the schema of a study's Parquet files; each file includes the study."""
     columns = [(name, pa.list_(_TYPES[one.type]) if one.is_list else _TYPES[one.type])
                for name, one in columns_of(study).items()]
     return pa.schema(columns, metadata={'dragon_ros.study': study.text})
@@ -56,7 +56,7 @@ def _as_bytes(table: pa.Table) -> bytes:
 
 
 class DataSet:
-    """The rows of a study in a folder, to which one process writes."""
+    """The rows of a study in a folder that one process writes."""
 
     def __init__(self, folder: Path, study: Study) -> None:
         """Take an existing folder (``open_set``, ``created``)."""
@@ -64,7 +64,7 @@ class DataSet:
 
     @property
     def parts(self) -> list[RowFile]:
-        """The parts in order, without those whose rows another part contains."""
+        """The parts in order, without parts that another part covers."""
         kept: list[RowFile] = []
         for part in sorted(self._files(), key=lambda one: (one.start, -one.stop)):
             if not kept or part.start >= kept[-1].stop:
@@ -81,7 +81,7 @@ class DataSet:
 
     @property
     def count(self) -> int:
-        """How many rows there are."""
+        """The number of rows."""
         return sum(part.stop - part.start for part in self.parts)
 
     @property
@@ -125,7 +125,7 @@ class DataSet:
         except OSError as error:
             temporary.unlink(missing_ok=True)
             raise DiskError(f'{part.path}: cannot be written: {error.strerror}; {self.count} rows are kept; make room '
-                            'and start the study again to go on') from None
+                            'and start the study again to continue') from None
 
     def _join(self, block: int) -> None:
         """Join the parts of a block into one if all its rows exist, and remove the parts."""
@@ -137,7 +137,7 @@ class DataSet:
             self.tidy()
 
     def tidy(self) -> None:
-        """Remove what a killed run has left: unfinished files, and parts whose rows another part contains."""
+        """Remove what a killed run left behind: unfinished files, and parts that another part covers."""
         kept = {part.path for part in self.parts}
         try:
             for path in (self.folder / ROWS).iterdir():
@@ -147,7 +147,7 @@ class DataSet:
             raise DiskError(f'{self.folder / ROWS}: cannot be tidied: {error.strerror}') from None
 
     def join_blocks(self) -> None:
-        """Join the parts that an earlier run has left."""
+        """Join the parts that an earlier run left unjoined."""
         for block in range(0, self.study.rows, BLOCK):
             self._join(block)
 
@@ -156,16 +156,16 @@ def _read(part: RowFile, schema: pa.Schema) -> pa.Table:
     try:
         table = pq.read_table(part.path, columns=schema.names)
         if len(table) != part.stop - part.start:
-            raise InputError(f'{part.path}: has {len(table)} rows; remove it, and start the study again')
+            raise InputError(f'{part.path}: has {len(table)} rows; remove it and start the study again')
         return table.cast(schema)
     except (OSError, pa.ArrowException, ValueError) as error:
         why = ' '.join(str(error).split())[:200]
-        raise InputError(f'{part.path}: cannot be read as rows of this study ({why}); remove it, and start the study '
-                         'again to have its rows computed again') from None
+        raise InputError(f'{part.path}: cannot be read as rows of this study ({why}); remove it and start the study '
+                         'again to recompute its rows') from None
 
 
 def open_set(folder: Path) -> DataSet:
-    """Return the data set of a folder. Raises MissingError or InputError if it holds none."""
+    """Return the data set of a folder. Raises MissingError or InputError if it contains none."""
     document = read_document(folder / STUDY_FILE)
     return DataSet(folder, study_of(document, None))
 
@@ -219,7 +219,7 @@ def _check_same(folder: Path, study: Study) -> None:
 
 
 def _write_study(folder: Path, study: Study) -> None:
-    """Write the study file with the versions that make its rows."""
+    """Write the study file with the versions that compute its rows."""
     text = as_text({**study.values, 'about': versions()})
     temporary = folder / f'{STUDY_FILE}.tmp'
     try:

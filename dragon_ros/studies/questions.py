@@ -1,8 +1,8 @@
-"""The questions that a study can ask of a scene: options, columns of the answer, and the function that answers.
+"""The questions that a study can ask about a scene: options, columns of the answer, and the answering function.
 
-An answer has brackets if the search gives them, and ``proved`` says whether they are proved (docs/model.md). Rows of a
-batch share work: scenes of one dragon on one track share a compiled model, and the smallest pitch of one dragon is
-searched once.
+An answer has brackets if the search gives them; ``proved`` says whether they are proved (docs/model.md). Rows of a
+batch share work: scenes with the same dragon and track share a compiled model, and the smallest pitch of a dragon is
+searched only once.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -26,15 +26,15 @@ from dragon_ros.core.search.near_misses import near_misses
 
 Tell = Callable[[int], object]
 Values = dict[str, Any]
-_NEAR_M = 1.0       # the largest threshold of near misses
-_SHARED = 64        # answers cached for other rows of a batch
+_NEAR_M = 1.0       # largest threshold for near misses
+_SHARED = 64        # cached answers, for other rows of a batch
 
 
 class Asked:
-    """A scene with results that several questions need: its first contact is searched once."""
+    """A scene with results that several questions need, so that its first contact is searched only once."""
 
     def __init__(self, scene: Scene, tell: Tell) -> None:
-        """Take the scene. ``tell(states)`` is called as work is done, and may raise to end it."""
+        """Take the scene. ``tell(states)`` is called during the work, and may raise an exception to end it."""
         self.scene, self.tell = scene, tell
 
     @cached_property
@@ -45,7 +45,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class FirstContactQuestion:
-    """The first contact of the run: time, benches or bench and obstacle, point; how the run ends if there is none."""
+    """The first contact of the run: time, benches or bench and obstacle, and point; without one, how the run ends."""
 
     columns: ClassVar[dict[str, type]] = {
         'contact': bool, 'contact_t_s': float, 'contact_low_s': float, 'contact_high_s': float, 'contact_inner': int,
@@ -54,7 +54,7 @@ class FirstContactQuestion:
         'run_end': str}
 
     def answer(self, asked: Asked) -> Values:
-        """Answer. The bounds of the time follow from the position error; the proof excludes earlier contacts."""
+        """Answer. The bounds on the time follow from the position error; the proof excludes earlier contacts."""
         found, proved = asked.contact, asked.contact.certificate.complete
         if isinstance(found, NoContact):
             return {'contact': False, 'contact_proved': proved, 'run_end_s': found.end.t_s, 'run_end': found.end.reason}
@@ -69,7 +69,7 @@ class FirstContactQuestion:
 
 @dataclass(frozen=True)
 class NearMissesQuestion:
-    """Near misses before the first contact, closer than ``below_m``: their number, and the closest one."""
+    """Near misses closer than ``below_m`` before the first contact: their number, and the closest one."""
 
     below_m: float = 0.01
     columns: ClassVar[dict[str, type]] = {
@@ -95,7 +95,7 @@ class NearMissesQuestion:
 
 @dataclass(frozen=True)
 class ClearanceQuestion:
-    """The smallest gap of all benches at time ``at_s``, by default at the end of the run; to obstacles as well."""
+    """The smallest gap between benches, or to obstacles, at time ``at_s``, by default at the end of the run."""
 
     at_s: float | None = None
     columns: ClassVar[dict[str, type]] = {
@@ -108,7 +108,7 @@ class ClearanceQuestion:
             number('ask.clearance.at_s', self.at_s, low=0.0)
 
     def answer(self, asked: Asked) -> Values:
-        """Answer. The bounds follow from the position error, which is tested. Fewer than three benches have no gap."""
+        """Answer. The bounds follow from the (tested) position error. Fewer than three benches have no gap."""
         simulation = compile_scene(asked.scene)
         t_s = simulation.end.t_s if self.at_s is None else self.at_s
         chain = simulation.chain(t_s)
@@ -129,11 +129,11 @@ class ClearanceQuestion:
 
 @dataclass(frozen=True)
 class MinPitchQuestion:
-    """The smallest pitch at which the head reaches a circle without contact, from ``start_turns`` (the scene's) on.
+    """The smallest pitch at which the head, from ``start_turns`` on (by default the scene's), reaches a circle freely.
 
     If all benches behind the head are equal, it is proved that no pitch from there to ``largest_m`` has a contact. For
-    mixed benches the bracket from ``smallest_m`` to ``largest_m`` is bisected: its two ends are proved, pitches above
-    are not examined.
+    mixed benches the bracket from ``smallest_m`` to ``largest_m`` is bisected: its two ends are proved, but larger
+    pitches are not examined.
     """
 
     diameter_m: float = 9.0
@@ -171,7 +171,7 @@ class MinPitchQuestion:
 
 
 class _Key:
-    """The inputs of the smallest pitch; ``tell`` only reports progress and is not compared."""
+    """The inputs of the search for the smallest pitch; ``tell`` only reports progress and is not compared."""
 
     def __init__(self, question: MinPitchQuestion, dragon: AnyDragon, start_turns: float, tell: Tell) -> None:
         self.values, self.tell = (question, dragon, start_turns), tell
@@ -185,7 +185,7 @@ class _Key:
 
 @lru_cache(maxsize=_SHARED)
 def _pitch_of(key: _Key) -> MinPitch:
-    """Return the smallest pitch, which rows that differ only in other values share."""
+    """Return the smallest pitch, which is shared by rows that differ only in other values."""
     question, dragon, start_turns = key.values
     return min_pitch(dragon, question.diameter_m, start_turns, question.largest_m, question.within_m, key.tell,
                      question.smallest_m)
@@ -193,7 +193,7 @@ def _pitch_of(key: _Key) -> MinPitch:
 
 @dataclass(frozen=True)
 class FitQuestion:
-    """The smallest squares that contain the run, whether it fits into a given one; in a venue the smallest gap too."""
+    """The smallest squares around the run, and whether it fits into a given one; in a venue also the smallest gap."""
 
     square_m: float | None = None
     columns: ClassVar[dict[str, type]] = {
@@ -227,7 +227,7 @@ class FitQuestion:
 
 @dataclass(frozen=True)
 class MaxSpeedQuestion:
-    """The leader's largest speed at which no handle exceeds ``limit_m_s``, between bounds, and the fastest handle."""
+    """Bounds on the leader's largest speed at which no handle exceeds ``limit_m_s``, and the fastest handle."""
 
     limit_m_s: float = 2.0
     columns: ClassVar[dict[str, type]] = {
@@ -249,12 +249,12 @@ class MaxSpeedQuestion:
 
 @dataclass(frozen=True)
 class LockQuestion:
-    """The lock that ends the run if nothing else does: its time and link."""
+    """The lock that ends the run unless something else does: its time and link."""
 
     columns: ClassVar[dict[str, type]] = {'locks': bool, 'lock_t_s': float, 'lock_link': int, 'lock_proved': bool}
 
     def answer(self, asked: Asked) -> Values:
-        """Answer. The place is known to the last float, which is tested, not proved."""
+        """Answer. The place is exact to the last float; this is tested, not proved."""
         limit = compile_scene(replace(asked.scene, run=replace(asked.scene.run, stop_s=None))).limit
         if limit is None or limit.reason != 'lock':
             return {'locks': False, 'lock_proved': False}
@@ -266,7 +266,7 @@ Question = (FirstContactQuestion | NearMissesQuestion | ClearanceQuestion | MinP
 QUESTIONS: dict[str, type[Question]] = {
     'contact': FirstContactQuestion, 'near_misses': NearMissesQuestion, 'clearance': ClearanceQuestion,
     'min_pitch': MinPitchQuestion, 'fit': FitQuestion, 'max_speed': MaxSpeedQuestion, 'lock': LockQuestion}
-# The column of each answer that figures show by default.
+# The column of each answer that summaries and figures show by default.
 MAIN = {'contact': 'contact_t_s', 'near_misses': 'near_miss_gap_m', 'clearance': 'clearance_m',
         'min_pitch': 'min_pitch_m', 'fit': 'fit_centred_high_m', 'max_speed': 'max_speed_m_s', 'lock': 'lock_t_s'}
 

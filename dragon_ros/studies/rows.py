@@ -1,6 +1,6 @@
-"""Rows and batches of rows. A row is a scene of a study with its answers, a function of the study and an index alone.
+"""Rows and batches of rows. A row is a scene of a study with its answers; it depends only on the study and an index.
 
-A scene that is rejected or exceeds its budget gives a row with the reason. Only ``cpu_s``, and so whether a row exceeds
+If a scene is rejected or exceeds its budget, its row states the reason. Only ``cpu_s``, and hence whether a row exceeds
 its budget, depends on the machine.
 """
 import hashlib
@@ -20,14 +20,14 @@ from dragon_ros.studies.study import Listed, Study, study_from, target_of
 from dragon_ros.version import __version__
 
 OK, REFUSED, OVER_BUDGET, FAILED = 'ok', 'refused', 'over_budget', 'failed'
-STATUSES = (OK, REFUSED, OVER_BUDGET, FAILED)       # from best to worst: a row has the worst status of its answers
+STATUSES = (OK, REFUSED, OVER_BUDGET, FAILED)       # from best to worst; a row has the worst status of its answers
 _ABOUT: dict[str, type] = {'status': str, 'reason': str, 'cpu_s': float, 'version': str, 'scene_sha256': str}
 _MOST_SHOWN = 500       # characters of a reason
 Row = dict[str, Any]
 
 
 class _OverBudget(Exception):
-    """A row has used up its budget of seconds."""
+    """A row has used up its time budget."""
 
 
 class Column(NamedTuple):
@@ -60,9 +60,9 @@ def row_of(study: Study, index: int) -> Row:
 
 
 def rows_of(study: Study, indices: Iterable[int]) -> list[Row]:
-    """Return rows in the order of their indices. Rows of one dragon on one track are computed consecutively.
+    """Return rows in index order. Rows with the same dragon and track are computed consecutively.
 
-    They share a compiled model; their values do not depend on that.
+    They share a compiled model; this does not affect their values.
     """
     drawn = sorted((_DrawnRow.of(study, index) for index in indices), key=lambda one: one.shares)
     return sorted((_computed(study, one) for one in drawn), key=lambda row: row['index'])
@@ -70,7 +70,7 @@ def rows_of(study: Study, indices: Iterable[int]) -> list[Row]:
 
 @lru_cache(maxsize=8)
 def parsed(text: str) -> Study:
-    """Return the study of a complete text, the form in which workers receive it."""
+    """Return the study of a complete text, which is how workers receive it."""
     return study_from('study', text)
 
 
@@ -113,7 +113,7 @@ def _computed(study: Study, drawn: _DrawnRow) -> Row:
 
 
 def _tried(what: str, answer: Callable[[], object], reasons: list[tuple[str, str]], study: Study) -> object:
-    """Return an answer, or None and note the reason; an error of one scene must not end a study of a million."""
+    """Return an answer, or note the reason and return None: one scene's error must not end a study of a million."""
     try:
         return answer()
     except _OverBudget:

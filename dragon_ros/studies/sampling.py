@@ -1,7 +1,7 @@
 """Designs of experiments: the values of a row as a function of the study and the row's index alone.
 
 Each random point has its own generator, seeded by (seed, index); a Sobol point is reached by advancing one scrambled
-sequence. So rows can be drawn in any order, batch and process.
+sequence. Rows can therefore be drawn in any order, batch and process.
 """
 from functools import lru_cache
 from importlib.util import find_spec
@@ -17,7 +17,7 @@ Values = dict[str, Any]
 
 
 def check_libraries(study: Study) -> None:
-    """Reject a study that needs scipy if it is not installed; Sobol sequences and normal laws need it."""
+    """Reject a study that needs scipy (for a Sobol sequence or a normal law) if scipy is not installed."""
     needs = study.design in ('sobol', 'saltelli') or any(isinstance(one, Normal) for _, one in study.vary)
     if needs and not find_spec('scipy'):
         raise MissingError(f"scipy: is not installed; design {study.design} or a normal law needs it: "
@@ -37,9 +37,9 @@ def values_of(study: Study, index: int) -> Values:
 
 
 def scene_values_of(study: Study, values: Values) -> Values:
-    """Return the base scene with the given values in place of its own, as the mapping of a scene file."""
+    """Return the base scene with the given values substituted, as a mapping laid out like a scene file."""
     scene: Values = _copied(study.base)
-    for key, value in values.items():       # groups are split last, so that the others keep their numbers
+    for key, value in values.items():       # groups are split last, so that the other groups keep their numbers
         if not isinstance(value, list):
             last, target = target_of(scene, key)
             target[last] = value
@@ -75,7 +75,7 @@ def levels_of(variation: Variation) -> list[Any]:
 
 
 def _typed(study: Study, key: str, value: Any) -> Any:
-    """Return a value as a whole number if the scene has one there."""
+    """Return a value as an integer if the scene has an integer there."""
     last, target = target_of(study.base, key)
     return round(value) if isinstance(target[last], int) and isinstance(value, float) else value
 
@@ -103,7 +103,7 @@ def _of_two(study: Study, base: int, which: int) -> Floats:
 
 
 class _Sequence:
-    """A scrambled Sobol sequence and a position in it: advancing is fast, going back restarts it."""
+    """A scrambled Sobol sequence and a position in it. Advancing is fast; going back restarts it."""
 
     def __init__(self, dimensions: int, seed: int) -> None:
         from scipy.stats import qmc  # other designs do not need it

@@ -20,10 +20,10 @@ def _form(description: str, required: list[str], **properties: Schema) -> Schema
 
 
 _VARIATION: Schema = {'anyOf': [
-    {'description': 'these values', 'type': 'array', 'minItems': 1, 'items': {'type': ['number', 'string', 'boolean']}},
-    _form('values between two, both included', ['from', 'to'], **_ENDS, steps={'type': 'integer', 'minimum': 2}),
-    _form('any value between two alike', ['uniform'], uniform=_PAIR, per=_PER),
-    _form('mean and deviation, truncated', ['normal', 'within'], normal=_PAIR, within=_PAIR, per=_PER)]}
+    {'description': 'a list', 'type': 'array', 'minItems': 1, 'items': {'type': ['number', 'string', 'boolean']}},
+    _form('from low to high, both included', ['from', 'to'], **_ENDS, steps={'type': 'integer', 'minimum': 2}),
+    _form('uniformly distributed between two values', ['uniform'], uniform=_PAIR, per=_PER),
+    _form('mean and standard deviation, truncated', ['normal', 'within'], normal=_PAIR, within=_PAIR, per=_PER)]}
 
 
 def study_schema() -> Schema:
@@ -38,18 +38,18 @@ def study_schema() -> Schema:
                 'properties': scene['properties']},
         'vary': {'description': 'what varies, by dotted keys such as track.pitch_m', 'type': 'object',
                  'minProperties': 1, 'additionalProperties': _VARIATION},
-        'design': {'description': 'how points are chosen; saltelli is for what matters how much', 'enum': list(DESIGNS),
-                   'default': Study.design},
-        'samples': {'description': 'number of points; of a grid its own', 'type': 'integer', 'minimum': 1},
-        'seed': {'description': 'of all designs but the grid', 'type': 'integer', 'minimum': 0, 'default': Study.seed},
-        'ask': {'description': 'what is asked of each scene', 'anyOf': [
+        'design': {'description': 'how points are chosen; saltelli estimates the influence of each key',
+                   'enum': list(DESIGNS), 'default': Study.design},
+        'samples': {'description': 'number of points; ignored for a grid', 'type': 'integer', 'minimum': 1},
+        'seed': {'description': 'of all designs but grid', 'type': 'integer', 'minimum': 0, 'default': Study.seed},
+        'ask': {'description': 'the questions about each scene', 'anyOf': [
             {'type': 'array', 'minItems': 1, 'items': {'enum': list(QUESTIONS)}},
             {'type': 'object', 'minProperties': 1, 'additionalProperties': False, 'properties': questions}]},
         'budget_s': {'description': 'CPU seconds that a row may take', 'type': 'number', 'exclusiveMinimum': 0,
                      'default': Study.budget_s},
         'about': {'description': 'free notes without any effect', 'type': 'object'}}
     return {'$schema': 'https://json-schema.org/draft/2020-12/schema', 'title': 'A study of dragon_ros',
-            'description': 'Which scenes are computed, and what is asked of each.', 'type': 'object',
+            'description': 'Which scenes are computed, and which questions are asked about each.', 'type': 'object',
             'additionalProperties': False, 'required': ['vary', 'ask'], 'properties': parts}
 
 

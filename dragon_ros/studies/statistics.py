@@ -1,7 +1,7 @@
 """Statistics of a data set: quantiles and distributions with confidence bands, shares, and Sobol indices.
 
-Bands have 95 % confidence and, unless stated otherwise, assume nothing of the distribution. They hold for rows of a
-random design; for a Sobol design they are usually too wide, which is not proved.
+Bands have 95 % confidence and, unless stated otherwise, assume nothing about the distribution. They are valid for rows
+of a random design; for a Sobol design they are usually too wide, but this is not proved.
 """
 from dataclasses import dataclass
 from math import ceil, inf, log, sqrt
@@ -15,7 +15,7 @@ from dragon_ros.studies.study import Study
 CONFIDENCE = 0.95
 _RESAMPLES = 999
 _NORMAL_FROM = 20       # rows; fewer give no standard deviation
-_MOST_TESTED = 5000     # values; above it p-values of the test are not accurate
+_MOST_TESTED = 5000     # values; the test's p-values are inaccurate for more
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Estimate:
 
 
 def quantile(values: Floats, share: float, confidence: float = CONFIDENCE) -> Estimate:
-    """Return a quantile of samples (N,) with the order statistics that bracket it, by the binomial distribution."""
+    """Return a quantile of samples (N,) and the order statistics that bracket it, by the binomial distribution."""
     from scipy.stats import binom  # slow to import
     ordered, out = np.sort(values), (1 - confidence) / 2
     count = ordered.size
@@ -38,12 +38,12 @@ def quantile(values: Floats, share: float, confidence: float = CONFIDENCE) -> Es
 
 
 def safe_rows(share: float, confidence: float = CONFIDENCE) -> int:
-    """Return the number of rows from which on their maximum bounds a quantile: 1 - share^N >= confidence."""
+    """Return how many rows are needed for their maximum to bound a quantile: 1 - share^N >= confidence."""
     return ceil(log(1 - confidence) / log(share))
 
 
 def upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) -> float:
-    """Return a bound below which a given share of all values lies, with confidence; inf if there are too few rows."""
+    """Return an upper bound of a given share of all values, with confidence; inf if there are too few rows."""
     from scipy.stats import binom
     count = values.size
     rank = int(binom.ppf(confidence, count, share)) + 1
@@ -93,14 +93,14 @@ class Indices:
 def indices(study: Study, values: Floats) -> list[Indices]:
     """Return the indices of an answer (rows,) of a study by the design ``saltelli`` (Saltelli 2010), bootstrapped.
 
-    Raises FieldError for another design and for a missing answer: the indices need every row.
+    Raises FieldError for another design, and if an answer is missing, since the indices need every row.
     """
     if study.design != 'saltelli':
-        raise FieldError('design', study.design, 'indices take rows in pairs', 'write design: saltelli')
+        raise FieldError('design', study.design, 'Sobol indices need paired rows', 'write design: saltelli')
     missing = int(np.sum(np.isnan(values)))
     if missing or values.size < study.rows:
         raise FieldError('rows', missing or values.size, 'each row must have the answer',
-                         'vary less, so that none is refused, or finish the study')
+                         'narrow the variations until no row is rejected, or finish the study')
     keys = [key for key, _ in study.vary]
     if np.ptp(values) == 0:
         nothing = Estimate(0.0, 0.0, 0.0)

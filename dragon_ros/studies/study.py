@@ -1,7 +1,7 @@
 """A study: a base scene, what varies in it, the design, the samples and the questions. It is read like a scene.
 
-A study is complete: it holds its base scene in full and can be written as a YAML text that restores it. Workers receive
-that text, and a data set contains it.
+A study is self-contained: it includes its complete base scene and can be written as a YAML text that restores it.
+Workers receive this text, and data sets contain it.
 """
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -22,11 +22,11 @@ from dragon_ros.studies.questions import QUESTIONS, Question, name_of
 
 DESIGNS = ('grid', 'random', 'sobol', 'saltelli')
 MOST_ROWS = 10**9
-MOST_DIMENSIONS = 10_000        # of Sobol sequences, twice as many for saltelli; scipy supports 21,201
+MOST_DIMENSIONS = 10_000        # of a Sobol sequence; saltelli needs twice as many, and scipy supports 21,201
 _KEYS = ('scene', 'set', 'vary', 'design', 'samples', 'seed', 'ask', 'budget_s', 'about')
 _MOST_STEPS = 100_000
-_MOST_DIGITS = 6        # of the index of a list item
-_FAR = 1e300            # keeps differences finite
+_MOST_DIGITS = 6        # digits of the index of a list item
+_FAR = 1e300            # largest value, so that differences stay finite
 Values = dict[str, Any]
 
 
@@ -43,13 +43,13 @@ class Listed:
             raise FieldError('values', len(self.values), f'a list has 1 to {_MOST_STEPS} values', 'list some')
         for value in self.values:
             if not isinstance(value, (int, float, str)):
-                raise FieldError('values', value, 'only numbers and words can be listed', 'list these')
+                raise FieldError('values', value, 'a list can contain only numbers and words', 'list these')
         if len({isinstance(value, str) for value in self.values}) > 1:
-            raise FieldError('values', self.values, 'a list has numbers or words', 'list one of the two')
+            raise FieldError('values', self.values, 'a list has numbers or words', 'use only one kind')
 
     @property
     def as_value(self) -> Any:
-        """How a study file writes it."""
+        """The form in a study file."""
         return list(self.values)
 
 
@@ -70,7 +70,7 @@ class Range:
 
     @property
     def as_value(self) -> Any:
-        """How a study file writes it."""
+        """The form in a study file."""
         return {'from': self.low, 'to': self.high, **({} if self.steps is None else {'steps': self.steps})}
 
 
@@ -89,7 +89,7 @@ class Uniform:
 
     @property
     def as_value(self) -> Any:
-        """How a study file writes it."""
+        """The form in a study file."""
         return {'uniform': [self.low, self.high], **_per(self.is_per_bench)}
 
 
@@ -109,12 +109,12 @@ class Normal:
                deviation=number('normal', self.deviation, above=0.0, high=_FAR),
                low=number('within', self.low, low=-_FAR), high=number('within', self.high, above=self.low, high=_FAR))
         if not (self.mean - self.high < 6 * self.deviation and self.low - self.mean < 6 * self.deviation):
-            raise FieldError('within', [self.low, self.high], 'it lies more than 6 deviations from the mean',
-                             'give bounds nearer to it')
+            raise FieldError('within', [self.low, self.high], 'they are 6 standard deviations or more from the mean',
+                             'give bounds closer to the mean')
 
     @property
     def as_value(self) -> Any:
-        """How a study file writes it."""
+        """The form in a study file."""
         return {'normal': [self.mean, self.deviation], 'within': [self.low, self.high], **_per(self.is_per_bench)}
 
 
@@ -127,10 +127,10 @@ def _per(is_per_bench: bool) -> Values:
 
 @dataclass(frozen=True)
 class Study:
-    """A base scene, the varied keys, the design and the questions: all that a row depends on besides its index.
+    """A base scene, the varied keys, the design and the questions: everything that a row depends on besides its index.
 
-    ``samples`` is the number of points of a random or Sobol design; for ``saltelli`` the number of base points, each
-    with two rows and one more per key. It is ignored for grids. ``budget_s`` is the CPU time per row.
+    ``samples`` is the number of points of a random or Sobol design; for ``saltelli`` it is the number of base points,
+    each of which has two rows and one more per key. It is ignored for grids. ``budget_s`` is the CPU time per row.
     """
 
     scene: Scene = field(default_factory=Scene)
@@ -157,25 +157,25 @@ class Study:
             settle(self, samples=prod(len(_steps_of(one)) for _, one in self.vary))
         whole('samples', self.samples, low=1, high=MOST_ROWS)
         if self.design == 'saltelli' and len(self.vary) < 2:
-            raise FieldError('vary', [key for key, _ in self.vary], 'the design saltelli tells which of several keys '
-                             'matters how much', 'vary at least two')
+            raise FieldError('vary', [key for key, _ in self.vary], 'the design saltelli compares the influence of '
+                             'several keys', 'vary at least two')
         if self.design == 'saltelli' and self.samples & (self.samples - 1):
-            raise FieldError('samples', self.samples, 'the design saltelli takes a power of 2',
+            raise FieldError('samples', self.samples, 'the design saltelli needs a power of 2',
                              'give 64, 128, 256, ...')
         whole('rows', self.rows, low=1, high=MOST_ROWS)
         whole('vary', self.dimensions, low=1, high=MOST_DIMENSIONS)
 
     def _check_key(self, key: str, variation: Variation) -> None:
-        """Reject an unknown key, and a variation that suits neither the key nor the design."""
+        """Reject an unknown key, and a variation that does not suit the key or the design."""
         at = f'vary.{key}'
         group, target = target_of(self.base, key)
         value = target.get(group)
         if isinstance(value, (list, dict)):
-            raise FieldError(at, value, 'it is no single value', 'name one of the keys below it')
+            raise FieldError(at, value, 'it is not a single value', 'name one of the keys below it')
         if self.design == 'grid' and (isinstance(variation, (Uniform, Normal)) or
                                       (isinstance(variation, Range) and variation.steps is None)):
-            raise FieldError(at, variation.as_value, 'a grid takes lists, and ranges with steps',
-                             'give steps, or another design')
+            raise FieldError(at, variation.as_value, 'a grid needs lists, or ranges with steps',
+                             'give steps, or choose another design')
         if isinstance(value, str) and not isinstance(variation, Listed) and key != 'accuracy':
             raise FieldError(at, variation.as_value, f'its value is a word, {value}', 'list the words')
         if variation.is_per_bench and not (key.startswith('dragon.groups.') and key.endswith('.length_m')):
@@ -209,7 +209,7 @@ class Study:
 
     @cached_property
     def identity(self) -> Values:
-        """Everything that the values of a row depend on."""
+        """Everything that determines the values of a row."""
         asked = {name_of(one): {f.name: getattr(one, f.name) for f in fields(one)} for one in self.ask}
         return {'scene': self.base, 'vary': {key: one.as_value for key, one in self.vary}, 'design': self.design,
                 'seed': self.seed, 'ask': asked, 'budget_s': self.budget_s}
@@ -222,7 +222,7 @@ class Study:
     def with_samples(self, samples: int) -> 'Study':
         """Return the study with another number of samples. Raises FieldError for a grid."""
         if self.design == 'grid':
-            raise FieldError('samples', samples, f'a grid has its own number, {self.samples}',
+            raise FieldError('samples', samples, f'the number of points of a grid is fixed, {self.samples}',
                              'change the steps in its file')
         return replace(self, samples=samples)
 
@@ -234,7 +234,7 @@ def as_text(values: Values) -> str:
 
 
 def target_of(scene: Values, key: str) -> tuple[str, Values]:
-    """Return the last part of a dotted key and the mapping of a scene that holds it. Raises FieldError.
+    """Return the last part of a dotted key and the mapping of a scene that contains it. Raises FieldError.
 
     The items of a list are numbered from 1, as in errors of scene files.
     """
@@ -247,8 +247,8 @@ def target_of(scene: Values, key: str) -> tuple[str, Values]:
         else:
             target = target.get(section) if isinstance(target, dict) else None
     if not isinstance(target, dict) or last not in target:
-        raise FieldError(f'vary.{key}', key, 'the base scene has no such key', 'name one as docs/reference.md has it; '
-                         'the items of a list are counted from 1: dragon.groups.2.length_m')
+        raise FieldError(f'vary.{key}', key, 'the base scene has no such key', 'name one from docs/reference.md; '
+                         'list items are counted from 1: dragon.groups.2.length_m')
     return last, target
 
 
@@ -270,7 +270,7 @@ def load_study(name_or_file: str) -> Study:
         path = configuration_folder() / 'studies' / f'{name_or_file}.yaml'
     else:
         raise MissingError(f'no study is called {name_or_file!r}; the studies are {", ".join(study_names())}; or give '
-                           'the path of a .yaml file, or of a data set to go on with it')
+                           'the path of a .yaml file, or of a data set to continue it')
     return study_of(read_document(path), path.parent)
 
 
@@ -280,7 +280,7 @@ def study_from(name: str, text: str) -> Study:
 
 
 def study_of(document: Document, folder: Path | None) -> Study:
-    """Return the study that a document describes. Scene files are found in a folder, or rejected if none is given."""
+    """Return the study described by a document. Scene files are looked up in a folder, or rejected without one."""
     document.check_keys('', document.values, _KEYS)
     given = document.values
     try:
@@ -288,19 +288,20 @@ def study_of(document: Document, folder: Path | None) -> Study:
         vary = tuple((key, _variation(document, key, value)) for key, value in document.section('vary').items())
         single = {key: plain_number(given[key]) for key in ('design', 'samples', 'seed', 'budget_s') if key in given}
         if given.get('design', 'grid') == 'grid' and folder is not None and 'samples' in given:
-            document.refuse('samples', 'a grid has its own number; leave it out, or write another design')
+            document.refuse('samples', 'the number of points of a grid is fixed; omit this key, or choose another '
+                                       'design')
         return Study(scene, vary, ask=_questions(document), **single)
     except FieldError as error:
         raise InputError(f'{document.place(error.fields["field"])}: {error}', **error.fields) from None
 
 
 def _scene(document: Document, folder: Path | None) -> Scene:
-    """Return the base scene: a name or file with ``set`` on top, or a mapping like a scene file's."""
+    """Return the base scene: a name or file with the changes of ``set``, or a mapping laid out like a scene file."""
     given = document.values.get('scene', 'winding')
     changes = document.section('set')
     if isinstance(given, dict):
         if changes:
-            document.refuse('set', 'a scene that is written out has no changes; change it')
+            document.refuse('set', 'a scene that is given in full cannot be changed by set; edit the scene itself')
         places = {key.removeprefix('scene.'): place for key, place in document.places.items()}
         return scene_of(Document(document.name, given, places))
     if not isinstance(given, str) or folder is None:
@@ -317,20 +318,20 @@ def _variation(document: Document, key: str, given: Any) -> Variation:
     """Return the variation of a key; errors name the key."""
     at = f'vary.{key}'
     if not isinstance(key, str):
-        document.refuse(at, 'it is no key of a scene; write one such as track.pitch_m')
+        document.refuse(at, 'it is not a key of a scene; write for example track.pitch_m')
     try:
         if isinstance(given, list):
             return Listed(tuple(plain_number(one) for one in given))
         if not isinstance(given, dict):
-            document.refuse(at, f'{shown(given)} is no list, range or distribution; write for example '
+            document.refuse(at, f'{shown(given)} is not a list, range or distribution; write for example '
                             '[0.5, 0.55], {from: 0.5, to: 0.6, steps: 11} or {uniform: [0.5, 0.6]}')
         known = next((names for names in _FORMS if names[0] in given), None)
         if known is None:
-            document.refuse(at, 'it has none of from, uniform and normal; write one of them')
+            document.refuse(at, 'it contains none of from, uniform and normal; write one of them')
         document.check_keys(f'{at}.', given, known)
         per = given.get('per')
         if per is not None and per != 'bench':
-            document.refuse(f'{at}.per', f'{shown(per)} is not known; write per: bench, or leave it out')
+            document.refuse(f'{at}.per', f'{shown(per)} is not known; write per: bench, or omit it')
         return _made(document, at, given, per == 'bench')
     except FieldError as error:
         raise FieldError(f'{at}.{error.fields["field"]}', error.fields['value'], error.fields['limit'],
@@ -373,7 +374,8 @@ def _questions(document: Document) -> tuple[Question, ...]:
 def _question(document: Document, name: str, options: Any) -> Question:
     options = {} if options is None else options
     if not isinstance(options, dict):
-        document.refuse(f'ask.{name}', f'{shown(options)} is no mapping of options')
+        document.refuse(f'ask.{name}', f'{shown(options)} is not a mapping of options; write for example '
+                                       '{below_m: 0.1}')
     kind = QUESTIONS[name]
     document.check_keys(f'ask.{name}.', options, [f.name for f in fields(kind)])
     return kind(**{key: plain_number(value) for key, value in options.items()})

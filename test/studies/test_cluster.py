@@ -219,7 +219,7 @@ def test_ctrl_c_ends_a_study_in_order_and_says_how_to_go_on(tmp_path):
     os.killpg(process.pid, signal.SIGINT)       # as a terminal does: all processes get it
     out, err = process.communicate(timeout=LONGEST_S)
     assert process.returncode == 1, err
-    assert 'to go on: ./dragon study study.yaml --output data --workers 1' in err
+    assert 'to continue: ./dragon study study.yaml --output data --workers 1' in err
     assert 'Traceback' not in err, err
     assert 'rows (' in out
     assert open_set(tmp_path / 'data').count > 0

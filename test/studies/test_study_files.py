@@ -37,26 +37,26 @@ def test_a_range_on_a_whole_number_gives_whole_numbers_and_a_grid_counts_itself(
 
 def test_samples_can_be_changed_but_not_those_of_a_grid(study):
     assert study().with_samples(99).rows == 99
-    with pytest.raises(InputError, match='samples: 3 is not valid: a grid has its own number, 2'):
+    with pytest.raises(InputError, match='samples: 3 is not valid: the number of points of a grid is fixed, 2'):
         study(GRID).with_samples(3)
 
 
 @pytest.mark.parametrize(('words', 'error'), [
     ('vary: {track.pitch: [1]}\nask: [lock]', r'f.yaml:1: vary.track.pitch: .*the base scene has no such key'),
-    ('vary: {track: [1]}\nask: [lock]', 'no single value'),
-    ('vary: {track.pitch_m: 0.5}\nask: [lock]', r'f.yaml:1: vary.track.pitch_m: 0.5 is no list'),
+    ('vary: {track: [1]}\nask: [lock]', 'not a single value'),
+    ('vary: {track.pitch_m: 0.5}\nask: [lock]', r'f.yaml:1: vary.track.pitch_m: 0.5 is not a list'),
     ('vary: {track.pitch_m: []}\nask: [lock]', '1 to 100000 values'),
     ('vary: {track.pitch_m: [a, 1]}\nask: [lock]', 'numbers or words'),
     ('vary: {track.pitch_m: {from: 2, to: 1, steps: 2}}\nask: [lock]', r'vary.track.pitch_m.to: 1.* must exceed 2'),
     ('vary: {track.pitch_m: {from: 1}}\nask: [lock]', 'to: it is missing'),
     ('vary: {track.pitch_m: {from: 1, too: 2}}\nask: [lock]', 'did you mean to'),
-    ('vary: {track.pitch_m: {from: 1, to: 2}}\nask: [lock]', 'a grid takes lists, and ranges with steps'),
+    ('vary: {track.pitch_m: {from: 1, to: 2}}\nask: [lock]', 'a grid needs lists, or ranges with steps'),
     ('vary: {track.pitch_m: [1]}\nask: {min_pitch: {smallest_m: few}}', 'ask.min_pitch.smallest_m: .few. is not'),
-    ('vary: {track.pitch_m: {uniform: [1, 2]}}\nask: [lock]', 'a grid takes lists'),
+    ('vary: {track.pitch_m: {uniform: [1, 2]}}\nask: [lock]', 'a grid needs lists'),
     ('vary: {track.pitch_m: {uniform: 1}}\ndesign: random\nsamples: 1\nask: [lock]', 'not a pair'),
     ('vary: {track.pitch_m: {normal: [1, 2]}}\ndesign: random\nsamples: 1\nask: [lock]', 'within: it is missing'),
     ('vary: {track.pitch_m: {normal: [1, 0.1], within: [5, 6]}}\ndesign: random\nsamples: 1\nask: [lock]',
-     'more than 6 deviations'),
+     '6 standard deviations or more'),
     ('vary: {track.pitch_m: {uniform: [1, 2], per: bench}}\ndesign: random\nsamples: 1\nask: [lock]',
      'only a group of mixed benches'),
     ('vary: {track.pitch_m: {uniform: [1, 2], per: day}}\ndesign: random\nsamples: 1\nask: [lock]', 'write per: bench'),
@@ -68,7 +68,7 @@ def test_samples_can_be_changed_but_not_those_of_a_grid(study):
     ('vary: {track.pitch_m: [1]}', 'asks at least one question'),
     ('ask: [lock]', 'varies at least one key'),
     ('vary: {track.pitch_m: [1]}\nask: [lock]\ndesign: fancy', 'f.yaml:3: design: .*grid, random, sobol, saltelli'),
-    ('vary: {track.pitch_m: [1]}\nask: [lock]\nsamples: 3', 'a grid has its own number'),
+    ('vary: {track.pitch_m: [1]}\nask: [lock]\nsamples: 3', 'the number of points of a grid is fixed'),
     ('vary: {track.pitch_m: [1]}\nask: [lock]\ndesign: random\nsamples: 0', 'f.yaml:4: samples: 0'),
     ('vary: {track.pitch_m: [1], dragon.width_m: [1]}\nask: [lock]\ndesign: saltelli\nsamples: 3', 'a power of 2'),
     ('vary: {track.pitch_m: [1]}\nask: [lock]\ndesign: saltelli\nsamples: 4', 'vary at least two'),
@@ -76,7 +76,7 @@ def test_samples_can_be_changed_but_not_those_of_a_grid(study):
     ('vary: {track.pitch_m: [1]}\nask: [lock]\nseeds: 1', 'did you mean seed'),
     ('scene: nowhere\nvary: {track.pitch_m: [1]}\nask: [lock]', 'f.yaml:1: scene: .*nowhere.* is not known'),
     ('scene: {track: {pitch_m: -1}}\nvary: {track.pitch_m: [1]}\nask: [lock]', 'track.pitch_m: -1'),
-    ('scene: {}\nset: {run: {}}\nvary: {track.pitch_m: [1]}\nask: [lock]', 'a scene that is written out'),
+    ('scene: {}\nset: {run: {}}\nvary: {track.pitch_m: [1]}\nask: [lock]', 'a scene that is given in full'),
     ('set: {track: {pitch_m: x}}\nvary: {track.pitch_m: [1]}\nask: [lock]', 'track.pitch_m'),
 ])
 def test_an_unacceptable_study_is_refused_with_its_place(study, words, error):
