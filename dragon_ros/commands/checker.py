@@ -8,7 +8,7 @@ from typing import Any
 
 from dragon_ros.core.errors import InputError
 
-_EFFORT = 1000      # multiple of the usual budget; here the timer limits the proof
+_EFFORT = 1000      # a multiple of the usual budget that never binds; the timer limits the proof
 
 
 def command(certificate: str, effort: str | None = None) -> list[str]:
@@ -18,7 +18,7 @@ def command(certificate: str, effort: str | None = None) -> list[str]:
 
 
 def prove(values: Any, most_s: float) -> str:
-    """Return the sentence that a certificate proves within a time limit. Raises InputError if it does not."""
+    """Return the sentence that a certificate proves. Raises InputError if it proves none within the time limit."""
     try:
         text = json.dumps(values)
     except (TypeError, ValueError):
@@ -39,7 +39,7 @@ def prove(values: Any, most_s: float) -> str:
 
 
 def _told(process: subprocess.Popen[str], text: str) -> str:
-    """Send a certificate to the checker, show its progress on a terminal, and return why it refuses, if it does."""
+    """Send a certificate to the checker, show progress on a terminal, and return the reason of a rejection, if any."""
     assert process.stdin is not None
     assert process.stderr is not None
     with suppress(BrokenPipeError), process.stdin as file:

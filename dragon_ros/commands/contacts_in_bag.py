@@ -59,9 +59,10 @@ def searched(scene: Scene, trust: bool) -> Contact | NoContact:
 
 
 def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) -> tuple[float | None, str | None]:
-    """Return when a run ends in its contact (None without one), and the sentence that proves it if no search did.
+    """Return when a run ends in its contact (None without one), and the proved sentence if no search was made.
 
-    If a search would exceed its budgets, the claim in the bag counts once the checker has proved it. Raises InputError.
+    If a search would exceed its budgets, the claim in the bag is used, once the checker has proved it. Raises
+    InputError.
     """
     try:
         found = searched(scene, trust)
@@ -69,7 +70,7 @@ def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) ->
         claim = claimed_contact(bag, namespace)
         if claim is None:
             raise
-        from dragon_ros.commands.checker import prove  # starts a process, needed for few bags
+        from dragon_ros.commands.checker import prove  # starts a process; few bags need it
         try:
             said = prove(of_claim(scene, claim), PROOF_S)
         except InputError as why:
@@ -109,10 +110,10 @@ class Clearance:
 
 
 def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
-    """Return the clearance over time from its topic with stamps, or from ``looks`` ticks (0: all) without that topic.
+    """Return the clearance over time from the topic with stamps or, without that topic, from ``looks`` ticks (0: all).
 
-    The topic ``clearance`` alone has no stamps: in a bag of an earlier version, or of another recorder, its values may
-    stand at the time of another tick.
+    The topic ``clearance`` has no stamps: in a bag made by an earlier version or another recorder, its values may be
+    logged at another tick's time.
     """
     counts = {topic.name: topic.messages for topic in bag.topics}
     ticks = counts.get(f'{namespace}/handles', 0)

@@ -26,7 +26,7 @@ from dragon_ros.messages.decode import Status, read_diagnostics
 from dragon_ros.scenes.load import load_scene
 
 SCENE = 'first_contact'
-_DISCOVERY_S = 4.0      # until the recorder has discovered the monitor, which might otherwise report too early
+_DISCOVERY_S = 4.0      # waits until the recorder has discovered the monitor, which might otherwise report too early
 _READERS = 'handles=2,benches=2,velocities=1'
 _COMPARED = ('handles', 'benches', 'velocities', 'collision')
 _PROGRESS = re.compile(r'at ([\d.]+) s, tick')
@@ -93,7 +93,7 @@ def _demonstrate(folder: Path, pace: float) -> int:
             for _ in lines:
                 pass
             start.wait_for_contact()
-        say('2. the bag is replayed into another monitor and recorder, as fast as they follow')
+        say('2. the bag is replayed into another monitor and recorder, as fast as they can keep up')
         topics, found_s = '/dragon/handles,/dragon/benches,/dragon/velocities', time.monotonic() - then.began_s
         replay = then('replay', str(live), '--rate', '0', '--topics', topics, '--wait-subscribers',
                       ','.join(f'/dragon/{reader}' for reader in _READERS.split(',')),
@@ -122,7 +122,7 @@ def _told(comparison: Comparison, live: Path, again: Path, pictures: list[Path])
         same = _by_topic(bag) == _by_topic(replayed)
     value = event.values
     say(f'3. {event.message}; seen between {value["t_before_s"]} and {value["t_after_s"]} s')
-    say(f'   {comparison.equal} messages are bit for bit those of the model, {len(comparison.faults)} are not')
+    say(f'   {comparison.equal} messages are bit-identical to the model, {len(comparison.faults)} are not')
     say(f'   replayed: {"the same bytes" if same else "OTHER BYTES"}, '
         f'{"the same event" if second == event else "ANOTHER EVENT"}')
     for path in (live, again, *pictures):
@@ -149,7 +149,7 @@ def say(line: str) -> None:
 
 @contextmanager
 def _processes(log: Path) -> Iterator['_Processes']:
-    """Start executables in a domain of their own; at the end, interrupt those still running and wait for them."""
+    """Start executables in their own domain; at the end, interrupt those still running and wait for them."""
     with log.open('w') as file:
         start = _Processes(file)
         try:
@@ -203,7 +203,7 @@ def _bystanders(start: _Processes, bag: Path) -> None:
 
 
 def _interrupt_if_any_fails(others: 'list[subprocess.Popen[str]]', sim: 'subprocess.Popen[str]') -> None:
-    """Stop the simulator, which waits for its readers, if one of them fails."""
+    """Stop the simulator if one of its readers, for which it waits, fails."""
     for process in others:
         if process.wait():
             sim.send_signal(signal.SIGINT)

@@ -23,7 +23,7 @@ _PITCH_OPTIONS = {'diameter_m': '--diameter', 'largest_m': '--largest', 'within_
 
 
 class Question(NamedTuple):
-    """A subcommand: what it answers, its options, and the functions that find and print the answer."""
+    """A subcommand: its question, its options, and the functions that find and print the answer."""
 
     help: str
     example: str
@@ -60,7 +60,7 @@ def _turn_options(parser: ArgumentParser) -> None:
 
 
 def _turn_answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the length of the scene's turn, and of shorter alternatives."""
+    """Return the lengths of the scene's turn and of shorter alternatives."""
     from dragon_ros.core.tracks.composite import least_radius_m
     from dragon_ros.core.tracks.s_turn import turn_answer
     scene = command_line.scene_from(arguments)
@@ -71,9 +71,9 @@ def _turn_answer(arguments: Namespace) -> dict[str, Any]:
 
 
 def _contact_m(scene: 'Scene', diameter_m: float) -> float | None:
-    """Return how far the head is from the entry of the smallest turn at the first contact there; None without one.
+    """Return the head's distance from the entry of the smallest turn at its first contact; None without one.
 
-    The search goes from the head's entry until the whole dragon has left the turn.
+    The search covers the run from the head's entry until the whole dragon has left the turn.
     """
     from dataclasses import replace
 
@@ -129,7 +129,7 @@ def _turn_text(values: dict[str, Any]) -> str:
 
 
 def _ratio_line(least_m: float, largest: float | None) -> str:
-    """Return what limits the ratio; None for no limit."""
+    """Return the limits of the ratio as text."""
     if largest is None:
         return 'the ratio is not limited: links of zero length cannot lock'
     return (f'limits of the ratio: both radii must be at least {least_m:.9g} m, 1.01 times half the longest link, so '
@@ -144,7 +144,7 @@ def _max_speed_options(parser: ArgumentParser) -> None:
 
 
 def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the leader's largest speed, and which handle reaches the limit, and where; a profile is scaled."""
+    """Return the leader's largest speed, the handle that reaches the limit, and where; a profile is scaled."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.max_speed import max_speed
@@ -179,7 +179,7 @@ def _min_pitch_options(parser: ArgumentParser) -> None:
 
 
 def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the bracket of the smallest pitch; only the scene's dragon and track.start_turns are used."""
+    """Return the bracket of the smallest pitch; of the scene only its dragon and track.start_turns are used."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.min_pitch import min_pitch
@@ -200,8 +200,8 @@ def _min_pitch_text(values: dict[str, Any]) -> str:
     inner, outer = values['benches']
     above = 'from there to' if values['proved'] else 'there and at'
     return '\n'.join([
-        f'the smallest pitch is {values["high_m"]:.12f} m: {above} {values["largest_m"]:g} m there is no '
-        'contact on the way in' + ('' if values['proved'] else '; pitches in between are not evaluated'),
+        f'the smallest pitch is {values["high_m"]:.12f} m: {above} {values["largest_m"]:g} m there is '
+        'no contact on the way in' + ('' if values['proved'] else '; pitches in between are not evaluated'),
         f'at {values["low_m"]:.12f} m benches {inner} and {outer} touch, with the head at radius '
         f'{values["radius_m"]:.6f} m',
         f'{values["states"]:,} {"windings" if values["proved"] else "states"} were evaluated'])
@@ -214,7 +214,7 @@ def _fit_options(parser: ArgumentParser) -> None:
 
 
 def _fit_answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the smallest squares, what touches the centred one, and whether the run fits into the given one."""
+    """Return the smallest squares, what touches the centred one, and whether the run fits into the given square."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.bounding_box import bounding_box, fits
@@ -243,7 +243,7 @@ def _venue_answer(scene: 'Scene', arguments: Namespace) -> dict[str, Any]:
 
 
 def _room(scene: 'Scene') -> Values:
-    """Return how far benches reach left and right of the track at every metre along it: sampled, not proved."""
+    """Return how far benches reach to the left and right of the track at every metre; sampled, not proved."""
     from dragon_ros.core.search.swept_area import room_every_metre, swept_area
     swept = swept_area(scene)
     at, room = room_every_metre(scene, swept)
@@ -252,7 +252,7 @@ def _room(scene: 'Scene') -> Values:
 
 
 def _room_text(room: Values) -> list[str]:
-    """Return the width of street that the run requires, as text; nothing for a walk shorter than a metre."""
+    """Return the street width that the run requires, as text; nothing for a run shorter than a metre."""
     if not room['at_m']:
         return []
     rows = zip(room['left_m'], room['right_m'], room['at_m'], strict=True)
@@ -263,7 +263,7 @@ def _room_text(room: Values) -> list[str]:
 
 
 def _venue_text(values: dict[str, Any]) -> str:
-    """Return the answer in a venue as text, the smallest gap first."""
+    """Return the answer for a venue as text, the smallest gap first."""
     lines = []
     for one in values['venue']:
         x, y = one['point_m']
@@ -276,7 +276,7 @@ def _venue_text(values: dict[str, Any]) -> str:
     lacking = ', '.join(values['lacking'])
     lines.append(f'the dragon does not fit, with less than {margin} to {lacking}' if lacking else
                  f'the dragon fits, with {margin} to all' if values['fits'] else
-                 f'undecided whether the dragon fits with {margin}, which lies between the bounds')
+                 f'undecided whether the dragon fits with {margin}, which is between the bounds')
     return '\n'.join(lines)
 
 
@@ -296,7 +296,7 @@ def _fit_text(values: dict[str, Any]) -> str:
 
 
 def _bounds(bounds_m: tuple[float, float]) -> str:
-    """Return a lower bound that is attained, and how far above it the proved bound lies."""
+    """Return an attained lower bound, and by how much the proved bound exceeds it."""
     low, high = bounds_m
     return f'{low:.10f} m, and no more than {high - low:.1e} m larger'
 
@@ -306,8 +306,8 @@ def _verdict(centred: bool | None, free: bool | None) -> str:
     if free is False:
         return 'the dragon does not fit'
     if centred is None or free is None:
-        return 'undecided whether the dragon fits: the square lies between the bounds'
-    return 'the dragon fits' if centred else 'the dragon fits off the centre only'
+        return 'undecided whether the dragon fits: the square is between the bounds'
+    return 'the dragon fits' if centred else 'the dragon fits only off the centre'
 
 
 QUESTIONS = {
@@ -315,8 +315,8 @@ QUESTIONS = {
                      _turn_options, _turn_answer, _turn_text),
     'max-speed': Question('the largest speed of the leader at which no handle exceeds a limit',
                           'max-speed --limit 2', _max_speed_options, _max_speed_answer, _max_speed_text),
-    'min-pitch': Question('the smallest pitch at which the head reaches a circle without any contact on the way in',
+    'min-pitch': Question('the smallest pitch at which the head reaches a circle without a contact',
                           'min-pitch --diameter 9', _min_pitch_options, _min_pitch_answer, _min_pitch_text),
-    'fit': Question('the smallest square that contains the dragon throughout a run, and whether a given one is enough',
+    'fit': Question('the smallest square that contains the dragon throughout a run; is a given one enough?',
                     'fit --square 24', _fit_options, _fit_answer, _fit_text),
 }

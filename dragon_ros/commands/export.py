@@ -21,7 +21,7 @@ from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.numerics.types import Array
 from dragon_ros.core.scene import NS
 
-_TICKS = 64         # per row group of Parquet
+_TICKS = 64         # rows per row group of Parquet
 
 
 def run(arguments: Namespace) -> int:
@@ -100,7 +100,7 @@ def _columns(some: list[BagFrame], handles: list[int]) -> list[Array]:
 
 
 def _npz(source: _ExportedTicks, file: IO[bytes]) -> None:
-    """Write the arrays one by one, each in its own pass, so that no whole array is ever in memory."""
+    """Write the arrays one by one, each in its own pass, so that no array is ever in memory as a whole."""
     first, handles = source.first, source.handles
     times = np.array([frame.t_ns for frame in source.frames('t_ns')], np.int64)
     parts: dict[str, Callable[[BagFrame], Array]] = {'handles_m': lambda frame: frame.handles_m[handles]}

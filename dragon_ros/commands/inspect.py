@@ -32,9 +32,9 @@ from dragon_ros.scenes.provenance import RECORD
 if TYPE_CHECKING:       # modules for checking and repairing are imported on use
     from dragon_ros.bags.check.compare import Comparison
 
-_SHOWN = 20     # lines of faults
-_STEPS = 8      # of the clearance over time
-_LOOKS = 200    # for the clearance, by default
+_SHOWN = 20     # shown lines of faults
+_STEPS = 8      # shown values of the clearance over time
+_LOOKS = 200    # ticks examined for the clearance by default
 _TAKES: dict[str, set[str]] = {'--repair': set(), '--check': {'--check', '--trust', '--namespace'},
                                'a summary': {'--trust', '--looks', '--namespace'}}
 
@@ -83,7 +83,7 @@ def _examined(path: Path) -> Contents:
 
 
 def _dragon(arguments: Namespace, damaged: bool = False) -> dict[str, Any]:
-    """Return the data on the dragon in a bag, or in the intact part of a damaged one."""
+    """Return the data about the dragon in a bag, or in the intact part of a damaged one."""
     with BagReader(arguments.bag, damaged) as bag:
         return _about_dragon(bag, arguments)
 
@@ -169,7 +169,7 @@ def _bag_text(values: dict[str, Any]) -> str:
 
 def _check_text(values: dict[str, Any]) -> str:
     """Return the text of a check."""
-    line = f'{values["bag"]}: {values["equal"]} messages are bit for bit those of the model'
+    line = f'{values["bag"]}: {values["equal"]} messages are bit-identical to the model'
     if values['close']:
         why = (f'version {values["other_version"]} made the bag, so the limit is twice the promise for all topics'
                if values['other_version'] else f'made with another kernel: {values["other_kernel"]}'
@@ -271,7 +271,7 @@ def _integrity_lines(values: dict[str, Any]) -> list[str]:
 
 
 def _length_lines(topics: list[dict[str, Any]]) -> list[str]:
-    """Return how many messages were compared in length with their types, and why others were not."""
+    """Return lines on how many messages had their lengths checked against their types, and why others had not."""
     compared = sum(row['lengths_compared'] for row in topics)
     return [f'  lengths: {compared} messages compared with their types',
             *(f'  lengths not compared: {row["messages"] - row["lengths_compared"]} of {row["topic"]} '

@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 
 SCALES = (50, 100, 200, 250, 500, 1000)
 PAPERS_MM = {'A4': (297.0, 210.0), 'A3': (420.0, 297.0)}
-_EDGE_MM, _FOOT_MM = 12.0, 34.0     # around a page, and below its drawing
+_EDGE_MM, _FOOT_MM = 12.0, 34.0     # margins around a page and below its drawing
 _MARK_M = 10.0
 _MOST_PAGES = 24
-_COARSEST, _FEW_PAGES = 500, 4      # beyond this scale, several pages are better than one
-_AROUND_M = 2.0         # of what is drawn
+_COARSEST, _FEW_PAGES = 500, 4      # scales beyond 1:500 are avoided by up to four pages at 1:500
+_AROUND_M = 2.0         # margin around the drawn objects
 _TEXT_PT = 9
 _BROKEN = '#C00000'
-_ROWS = 34              # of a page's table
+_ROWS = 34              # rows of a table on one page
 _NARROWEST = 3          # positions at which the required room is shown
 _NEARLY_M = 0.01
-_WIDE = 0.62            # of a letter, relative to the text height
+_WIDE = 0.62            # width of a letter, relative to the text height
 
 
 def run(arguments: Namespace) -> int:

@@ -1,4 +1,4 @@
-"""Every text on a plan, in English and in Chinese."""
+"""All texts on a plan, in English and Chinese."""
 from dragon_ros.cli.language import Words
 
 WORDS: Words = {
@@ -8,7 +8,7 @@ WORDS: Words = {
     'head': ('swept by the head', '龙头扫过的区域'), 'body': ('swept by the body', '龙身扫过的区域'),
     'track': ('track', '轨迹'), 'obstacles': ('obstacles', '障碍物'),
     'gap': ('{name}: {gap:.2f} m', '{name}：{gap:.2f} m'), 'exact_gap': ('{name}: {gap:.3f} m', '{name}：{gap:.3f} m'),
-    'broken_gap': ('{name}: {gap:.3f} m (broken)', '{name}：{gap:.3f} m（不足）'),
+    'broken_gap': ('{name}: {gap:.3f} m (too small)', '{name}：{gap:.3f} m（不足）'),
     'room': ('room {room:.2f} m', '所需宽度 {room:.2f} m'),
     'mark': ('mark m', '标记 m'), 'head_at': ('head min:s', '龙头 分:秒'), 'tail_at': ('tail min:s', '龙尾 分:秒'),
     'gaps': ('smallest gaps', '最小间隙'), 'most_room': ('most room required', '所需宽度最大处'),
@@ -19,14 +19,14 @@ WORDS: Words = {
     'slower_than': ('no handle exceeds {ratio:.4f} times the leader: {speed:.3f} m/s',
                     '各把手的速度都不超过领头把手的 {ratio:.4f} 倍，即 {speed:.3f} m/s'),
     'proved': ('Proved: {fastest}.', '已证明：{fastest}。'),
-    'proved_gaps': ('Proved: {fastest}; within rounding, no smallest gap is more than {within:.1g} mm below its value, '
-                    'shown rounded.',
+    'proved_gaps': ('Proved: {fastest}; apart from rounding, no smallest gap is more than {within:.1g} mm '
+                    'below its value, shown rounded.',
                     '已证明：{fastest}；除舍入外，各最小间隙比其值至多小 {within:.1g} mm（图中数值已舍入）。'),
-    'sampled': ('Not proved: swept area and room are computed every {step:.0f} cm, which leaves out about a millimetre '
-                'in bends.',
+    'sampled': ('Not proved: swept area and room are computed every {step:.0f} cm, which misses about '
+                'a millimetre in bends.',
                 '未证明：扫过的区域与所需宽度每 {step:.0f} cm 计算一次，弯道处约有 1 mm 未计入。'),
-    'people': ('People, poles and what hangs over the benches are not included.',
+    'people': ('People, poles and overhanging parts are not included.',
                '不包括抬龙的人、立杆以及伸出板凳之外的物品。'),
-    'margin': ('Wanted margin: {margin:g} m; what breaks it is red.', '要求的间隙：{margin:g} m；不足之处标为红色。'),
+    'margin': ('Required margin: {margin:g} m; smaller gaps are red.', '要求的间隙：{margin:g} m；不足之处标为红色。'),
     'metres': ('in metres', '单位 m'), 'degrees': ('in degrees (RFC 7946)', '单位为度（RFC 7946）'),
 }

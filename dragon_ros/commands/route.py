@@ -167,12 +167,12 @@ def _laid(arguments: Namespace, base: 'Scene', line: DrawnLine) -> _Laid:
 
 
 def _without_venue(arguments: Namespace) -> 'Scene':
-    """Return the scene of the options without its venue, which does not belong to the new track."""
+    """Return the scene of the options without its venue, which was made for another track."""
     return command_line.scene_from(Namespace(**{**vars(arguments), 'overrides': [*arguments.overrides, 'venue=null']}))
 
 
 def _on(arguments: Namespace, track: 'Composite') -> 'Scene':
-    """Return the scene of the options on a track. Raises InputError if an obstacle stands at its start."""
+    """Return the scene of the options on a track. Raises InputError if an obstacle is in the way at the start."""
     pieces = [{'kind': type(piece).__name__.lower(), **{key: value for key, value in asdict(piece).items()
                                                         if value is not None}} for piece in track.pieces]
     values = json.dumps({'kind': 'joined', 'start_m': track.start_m, 'pieces': pieces})
@@ -181,7 +181,7 @@ def _on(arguments: Namespace, track: 'Composite') -> 'Scene':
 
 
 def _start_m(arguments: Namespace, base: 'Scene', route: 'Route', track: 'Track') -> float:
-    """Return where the head starts along the track."""
+    """Return the distance along the track at which the head starts."""
     drawn_m = track.end_m - route.lead_in_m
     if arguments.start is not None:
         return route.lead_in_m + number('--start', arguments.start, low=0.0, high=drawn_m)
@@ -193,7 +193,7 @@ def _start_m(arguments: Namespace, base: 'Scene', route: 'Route', track: 'Track'
 
 
 def _text(laid: _Laid, tolerance_m: float) -> str:
-    """Return the table of pieces, and what is to be known of them."""
+    """Return the table of pieces, with notes on changes and deviations."""
     route, track = laid.route, laid.track
     rows = [f'{"piece":<10} {"length m":>10} {"radius m":>10} {"turn":>14}   begins at m']
     for number_, (segment, piece) in enumerate(zip(track.segments, route.pieces, strict=True), 1):

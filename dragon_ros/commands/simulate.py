@@ -23,7 +23,7 @@ from dragon_ros.messages.once import once
 from dragon_ros.scenes import provenance
 
 _FRAME_ID = 'dragon'
-_WORTH_BYTES = 64 * 2**20    # of all messages: less is written before processes have started
+_WORTH_BYTES = 64 * 2**20    # total size of messages from which processes are worth starting
 
 
 def run(arguments: Namespace) -> int:
@@ -45,7 +45,7 @@ def run(arguments: Namespace) -> int:
 
 
 def _introduce(scene: Scene, bag: BagWriter, namespace: str) -> None:
-    """Write the provenance of the run like `sim` and `record`: metadata, attachment and latched topics."""
+    """Write the provenance of the run as `sim` and `record` do: metadata, attachment and latched topics."""
     text = provenance.scene_file(scene, {'frame_id': _FRAME_ID})
     settings = {key: str(value) for key, value in vars(bag.options).items()}
     bag.describe(provenance.RECORD, provenance.run_metadata(text, scene, settings | provenance.versions()))
@@ -61,8 +61,8 @@ def _introduce(scene: Scene, bag: BagWriter, namespace: str) -> None:
 def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event, workers: int = 1) -> int:
     """Write the messages of every tick of the run until ``stop`` is set; return how many ticks were written.
 
-    Chunks begin at ticks that the size of the first tick decides, so a bag has the same bytes with any number of
-    workers. A single one is this process, which compresses on a thread; several are processes.
+    The size of the first tick determines the ticks at which chunks begin, so a bag has the same bytes with any number
+    of workers. A single worker is this process, which compresses on a thread; several workers are processes.
     """
     encoded = {f'{namespace}/{name}': encode for name, encode in encoders(scene, _FRAME_ID).items()}
     numbers, frame = [bag.channel_of(topic) for topic in encoded], tick(scene, 0)
@@ -100,7 +100,7 @@ def _in_this_process(scene: Scene, bag: BagWriter, encoded: dict[str, Encode], p
 
 
 class _PackedTicks:
-    """Ticks of a scene as packed chunks: what a process of ``simulate`` does."""
+    """Ticks of a scene as packed chunks: the work of a process of ``simulate``."""
 
     def __init__(self, scene: Scene, numbers: list[int], compression: str) -> None:
         self._scene, self._packer = scene, Packer(compression)

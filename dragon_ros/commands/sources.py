@@ -22,19 +22,19 @@ from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.venue import Venue
 
-if TYPE_CHECKING:       # a picture of a scene imports no bag reader, and one without contacts no search
+if TYPE_CHECKING:       # imported on use: a picture of a scene needs no bag reader, and one without contacts no search
     from dragon_ros.bags.read.reader import BagReader
     from dragon_ros.core.geometry.contacts import Observation
     from dragon_ros.core.geometry.signed_distance import Witness
     from dragon_ros.core.search.certificate import Contact, NoContact
 
 _AT_ONCE = 64               # states per batch
-_SAG_M = 1e-4               # of the drawn track, smooth even in a picture of one bench
+_SAG_M = 1e-4               # of the drawn track: smooth even in a picture of one bench
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
-Check = Callable[[], None]      # raises where the work is wanted no more
+Check = Callable[[], None]      # raises an exception when the work is no longer wanted
 _HAIR_S = 1e-9
 _AROUND = 2.0               # largest margin of a window, in lengths of the dragon
-_MARGIN = 0.03              # of a window
+_MARGIN = 0.03              # relative to the window
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,8 @@ class Moment:
 class Touch:
     """A first contact: its time, benches (inner first), point, and the corner and edge that meet.
 
-    Where a bench touches an obstacle, ``benches`` has that one alone, and ``obstacle`` is the name. ``decimals`` are
-    those of the point that are right: fewer if it was interpolated from ticks.
+    If a bench touches an obstacle, ``benches`` contains only this bench, and ``obstacle`` is the obstacle's name.
+    ``decimals`` is the number of correct decimals of the point: fewer if it was interpolated from ticks.
     """
 
     t_s: float
@@ -64,7 +64,7 @@ class Touch:
 
     @property
     def words(self) -> str:
-        """What touches."""
+        """The parts that touch, as text."""
         if self.obstacle is not None:
             return f'bench {self.benches[0]} touches {self.obstacle}'
         return f'benches {self.benches[0]} and {self.benches[1]} touch'
@@ -93,7 +93,7 @@ class Source(Protocol):
         """Return at most ``most`` ticks between two times, both included, evenly spaced."""
 
     def moments(self, times_s: Floats) -> Iterator[Moment]:
-        """Yield the dragon at increasing times; a source with only ticks yields the nearest ones."""
+        """Yield the dragon at increasing times; a source that has only ticks yields the nearest ones."""
 
     def first_touch(self, progress: Progress) -> Touch | None:
         """Return the first contact, or None."""
@@ -142,7 +142,7 @@ class SceneSource:
                 yield Moment(t_s, chain.p[n], one, speed[n])
 
     def searched(self, progress: Progress) -> 'Contact | NoContact':
-        """Return what the search for the first contact of the run finds."""
+        """Return the result of the search for the run's first contact."""
         from dragon_ros.core.search.first_contact import first_contact
         steps = iter(progress(count()))
         return first_contact(self.scene, lambda _: next(steps))
@@ -168,7 +168,7 @@ def moment(source: Source, t_s: float) -> Moment:
 def window(track: Floats | None, moments: Iterable[Moment]) -> Floats:
     """Return the window of a picture of these moments: its lower left and upper right corner (2, 2) in m.
 
-    It contains the dragon and its track, or the part around the dragon if the track is much longer.
+    It contains the dragon and its track; of a much longer track, only the part around the dragon.
     """
     corners = np.concatenate([one.benches.corners.reshape(-1, 2) for one in moments])
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -183,8 +183,8 @@ def window(track: Floats | None, moments: Iterable[Moment]) -> Floats:
 def decimals_of(step_s: float) -> int:
     """Return the number of correct decimals of a point in m, interpolated from ticks ``step_s`` apart.
 
-    The error of a cubic through ticks is about the fourth power of the step, in units of the bend radius; the third
-    power is used, because there are fewer ticks near the start of a run.
+    The error of a cubic through ticks is about the fourth power of the step, in units of the bend radius. The third
+    power is used because there are fewer ticks near the start of a run.
     """
     return 6 if step_s <= 0 else min(6, max(0, floor(-3 * log10(step_s))))
 
@@ -194,7 +194,8 @@ def check_times(source: Source, times_s: Iterable[float]) -> None:
     first, last = source.span_s
     for t_s in times_s:
         if not first - 1e-9 <= t_s <= last + 1e-9:
-            raise InputError(f'--times {t_s:g}: {source.name} goes from {first:g} to {last:g} s; ask for a time in it')
+            raise InputError(f'--times {t_s:g}: {source.name} goes from {first:g} to {last:g} s; choose a '
+                             'time in this range')
 
 
 def clearances(source: Source, times_s: Floats, progress: Progress) -> tuple[Floats, Floats]:
@@ -214,7 +215,7 @@ def thinned(first: int, last: int, most: int) -> Ints:
 
 
 def witness_at(moment: Moment, pair: tuple[int, int]) -> 'Witness':
-    """Return how two benches meet at a moment."""
+    """Return where and how two benches meet at a moment."""
     from dragon_ros.core.geometry.signed_distance import witness
     return witness(moment.benches, *pair)
 
@@ -238,7 +239,7 @@ class BagSource:
         try:
             scene = scene_of_bag(self.bag, self.namespace)
             return scene and walked_scene(self.bag, scene, self.namespace)
-        except InputError:      # a scene beyond the budgets; the recording is shown anyway
+        except InputError:      # a scene that exceeds the budgets; the recording is shown anyway
             return None
 
     @cached_property

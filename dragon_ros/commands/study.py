@@ -91,7 +91,7 @@ def _computed(arguments: Namespace, data: 'DataSet', complete: Callable[..., 'St
             done = complete(kept, stop, partial(_show, shown, there), workers, arguments.scheduler)
     if done.done == done.total:
         return command_line.OK
-    print(f'study: stopped with {done.done} of {done.total} rows; to go on: {_again(arguments)}', file=sys.stderr)
+    print(f'study: stopped with {done.done} of {done.total} rows; to continue: {_again(arguments)}', file=sys.stderr)
     return command_line.FAILED
 
 

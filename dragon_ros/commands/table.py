@@ -17,7 +17,7 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
 
-if TYPE_CHECKING:       # a table of a scene imports no bag reader
+if TYPE_CHECKING:       # imported on use: a table of a scene needs no bag reader
     from dragon_ros.bags.read.frames import BagFrame
     from dragon_ros.bags.read.reader import BagReader
 
@@ -124,7 +124,7 @@ def _json(rows: list[Row]) -> str:
 
 
 def _xlsx(rows: list[Row]) -> bytes:
-    from dragon_ros.commands.workbook import xlsx_of  # openpyxl is an extra
+    from dragon_ros.commands.workbook import xlsx_of  # openpyxl is an optional extra
     return xlsx_of(COLUMNS, rows)
 
 

@@ -7,8 +7,8 @@ from dragon_ros.cli import command_line
 
 def main(argv: list[str]) -> int:
     """Write the URDF; return the exit code."""
-    options = command_line.parser('urdf', 'Write the dragon of a scene as a robot in URDF: benches are links of true '
-                                  'size, handles are revolute joints.\nThe topic joint_states (effect joints) carries '
+    options = command_line.parser('urdf', 'Write the dragon of a scene as a URDF robot: benches are links of real '
+                                  'size, handles are revolute joints.\nThe topic joint_states (effect joints) has '
                                   'their angles.',
                                   'urdf winding --set dragon.benches=9 --output dragon.urdf')
     command_line.add_scene_options(options)

@@ -5,7 +5,7 @@ from typing import Any, Protocol
 
 from dragon_ros.core.errors import InputError, MissingError
 
-_MOST_ROWS = 2**20 - 1      # rows of a sheet, below the column names
+_MOST_ROWS = 2**20 - 1      # rows of a sheet below the column names
 
 
 class _NumberedRows(Sized, Iterable[Iterable[Any]], Protocol):
@@ -15,7 +15,7 @@ class _NumberedRows(Sized, Iterable[Iterable[Any]], Protocol):
 def xlsx_of(head: Iterable[str], rows: _NumberedRows) -> bytes:
     """Return rows under their column names as a workbook of one sheet.
 
-    Raises MissingError without openpyxl, InputError for more rows than a sheet holds.
+    Raises MissingError without openpyxl, and InputError if there are more rows than fit on a sheet.
     """
     try:
         from openpyxl import Workbook

@@ -90,7 +90,7 @@ def of_rosbag2(tmp_path):
 def test_a_rosbag2_recording_with_its_scene_is_checked_bit_for_bit(capsys, of_rosbag2):
     code, out, _ = run(capsys, 'inspect', of_rosbag2, '--check')
     assert code == 0, out
-    assert f'{3 * TICKS} messages are bit for bit those of the model, 0 are not' in out
+    assert f'{3 * TICKS} messages are bit-identical to the model, 0 are not' in out
     code, out, _ = run(capsys, 'inspect', of_rosbag2, '--format', 'json')
     values = json.loads(out)
     assert values['scene']['run']['start_s'] == 412.2
@@ -406,7 +406,7 @@ def test_a_check_counts_ticks_that_are_missing_without_walking_them(capsys, tmp_
     bag = stranger_s(tmp_path / 'a.mcap', 'run: {rate_hz: 1000000, start_s: 412, stop_s: 2000000000}')
     code, out, _ = run(capsys, 'inspect', bag, '--check', '--trust')
     assert code == 1
-    assert '1 messages are bit for bit those of the model, 0 are not; 62753774 are missing' in out
+    assert '1 messages are bit-identical to the model, 0 are not; 62753774 are missing' in out
     assert 'ticks 1 to 20917924: handles is missing' in out
     values = json.loads(run(capsys, 'inspect', bag, '--check', '--trust', '--format', 'json')[1])
     assert values['fault_count'] == values['missing_count'] == 62753774
@@ -476,7 +476,7 @@ def test_bags_of_mixed_benches_and_of_composite_tracks_are_described_and_checked
     assert run(capsys, 'simulate', *SCENE, *changes, '--output', path)[0] == 0
     code, out, _ = run(capsys, 'inspect', path)
     assert (code, says in out) == (0, True)
-    assert f'{3 * TICKS} messages are bit for bit' in run(capsys, 'inspect', path, '--check')[1]
+    assert f'{3 * TICKS} messages are bit-identical' in run(capsys, 'inspect', path, '--check')[1]
 
 
 @pytest.mark.parametrize(('form', 'read'), [
@@ -546,7 +546,7 @@ def test_a_table_of_a_bag_is_the_table_of_its_scene(capsys, bag):
     (['inspect', CORPUS / 'good_none.mcap', '--repair', 'a.mcap', '--check'], '--check: --repair does not accept it'),
     (['contact', CORPUS / 'good_none.mcap', '--verify', 'a.json'], 'BAG: --verify does not accept it'),
     (['contact', '--near-misses', '1', '--format', 'csv'], '--near-misses: --format csv has only the row'),
-    (['cost', 'tick'], 'PAGE tick: is made from a checkout: ./dragon cost tick'),
+    (['cost', 'tick'], 'PAGE tick: is available only in a checkout: ./dragon cost tick'),
     (['table', CORPUS / 'good_none.mcap', '--times', '99'], 'ends at'),
     (['table', CORPUS / 'good_none.mcap', '--times', 'inf'], '--times: t_s: inf is not valid'),
     (['table', CORPUS / 'good_none.mcap', '--times', '1e300'], '--times: t_s: 1e+300 is not valid'),

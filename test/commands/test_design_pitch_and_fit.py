@@ -31,7 +31,7 @@ def test_min_pitch_takes_the_dragon_of_a_scene_and_another_circle(capsys):
     assert 'the smallest pitch is 0.51338' in out
 
 
-@pytest.mark.parametrize(('side', 'says'), [('24', 'the dragon fits\n'), ('23.8', 'fits off the centre only'),
+@pytest.mark.parametrize(('side', 'says'), [('24', 'the dragon fits\n'), ('23.8', 'fits only off the centre'),
                                             ('23.7', 'does not fit')])
 def test_fit_says_whether_it_does(capsys, side, says):
     code, out, _ = run(capsys, 'fit', '--set', 'run.stop_s=30', '--square', side)

@@ -97,10 +97,11 @@ def test_the_rows_of_a_study_are_arrays_in_python(computed):
     (['pitch_map'], 'study: --output: it is missing; give a folder'),
     (['.'], 'study.yaml: cannot be read'),
     (['.', '--output', 'x'], '--output: the folder of a study is its own output'),
-    (['pitch_map', '--output', 'x', '--samples', '3'], 'samples: 3 is not valid: a grid has its own number, 77'),
+    (['pitch_map', '--output', 'x', '--samples', '3'],
+     'samples: 3 is not valid: the number of points of a grid is fixed, 77'),
     (['tolerances', '--output', 'x', '--samples', '0'], '--samples: 0'),
     (['tolerances', '--output', 'x', '--workers', '0'], '--workers: 0'),
-    (['tolerances', '--output', 'x', '--workers', '2', '--scheduler', 'tcp://127.0.0.1:9'], 'brings its own workers'),
+    (['tolerances', '--output', 'x', '--workers', '2', '--scheduler', 'tcp://127.0.0.1:9'], 'has its own workers'),
     (['./nothing.yaml', '--output', 'x'], 'nothing.yaml: cannot be read')])
 def test_a_mistake_is_one_line_and_exit_code_2(tmp_path, monkeypatch, capsys, arguments, said):
     monkeypatch.chdir(tmp_path)

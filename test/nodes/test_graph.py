@@ -411,7 +411,7 @@ def test_the_demo_can_be_run_again_in_one_place(start, tmp_path, times):
     for _ in range(times):
         demo = start('demo', '--output', folder, '--pace', '10')
         assert demo.end() == 0, demo.text
-        assert '1953 messages are bit for bit those of the model, 0 are not' in demo.text
+        assert '1953 messages are bit-identical to the model, 0 are not' in demo.text
         assert 'the same bytes, the same event' in demo.text
     assert all((folder / name).read_bytes() != OLD_BAG.read_bytes() for name in names)
 

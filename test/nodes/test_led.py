@@ -69,7 +69,7 @@ def test_a_led_dragon_walks_as_commanded_and_its_bag_is_recomputed_bit_for_bit(s
     assert max(abs(b - a) for a, b in itertools.pairwise(speeds)) <= 5 / 50 * (1 + 1e-9)
     assert main(['inspect', str(bag), '--check']) == 0
     said = capsys.readouterr().out
-    assert f'{4 * len(speeds)} messages are bit for bit those of the model, 0 are not' in said
+    assert f'{4 * len(speeds)} messages are bit-identical to the model, 0 are not' in said
     for command in (['inspect', bag], ['table', bag, '--times', '1', '--handles', '0'],
                     ['contact', bag, '--format', 'json', '--certificate', tmp_path / 'proof.json'],
                     ['contact', '--verify', tmp_path / 'proof.json'],

@@ -136,7 +136,7 @@ def test_a_bag_of_a_run_that_ends_in_its_contact_is_checked_to_its_last_frame(st
     assert publisher.end() == 0, publisher.text
     assert record.end() == 0, record.text
     assert main(['inspect', str(tmp_path / 'a.mcap'), '--check']) == 0
-    assert f'{3 * 10} messages are bit for bit those of the model, 0 are not' in capsys.readouterr().out
+    assert f'{3 * 10} messages are bit-identical to the model, 0 are not' in capsys.readouterr().out
     monkeypatch.setattr(contacts_in_bag, 'SEARCHED_BENCHES', 222)
     assert main(['inspect', str(tmp_path / 'a.mcap'), '--check']) == 0      # by its certificate
     assert 'the contact at 412.47383768211' in capsys.readouterr().out

@@ -1,6 +1,6 @@
-"""Common mistakes on the contest problem CUMCM 2024 A, remade: each recipe has one mistake in it.
+"""Common mistakes on the contest problem CUMCM 2024 A, reproduced: each recipe contains one mistake.
 
-``docs/examples/common_mistakes.py`` prints them as the tables of the contest page, and ``grade`` holds answers against
+``docs/examples/common_mistakes.py`` prints them as the tables of the contest page, and ``grade`` compares answers with
 them. Times are arrays (T,) in seconds, angles are polar angles of the spiral r = pitch / (2 pi) theta in radians, and
 handles are in metres.
 """
@@ -25,24 +25,24 @@ from dragon_ros.scenes.load import load_scene
 
 PITCH_M, START, SPEED_M_S, HANDLES = 0.55, 32 * pi, 1.0, 224
 HEAD_LINK_M, BODY_LINK_M = 2.86, 1.65
-FOLLOWING = 25          # handles that the head can touch the benches of
-RADIUS_M = 4.5                                      # of the turning circle
-_LATEST_S = 420.0       # that Euler steps go to
+FOLLOWING = 25          # handles of the benches that the head can touch
+RADIUS_M = 4.5                                      # radius of the turning circle
+_LATEST_S = 420.0       # up to which Euler steps are computed
 _MOST_NEWTON, _SETTLED = 60, 4e-15
 Head = Callable[[Floats], Floats]                   # seconds (T,) -> polar angles (T,)
-Rule = Callable[[Floats, float], Floats]            # polar angles (T,) and a link in metres -> those of the next handle
+Rule = Callable[[Floats, float], Floats]            # polar angles (T,) and a link in metres -> the next handle's angles
 Gap = Callable[[Floats, float], float]              # handles (N+1, 2) and a width -> metres
 
 
 class MistakenAnswer(NamedTuple):
-    """What a mistake gives: its key in ``grade.words``, the parameters of its sentence, and the answer."""
+    """The result of a mistake: its key in ``grade.words``, the parameters of its sentence, and the wrong answer."""
 
     key: str
     parameters: dict[str, float]
     value: float
 
 
-# Question 1: where the head is, and the next handle.
+# Question 1: the place of the head, and the next handle.
 def arc_length(theta: Floats) -> Floats:
     """Return the arc length of r = theta from its centre."""
     length: Floats = 0.5 * (theta * np.sqrt(1 + theta * theta) + np.arcsinh(theta))
@@ -50,14 +50,14 @@ def arc_length(theta: Floats) -> Floats:
 
 
 def without_radial(theta: Floats) -> Floats:
-    """Return the arc length of r = theta without the radial part of its way."""
+    """Return the arc length of r = theta without its radial part."""
     length: Floats = 0.5 * theta * theta
     return length
 
 
 def solved(length: Callable[[Floats], Floats], late: float = 0.0, start: float = START, speed_m_s: float = SPEED_M_S,
            pitch_m: float = PITCH_M) -> Head:
-    """Return the head by an arc length that is inverted to the last digits; ``late`` is too much of it at the start."""
+    """Return the head by inverting an arc length to the last digit; ``late`` is an error in its start value."""
     def head(times_s: Floats) -> Floats:
         wanted = length(np.array(start)) + late - speed_m_s * times_s * 2 * pi / pitch_m
         return inverted(length, wanted)
@@ -65,9 +65,9 @@ def solved(length: Callable[[Floats], Floats], late: float = 0.0, start: float =
 
 
 def inverted(length: Callable[[Floats], Floats], wanted: Floats) -> Floats:
-    """Return where an increasing length, about half the square of the angle, has values (T,): by halving, then exact.
+    """Return the angles at which an increasing length, about half the angle squared, has values (T,).
 
-    Halving needs no derivative, so that any length of a recipe can be inverted.
+    Bisection needs no derivative, so it can invert the length of any recipe.
     """
     high: Floats = np.sqrt(2 * np.maximum(wanted, 0.0)) + 1.0
     low: Floats = np.maximum(high - 4.0 - np.log1p(high), 0.0)
@@ -79,7 +79,7 @@ def inverted(length: Callable[[Floats], Floats], wanted: Floats) -> Floats:
 
 
 def bracket_slip() -> Head:
-    """Return the head where the start's arc length has ln(theta + sqrt(theta^2) + 1), and all else is right."""
+    """Return the head if the arc length at the start has ln(theta + sqrt(theta^2) + 1); all else is right."""
     return solved(arc_length, 0.5 * (log(2 * START + 1) - asinh(START)))
 
 
@@ -106,12 +106,12 @@ def _steps(step_s: float, radial: bool) -> Floats:
 
 
 def chord(short_m: float = 0.0, pitch_m: float = PITCH_M) -> Rule:
-    """Return the next handle at a chord that is too short: what a tolerance of the chord lets through first."""
+    """Return the next handle at a chord that is too short: the first one that a tolerance of the chord accepts."""
     def following(theta: Floats, link_m: float) -> Floats:
         wanted = (link_m - short_m) * 2 * pi / pitch_m
         delta: Floats = np.zeros_like(theta)
         change = wanted / np.maximum(theta, 1.0)
-        for _ in range(_MOST_NEWTON):       # Newton; links span less than pi on the way to the first contact
+        for _ in range(_MOST_NEWTON):       # Newton; links span less than pi before the first contact
             delta = delta + change
             half = np.sin(0.5 * delta)
             excess = delta * delta + 4 * theta * (theta + delta) * half * half - wanted * wanted
@@ -123,14 +123,14 @@ def chord(short_m: float = 0.0, pitch_m: float = PITCH_M) -> Rule:
 
 
 def along(theta: Floats, link_m: float) -> Floats:
-    """Return the next handle at the link's length along the spiral, not at its chord."""
+    """Return the next handle one link length along the spiral, instead of one chord away."""
     return inverted(arc_length, arc_length(theta) + link_m * 2 * pi / PITCH_M)
 
 
 def grid(step_rad: float, within_m: float) -> Rule:
     """Return the next handle by steps of the angle: the first whose chord is within a tolerance of the link.
 
-    With a tolerance of 0 it is the first whose chord is not shorter than the link.
+    With a tolerance of 0, it is the first whose chord is at least as long as the link.
     """
     def following(theta: Floats, link_m: float) -> Floats:
         short = chord(within_m)(theta, link_m)
@@ -141,7 +141,7 @@ def grid(step_rad: float, within_m: float) -> Rule:
 
 def links_of(head_m: float = HEAD_LINK_M, body_m: float = BODY_LINK_M, last_m: float | None = None,
              handles: int = HANDLES) -> list[float]:
-    """Return the links of a dragon: the head's, the body's, and the last one, which is like the body's."""
+    """Return the links of a dragon: the head's and the body's; the last link equals the body's."""
     return [head_m, *[body_m] * (handles - 3), body_m if last_m is None else last_m][:handles - 1]
 
 
@@ -177,12 +177,12 @@ def turning() -> Scene:
 
 
 def true_handles_m(times_s: Floats) -> Floats:
-    """Return where all handles of question 1 are, (T, 224, 2)."""
+    """Return the true positions of all handles in question 1, (T, 224, 2)."""
     return states(winding(), times_s.tolist()).p
 
 
 def worst_m(p: Floats) -> float:
-    """Return how far the worst of the handles (224, 2) is off at 300 s."""
+    """Return the largest position error of the handles (224, 2) at 300 s."""
     return float(np.max(np.hypot(*(p - true_handles_m(np.array([300.0]))[0]).T)))
 
 
@@ -194,7 +194,7 @@ def head_mistakes() -> dict[tuple[str, tuple[tuple[str, float], ...]], Head]:
 
 
 def errors_at_300_s() -> Iterator[MistakenAnswer]:
-    """Yield mistakes with the distance by which the worst of 224 handles is off at 300 s."""
+    """Yield mistakes with the largest position error of the 224 handles at 300 s."""
     at, exact = np.array([300.0]), solved(arc_length)
     for (key, parameters), head in head_mistakes().items():
         yield MistakenAnswer(key, dict(parameters), worst_m(placed(head, chord(), at)[0]))
@@ -237,14 +237,14 @@ def rectangles(p: Floats, width_m: float) -> Benches:
 
 
 def head_gap(p: Floats, width_m: float = 0.3) -> float:
-    """Return the smallest gap between the head and the benches behind it that are not its neighbour."""
+    """Return the smallest gap between the head and the benches behind it, without its neighbour."""
     benches = rectangles(p, width_m)
     others = np.arange(2, len(benches.centre))
     return float(np.min(gaps(benches, np.zeros_like(others), others)))
 
 
 def front_gap(p: Floats, width_m: float = 0.3) -> float:
-    """Return how far the head's front corners are outside of these benches; negative is inside."""
+    """Return how far the head's front corners are outside these benches; negative means inside."""
     benches = rectangles(p, width_m)
     seen, axis = benches.corners[0, (0, 3)][:, None] - benches.centre[2:], benches.axis[2:]
     ahead = np.abs(np.sum(seen * axis, axis=-1)) - benches.half_length[2:]
@@ -253,7 +253,7 @@ def front_gap(p: Floats, width_m: float = 0.3) -> float:
 
 
 def first_touch_s(gap: Callable[[float], float], from_s: float = 405.0, to_s: float = 413.5) -> float:
-    """Return the first time at which a gap is not positive, looked for in steps of 0.05 s and then halved."""
+    """Return the first time at which a gap is not positive, by steps of 0.05 s and then bisection."""
     high = next((t_s for t_s in np.arange(from_s, to_s, 0.05).tolist() if gap(t_s) <= 0), inf)
     low = high - 0.05
     while low < (middle := 0.5 * (low + high)) < high:
@@ -262,7 +262,7 @@ def first_touch_s(gap: Callable[[float], float], from_s: float = 405.0, to_s: fl
 
 
 def touch_s(head: Head, rule: Rule, links_m: list[float] | None = None) -> float:
-    """Return the first contact of the head as a recipe has it; infinite without one."""
+    """Return the time of the head's first contact according to a recipe; inf without one."""
     links = links_of(handles=FOLLOWING) if links_m is None else links_m
     times: Floats = np.linspace(405.0, 413.45, 170)
     every = points(placed_angles(head(times), rule, links))
@@ -276,7 +276,7 @@ def touch_s(head: Head, rule: Rule, links_m: list[float] | None = None) -> float
 
 
 def gap_of(dragon: dict[str, float], gap: Gap = head_gap) -> Callable[[float], float]:
-    """Return the gap by time where handles are right, of a dragon that differs from the classic one."""
+    """Return the gap as a function of time, for correct handles of a dragon that differs from the classic one."""
     scene = Scene(dragon=Dragon(FOLLOWING, **dragon))
     return lambda t_s: gap(state(scene, t_s).p, dragon.get('width_m', 0.3))
 
@@ -302,7 +302,7 @@ def contact_times_s() -> Iterator[MistakenAnswer]:
 
 
 def _less(gap: Callable[[float], float], near_m: float) -> Callable[[float], float]:
-    """Return a gap that is smaller by a distance."""
+    """Return the gap function reduced by a distance."""
     return lambda t_s: gap(t_s) - near_m
 
 
@@ -314,7 +314,7 @@ def gap_at(pitch_m: float, radius_m: float, gap: Gap = head_gap) -> float:
 
 
 def radii_m(pitch_m: float, step_s: float) -> Floats:
-    """Return where the head is at each step of time in the last 6 s before the circle."""
+    """Return the head's radius at each time step in the last 6 s before the circle."""
     b = pitch_m / 2 / pi
     theta = np.linspace(RADIUS_M / b, RADIUS_M / b + 2, 20_000)
     gone = b * (arc_length(np.array(START)) - arc_length(theta))
@@ -329,7 +329,7 @@ def sampled_pitch_m(step_s: float) -> float:
 
 
 def least_pitch_m(gap: Callable[[float], float], low_m: float, high_m: float) -> float:
-    """Return the pitch at which a gap changes its sign."""
+    """Return the pitch at which a gap changes sign."""
     while high_m - low_m > 2e-7:
         middle = 0.5 * (low_m + high_m)
         low_m, high_m = (middle, high_m) if gap(middle) <= 0 else (low_m, middle)
@@ -339,7 +339,7 @@ def least_pitch_m(gap: Callable[[float], float], low_m: float, high_m: float) ->
 def pitches_m() -> Iterator[MistakenAnswer]:
     """Yield mistakes with the smallest pitch."""
     yield MistakenAnswer('on_circle', {}, least_pitch_m(lambda p: gap_at(p, RADIUS_M), 0.40, 0.44))
-    way_m = np.linspace(4.621, 4.627, 20).tolist()  # where they come nearest, within half a turn before the circle
+    way_m = np.linspace(4.621, 4.627, 20).tolist()  # where they are closest, within half a turn before the circle
     front_m = least_pitch_m(lambda p: min(gap_at(p, r, front_gap) for r in way_m), 0.4495, 0.4503)
     yield MistakenAnswer('front_corners', {}, front_m)
     for step_s in (1.0, 0.1):
@@ -348,7 +348,7 @@ def pitches_m() -> Iterator[MistakenAnswer]:
 
 # Questions 4 and 5: the turn, and the speeds on it.
 def turn_length_m(gamma: float) -> float:
-    """Return the length of two tangent arcs in the circle, which meet the spirals at an angle with the radius."""
+    """Return the length of two tangent arcs in the circle that meet the spirals at an angle to the radius."""
     return 2 * RADIUS_M * gamma / sin(gamma)
 
 
@@ -362,7 +362,7 @@ def turn_lengths_m() -> Iterator[MistakenAnswer]:
 
 
 def euler_on_turn_m(times_s: Floats, step_s: float) -> Floats:
-    """Return how far the head is from the entry where Euler steps lead outwards on both spirals, from the circle on."""
+    """Return the head's distance from the entry, by Euler steps outwards from the circle on both spirals."""
     track = turning().track
     assert isinstance(track, STurn)
     b_m = track.pitch_m / 2 / pi
@@ -385,7 +385,7 @@ def along_turn(head_m: Floats, links_m: list[float], turn: STurn) -> Floats:
 
 
 class TurnAngle:
-    """The angle along the turn: the polar angle on both spirals and the angle of both arcs, 0 at the entry."""
+    """The angle along the turn, 0 at the entry: the polar angle on both spirals and the angle of both arcs."""
 
     def __init__(self, turn: STurn) -> None:
         """Take the arcs of a turn."""
@@ -406,7 +406,7 @@ class TurnAngle:
 
     def _spiral(self, length: Floats) -> Floats:
         theta = np.sqrt(2 * length)
-        for _ in range(6):      # Newton; from here it converges to the last digits
+        for _ in range(6):      # Newton; from this start it converges to the last digit
             theta = theta - (arc_length(theta) - length) / np.sqrt(1 + theta * theta)
         return theta
 
@@ -427,7 +427,7 @@ def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float,
                  of_angle: bool) -> Floats:
     """Return handles (T, handles, 2) on the turn by steps: the first whose chord is within a tolerance of the link.
 
-    Steps are radians of each piece's own angle, which restart at its ends, or else metres along the curve.
+    Steps are either radians of each piece's own angle, restarting at its ends, or metres along the curve.
     """
     track, angle = track_of(turn), TurnAngle(turn)
     metres = [head_m]
@@ -439,7 +439,7 @@ def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float,
             for joint in joints[::-1]:
                 at = np.where((short < joint) & (joint < at), joint, at)
             stepped = at - np.ceil((at - short) / step - 1e-9) * step
-            for joint in joints:        # a step beyond the end of a piece is to the end, which is far enough
+            for joint in joints:        # a step beyond the end of a piece ends there, which is far enough
                 stepped = np.where((stepped < joint) & (joint <= short), joint, stepped)
             metres.append(angle.metres(stepped))
         else:
@@ -448,7 +448,7 @@ def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float,
 
 
 def _chord_behind(metres: Floats, chord_m: float, track: Track) -> Floats:
-    """Return the distances (T,) behind which chords have a length: Newton, from the length along the curve."""
+    """Return the distances (T,) of points one chord behind, by Newton's method from the length along the curve."""
     here, behind = turn_points(metres, track), metres - chord_m
     for _ in range(_MOST_NEWTON):
         place = track.places_at(behind, np.zeros_like(behind))
@@ -462,7 +462,7 @@ def _chord_behind(metres: Floats, chord_m: float, track: Track) -> Floats:
 
 
 def sampled_speed_m_s(step_s: float) -> float:
-    """Return the head's speed at which no sample of the turn exceeds 2 m/s."""
+    """Return the largest head speed at which no sampled speed on the turn exceeds 2 m/s."""
     times = np.arange(0, 200 + step_s / 2, step_s).tolist()
     velocity = velocity_of(turning(), states(turning(), times), times)
     return 2 / float(np.max(np.hypot(velocity[..., 0], velocity[..., 1])))

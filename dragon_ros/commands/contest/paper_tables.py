@@ -19,12 +19,12 @@ from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 
-_LABEL, _KIND, _CELL = 20, 11, 12       # columns of the text
+_LABEL, _KIND, _CELL = 20, 11, 12       # terminal columns per value
 
 
 @dataclass(frozen=True)
 class PrintedNumber:
-    """One printed number beside its true value; ``printed`` restores the signs lost in print."""
+    """A printed number and its true value; ``printed`` restores the signs lost in print."""
 
     table: int
     handle: int
@@ -95,7 +95,7 @@ def _lines(label: str, row: list[PrintedNumber], lang: str) -> list[str]:
 
 
 def _padded(text_: str, width: int) -> str:
-    """Return a text padded to columns of a terminal, in which a Chinese character takes two."""
+    """Pad a text to terminal columns; a Chinese character takes two."""
     wide = sum(east_asian_width(letter) in 'WF' for letter in text_)
     return text_ + ' ' * (width - len(text_) - wide)
 

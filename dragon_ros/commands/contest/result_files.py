@@ -132,7 +132,7 @@ def _write_csv(folder: Path, name: str, sheet: ResultSheet) -> Path:
 
 
 def _write_xlsx(path: Path, sheets: list[ResultSheet]) -> Path:
-    """Write a workbook with openpyxl, except for the cells, which openpyxl writes twenty times as slowly."""
+    """Write a workbook with openpyxl, except for the cells: openpyxl takes twenty times as long for these."""
     from openpyxl import Workbook
     book, saved = Workbook(), BytesIO()
     book.remove(book.active)
@@ -150,7 +150,7 @@ def _write_xlsx(path: Path, sheets: list[ResultSheet]) -> Path:
 
 
 def _filled(page: str, sheet: ResultSheet, style: int) -> bytes:
-    """Return a sheet's XML with its cells replacing openpyxl's only one (ECMA-376 part 1, 18.3.1.80)."""
+    """Return a sheet's XML with its cells in place of the one that openpyxl wrote (ECMA-376 part 1, 18.3.1.80)."""
     head, rest = page.split('<sheetData>', 1)
     heads = ''.join(f'<c t="inlineStr"><is><t>{escape(name)}</t></is></c>' for name in ('', *sheet.columns))
     lines = [f'<row>{heads.replace(_NO_NAME, "<c/>", 1)}</row>']

@@ -1,4 +1,4 @@
-"""Every text of the paper's tables and of what ``table --contest`` prints, in English and in Chinese."""
+"""All texts of the paper's tables and of ``table --contest``, in English and Chinese."""
 from dragon_ros.cli.language import Words
 
 WORDS: Words = {
