@@ -126,7 +126,7 @@ def test_a_broken_margin_is_said(capsys, tmp_path):
     code, out, _ = run(capsys, '--scene', 'street', '--set', 'dragon.benches=5', '--set', 'venue.margin_m=1',
                        '--output', tmp_path / 'a.geojson')
     assert code == 0
-    assert re.search(r'lamp post: 0\.9\d\d m \(broken\)', out)
+    assert re.search(r'lamp post: 0\.9\d\d m \(too small\)', out)
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [

@@ -1,1 +1,1 @@
-"""``grade``: answers to the contest problem CUMCM 2024 A against the truth, and against remade mistakes."""
+"""``grade``: compare answers to the contest problem CUMCM 2024 A with the truth and with reproduced mistakes."""

@@ -1,4 +1,4 @@
-"""``grade``: results and answers of the contest against the truth, with what they look like."""
+"""``grade``: compare contest results and answers with the truth, and diagnose mistakes."""
 import sys
 from argparse import Namespace
 from functools import partial
@@ -10,14 +10,14 @@ from dragon_ros.cli.language import add_lang_option, language_of
 from dragon_ros.cli.progress import Progress
 from dragon_ros.core.errors import InputError
 
-if TYPE_CHECKING:       # keeps --help free of numpy
+if TYPE_CHECKING:       # imported here so that --help does not load numpy
     from dragon_ros.commands.grade.team import Team, TeamGrade
 
 _ANSWERS = {'t_s': '--t', 'pitch_m': '--pitch', 'turn_m': '--turn', 'speed_m_s': '--speed'}
 
 
 def main(argv: list[str]) -> int:
-    """Grade; return the exit code (1 where a signal ended it early)."""
+    """Grade; return the exit code (1 if a signal ended it early)."""
     options = command_line.parser('grade', 'Grade result1, result2 and result4 of the contest (CUMCM 2024 A), and '
                                   'answers to questions 2 to 5: errors against the truth, and which mistake they look '
                                   'like.',
@@ -60,7 +60,7 @@ def _run(arguments: Namespace) -> int:
 
 
 def _format_of(arguments: Namespace) -> str:
-    """Return the format: as asked, as the suffix of the output says, or text. Raises InputError."""
+    """Return the requested format, by default that of the output's suffix, or text. Raises InputError."""
     suffix = {'.html': 'html', '.htm': 'html', '.json': 'json', '.csv': 'csv', '.txt': 'text'}
     of_output = None if arguments.output is None else suffix.get(arguments.output.suffix.lower())
     if arguments.output is not None and of_output is None and arguments.output.suffix:

@@ -1,8 +1,9 @@
-"""Why a result differs from the truth: units, order and axes first, then mistakes that are remade with their parameter.
+"""Why a result differs from the truth: first units, order and axes, then mistakes reproduced with fitted parameters.
 
-Three stages are looked at one by one: where the head is, how the next handle follows from the one before, and how fast
-they are. What is found at each is put together and remade; the result looks like it only if that explains it: the
-share of the squared error that is gone when the remade result takes the place of the truth.
+Three stages are examined one by one: the head's place, how each handle follows from the previous one, and the speeds.
+The findings of all stages are combined and reproduced. They are reported only if they explain the result: the measure
+is the share of the squared error that vanishes when the result is compared with the reproduced mistakes instead of the
+truth.
 """
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -35,18 +36,18 @@ from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import STurn
 
-EXPLAINED = 0.99        # of the squared error: from here on a result looks like a mistake
-RIGHT = 2e-6            # metres, and metres a second: six decimals, rounded or cut
+EXPLAINED = 0.99        # share of the squared error from which a mistake is reported
+RIGHT = 2e-6            # m and m/s: six decimals, rounded or truncated
 _B_M = PITCH_M / 2 / pi
-_ON_TRACK_M = 0.02      # off the spiral, as a mean square, and still on it
-_MOST_OFF_M = 1.0       # that a chord is off its link where handles go on by steps
-_FRONT = 20             # handles that errors of links have not reached
-_BETTER = 0.2           # of the error that another order or axis must leave at most
+_ON_TRACK_M = 0.02      # rms distance up to which handles count as on the spiral
+_MOST_OFF_M = 1.0       # largest difference between chord and link if handles follow by steps
+_FRONT = 20             # handles near the head, which errors of links hardly move
+_BETTER = 0.2           # another order or axis must reduce the error to this fraction
 _NICE = tuple(m * 10.0 ** -e for e in range(5) for m in (1.0, 0.5, 0.25, 0.2))
 _GRIDS = tuple(sorted((*(m * 10.0 ** -e for e in range(1, 5) for m in (1.0, 0.5, 0.2)), pi / 180, pi / 360, pi / 1800),
                       reverse=True))
 _DIFFERENCES_S = (2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.001)
-_LEAST_STEP_S, _MOST_STEP_S = 0.0004, 30.0      # of Euler steps
+_LEAST_STEP_S, _MOST_STEP_S = 0.0004, 30.0      # limits of Euler steps
 _UNITS = {100.0: 'centimetres', 1000.0: 'millimetres', 0.001: 'kilometres'}
 _AXES = {'': (1, 0, 0, 1), 'mirrored_x': (1, 0, 0, -1), 'mirrored_y': (-1, 0, 0, 1), 'rotated_180': (-1, 0, 0, -1),
          'swapped': (0, 1, 1, 0), 'rotated_90': (0, -1, 1, 0), 'rotated_270': (0, 1, -1, 0),
@@ -54,7 +55,7 @@ _AXES = {'': (1, 0, 0, 1), 'mirrored_x': (1, 0, 0, -1), 'mirrored_y': (-1, 0, 0,
 
 
 class Finding(NamedTuple):
-    """One thing that was found: its key in ``words``, the parameters of its sentence, and the share it explains."""
+    """One finding: its key in ``words``, the parameters of its sentence, and the share that it explains."""
 
     key: str
     parameters: dict[str, object]
@@ -63,9 +64,9 @@ class Finding(NamedTuple):
 
 @dataclass
 class Diagnosis:
-    """What was found about one quantity of a result, and what it looks like once units, order and axes are undone.
+    """The findings about one quantity of a result, and the result after units, order and axes have been corrected.
 
-    ``explains`` is the share of the squared error that all findings together explain, None where nothing is wrong.
+    ``explains`` is the share of the squared error that all findings together explain; None if nothing is wrong.
     """
 
     findings: list[Finding] = field(default_factory=list)
@@ -74,7 +75,7 @@ class Diagnosis:
 
 
 def share(given: Floats, remade: Floats, truth: Floats) -> float:
-    """Return the share of the squared error of given values that remade values explain: at most 1; below 0 if worse."""
+    """Return the share of the squared error that reproduced values explain: at most 1, negative if they fit worse."""
     there = np.isfinite(given) & np.isfinite(truth)
     if not np.isfinite(remade[there]).all():
         return 0.0
@@ -83,7 +84,7 @@ def share(given: Floats, remade: Floats, truth: Floats) -> float:
 
 
 def rounded_to(values: Floats) -> int | None:
-    """Return to how many decimals values are rounded, if these are fewer than six."""
+    """Return the number of decimals of rounded values if it is below six, else None."""
     some = values[np.isfinite(values)]
     for digits in range(6):
         scaled = some * 10.0 ** digits
@@ -97,7 +98,7 @@ def _tolerance(digits: int | None) -> float:
 
 
 def nice(value: float, within: float = 0.03) -> float:
-    """Return the round number that a fitted value is near, or the value."""
+    """Return the round number near a fitted value, or the value itself."""
     near = min(_NICE, key=lambda one: abs(one - value))
     return near if abs(near - value) <= within * near else value
 
@@ -137,7 +138,7 @@ def _worst(given: Floats, right: Floats) -> float:
 
 
 def _few_differ(found: Diagnosis, given: Floats, right: Floats, digits: int | None, times_s: Floats) -> bool:
-    """Say whether all is right, or all but few cells."""
+    """Return whether all cells, or all but a few, are right; complete the diagnosis if so."""
     there = np.isfinite(given) & np.isfinite(right)
     wrong = there & ~(np.abs(given - right) <= (RIGHT if digits is None else RIGHT + 0.501 * 10.0 ** -digits))
     count = int(wrong.sum())
@@ -153,7 +154,7 @@ def _few_differ(found: Diagnosis, given: Floats, right: Floats, digits: int | No
 
 
 def _in_metres(found: Diagnosis, given: Floats, right: Floats) -> Floats:
-    """Return values in metres; say so where they are not."""
+    """Convert values to metres, and report it if they were not."""
     there = np.isfinite(given) & np.isfinite(right)
     ratio = float(np.sqrt(np.sum(np.square(given[there])) / np.sum(np.square(right[there]))))
     for factor, name in _UNITS.items():
@@ -164,7 +165,7 @@ def _in_metres(found: Diagnosis, given: Floats, right: Floats) -> Floats:
 
 
 def _polar(found: Diagnosis, given: Floats, right: Floats) -> bool:
-    """Say whether values are polar coordinates, or angles went through a wrong unit."""
+    """Report whether values are polar coordinates, or angles were used in the wrong unit."""
     radius = np.hypot(right[..., 0], right[..., 1])
     theta = radius / _B_M
     for key, angle in (('radians_as_degrees', np.radians(theta)), ('degrees_as_radians', np.degrees(theta))):
@@ -186,9 +187,9 @@ def _said(found: Diagnosis, key: str, given: Floats, remade: Floats, right: Floa
 
 
 def _in_order(found: Diagnosis, given: Floats, right: Floats) -> Floats:
-    """Return handles in the right order and axes; say so where they were not.
+    """Return handles in the right order and axes, and report it if they were not.
 
-    Orders and axes are compared on the first handles, which errors of links have hardly moved.
+    Orders and axes are compared on the first handles, which errors of links hardly move.
     """
     some = np.unique(np.linspace(0, len(given) - 1, 24).astype(int))
     before = _misfit(given[some], right[some])
@@ -214,13 +215,13 @@ def _in_order(found: Diagnosis, given: Floats, right: Floats) -> Floats:
 
 
 def _matrix(axes: str) -> Floats:
-    """Return what undoes a change of axes, for row vectors."""
+    """Return the matrix that undoes a change of axes, for row vectors."""
     a, b, c, d = _AXES[axes]
     return np.array(((a, b), (c, d)), dtype=np.float64)
 
 
 def _ordered(given: Floats, order: int | None) -> Floats:
-    """Return handles moved by ``order`` places, nan where none come from; None turns them round."""
+    """Return handles shifted by ``order`` places, filled with nan; None reverses their order."""
     if order is None:
         return given[:, ::-1]
     out = np.full_like(given, np.nan)
@@ -232,14 +233,14 @@ def _ordered(given: Floats, order: int | None) -> Floats:
 
 
 def _misfit(given: Floats, right: Floats) -> float:
-    """Return the mean square distance of the front handles, huge where few are there."""
+    """Return the root mean square error of the front handles; huge if too few are given."""
     error = np.square(given[:, :_FRONT] - right[:, :_FRONT])
     there = np.isfinite(error)
     return float(np.sqrt(error[there].mean())) if there.mean() > 0.3 else 1e9
 
 
 def _matched(given: Floats, right: Floats) -> Callable[[Floats], Floats] | None:
-    """Return what sorts rows of x and y that stand in another order, each matched with the nearest right one."""
+    """Return a function that sorts permuted rows of x and y, by matching each with the nearest true row."""
     if len(given) < 4 or not np.isfinite(given).all():
         return None
     rows, wanted = (each.transpose(1, 2, 0).reshape(2 * HANDLES, -1) for each in (given, right))
@@ -259,7 +260,7 @@ def _matched(given: Floats, right: Floats) -> Callable[[Floats], Floats] | None:
 
 
 def _rigid(given: Floats, right: Floats, before: float, otherwise: float) -> tuple[Finding, Floats] | None:
-    """Return the best rigid motion of the front handles and what undoes it, if nothing simpler fits nearly as well."""
+    """Return the best rigid motion of the front handles, and the handles moved back, unless something simpler fits."""
     front, wanted = given[:, :_FRONT].reshape(-1, 2), right[:, :_FRONT].reshape(-1, 2)
     there = np.isfinite(front).all(axis=1) & np.isfinite(wanted).all(axis=1)
     if there.sum() < 8 or before < 10 * RIGHT:
@@ -282,11 +283,11 @@ def _rigid(given: Floats, right: Floats, before: float, otherwise: float) -> tup
 # On the spiral: results 1 and 2.
 class _HeadFit(NamedTuple):
     findings: list[Finding]
-    angles: Floats | None       # as remade; None where nothing explains them
+    angles: Floats | None       # reproduced; None if no mistake explains them
 
 
 def _angles_of(p: Floats) -> tuple[Floats, float]:
-    """Return the polar angles (...) of handles on the spiral, and how far they are off it (mean square, m)."""
+    """Return the polar angles (...) of handles on the spiral, and their rms distance from it in m."""
     radius, angle = np.hypot(p[..., 0], p[..., 1]), np.arctan2(p[..., 1], p[..., 0])
     theta = angle + 2 * pi * np.round((radius / _B_M - angle) / (2 * pi))
     off = (radius - _B_M * theta)[np.isfinite(radius)]
@@ -294,7 +295,7 @@ def _angles_of(p: Floats) -> tuple[Floats, float]:
 
 
 def _wound(result: str, times_s: Floats, given: Floats, right: Floats, digits: int | None) -> Diagnosis:
-    """Return what explains handles on the spiral."""
+    """Return the diagnosis of handles on the spiral."""
     theta, off_m = _angles_of(given)
     noise_m = max(8 * off_m, 2 * _tolerance(digits))
     if result == 'result2':
@@ -331,14 +332,14 @@ def _wound(result: str, times_s: Floats, given: Floats, right: Floats, digits: i
 
 
 def _links_seen(given: Floats, noise_m: float) -> list[Finding]:
-    """Return how far chords are off their links, where that is more than noise."""
+    """Return by how much chords differ from their links, if by more than noise."""
     off = np.hypot(*np.moveaxis(np.diff(given, axis=1), -1, 0)) - links_of()
     low, high = np.nanpercentile(off, (0.5, 99.5)).tolist() if np.isfinite(off).any() else (0.0, 0.0)
     return [Finding('tolerance', {'low': low, 'high': high})] if max(-low, high) > noise_m else []
 
 
 def _unknown(findings: list[Finding], explains: float = 0.0) -> Diagnosis:
-    """Return a diagnosis that says which facts were seen, and that they do not explain the rest."""
+    """Return a diagnosis with the observed facts that says that the rest is unexplained."""
     return Diagnosis([*findings, Finding('unknown', {})], max(explains, 0.0))
 
 
@@ -350,7 +351,7 @@ def _on_other_spiral(head: _HeadFit, pitch_m: float, given: Floats, right: Float
 
 
 def _head_of(times_s: Floats, head: Floats, theta: Floats, right: Floats, noise_m: float) -> _HeadFit:
-    """Return which mistake explains the places of the head (T, 2)."""
+    """Return the mistake that explains the positions of the head (T, 2)."""
     if _worst(head, right) <= noise_m:
         return _HeadFit([], solved(arc_length)(times_s))
     tried = []
@@ -366,12 +367,12 @@ def _head_of(times_s: Floats, head: Floats, theta: Floats, right: Floats, noise_
 
 def _head_candidates(times_s: Floats, head: Floats, theta: Floats,
                      ) -> Iterator[tuple[str, dict[str, object], Floats, float]]:
-    """Yield remade heads: key, parameters, angles (T,), and the pitch. The fewest parameters come first."""
+    """Yield reproduced heads: key, parameters, angles (T,) and pitch, those with the fewest parameters first."""
     exact = solved(arc_length)
     radial_arc = mistakes.solved(mistakes.without_radial)(times_s)
     yield 'radial_arc', {}, radial_arc, PITCH_M
     yield 'bracket_slip', {}, mistakes.bracket_slip()(times_s), PITCH_M
-    late = (arc_length(np.array(START)) - arc_length(theta)) * _B_M - times_s      # seconds, at 1 m/s
+    late = (arc_length(np.array(START)) - arc_length(theta)) * _B_M - times_s      # metres, which at 1 m/s are seconds
     there = np.isfinite(late)
     if not there.any():
         return
@@ -395,13 +396,13 @@ def _head_candidates(times_s: Floats, head: Floats, theta: Floats,
 
 
 def _euler_step(theta: Floats, base: Floats, at_a_tenth: Floats) -> float:
-    """Return the step whose error, in proportion to that of 0.1 s, fits the head's."""
+    """Return the step whose error, scaled from that of 0.1 s, fits the head's error."""
     per_step = (at_a_tenth - base) / 0.1
     return nice(float(np.sum((theta - base) * per_step) / np.sum(np.square(per_step))))
 
 
 def _other_pitch(times_s: Floats, head: Floats) -> Iterator[tuple[str, dict[str, object], Floats, float]]:
-    """Yield the head on a spiral of another pitch, which starts at the same angle."""
+    """Yield the head on a spiral with another pitch that starts at the same angle."""
     if np.max(np.diff(times_s), initial=0.0) > 2 or not np.isfinite(head).all():
         return
     turned = np.unwrap(np.arctan2(head[:, 1], head[:, 0]))
@@ -415,7 +416,7 @@ def _other_pitch(times_s: Floats, head: Floats) -> Iterator[tuple[str, dict[str,
 
 def _link_candidates(theta: Floats, given: Floats, noise_m: float,
                      ) -> Iterator[tuple[Rule, list[float], list[Finding]]]:
-    """Yield how handles may follow each other: a rule, its links, and its name; only what chords and angles allow."""
+    """Yield ways in which handles may follow each other: rule, links and name, if chords and angles permit."""
     exact = links_of()
     off = np.hypot(*np.moveaxis(np.diff(given, axis=1), -1, 0)) - exact
     if not np.isfinite(off).any():
@@ -432,7 +433,7 @@ def _link_candidates(theta: Floats, given: Floats, noise_m: float,
 
 
 def constant_links(off: Floats, noise_m: float) -> tuple[list[float], list[Finding]] | None:
-    """Return the lengths of links (T, 223 errors) if all times have the same, and their name; None if they vary."""
+    """Return link lengths and their name from errors (T, 223) that are the same at all times; None if they vary."""
     head, body, last = (float(np.nanmedian(each)) for each in (off[:, 0], off[:, 1:-1], off[:, -1]))
     middle = np.concatenate(([head], np.full(off.shape[1] - 2, body), [last]))
     if np.nanpercentile(np.abs(off - middle) - np.maximum(noise_m, 0.05 * np.abs(middle)), 98) > 0:
@@ -442,7 +443,7 @@ def constant_links(off: Floats, noise_m: float) -> tuple[list[float], list[Findi
 
 
 def _named_links(head_m: float, body_m: float, last_m: float, noise_m: float) -> Finding:
-    """Return the name of a mistake that gives these lengths of links."""
+    """Return the mistake that results in these link lengths."""
     def are(*wanted: float) -> bool:
         near = max(noise_m, 1e-5)
         return all(abs(one - other) <= near for one, other in zip((head_m, body_m, last_m), wanted, strict=True))
@@ -461,12 +462,12 @@ def _named_links(head_m: float, body_m: float, last_m: float, noise_m: float) ->
 
 def _grid_of(theta: Floats, step: Floats, off: Floats, noise_m: float,
              ) -> tuple[Rule, list[Finding]] | None:
-    """Return the rule of a grid of angles that every handle is on, as seen from the one before."""
+    """Return the rule if every handle is on a grid of angles that starts at the previous handle."""
     grid = _step_of(step, noise_m / float(np.nanmin(theta) * _B_M))
     if grid is None:
         return None
     before = np.hypot(*np.moveaxis(points(theta[:, 1:] - grid) - points(theta[:, :-1]), -1, 0)) - links_of()
-    body = slice(0, -1)         # the paper's last link is another
+    body = slice(0, -1)         # the paper's last link differs
     within = _within_of(off[:, body], before[:, body], noise_m)
     if within is None:
         return None
@@ -474,7 +475,7 @@ def _grid_of(theta: Floats, step: Floats, off: Floats, noise_m: float,
 
 
 def _step_of(step: Floats, blur: float, percent: float = 95.0) -> float | None:
-    """Return the widest usual step of which steps between handles are multiples, to within a blur; None without one."""
+    """Return the largest common step size that divides all steps, to within a blur; None without one."""
     for grid in _GRIDS:
         if blur > 0.2 * grid:
             return None
@@ -485,7 +486,7 @@ def _step_of(step: Floats, blur: float, percent: float = 95.0) -> float | None:
 
 
 def _within_of(off: Floats, before: Floats, noise_m: float) -> float | None:
-    """Return the tolerance that all chords' errors keep and none of those a step before; None without a usual one."""
+    """Return a common tolerance that all chords meet but no chord one step earlier; None without one."""
     lowest, highest = -float(np.nanmin(off)), -float(np.nanmax(before))
     return next((w for w in (0.0, *_NICE) if lowest - noise_m <= w <= highest + noise_m), None)
 
@@ -497,7 +498,7 @@ def _paper_at(times_s: tuple[float, ...]) -> Floats:
 
 
 def _as_paper(times_s: Floats, given: Floats, right: Floats) -> Diagnosis | None:
-    """Return that positions are the paper's own, if they are at some of the times."""
+    """Return the diagnosis that positions are the paper's own, if they are at a sample of times."""
     some = [n for n in np.unique(np.linspace(0, times_s.size - 1, 6).astype(int)).tolist()
             if 0 <= times_s[n] <= 412 and abs(times_s[n] * 100 - round(times_s[n] * 100)) < 1e-9]
     if not some:
@@ -506,9 +507,9 @@ def _as_paper(times_s: Floats, given: Floats, right: Floats) -> Diagnosis | None
     return Diagnosis([Finding('paper', {}, explains)], explains) if explains >= EXPLAINED else None
 
 
-# Result 2: when it is.
+# Result 2: its time.
 def _moment(theta: float, noise_m: float) -> tuple[list[Finding], Floats | None]:
-    """Return at which moment the head is where result 2 has it, and which mistake ends there."""
+    """Return the time at which the head is where result 2 has it, and the mistake that leads to this time."""
     if not np.isfinite(theta):
         return [], None
     t_s = float(arc_length(np.array(START)) - arc_length(np.array(theta))) * _B_M
@@ -524,7 +525,7 @@ def _known_contacts() -> tuple[mistakes.MistakenAnswer, ...]:
 
 
 def contact_findings(t_s: float, near_s: float) -> list[Finding]:
-    """Return which mistakes give a time of the first contact, to ``near_s``: remade, or with their parameter fitted."""
+    """Return the mistakes that lead to a contact time, to ``near_s``: reproduced, or with a fitted parameter."""
     for answer in _known_contacts():
         if answer.key != 'none' and abs(answer.value - t_s) <= near_s:
             return [Finding(answer.key, dict(answer.parameters))]
@@ -544,7 +545,7 @@ def contact_findings(t_s: float, near_s: float) -> list[Finding]:
 
 
 def _contact_of(finding: Finding, theta: float, rule: Rule, links: list[float], noise_m: float) -> Finding:
-    """Return the finding about the moment, if wrong links alone explain it."""
+    """Return the finding about the time of contact if wrong links alone explain it."""
     if finding.key != 'moment':
         return finding
     t_s = mistakes.touch_s(solved(arc_length), rule, links[:mistakes.FOLLOWING - 1])
@@ -554,7 +555,7 @@ def _contact_of(finding: Finding, theta: float, rule: Rule, links: list[float], 
 
 # On the turn: result 4.
 def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: int | None) -> Diagnosis:
-    """Return what explains handles on the turn."""
+    """Return the diagnosis of handles on the turn."""
     noise_m = 2 * _tolerance(digits)
     findings, track, head_m = list[Finding](), None, times_s
     if _worst(given[:, 0], right[:, 0]) > noise_m:
@@ -596,7 +597,7 @@ def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: 
 
 def _turn_links(head_m: Floats, given: Floats, off: Floats, turn: STurn, noise_m: float,
                 ) -> Iterator[tuple[Finding, Floats]]:
-    """Yield how handles may follow each other on the turn: links along it, and steps that every handle is on."""
+    """Yield ways in which handles may follow each other on the turn: links along it, and grids of steps."""
     yield Finding('turn_along', {}), mistakes.along_turn(head_m, links_of(), turn)
     if not np.max(np.abs(off)) < _MOST_OFF_M:
         return
@@ -610,7 +611,7 @@ def _turn_links(head_m: Floats, given: Floats, off: Floats, turn: STurn, noise_m
     one = piece[:, 1:] == piece[:, :-1]
     for of_angle, at, per_unit_m in ((True, angle.of(metres), least_m), (False, metres, 1.0)):
         steps = -np.diff(at, axis=1)
-        steps[~one & of_angle] = np.nan         # steps of angles restart between pieces
+        steps[~one & of_angle] = np.nan         # steps of angles restart at each piece
         step = _step_of(steps, noise_m / per_unit_m, 99.9)
         if step is None:
             continue
@@ -626,7 +627,7 @@ def _turn_links(head_m: Floats, given: Floats, off: Floats, turn: STurn, noise_m
 
 
 def _along_track(given: Floats, head_m: Floats, turn: STurn) -> tuple[Floats, float]:
-    """Return how far from the entry handles (T, N+1) are along the turn, and how far off it (mean square, m)."""
+    """Return the distances (T, N+1) of handles from the entry along the turn, and their rms distance from it (m)."""
     track, metres, aside = track_of(turn), [head_m], [np.zeros_like(head_m)]
     for handle in range(1, given.shape[1]):
         at = metres[-1] - np.hypot(*(given[:, handle] - given[:, handle - 1]).T)
@@ -645,7 +646,7 @@ def _turn_state(times_s: Floats, dragon: Dragon, track: STurn | None, shift_s: f
 
 
 def _turn_euler(times_s: Floats, head: Floats, right: Floats) -> tuple[Finding, Floats] | None:
-    """Return the step of Euler steps that explain where the head is, and how far it then is from the entry."""
+    """Return the Euler step that explains the head's positions, and its distance from the entry with that step."""
     def at(metres: Floats) -> Floats:
         return _turn_state(metres, _ALONE, None, 0.0, 1.0).handles_m[:, 0]
     per_step = (at(mistakes.euler_on_turn_m(times_s, 0.1)) - right) / 0.1
@@ -660,12 +661,12 @@ def _turn_euler(times_s: Floats, head: Floats, right: Floats) -> tuple[Finding, 
 
 _TURN_STARTS: dict[str, tuple[float, ...]] = {'shift': (0.0, 100.0, -100.0), 'speed': (1.0,), 'ratio': (2.0, 1.0, 3.0),
                                               'diameter': (9.0,), 'pitch': (1.7,)}
-_ALONE = Dragon(1, head_length_m=0.65)      # a head alone may turn as tightly as it likes
+_ALONE = Dragon(1, head_length_m=0.65)      # a single head is not limited by the turn's radii
 Turn = tuple[Finding, STurn | None, float, float]
 
 
 def _turn_fit(times_s: Floats, head: Floats, right: Floats) -> Turn | None:
-    """Return the one parameter of the turn, or circle and ratio, that explain where the head is, by least squares."""
+    """Return the parameter of the turn (or circle and ratio) that explains the head's positions, by least squares."""
     some = np.unique(np.linspace(0, times_s.size - 1, 41).astype(int))
     times, wanted = times_s[some], head[some]
     circles_m = _circles_m(times, wanted)
@@ -678,7 +679,7 @@ def _turn_fit(times_s: Floats, head: Floats, right: Floats) -> Turn | None:
             break
         try:
             explains, fitted = _fitted(name, value, circle, times, wanted, right[some])
-        except DragonError:     # no such turn
+        except DragonError:     # such a turn does not exist
             continue
         if explains > best[0] + 1e-6:
             best = explains, name, fitted, circle
@@ -691,7 +692,7 @@ def _turn_fit(times_s: Floats, head: Floats, right: Floats) -> Turn | None:
 
 
 def _before_turn(times_s: Floats, head: Floats, noise_m: float) -> Finding:
-    """Return the circle that the head comes to, if it is right up to there."""
+    """Return the circle that the head approaches, if it is right up to the entry."""
     for circle_m in _circles_m(times_s, head):
         before = times_s < 0
         remade = _turn_state(times_s[before], _ALONE, STurn(diameter_m=circle_m), 0.0, 1.0).handles_m[:, 0]
@@ -701,7 +702,7 @@ def _before_turn(times_s: Floats, head: Floats, noise_m: float) -> Finding:
 
 
 def _turn_of(name: str, value: float, circle_m: float) -> tuple[STurn | None, float, float]:
-    """Return the track, the shift of times, and the speed that a parameter's value means."""
+    """Return track, time shift and speed for a value of a parameter."""
     if name in ('shift', 'speed'):
         return None, value if name == 'shift' else 0.0, value if name == 'speed' else 1.0
     if name == 'both':
@@ -711,7 +712,7 @@ def _turn_of(name: str, value: float, circle_m: float) -> tuple[STurn | None, fl
 
 def _fitted(name: str, value: float, circle_m: float, times: Floats, wanted: Floats, right: Floats,
             ) -> tuple[float, float]:
-    """Return the share that the best value of one parameter explains, and it: Gauss-Newton from a start."""
+    """Fit one parameter by Gauss-Newton; return the share that it explains, and its value."""
     def at(one: float) -> Floats:
         return _turn_state(times, _ALONE, *_turn_of(name, one, circle_m)).handles_m[:, 0]
     here = at(value)
@@ -726,7 +727,7 @@ def _fitted(name: str, value: float, circle_m: float, times: Floats, wanted: Flo
 
 
 def _circles_m(times: Floats, head: Floats) -> tuple[float, ...]:
-    """Return the diameter of the circle that the head enters at 0 s, by where it is on the spiral before."""
+    """Return the diameter of the circle that the head enters at 0 s, from its earlier places on the spiral."""
     before = (times < 0) & np.isfinite(head).all(axis=1)
     if not before.any():
         return ()
@@ -770,7 +771,7 @@ def diagnose_speeds(result: str, times_s: Floats, given: Floats, truth: TrueStat
 
 def _speed_candidates(result: str, times_s: Floats, given: Floats, truth: TrueStates, positions: Diagnosis,
                       ) -> Iterator[tuple[Finding, Floats]]:
-    """Yield remade speeds (T, 224) with their names; the fewest parameters come first."""
+    """Yield reproduced speeds (T, 224) with their names, those with the fewest parameters first."""
     right = truth.speed_m_s
     yield Finding('all_one', {}), np.ones_like(right)
     for order in (1, -1, None):
@@ -783,7 +784,7 @@ def _speed_candidates(result: str, times_s: Floats, given: Floats, truth: TrueSt
 
 
 def _wound_speeds(given: Floats, truth: TrueStates, positions: Diagnosis) -> Iterator[tuple[Finding, Floats]]:
-    """Yield speeds on the spiral: of the given positions, by the inverted ratio, and by the paper's power law."""
+    """Yield speeds on the spiral: for the given positions, by the inverted ratio, and by the paper's power law."""
     places = [(truth.handles_m, '')]
     if positions.undone is not None and positions.findings and np.isfinite(positions.undone).all():
         places.append((positions.undone, '_given'))
@@ -799,7 +800,7 @@ def _wound_speeds(given: Floats, truth: TrueStates, positions: Diagnosis) -> Ite
 
 
 def _by_differences(result: str, times_s: Floats, given: Floats, right: Floats) -> Iterator[tuple[Finding, Floats]]:
-    """Yield speeds by differences of positions, with the step of time fitted."""
+    """Yield speeds by differences of positions, with a fitted time step."""
     if result == 'result2':
         times_s = np.array([contact_s()])
     scene, offset_s = turned_scene() if result == 'result4' else wound_scene()
@@ -818,9 +819,9 @@ def _by_differences(result: str, times_s: Floats, given: Floats, right: Floats) 
             scene, times_s + offset_s, step_s, kind)
 
 
-# Answers in one number.
+# Answers that are a single number.
 def answer_findings(question: str, value: float) -> list[Finding]:
-    """Return which mistakes give an answer of questions 2 to 5, to the digits that tables of them have."""
+    """Return the mistakes that lead to an answer of questions 2 to 5, to the digits of the mistake tables."""
     if question == 't_s':
         return contact_findings(value, 1.5e-6)
     answers, near = _known_answers(question)

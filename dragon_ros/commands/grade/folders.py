@@ -1,4 +1,4 @@
-"""Which workbooks belong to which team, and all teams graded on all cores."""
+"""Assign workbooks to teams, and grade all teams on all cores."""
 import re
 import signal
 from collections.abc import Callable, Iterator
@@ -16,15 +16,15 @@ from dragon_ros.core.limits import GRADED_BOOKS
 _BOOKS = ('.xlsx', '.xlsm', '.xls', '.xlsb', '.xltx')
 _ANSWERS = ('.yaml', '.yml')
 _RESULT = re.compile(r'[\s_\-]*(?:result|结果|附件|res)[\s_\-]*0?[124](?!\d)[\s_\-]*', re.IGNORECASE)
-_AT_ONCE_S = 0.2        # between two looks at whether to stop
-_ALONE = 2              # teams for which starting processes takes longer
+_AT_ONCE_S = 0.2        # time between checks whether to stop
+_ALONE = 2              # with fewer teams, starting processes takes longer than grading
 
 
 def teams_of(paths: list[Path]) -> list[Team]:
     """Return the teams of files and folders.
 
-    Files are one team. In a folder each folder with workbooks is a team; in one folder, names that differ in more than
-    the number of the result are several. Raises InputError, MissingError.
+    Given files form one team. In a given folder each subfolder with workbooks is a team; workbooks in one folder belong
+    to several teams if their names differ in more than the number of the result. Raises InputError or MissingError.
     """
     missing = [path for path in paths if not path.exists()]
     if missing:
@@ -41,7 +41,7 @@ def teams_of(paths: list[Path]) -> list[Team]:
 
 
 def _name_of(files: list[Path]) -> str:
-    """Return the name of a team that gave these files: what their names share, or their folder's."""
+    """Return a team's name: the common part of its files' names, or the name of their folder."""
     shared = _RESULT.sub('', files[0].stem)
     return shared or files[0].resolve().parent.name or 'team'
 
@@ -70,7 +70,7 @@ def _is(name: str, kinds: tuple[str, ...]) -> bool:
 
 
 def _split(name: str, books: list[Path]) -> list[Team]:
-    """Return the team of a folder, or the teams, where what surrounds the number of the result differs."""
+    """Return the teams of a folder; there are several if names differ apart from the number of the result."""
     if not books:
         return [Team(name, [])]
     groups: dict[str, list[Path]] = {}
@@ -83,9 +83,9 @@ def _split(name: str, books: list[Path]) -> list[Team]:
 
 def grade_all(teams: list[Team], stop: Event, done: Callable[[], object],
               ) -> tuple[list[TeamGrade], bool]:
-    """Return the grades of teams in their order, and whether all are there; ``done()`` is called after each.
+    """Return the teams' grades in order, and whether they are complete; ``done()`` is called after each team.
 
-    A signal sets ``stop``: what is under way is ended, and what is done is kept.
+    A signal sets ``stop``: unfinished grades are abandoned, and finished ones are kept.
     """
     grades: dict[int, TeamGrade] = {}
     if len(teams) <= _ALONE:
@@ -100,7 +100,7 @@ def grade_all(teams: list[Team], stop: Event, done: Callable[[], object],
 
 
 def _in_processes(teams: list[Team], grades: dict[int, TeamGrade], stop: Event, done: Callable[[], object]) -> None:
-    """Grade teams on all cores; where a workbook ends a process, teams are tried again, each in one of its own."""
+    """Grade teams on all cores; if a workbook crashes a process, retry each remaining team in its own process."""
     workers = min(len(teams), cpu_count() or 1)
     if _run(teams, list(range(len(teams))), workers, grades, stop, done):
         return
@@ -113,7 +113,7 @@ def _in_processes(teams: list[Team], grades: dict[int, TeamGrade], stop: Event, 
 
 def _run(teams: list[Team], numbers: list[int], workers: int, grades: dict[int, TeamGrade], stop: Event,
          done: Callable[[], object]) -> bool:
-    """Grade some teams; return False where a process has ended."""
+    """Grade some teams; return False if a process has died."""
     with ProcessPoolExecutor(workers, get_context('spawn'), initializer=_ignore_interrupts) as pool:
         waiting: dict[Future[TeamGrade], int] = {pool.submit(grade_team, teams[n]): n for n in numbers}
         while waiting and not stop.is_set():
@@ -129,5 +129,5 @@ def _run(teams: list[Team], numbers: list[int], workers: int, grades: dict[int, 
 
 
 def _ignore_interrupts() -> None:
-    """Leave Ctrl-C to the process that shares the work out."""
+    """Leave Ctrl-C to the parent process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,19 +1,19 @@
-"""The error of a table by handle and time, small enough that a report of many teams stays one file."""
+"""The error of a table by handle and time, small enough for a report of many teams to be one file."""
 from typing import NamedTuple
 
 import numpy as np
 
 from dragon_ros.core.numerics.types import Floats
 
-_MOST_ROWS, _MOST_COLUMNS = 76, 112     # handles up, times across
-LEAST, MOST = -7.0, 1.0                 # decades that are shown
+_MOST_ROWS, _MOST_COLUMNS = 76, 112     # rows (handles) and columns (times)
+LEAST, MOST = -7.0, 1.0                 # decades shown
 _SHADES = 63
 
 
 class Heat(NamedTuple):
-    """The largest error in each place of a grid: shades 1 to 63 by decade, 0 where nothing is given.
+    """The largest error in each cell of a grid: shades 1 to 63 by decade, 0 if nothing is given.
 
-    ``grid`` has a byte a place, row by row from handle 0 on; ``by_handle`` and ``by_time`` are largest errors.
+    ``grid`` has one byte per cell, row by row from handle 0 on; ``by_handle`` and ``by_time`` are largest errors.
     """
 
     rows: int
@@ -26,7 +26,7 @@ class Heat(NamedTuple):
 
 
 def heat_of(times_s: Floats, given: Floats, right: Floats) -> Heat:
-    """Return the picture of given values (T, 224, D) against the right ones."""
+    """Return the heat map of given values (T, 224, D) compared with the true ones."""
     error = np.sqrt(np.sum(np.square(given - right), axis=-1)).T            # handles, times
     known = np.where(np.isfinite(error), error, -1.0)
     pooled = _pooled(_pooled(known, _MOST_ROWS).T, _MOST_COLUMNS).T
@@ -38,6 +38,6 @@ def heat_of(times_s: Floats, given: Floats, right: Floats) -> Heat:
 
 
 def _pooled(values: Floats, most: int) -> Floats:
-    """Return the largest of neighbouring rows, so that there are at most so many."""
+    """Return the maxima of groups of neighbouring rows, at most ``most`` of them."""
     size = -(-len(values) // most)
     return np.maximum.reduceat(values, np.arange(0, len(values), size), axis=0)

@@ -1,7 +1,7 @@
-"""What the cells of a workbook mean: the handle, the quantity and the time of each, by the labels around it.
+"""The meaning of the cells of a workbook: handle, quantity and time of each, by the labels around it.
 
-A label may stand in a row, in a column, in a heading over several columns, or in the name of a sheet, in Chinese or
-English; the contest's own layout is one case, a transposed table, a long table and positions beside speeds are others.
+A label may be in a row, in a column, in a heading over several columns, or in the name of a sheet, in Chinese or
+English. The contest's layout is one case; others are transposed tables, long tables, and positions beside speeds.
 """
 import re
 import unicodedata
@@ -28,17 +28,17 @@ _Y = re.compile(r'纵坐标|縱坐標|(?<![a-z])y(?![a-z])')
 _PLACE = re.compile(r'位置|坐标|position|coordinate|xy')
 _TIME_NAME = re.compile(r'时间|时刻|^time|^t$|^t\s*[\(/]|^t_s$')
 _HANDLE_NAME = re.compile(r'把手|编号|序号|节点|板凳|^handle|^index|^section|^bench|^node|^i$|^no\.?$')
-_FEW = 4                # numbers of a progression
-_MOST_LABELS = 8        # rows and columns before the values
+_FEW = 4                # fewest numbers of a progression
+_MOST_LABELS = 8        # most rows or columns before the values
 
 
 class Label(NamedTuple):
-    """What a label says: each is None where it does not."""
+    """The meaning of a label; None for everything that it does not say."""
 
     handle: int | None = None
     quantity: str | None = None
     t_s: float | None = None
-    number: float | None = None     # a bare number: a time or a handle, as the other labels tell
+    number: float | None = None     # a bare number: a time or a handle, depending on the other labels
 
     def over(self, other: 'Label') -> 'Label':
         """Return this label, completed by another."""
@@ -48,7 +48,7 @@ class Label(NamedTuple):
 
 @dataclass
 class GivenResult:
-    """What workbooks give for one result: times (T,), nan where unlabelled; cells (T, 224, 3) of x, y and speed.
+    """One result in workbooks: times (T,), nan if unlabelled, and cells (T, 224, 3) of x, y and speed.
 
     ``notes`` are keys of ``words`` with the parameters of their sentences.
     """
@@ -58,12 +58,12 @@ class GivenResult:
     notes: list[tuple[str, dict[str, object]]] = field(default_factory=list)
 
     def has(self, quantity: str) -> bool:
-        """Return whether any cell of a quantity is there."""
+        """Return whether any cell of a quantity is given."""
         return bool(np.isfinite(self.cells[..., QUANTITIES.index(quantity)]).any())
 
 
 def given_by(sheets: Iterable[WorkbookSheet], refuse: Callable[[str, dict[str, object]], Exception]) -> GivenResult:
-    """Return what sheets give together. Raises what ``refuse`` makes of a key of ``words``."""
+    """Return the combined result of sheets. Raises the exception that ``refuse`` makes of a key of ``words``."""
     parts: list[tuple[Floats, Floats]] = []
     notes: list[tuple[str, dict[str, object]]] = []
     for sheet in sheets:
@@ -79,7 +79,7 @@ def given_by(sheets: Iterable[WorkbookSheet], refuse: Callable[[str, dict[str, o
 
 
 def _joined(parts: list[tuple[Floats, Floats]], notes: list[tuple[str, dict[str, object]]]) -> GivenResult:
-    """Return the cells of all sheets on all of their times; what a later sheet gives again is left out."""
+    """Return the cells of all sheets at all of their times; repeated cells of later sheets are ignored."""
     times = np.unique(np.concatenate([times for times, _ in parts])) if parts else np.empty(0)
     cells = np.full((times.size, HANDLES, 3), np.nan)
     for own, values in parts:
@@ -90,18 +90,18 @@ def _joined(parts: list[tuple[Floats, Floats]], notes: list[tuple[str, dict[str,
 
 
 class _SheetBlock(NamedTuple):
-    """The values of a sheet (rows, columns), the labels of its rows and columns, and where it begins."""
+    """The values of a sheet (rows, columns), the labels of its rows and columns, and its titles."""
 
     values: Floats
     rows: list[list[Cell]]          # the label cells of each row
     columns: list[list[Cell]]       # the label cells of each column, from the top
-    corner: list[list[Cell]]        # the label cells over each column of labels
+    corner: list[list[Cell]]        # the cells above each column of labels
     text: str                       # titles
-    as_text: bool                   # whether numbers stand there as text
+    as_text: bool                   # whether numbers are stored as text
 
 
 def _block_of(sheet: WorkbookSheet, refuse: Callable[[str, dict[str, object]], Exception]) -> _SheetBlock | None:
-    """Return the values of a sheet and its labels, None where it has none."""
+    """Return the values of a sheet and its labels; None if it has no values."""
     rows = _trimmed(sheet.rows)
     if not rows:
         return None
@@ -131,7 +131,7 @@ def _transposed(rows: list[list[Cell]]) -> list[list[Cell]]:
 
 
 def _carried(lines: list[list[Cell]]) -> list[list[Cell]]:
-    """Return lines of labels in which a heading over several places stands in each; the last line has none."""
+    """Repeat each heading that spans several places in all of them; the last line has no such headings."""
     out = []
     for n, line in enumerate(lines):
         if n < len(lines) - 1:
@@ -143,7 +143,7 @@ def _carried(lines: list[list[Cell]]) -> list[list[Cell]]:
 
 
 def _trimmed(rows: list[list[Cell]]) -> list[list[Cell]]:
-    """Return rows of plain cells, without empty ones at the end and at the start."""
+    """Return rows of plain cells, without empty rows at the start and the end."""
     plain = [[cell if type(cell) is float else _plain(cell) for cell in row] for row in rows]
     full = [n for n, row in enumerate(plain) if any(cell is not None for cell in row)]
     if not full:
@@ -166,7 +166,7 @@ def _plain(cell: object) -> Cell:
 
 
 def _number(cell: Cell) -> float:
-    """Return a cell's number, also where it is a text; nan where it is none."""
+    """Return a cell's number, even if it is stored as text; nan if it is not a number."""
     if isinstance(cell, float):
         return cell
     try:
@@ -176,7 +176,7 @@ def _number(cell: Cell) -> float:
 
 
 def _numbers(rows: list[list[Cell]]) -> tuple[Floats, bool]:
-    """Return cells as numbers, nan where they are none, and whether most of them are texts."""
+    """Return cells as numbers (nan if they are none), and whether most of them are stored as text."""
     as_text = sum(isinstance(cell, str) for row in rows[:20] for cell in row[:20]) > 0
     try:
         values = np.array(rows, dtype=np.float64)
@@ -187,7 +187,7 @@ def _numbers(rows: list[list[Cell]]) -> tuple[Floats, bool]:
 
 
 def _label_rows(rows: list[list[Cell]]) -> int:
-    """Return how many rows of labels are on top."""
+    """Return the number of label rows at the top."""
     for n, row in enumerate(rows[:_MOST_LABELS]):
         behind = [cell for cell in row[1:] if cell is not None]
         numbers = [value for cell in behind if (value := _number(cell)) == value]
@@ -197,7 +197,7 @@ def _label_rows(rows: list[list[Cell]]) -> int:
 
 
 def _label_columns(rows: list[list[Cell]], top: int) -> int:
-    """Return how many columns of labels are on the left."""
+    """Return the number of label columns on the left."""
     width = len(rows[0])
     for n in range(min(width, _MOST_LABELS)):
         cells = [row[n] for row in rows[top:] if row[n] is not None]
@@ -210,7 +210,7 @@ def _label_columns(rows: list[list[Cell]], top: int) -> int:
 
 
 def _is_progression(numbers: list[float]) -> bool:
-    """Return whether numbers increase evenly, or by whole numbers, as times and handles do (each may stand twice)."""
+    """Return whether numbers are evenly spaced or increasing integers, as times and handles are (maybe twice each)."""
     values = np.array(numbers)
     steps = np.diff(values[::2] if values.size > _FEW and values[0] == values[1] else values)
     if values.size < _FEW or np.any(steps <= 0):
@@ -220,7 +220,7 @@ def _is_progression(numbers: list[float]) -> bool:
 
 def _check_merged(sheet: WorkbookSheet, top: int, left: int,
                   refuse: Callable[[str, dict[str, object]], Exception]) -> None:
-    """Refuse merged cells among the values; headings may be merged."""
+    """Reject merged cells among the values; headings may be merged."""
     if not sheet.merged:
         return
     first_row = next((n for n, row in enumerate(sheet.rows) if any(_plain(cell) is not None for cell in row)), 0)
@@ -232,7 +232,7 @@ def _check_merged(sheet: WorkbookSheet, top: int, left: int,
 
 
 def _letters(column: int) -> str:
-    """Return the letters of a column, which counts from 0."""
+    """Return the letters of a column, counted from 0."""
     text, column = '', column + 1
     while column:
         column, rest = divmod(column - 1, 26)
@@ -241,12 +241,12 @@ def _letters(column: int) -> str:
 
 
 def _normal(*cells: Cell) -> str:
-    """Return labels as one text: full-width forms and capitals as plain ones."""
+    """Join labels into one text, with full-width forms and capitals normalised."""
     return ' '.join(unicodedata.normalize('NFKC', str(cell)).strip().lower() for cell in cells if cell is not None)
 
 
 def label_of(cells: Iterable[Cell]) -> Label:
-    """Return what the label cells of a row or a column say together."""
+    """Return the combined meaning of the label cells of a row or a column."""
     label = Label()
     for cell in cells:
         value = _number(cell)
@@ -255,7 +255,7 @@ def label_of(cells: Iterable[Cell]) -> Label:
 
 
 def _parsed(text: str) -> Label:
-    """Return what a text says."""
+    """Return the meaning of a text."""
     quantity = ('v' if _SPEED.search(text) else 'x' if _X.search(text) else 'y' if _Y.search(text) else None)
     time = _TIME.search(text)
     t_s = next((float(one) for one in time.groups() if one is not None), None) if time else None
@@ -276,7 +276,7 @@ def _handle_of(text: str) -> int | None:
 
 
 class _AxisLabels(NamedTuple):
-    """Codes of the labels of rows, or of columns: handles and quantities, ``_NONE`` where unknown, and times."""
+    """Codes of the labels of rows or columns: handles and quantities (``_NONE`` if unknown), and times."""
 
     handle: Ints
     quantity: Ints
@@ -318,7 +318,7 @@ def _handles_on(labels: list[Label]) -> int:
 
 
 def _row_label(cells: list[Cell], keys: list[str]) -> Label:
-    """Return what a row's label cells say; a number under the name of times or handles is one."""
+    """Return the meaning of a row's label cells; a number under a heading for times or handles is one."""
     label = Label()
     for cell, key in zip(cells, keys, strict=True):
         value = _number(cell)
@@ -333,7 +333,7 @@ def _row_label(cells: list[Cell], keys: list[str]) -> Label:
 
 def _context(sheet: WorkbookSheet, block: _SheetBlock, before: list[tuple[Floats, Floats]], rows: list[Label],
              columns: list[Label]) -> int:
-    """Return the code of the quantity of a whole sheet: by its name, its title, or by having one number a handle."""
+    """Return the code of a whole sheet's quantity: by its name, its titles, or its values if positions came before."""
     text = f'{_normal(sheet.name)} {_normal(block.text)}'
     if _SPEED.search(text) and not _PLACE.search(text):
         return 2
@@ -345,7 +345,7 @@ def _context(sheet: WorkbookSheet, block: _SheetBlock, before: list[tuple[Floats
 
 
 def _numbers_told(rows: list[Label], columns: list[Label], keys: list[str]) -> tuple[list[Label], list[Label]]:
-    """Return labels whose bare numbers are times or handles: as a heading or the others say, or how many there are."""
+    """Interpret bare numbers as times or handles: by a heading, the other labels, or how many numbers there are."""
     has_handles = _handles_on(rows) + _handles_on(columns) > 0
     has_times = any(label.t_s is not None for label in (*rows, *columns))
     out = []
@@ -370,7 +370,7 @@ def _told(label: Label, is_time: bool, base: float) -> Label:
 
 
 def _by_shape(block: _SheetBlock, rows: list[Label], columns: list[Label]) -> tuple[list[Label], list[Label], bool]:
-    """Return labels by place where no handle is named: 448 lines are x and y of each, 672 have the speed, too."""
+    """Label unnamed rows or columns by position: 448 are x and y of each handle, 672 also have the speed."""
     if _handles_on(rows) + _handles_on(columns) == 0:
         for number, labels in enumerate((rows, columns)):
             each = {HANDLES: '', 2 * HANDLES: 'xy', 3 * HANDLES: 'xyv'}.get(len(labels))
@@ -383,7 +383,7 @@ def _by_shape(block: _SheetBlock, rows: list[Label], columns: list[Label]) -> tu
 
 
 def _twice(labels: list[Label]) -> list[Label]:
-    """Return labels in which handles that stand twice without a quantity have x first, and then y."""
+    """If every handle appears twice without a quantity, label the first as x and the second as y."""
     handles = [label.handle for label in labels if label.handle is not None]
     if any(label.quantity for label in labels) or len(handles) < 2 or len(handles) != 2 * len(set(handles)):
         return labels
@@ -404,6 +404,6 @@ def _axis(labels: list[Label]) -> _AxisLabels:
 
 
 def _both(rows: Ints, columns: Ints, otherwise: int) -> Ints:
-    """Return the codes (rows, columns) of cells by both labels."""
+    """Return the codes (rows, columns) of cells from the labels of rows and columns."""
     code: Ints = np.where(rows[:, None] != _NONE, rows[:, None], columns[None])
     return np.where(code == _NONE, otherwise, code)

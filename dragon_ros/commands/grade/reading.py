@@ -1,7 +1,7 @@
-"""Workbooks from outside as rows of cells, within budgets (``core.limits``); nothing in them is executed.
+"""Read untrusted workbooks as rows of cells, within budgets (``core.limits``); nothing in them is executed.
 
-Only the parts that hold cells are unpacked, into a plain archive that the reader gets: python-calamine where it is
-installed, openpyxl elsewhere (some six times as long). All else in a workbook is never looked into.
+Only the parts with cells are unpacked, into a plain archive for the reader: python-calamine if it is installed,
+otherwise openpyxl, which takes about six times as long. Nothing else in a workbook is opened.
 """
 import re
 import struct
@@ -33,7 +33,7 @@ _NEEDED = re.compile(r'\[content_types\]\.xml|_rels/\.rels|xl/workbook\.xml|xl/_
                      r'xl/sharedstrings\.xml|xl/styles\.xml|xl/worksheets/[^/]*\.xml', re.IGNORECASE)
 _PLACE = re.compile(rb'\sr\s*=\s*["\']([A-Za-z]{0,4})(\d{1,9})["\']')
 _LINE = re.compile(rb"\s[^>]*?\br\s*=\s*[\"'](\d{1,9})[\"']")
-_FAR = re.compile(rb'\sr="[A-Za-z]{3}|\sr=\'|\sr\s+=|\sr=\s')    # columns from AAA on, and other ways to write places
+_FAR = re.compile(rb'\sr="[A-Za-z]{3}|\sr=\'|\sr\s+=|\sr=\s')    # columns from AAA on, and other notations for places
 _TWO_LETTERS = 26 * 27                                   # columns up to ZZ
 _PREFIX = re.compile(rb'<([\w.-]+:)?worksheet[\s>]')
 _MERGED = re.compile(rb'<(?:[\w.-]+:)?mergeCell\s[^>]*ref\s*=\s*["\']([A-Z]+)(\d+):([A-Z]+)(\d+)["\']')
@@ -55,7 +55,7 @@ class WorkbookSheet(NamedTuple):
 
 
 def read_book(path: Path) -> list[WorkbookSheet]:
-    """Return the sheets of an XLSX workbook. Raises InputError in one line for whatever is not one, or too large."""
+    """Return the sheets of an XLSX workbook. Raises InputError in one line if it is invalid or too large."""
     data = _bytes_of(path)
     try:
         parts = _parts(path, data)
@@ -77,7 +77,7 @@ def read_book(path: Path) -> list[WorkbookSheet]:
 
 
 def _bytes_of(path: Path) -> bytes:
-    """Return a file's bytes. Raises MissingError, and InputError for what is no XLSX at first sight."""
+    """Return a file's bytes. Raises MissingError, and InputError if the file is obviously not XLSX."""
     try:
         with path.open('rb') as file:
             data = file.read(BOOK_BYTES + 1)
@@ -98,7 +98,7 @@ def _bytes_of(path: Path) -> bytes:
 
 
 def _parts(path: Path, data: bytes) -> dict[str, bytes]:
-    """Return what is needed of the archive, unpacked within the budget. Raises InputError, or what zipfile raises."""
+    """Return the needed parts of the archive, unpacked within the budget. Raises InputError or zipfile's errors."""
     with zipfile.ZipFile(BytesIO(data)) as book:
         entries = book.infolist()
         if len(entries) > BOOK_PARTS:
@@ -120,7 +120,7 @@ def _parts(path: Path, data: bytes) -> dict[str, bytes]:
 
 
 def _unpacked(path: Path, book: zipfile.ZipFile, needed: list[zipfile.ZipInfo]) -> Iterator[tuple[str, bytes]]:
-    """Yield parts with their bytes, whatever sizes they claim to have."""
+    """Yield parts with their bytes, regardless of the sizes that they claim."""
     room = BOOK_UNPACKED_BYTES
     for entry in needed:
         pieces = []
@@ -137,9 +137,9 @@ def _unpacked(path: Path, book: zipfile.ZipFile, needed: list[zipfile.ZipInfo]) 
 
 
 def _checked(path: Path, name: str, part: bytes) -> tuple[tuple[int, int, int, int], ...]:
-    """Return the merged ranges of a sheet. Raises InputError where it is too large, or holds formulas without values.
+    """Return the merged ranges of a sheet. Raises InputError if it is too large, or has formulas without values.
 
-    A reader makes a full rectangle of rows and columns, so their product has a budget.
+    A reader allocates a full rectangle of rows and columns, so their product has a budget.
     """
     rows, columns = _extent(part)
     for what, size, most in (('rows', rows, BOOK_ROWS), ('columns', columns, BOOK_COLUMNS),
@@ -156,22 +156,22 @@ def _checked(path: Path, name: str, part: bytes) -> tuple[tuple[int, int, int, i
 
 
 def _extent(part: bytes) -> tuple[int, int]:
-    """Return a bound of a sheet's rows and columns: a quick one where that is within the budgets."""
+    """Return a bound on a sheet's rows and columns; a quick one if that is within the budgets."""
     found = _PREFIX.search(part)
     prefix = b'<' + ((found[1] or b'') if found else b'')
     part = part[max(part.find(b'sheetData'), 0):]
     lines = part.split(prefix + b'row')
-    counts = [line.count(prefix + b'c') for line in lines]      # of cells, and what else begins with that letter
+    counts = [line.count(prefix + b'c') for line in lines]      # cells, and other elements that begin with that letter
     rows = max((int(found[1]) for line in lines if (found := _LINE.match(line))), default=0)
     named = part.count(b' r="')
-    if not _FAR.search(part) and (named <= len(lines) or named >= sum(counts)):    # no cell names its place, or each
+    if not _FAR.search(part) and (named <= len(lines) or named >= sum(counts)):    # no cell names its place, or all do
         rows, columns = max(rows, len(lines)), max(counts) if named <= len(lines) else max(_TWO_LETTERS, *counts)
         if rows * columns <= BOOK_CELLS:
             return rows, columns
     places = set(_PLACE.findall(part))
     rows = max(rows, max((int(row) for _, row in places), default=0))
     columns = max(map(_column, {letters for letters, _ in places if letters}), default=0)
-    if sum(1 for letters, _ in places if letters) < sum(counts):    # some stand where their order puts them
+    if sum(1 for letters, _ in places if letters) < sum(counts):    # some cells are placed by their order
         rows, columns = rows + len(lines) - 1, columns + max(counts)
     return rows, columns
 
@@ -185,7 +185,7 @@ def _column(letters: bytes) -> int:
 
 
 def _plain(parts: dict[str, bytes]) -> BytesIO:
-    """Return an archive of these parts, not compressed."""
+    """Return an uncompressed archive of these parts."""
     out = BytesIO()
     with zipfile.ZipFile(out, 'w') as plain:
         for name, part in parts.items():
@@ -207,7 +207,7 @@ def _files_of_sheets(parts: dict[str, bytes]) -> dict[str, str]:
 
 
 def _read(path: Path, plain: BytesIO) -> list[tuple[str, list[list[Cell]]]]:
-    """Return names and rows of the sheets by the fastest reader there is. Raises InputError where it cannot read."""
+    """Return names and rows of the sheets with the fastest installed reader. Raises InputError if it fails."""
     try:
         return _by_calamine(plain) if find_spec('python_calamine') else _by_openpyxl(path, plain)
     except (InputError, KeyboardInterrupt, SystemExit, MemoryError):
@@ -245,6 +245,6 @@ def _by_openpyxl(path: Path, plain: BytesIO) -> list[tuple[str, list[list[Cell]]
 
 
 def _said(error: BaseException) -> str:
-    """Return what an error says, on one short line."""
+    """Return an error's message on one short line."""
     text = ' '.join(str(error).split())
     return text[:100] or type(error).__name__

@@ -1,6 +1,7 @@
-"""The report as one self-contained page: a row a team, a page a team, pictures of the errors; light and dark.
+"""The report as one self-contained page: a row and a page for each team, pictures of the errors; light and dark.
 
-It has no script and loads nothing; its policy forbids both. A team's page is shown by its address (``:target``).
+It has no script and loads nothing; its content policy forbids both. A team's page is selected by the address
+(``:target``).
 """
 from base64 import b64encode
 from collections.abc import Iterable, Iterator
@@ -17,15 +18,15 @@ from dragon_ros.commands.grade.truth import RESULTS
 from dragon_ros.commands.grade.words import sentence
 from dragon_ros.version import __version__
 
-# Anchors of viridis by Smith and van der Walt (CC0), which is even in lightness and safe for the colour-blind.
+# Anchors of viridis by Smith and van der Walt (CC0), which has even lightness and is safe for colour-blind people.
 _VIRIDIS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))
-_WIDE, _HIGH = 448, 304         # of a picture of errors, in its own units
+_WIDE, _HIGH = 448, 304         # size of a picture of errors, in its own units
 _LINE_HIGH = 110
 _STYLE = Path(__file__).with_name('report.css')
 
 
 def page(teams: list[TeamGrade], whole: int, lang: str) -> str:
-    """Return the page of all teams; ``whole`` is how many there would be without an interruption."""
+    """Return the page of all teams; ``whole`` is the number of teams without an interruption."""
     many = len(teams) != 1
     policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
     title = _said('title', lang)
@@ -71,7 +72,7 @@ def _overview(teams: list[TeamGrade], lang: str) -> Iterator[str]:
 
 
 def _pill_of(one: SheetGrade | None, lang: str) -> str:
-    """Return the verdict of a sheet with its worst error and what it looks like."""
+    """Return the verdict on a sheet with its worst error and its diagnosis."""
     if one is None or one.worst is None:
         return _pill('missing', lang)
     why = looks_like(one, lang)
@@ -80,7 +81,7 @@ def _pill_of(one: SheetGrade | None, lang: str) -> str:
 
 
 def _cell(head: str, content: str, kind: str = '') -> str:
-    """Return a cell; on a narrow screen it shows the head of its column, which is escaped."""
+    """Return a cell; on a narrow screen it shows the (escaped) head of its column."""
     return f'<td{kind} data-head="{head}">{content}</td>'
 
 
@@ -162,7 +163,7 @@ def _answers(answers: Iterable[AnswerGrade], lang: str) -> Iterator[str]:
 
 # Pictures.
 def _picture(one: SheetGrade, lang: str) -> Iterator[str]:
-    """Yield the error by handle and time as colours by decade, and the largest along the dragon and over time."""
+    """Yield the error by handle and time, coloured by decade, and the largest errors along the dragon and over time."""
     heat = one.heat
     assert heat is not None
     many_times = len(heat.by_time) > 1
@@ -216,7 +217,7 @@ def _curve(values: tuple[float, ...], first: float, last: float, across: str, up
 
 
 def _png(heat: Heat) -> bytes:
-    """Return the colours of a picture, handle 0 at the bottom; what is not given is clear."""
+    """Return the colours of a picture, with handle 0 at the bottom; missing cells are transparent."""
     from PIL import Image
     image = Image.frombytes('P', (heat.columns, heat.rows), heat.grid).transpose(Image.Transpose.FLIP_TOP_BOTTOM)
     shades = [(0, 0, 0), *(_shade(n / 62) for n in range(63))]

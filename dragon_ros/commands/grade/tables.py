@@ -1,4 +1,4 @@
-"""Grades as text, CSV and JSON; the latter two are described in ``docs/grading.md`` and stay as they are."""
+"""Grades as text, CSV and JSON; the formats of the latter two are stable and described in ``docs/grading.md``."""
 import json
 from collections.abc import Iterable
 from typing import Any
@@ -9,7 +9,7 @@ from dragon_ros.commands.grade.team import BOUNDS, QUESTIONS, SHEETS, AnswerGrad
 from dragon_ros.commands.grade.truth import RESULTS
 from dragon_ros.commands.grade.words import handle_name, sentence
 
-FORMAT = 1      # of JSON and CSV
+FORMAT = 1      # version of the JSON and CSV formats
 
 
 def json_text(teams: list[TeamGrade]) -> str:
@@ -67,7 +67,7 @@ def _row(team: TeamGrade) -> Iterable[object]:
 
 
 def _harmless(text: str) -> str:
-    """Return a text that a spreadsheet does not take for a formula."""
+    """Return a text that a spreadsheet does not mistake for a formula."""
     return f"'{text}" if text.startswith(('=', '+', '-', '@', '\t', '\r')) else text
 
 
@@ -82,7 +82,7 @@ def keys_of(findings: Iterable[Finding]) -> str:
 
 
 def looks_like(one: SheetGrade | AnswerGrade, lang: str) -> str:
-    """Return the diagnosis as a sentence: what it looks like and how much that explains, or what is seen."""
+    """Return the diagnosis as a sentence: the mistake and how much it explains, or the observed facts."""
     if not one.findings:
         return ''
     explains = one.explains if isinstance(one, SheetGrade) else None
@@ -97,14 +97,14 @@ def looks_like(one: SheetGrade | AnswerGrade, lang: str) -> str:
 
 
 def place_of(one: SheetGrade, lang: str) -> str:
-    """Return where the worst error is, as a text."""
+    """Return the place of the worst error as text."""
     if one.handle is None or one.t_s is None:
         return ''
     return sentence('at_time', {'handle': handle_name(one.handle, lang), 't': one.t_s}, lang)
 
 
 def text_of(teams: list[TeamGrade], lang: str) -> str:
-    """Return the grades for a person to read in a terminal."""
+    """Return the grades as text for a terminal."""
     return '\n\n'.join('\n'.join(_lines(team, lang)) for team in teams)
 
 

@@ -1,4 +1,4 @@
-"""One team: its workbooks and answers against the truth, as plain values that can be sent between processes."""
+"""Grade one team: compare its workbooks and answers with the truth, as plain values that processes can exchange."""
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -27,20 +27,20 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.spec import STurn
 from dragon_ros.scenes.yaml import plain_number, read_document
 
-BOUNDS = (1e-6, 1e-4, 1e-2)     # of which the share of cells is told
+BOUNDS = (1e-6, 1e-4, 1e-2)     # error bounds for which the share of cells is reported
 QUESTIONS = ('t_s', 'pitch_m', 'turn_m', 'speed_m_s')
 SHEETS = ('positions', 'speeds')
 _TIMES = {'result1': 301, 'result2': 1, 'result4': 201}
-_LEAST_DECIMALS = {'t_s': 2}    # of an answer that counts as right; four of the others
+_LEAST_DECIMALS = {'t_s': 2}    # decimals of an answer that counts as right; four for the others
 _NAMED = re.compile(r'(?:result|结果|附件|res)[\s_\-]*0?([124])(?!\d)', re.IGNORECASE)
-_HALF_ULP = 0.5000001           # a difference of six decimals is not exact
+_HALF_ULP = 0.5000001           # differences of numbers with six decimals are not exact
 
 
 @dataclass(frozen=True)
 class SheetGrade:
-    """One quantity of one result: cells against the truth, in m or m/s, and what explains the difference.
+    """The grade of one quantity of a result: errors in m or m/s, and what explains them.
 
-    ``worst`` and its place are None where nothing is given; ``within`` has the shares of the cells by ``BOUNDS``.
+    ``worst`` and its place are None if nothing is given; ``within`` has the shares of cells within each of ``BOUNDS``.
     """
 
     result: str
@@ -67,7 +67,7 @@ class SheetGrade:
 
 @dataclass(frozen=True)
 class AnswerGrade:
-    """An answer of questions 2 to 5 in one number."""
+    """The grade of a single-number answer to questions 2 to 5."""
 
     question: str
     given: float
@@ -77,13 +77,13 @@ class AnswerGrade:
 
     @property
     def error(self) -> float:
-        """Given minus right."""
+        """The given answer minus the right one."""
         return self.given - self.truth
 
 
 @dataclass(frozen=True)
 class TeamGrade:
-    """All of a team. ``notes`` are keys of ``words`` with parameters, ``problems`` lines about what was refused."""
+    """A team's grades. ``notes`` are keys of ``words`` with parameters; ``problems`` are lines about rejected input."""
 
     name: str
     files: tuple[str, ...]
@@ -95,7 +95,7 @@ class TeamGrade:
 
 @dataclass
 class Team:
-    """What is graded: a name, workbooks, and answers in one number by question."""
+    """A team to grade: name, workbooks, and single-number answers by question."""
 
     name: str
     files: list[Path]
@@ -104,7 +104,7 @@ class Team:
 
 
 def grade_team(team: Team) -> TeamGrade:
-    """Return the grade of a team; whatever cannot be read is one line of its problems."""
+    """Return the grade of a team; anything that cannot be read becomes one line of its problems."""
     problems: list[str] = []
     notes: list[tuple[str, dict[str, object]]] = []
     given: dict[str, GivenResult] = {}
@@ -126,7 +126,7 @@ def grade_team(team: Team) -> TeamGrade:
 
 
 def _take(path: Path, given: dict[str, GivenResult], notes: list[tuple[str, dict[str, object]]]) -> None:
-    """Add what a workbook gives. Raises InputError."""
+    """Add the contents of a workbook. Raises InputError."""
     def refuse(key: str, parameters: dict[str, object]) -> InputError:
         return InputError(f'{path}: {sentence(key, parameters)}')
     found = given_by(read_book(path), refuse)
@@ -144,7 +144,7 @@ def _take(path: Path, given: dict[str, GivenResult], notes: list[tuple[str, dict
 
 
 def _by_result(found: GivenResult, named: str | None) -> list[tuple[str, GivenResult]]:
-    """Return what a workbook holds by result: cells without a time are those of the contact."""
+    """Return a workbook's contents by result; cells without a time belong to the contact."""
     untimed = np.isnan(found.times_s)
     out = [('result2', GivenResult(found.times_s[untimed], found.cells[untimed]))] if untimed.any() else []
     timed = GivenResult(found.times_s[~untimed], found.cells[~untimed])
@@ -182,7 +182,7 @@ def _grade(result: str, sheet: str, times_s: Floats, given: Floats, right: Float
                       tuple(why.findings), why.explains, heat_of(times_s, given, right))
 
 
-# Answers in one number.
+# Answers that are a single number.
 def answers_of(path: Path) -> dict[str, float]:
     """Return the answers in a YAML file by question. Raises InputError with file, line and key."""
     document = read_document(path)
@@ -208,7 +208,7 @@ def _checked(field_name: str, value: object) -> float:
 
 
 def answer_grade(question: str, given: float) -> AnswerGrade:
-    """Return the grade of an answer: right to its own decimals, if these are enough."""
+    """Return the grade of an answer, which is right if all its decimals are and there are enough of them."""
     truth = truth_of(question)
     decimals = len(repr(given).partition('.')[2].rstrip('0')) if 'e' not in repr(given) else 9
     error = abs(given - truth)
@@ -220,7 +220,7 @@ def answer_grade(question: str, given: float) -> AnswerGrade:
 
 @cache
 def truth_of(question: str) -> float:
-    """Return the right answer of a question in one number."""
+    """Return the right answer to a question with a single number."""
     from dragon_ros.core.chain.dragon import Dragon
     if question == 't_s':
         return contact_s()

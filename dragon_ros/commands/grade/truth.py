@@ -1,4 +1,4 @@
-"""What is right: the contest's results at any time, and the answers to its questions."""
+"""The true results of the contest at any time, and the true answers to its questions."""
 from dataclasses import replace
 from functools import cache
 from math import pi
@@ -17,13 +17,13 @@ from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.tracks.spec import Spiral, STurn
 
 RESULTS = ('result1', 'result2', 'result4')
-_MORE_TURNS = 2                 # before the start, for answers that are late
-_BEFORE_S = 300.0               # the turn, likewise
+_MORE_TURNS = 2                 # before the start, for results with late times
+_BEFORE_S = 300.0               # the same for the turn
 _LATEST_S = 1000.0
 
 
 class TrueStates(NamedTuple):
-    """Handles (T, 224, 2) in m and speeds (T, 224) in m/s; nan where there is no state."""
+    """Handles (T, 224, 2) in m and speeds (T, 224) in m/s; nan if there is no state."""
 
     handles_m: Floats
     speed_m_s: Floats
@@ -38,7 +38,7 @@ def contact_s() -> float:
 
 
 def wound_scene(dragon: Dragon | None = None, pitch_m: float = Spiral.pitch_m) -> tuple[Scene, float]:
-    """Return the dragon that winds in, from two turns before its start on, and when it is at the start."""
+    """Return the dragon that winds in, from two turns before its start on, and the time at which it is at the start."""
     b_m = pitch_m / 2 / pi
     ahead = np.array((START + 2 * pi * _MORE_TURNS, START))
     longer, start = arc_length(ahead).tolist()
@@ -74,6 +74,6 @@ def _scene_of(result: str) -> tuple[Scene, float]:
 
 
 def truth_at(result: str, times_s: Floats) -> TrueStates:
-    """Return the right state of a result at its times; result2 has the time of the contact."""
+    """Return the true states of a result at its times; those of result2 at the contact."""
     scene, offset_s = _scene_of(result)
     return state_at(scene, (np.full(times_s.size, contact_s()) if result == 'result2' else times_s) + offset_s)

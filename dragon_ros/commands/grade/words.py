@@ -1,6 +1,6 @@
-"""Every sentence of ``grade``, in English and in Chinese, the latter in the contest's own terms.
+"""All sentences of ``grade``, in English and Chinese; the Chinese ones use the contest's terms.
 
-A key has the same parameters in both; ``test/commands/test_grade_words.py`` holds that, and that none is missing.
+A key has the same parameters in both languages, and none is missing (``test/commands/test_grade_words.py``).
 """
 from collections.abc import Mapping
 
@@ -8,7 +8,7 @@ from dragon_ros.cli.language import Words, say
 
 # key: (English, Chinese)
 WORDS: Words = {
-    # Remade mistakes
+    # Reproduced mistakes
     'none': ('none', '无'),
     'radial_arc': ('S = rho theta / 2 for the arc length, without its radial part', '弧长取 S = ρθ/2，漏掉径向分量'),
     'bracket_slip': ('ln(theta + sqrt(theta^2) + 1) for asinh(theta) at the start: a bracket in the wrong place',
@@ -33,9 +33,9 @@ WORDS: Words = {
                   '弦长与孔距相差 {low:.3g} 至 {high:.3g} m：容差或步长过大'),
     'body_link_for_head': ("the body's link of 1.65 m for the head, too", '龙头也用了龙身的孔距 1.65 m'),
     'head_link_for_body': ("the head's link of 2.86 m for the body, too", '龙身也用了龙头的孔距 2.86 m'),
-    'whole_benches': ('links as long as the benches (3.41 m and 2.20 m), not as their holes are apart',
+    'whole_benches': ('links as long as the benches (3.41 m and 2.20 m) instead of the distance between holes',
                       '把手间距取板长（3.41 m 与 2.20 m），而不是孔距'),
-    'one_hole': ('links a hole inset of 0.275 m too long (3.135 m and 1.925 m)',
+    'one_hole': ('links too long by one hole inset of 0.275 m (3.135 m and 1.925 m)',
                  '孔距只减去一端的 0.275 m（3.135 m 与 1.925 m）'),
     'swapped_links': ('the links of head and body swapped', '龙头与龙身的孔距互换'),
     'last_link': ("the head's link of 2.86 m for the last bench", '最后一节板凳用了龙头的孔距 2.86 m'),
@@ -67,7 +67,7 @@ WORDS: Words = {
     'turn_pitch': ('a pitch of {pitch:.6g} m, not 1.7 m', '螺距取 {pitch:.6g} m，而不是 1.7 m'),
     'all_one': ('all speeds are 1 m/s', '所有速度都取 1 m/s'),
     'differences': ('{kind} differences of positions over {step:g} s', '速度用位置差分（{kind}，步长 {step:g} s）'),
-    'speeds_of_given': ('right for the positions that are given', '与所给位置一致'),
+    'speeds_of_given': ('consistent with the given positions', '与所给位置一致'),
     'inverted': ('the ratio of the cosines inverted', '速度投影的余弦比写反'),
     'power_law': ("the paper's power law, (rho / rho')^0.02", '论文的幂律 (ρ/ρ′)^0.02'),
     'rigid_turn': ('one angular speed for all handles', '所有把手取同一角速度'),
@@ -76,7 +76,7 @@ WORDS: Words = {
     'moment_of_links': ('this is the state at {t:.6f} s, when benches touch with these links',
                         '这是 {t:.6f} s 时的状态，即按上述孔距首次碰撞的时刻'),
     'looked': ('positions are checked every {step:g} s', '每隔 {step:g} s 检查一次位置'),
-    'looked_before': ('the last of steps of {step:g} s before the contact', '碰撞前的最后一个 {step:g} s 整步'),
+    'looked_before': ('the last multiple of {step:g} s before the contact', '碰撞前的最后一个 {step:g} s 整步'),
     'near_counts': ('a gap below {near_mm:g} mm counts as contact', '间隙小于 {near_mm:g} mm 即视为碰撞'),
     'paper_contact': ("the paper's own answer", '论文自身的答案'),
     'on_circle': ('only the state on the circle is checked', '只检查龙头到达调头空间边界时的状态'),
@@ -85,8 +85,8 @@ WORDS: Words = {
                      '每隔 {step:g} s 检查一次位置，螺距步长 0.00001 m'),
     'half_turns': ('arcs of half a turn, as if the spirals were tangent to the circle',
                    '两段圆弧都取半圆，如同螺线与边界相切'),
-    'angle_for_slope': ("the tangent's angle is taken for its slope", '把切线的角度当成斜率'),
-    'angle_and_radii': ("the tangent's angle is taken for its slope, and the radii are taken to add up to 4.5 m",
+    'angle_for_slope': ("the tangent's angle is mistaken for its slope", '把切线的角度当成斜率'),
+    'angle_and_radii': ("the tangent's angle is mistaken for its slope, and the radii are taken to add up to 4.5 m",
                         '把切线的角度当成斜率，且认为两半径之和为 4.5 m'),
     'speed_looked': ('speeds are checked every {step:g} s', '每隔 {step:g} s 检查一次速度'),
     # Units, order, axes
@@ -97,8 +97,8 @@ WORDS: Words = {
     'millimetres': ('in millimetres, not metres', '单位是毫米，而不是米'),
     'kilometres': ('in kilometres, not metres', '单位是千米，而不是米'),
     'negative': ('with the wrong sign', '符号相反'),
-    'radians_as_degrees': ('angles in radians taken for degrees in cos and sin', 'cos、sin 中把弧度当成度'),
-    'degrees_as_radians': ('angles in degrees taken for radians in cos and sin', 'cos、sin 中把度当成弧度'),
+    'radians_as_degrees': ('angles in radians used as degrees in cos and sin', 'cos、sin 中把弧度当成度'),
+    'degrees_as_radians': ('angles in degrees used as radians in cos and sin', 'cos、sin 中把度当成弧度'),
     'polar': ('polar coordinates (radius, angle in radians) instead of x and y',
               '给出的是极坐标（半径、弧度），而不是 x、y'),
     'polar_degrees': ('polar coordinates (radius, angle in degrees) instead of x and y',
@@ -117,7 +117,7 @@ WORDS: Words = {
     'rows_reversed': ('handles in reverse order', '把手顺序颠倒'),
     'handles_shifted': ('rows are shifted: each has the handle {by} further back', '每行错位：实为其后第 {by} 个把手'),
     'rows_mixed': ('rows in another order than their names', '行的顺序与名称不符'),
-    # What is seen without being explained
+    # Observed facts without an explanation
     'off_track': ('handles are {off:.3g} m off the spiral (mean square)', '把手偏离螺线 {off:.3g} m（均方根）'),
     'head_unknown': ('the motion of the head fits no known mistake', '龙头前把手的运动不符合任何已知错误'),
     'unknown': ('unknown', '原因不明'),
@@ -180,7 +180,7 @@ WORDS: Words = {
     'interrupted': ('interrupted: {done} of {whole} teams are graded', '已中断：{whole} 支队伍中评了 {done} 支'),
     'forward': ('forward', '前向'), 'backward': ('backward', '后向'), 'central': ('central', '中心'),
 }
-_NAMES = ('kind', 'quantity')       # parameters that are keys themselves
+_NAMES = ('kind', 'quantity')       # parameters that are keys
 
 
 def sentence(key: str, parameters: Mapping[str, object] | None = None, lang: str = 'en') -> str:

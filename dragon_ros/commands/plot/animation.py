@@ -30,14 +30,14 @@ from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.version import __version__
 
 MOST_FRAMES = 3000
-_INCHES = 4.6               # of the longer side of the axes
+_INCHES = 4.6               # length of the longer side of the axes
 _SAMPLES = 24               # moments that determine the window
 _HAIR_S = 1e-9
-_FILM_IN = 7.2             # the height of a film in inches, whatever its pixels: text has the same share of all
+_FILM_IN = 7.2             # height of a film in inches, for any size in pixels, so that text has the same relative size
 _FILM_INSET = (0.52, 0.66, 0.12, 0.21)
-_HAIR_PX = 0.1              # so that a size in inches is not rounded down to a pixel less
-_CURVE = 400                # points of the clearance of a film
-_GRID = 5                   # lines of the ground to each side of a window that moves
+_HAIR_PX = 0.1              # keeps a size in inches from being rounded down by a pixel
+_CURVE = 400                # points of a film's clearance curve
+_GRID = 5                   # ground lines on each side of a moving window
 
 
 def frame_times(source: Source, start_s: float | None, stop_s: float | None, pace: float, fps: int) -> Floats:
@@ -65,15 +65,16 @@ def animate(source: Source, times_s: Floats, fps: int, path: Path, drawn: 'Anima
 
 
 class AnimatedFigure:
-    """A figure that shows a moment at a time; what does not move is drawn once.
+    """A figure that shows one moment at a time; the parts that do not move are drawn once.
 
-    Without a ``zoom`` its window holds the dragon at all times. With one that follows, the window moves with the head
-    or tail, and lines on the ground show how. A film has the clearance over time and the speeds beside the dragon.
+    Without a ``zoom`` its window contains the dragon at all times. With a following zoom the window moves with the head
+    or tail, and lines on the ground make this visible. A film also shows the clearance over time and the speeds beside
+    the dragon.
     """
 
     def __init__(self, source: Source, times_s: Floats, zoom: Zoom | None = None, follow: bool = False,
                  film: tuple[int, int] | None = None, dpi: int = 130, progress: Progress = iter) -> None:
-        """Lay out the figure with the first moment; ``film`` is the size in pixels of one."""
+        """Lay out the figure with the first moment; ``film`` is a film's size in pixels."""
         first = moment(source, float(times_s[0]))
         self._source, self._zoom, self._follow = source, zoom, follow
         self._point_m, self._near = contact_of(zoom, source), NearPairs()
@@ -114,7 +115,7 @@ class AnimatedFigure:
         return figure, axes, *(small or [None])
 
     def _touching(self, one: Moment, clearance_m: float) -> Overlaps:
-        """Return which benches overlap, and from its contact on the one that touches an obstacle."""
+        """Return the overlapping benches and, from its contact on, the bench that touches an obstacle."""
         areas = overlaps(one) if clearance_m < 0 else Overlaps()
         if self._touch is None or one.t_s < self._touch.t_s:
             return areas
@@ -128,7 +129,7 @@ class AnimatedFigure:
         return f'{figures.titled(self._source.name, f"{one.t_s:.2f} s", self._width_in)}\n{gap}'
 
     def _parts(self) -> list[Artist]:
-        """Return what moves, from below to above, and keep it out of the background."""
+        """Return the moving parts, from bottom to top, and exclude them from the background."""
         parts: list[Artist] = [*self._lines, *self._ground, *self._dragon.moving, self._title]
         if self._follow:
             self.axes.set(xticks=(), yticks=(), xlabel='', ylabel='')
@@ -148,7 +149,7 @@ class AnimatedFigure:
         return int(width), int(height)
 
     def frame(self, one: Moment) -> Array:
-        """Return the picture of a moment, (H, W, 4) of uint8; it is valid until the next one is drawn."""
+        """Return the picture of a moment, (H, W, 4) of uint8; it is valid until the next picture is drawn."""
         if self._background is None:
             self._canvas.draw()
             self.figure.set_layout_engine('none')
@@ -161,7 +162,7 @@ class AnimatedFigure:
         return np.asarray(self._canvas.buffer_rgba())
 
     def _show(self, one: Moment) -> None:
-        """Move everything to a moment."""
+        """Show everything at a moment."""
         near = self._near.look(one.p, one.benches)
         self._dragon.show(one, self._touching(one, near.clearance_m))
         if self._follow:
@@ -180,7 +181,7 @@ class AnimatedFigure:
 
 
 def _ground_lines(seen: Floats) -> tuple[Floats, float]:
-    """Return lines (2, K) of a square grid at round places in a window, with gaps of nan, and their distance in m."""
+    """Return the lines (2, K) of a square grid at round coordinates, separated by nan, and their distance in m."""
     side = float(np.max(seen[1] - seen[0]))
     step = 10.0 ** floor(log10(side / _GRID))
     step = next(step * many for many in (1, 2, 5, 10) if side / (step * many) <= 2 * _GRID)
@@ -193,7 +194,7 @@ def _ground_lines(seen: Floats) -> tuple[Floats, float]:
 
 
 class _Beside:
-    """The clearance over time and the speeds along the chain, beside the dragon of a film."""
+    """The clearance over time and the speeds along the chain, beside the dragon in a film."""
 
     def __init__(self, figure: Figure, source: Source, times_s: Floats, progress: Progress) -> None:
         """Draw the clearance of the whole film; the moment is a line and a point on it."""
@@ -217,7 +218,7 @@ class _Beside:
 
     @property
     def moving(self) -> list[Artist]:
-        """What differs from one moment to another."""
+        """The parts that change from moment to moment."""
         return [self._now, self._gap, self._speed]
 
     def show(self, one: Moment, clearance_m: float) -> None:

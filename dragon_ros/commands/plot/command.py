@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
     from dragon_ros.commands.plot.zoom import Zoom
     from dragon_ros.commands.sources import Source
-    Drawing = tuple[Figure, str]        # and what times a caption names
+    Drawing = tuple[Figure, str]        # the run, and the times that a caption names
 
-_MOST_TIMES = 8         # that a caption names
+_MOST_TIMES = 8         # times named in a caption
 _KINDS = {      # description and example of each kind
     'dragon': ('the dragon at one time, or up to six side by side', '--times 60,240 --output dragon.png'),
     'contact': ('the first contact, with a close-up', '--bag run.mcap --output contact.svg'),
@@ -52,7 +52,7 @@ def options() -> argparse.ArgumentParser:
         if kind in ('dragon', 'speeds'):
             command_line.add_times_option(one, 'seconds (the start of the run)')
         if kind in ('dragon', 'animation'):
-            one.add_argument('--around', metavar='head|tail|contact|X,Y', help='show a part: the centre of the window')
+            one.add_argument('--around', metavar='head|tail|contact|X,Y', help='show only a part, around this centre')
             one.add_argument('--span', type=float, metavar='METRES', help='the side of the window (6 bench lengths)')
     _add_animation_options(kinds.choices['animation'])
     return parser
@@ -61,12 +61,12 @@ def options() -> argparse.ArgumentParser:
 def _add_animation_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--start', type=float, metavar='S', help='first time (of the run)')
     parser.add_argument('--stop', type=float, metavar='S', help='last time (of the run)')
-    parser.add_argument('--pace', type=float, default=20.0, help='seconds of the run per second (%(default)g)')
+    parser.add_argument('--pace', type=float, default=20.0, help='simulated seconds per second (%(default)g)')
     parser.add_argument('--fps', type=int, help='frames per second (20; 30 for .mp4)')
     parser.add_argument('--follow', action='store_true', help='the window moves with the head, or with --around tail')
-    parser.add_argument('--size', default='1920x1080', metavar='WIDTHxHEIGHT', help='pixels of .mp4 (%(default)s)')
-    parser.add_argument('--codec', choices=('av1', 'h264'), help='of .mp4: av1 by Pillow, h264 by an installed ffmpeg '
-                        '(the first that is there)')
+    parser.add_argument('--size', default='1920x1080', metavar='WIDTHxHEIGHT', help='pixels of an .mp4 (%(default)s)')
+    parser.add_argument('--codec', choices=('av1', 'h264'), help='codec of an .mp4: av1 by Pillow, h264 by an '
+                        'installed ffmpeg (the first available one)')
 
 
 def _run(arguments: Namespace) -> int:
@@ -108,7 +108,7 @@ def _moving(arguments: Namespace, source: 'Source', path: Path) -> Path:
 
 
 def _zoom(arguments: Namespace) -> 'Zoom | None':
-    """Return the part to show. Raises InputError if there is nothing to follow."""
+    """Return the part to show. Raises InputError if --follow has nothing to follow."""
     from dragon_ros.commands.plot.zoom import zoom_of
     follow = getattr(arguments, 'follow', False)
     zoom = zoom_of(arguments.around or ('head' if follow else None), arguments.span)

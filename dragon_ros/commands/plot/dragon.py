@@ -23,20 +23,20 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.venue import PolygonObstacle, Venue
 
 _MOST_PANELS = 6
-_ROUNDING_M = 1e-9          # an overlap that is less deep is a contact
+_ROUNDING_M = 1e-9          # a shallower overlap is a contact
 _CLOSE_LENGTHS = 0.62       # half the side of the close-up, in bench lengths
 RING: dict[str, Any] = {'linestyle': 'none', 'marker': 'o', 'markersize': 12, 'markerfacecolor': 'none',
                         'markeredgecolor': POINT, 'markeredgewidth': 1.4}
-_LEAST_IN = np.array((2.7, 1.6))            # around axes, for a title and for ticks
+_LEAST_IN = np.array((2.7, 1.6))            # room around axes, for a title and for ticks
 _DECORATION_IN = np.array((0.85, 0.85))     # title, labels and ticks around axes
-_LEGEND_IN = 5.0, 0.7       # width and height, a title of the figure included
+_LEGEND_IN = 5.0, 0.7       # width and height, including the figure's title
 
 
 def dragon_picture(source: Source, times_s: list[float], zoom: Zoom | None = None) -> Figure:
     """Return a figure with one panel per time, all with the same window (figure 7 of the paper: 60 s and 240 s).
 
-    With a ``zoom`` each panel has its own window, and an inset that shows where it is. Raises InputError for times
-    outside the source, and for more than fit on a page.
+    With a ``zoom`` each panel has its own window, and an inset that shows its place. Raises InputError for times
+    outside the source, and for more panels than fit on a page.
     """
     if len(times_s) > _MOST_PANELS:
         raise InputError(f'--time: {len(times_s)} times; a picture has room for {_MOST_PANELS}')
@@ -69,7 +69,7 @@ def dragon_picture(source: Source, times_s: list[float], zoom: Zoom | None = Non
 
 @dataclass(frozen=True)
 class Overlaps:
-    """Pairs of benches that overlap: how many, which benches, and the outlines (K, 2) in m of what they share."""
+    """Pairs of benches that overlap: their number, the benches, and the outlines (K, 2) in m of the overlaps."""
 
     pairs: int = 0
     benches: tuple[int, ...] = ()
@@ -77,7 +77,7 @@ class Overlaps:
 
     @property
     def words(self) -> str:
-        """What a title adds."""
+        """The addition to a title."""
         return f', {self.pairs} pair{"s" if self.pairs > 1 else ""} overlap' if self.pairs else ''
 
 
@@ -96,7 +96,7 @@ def overlaps(one: Moment) -> Overlaps:
 
 
 def contact_picture(source: Source, touch: Touch) -> Figure:
-    """Return a figure of the whole dragon at the contact beside a close-up (figure 8 of the paper)."""
+    """Return a figure of the whole dragon at the contact and a close-up (figure 8 of the paper)."""
     one = moment(source, touch.t_s)
     inches, seen = panel(window(source.track, [one]), 5.4)
     figure = Figure(figsize=sheet(np.array((inches[0] + 5.4, max(inches[1], 5.4))), (2, 1)))
@@ -114,7 +114,7 @@ def contact_picture(source: Source, touch: Touch) -> Figure:
 
 
 def _meeting(touch: Touch) -> str:
-    """Return which corner meets which edge, in words."""
+    """Return in words which corner meets which edge."""
     seen = touch.witness
     if touch.obstacle is not None:
         if seen.owner == NO_BENCH:
@@ -126,7 +126,7 @@ def _meeting(touch: Touch) -> str:
 
 
 def panel(seen: Floats, longest_in: float) -> tuple[Floats, Floats]:
-    """Return the size (2,) of axes in inches for a window, and the window, widened to that shape if it is slim."""
+    """Return the size (2,) of axes in inches for a window, and the window, widened if it is too slim."""
     size, middle = seen[1] - seen[0], seen.mean(axis=0)
     inches = np.maximum(size / size.max() * longest_in, _LEAST_IN)
     half = 0.5 * inches * float(np.max(size / inches))
@@ -134,16 +134,16 @@ def panel(seen: Floats, longest_in: float) -> tuple[Floats, Floats]:
 
 
 def sheet(inches: Floats, panels: tuple[int, int], legend: bool = True) -> tuple[float, float]:
-    """Return the size of a figure for panels (columns, rows) whose axes together have a size."""
+    """Return the size of a figure for panels (columns, rows) whose axes have a given total size."""
     width, height = (inches + np.array(panels) * _DECORATION_IN).tolist()
     return (max(width, _LEGEND_IN[0]), height + _LEGEND_IN[1]) if legend else (width, height)
 
 
 class Drawn:
-    """A dragon in axes: its benches, those that touch, what they share, ringed, and the handles.
+    """A dragon in axes: its benches, those that touch, their overlaps (ringed), and the handles.
 
-    Outlines and handles scale with the benches' width on paper. Benches that touch are hatched, so that they differ
-    without colours, too.
+    Outlines and handles scale with the benches' width on paper. Benches that touch are hatched, so that they can be
+    told apart without colours.
     """
 
     def __init__(self, axes: Axes, one: Moment, touching: Sequence[int]) -> None:
@@ -165,7 +165,7 @@ class Drawn:
 
     @property
     def moving(self) -> list[Artist]:
-        """What differs from one moment to another, from below to above."""
+        """The parts that change from moment to moment, from bottom to top."""
         return [self._benches, self._touching, self._shared, self._handles, self._rings]
 
     def show(self, one: Moment, areas: Overlaps) -> None:
@@ -203,7 +203,7 @@ def _draw_venue(axes: Axes, venue: Venue) -> None:
         left, right, bottom, top = min(left, *x) - 1, max(right, *x) + 1, min(bottom, *y) - 1, max(top, *y) + 1
         sheet = [(left, bottom), (right, bottom), (right, top), (left, top), (left, bottom)]
         ring = np.array([*venue.inside, venue.inside[0]])
-        # By the nonzero winding rule, a ring of opposite orientation cuts a hole.
+        # A ring of opposite orientation cuts a hole (nonzero winding rule).
         clockwise = ring if np.sum(ring[:-1, 0] * ring[1:, 1] - ring[1:, 0] * ring[:-1, 1]) < 0 else ring[::-1]
         outside = Path.make_compound_path(Path(sheet, closed=True), Path(clockwise, closed=True))
         axes.add_patch(PathPatch(outside, facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.6, zorder=0.7))

@@ -1,8 +1,8 @@
-"""Writers of moving pictures: GIF by Pillow, and MP4 by Pillow's AV1 encoder or by an installed ffmpeg.
+"""Writers of animations: GIF by Pillow, and MP4 by Pillow's AV1 encoder or by an installed ffmpeg.
 
-Pillow's wheels bundle libavif with libaom, both under BSD-2-Clause; the wheels of PyAV bundle x264 and x265, which are
-under the GPL. An AVIF image sequence is an MP4 file with AV1 in it (both are ISO base media files, ISO/IEC 14496-12):
-``mp4_of`` gives it the brands and the handler of a film.
+Pillow's wheels bundle libavif with libaom, both under BSD-2-Clause. PyAV is not used, because its wheels bundle x264
+and x265, which are under the GPL. An AVIF image sequence is an MP4 file that contains AV1 (both are ISO base media
+files, ISO/IEC 14496-12); ``mp4_of`` gives it the brands and the handler of a film.
 """
 import struct
 import subprocess
@@ -24,11 +24,11 @@ from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.numerics.types import Array
 
 FORMATS = '.gif, .html, .mp4'
-_HOLD_MS = 1500             # of the last frame of a GIF
-_AHEAD = 4                  # frames that wait for the encoder
-_QUALITY, _SPEED = 80, 10   # of AV1: fine lines stay sharp; the fastest
+_HOLD_MS = 1500             # duration of a GIF's last frame
+_AHEAD = 4                  # frames waiting for the encoder
+_QUALITY, _SPEED = 80, 10   # of AV1: fine lines stay sharp; the fastest speed
 _WAIT_S = 0.2
-_BRANDS = (b'iso6', b'mp41', b'av01')       # in place of those of an image sequence
+_BRANDS = (b'iso6', b'mp41', b'av01')       # instead of those of an image sequence
 _PARENTS = (b'moov', b'trak', b'mdia', b'edts')
 
 
@@ -42,14 +42,14 @@ class FilmWriter(Protocol):
         """Write the file."""
 
     def stop(self) -> None:
-        """Give up."""
+        """Abandon the file."""
 
 
 @contextmanager
 def movie(path: Path, size: tuple[int, int], fps: int, frames: int, codec: str | None = None) -> Iterator[FilmWriter]:
     """Write frames to a temporary file and rename it at the end; an interrupted film leaves nothing.
 
-    Raises InputError for other formats, MissingError where nothing can write the format or the file.
+    Raises InputError for other formats, and MissingError if nothing can write the format or the file.
     """
     part = path.with_name(f'.{path.stem}.part{path.suffix}')
     writer = _writer(path, part, size, fps, frames, codec)
@@ -81,13 +81,13 @@ def _writer(path: Path, part: Path, size: tuple[int, int], fps: int, frames: int
     if codec != 'av1' and ffmpeg is not None:
         return _Ffmpeg(part, size, fps, ffmpeg)
     needs = {'av1': "--codec av1 needs Pillow 11.3: pip install 'dragon_ros[film]'",
-             'h264': '--codec h264 needs ffmpeg: install it (apt install ffmpeg), or leave out --codec'}
+             'h264': '--codec h264 needs ffmpeg: install it (apt install ffmpeg), or omit --codec'}
     raise MissingError(f'--output {path}: ' + needs.get(str(codec), "MP4 needs Pillow 11.3 or ffmpeg: pip install "
                                                         "'dragon_ros[film]', or write .gif or .html"))
 
 
 def has_av1() -> bool:
-    """Say whether Pillow is here with an encoder of AV1."""
+    """Return whether Pillow is installed with an AV1 encoder."""
     from PIL import features
     if 'avif' not in features.modules or not features.check('avif'):
         return False
@@ -96,7 +96,7 @@ def has_av1() -> bool:
 
 
 class _Gif:
-    """Frames with few colours and without dithering, which takes a sixth of the size."""
+    """Frames with few colours and without dithering, which reduces the size to a sixth."""
 
     def __init__(self, path: Path, fps: int) -> None:
         self._path, self._fps, self._frames = path, fps, list[Any]()
@@ -107,7 +107,7 @@ class _Gif:
         self._frames.append(image.quantize(palette=_palette(), dither=Image.Dither.NONE))
 
     def finish(self) -> None:
-        """Write the file; its last frame stays for a while before the animation starts again."""
+        """Write the file; its last frame is shown for a while before the animation restarts."""
         each_ms = [round(1000 / self._fps)] * (len(self._frames) - 1)
         self._frames[0].save(self._path, 'GIF', save_all=True, append_images=self._frames[1:],
                              duration=[*each_ms, _HOLD_MS], loop=0)
@@ -118,7 +118,7 @@ class _Gif:
 
 @lru_cache
 def _palette() -> Any:
-    """Return an image of the palette: greys, and our colours mixed with white and with black."""
+    """Return an image of the palette: greys, and the package's colours mixed with white and black."""
     from PIL import Image
     mixed = [np.array(to_rgb(colour)) * part + end * (1 - part) for colour in (BODY, HEAD, TOUCHED, LINES[0])
              for part in (1.0, 0.75, 0.5, 0.25) for end in (0.0, 1.0)]
@@ -129,7 +129,7 @@ def _palette() -> Any:
 
 
 class _Later:
-    """A frame that Pillow's writer of sequences asks for when it needs it; a thread encodes while others are drawn."""
+    """A frame that Pillow's sequence writer requests when it needs it; a thread encodes while others are drawn."""
 
     mode, is_animated, has_transparency_data = 'RGB', False, False
 
@@ -137,7 +137,7 @@ class _Later:
         self._queue = queue
 
     def seek(self, frame: int) -> None:
-        """Take the next frame. Raises EOFError where there are no more."""
+        """Take the next frame. Raises EOFError if there are no more."""
         if frame:
             raise EOFError
         self._image = self._queue.get()
@@ -153,7 +153,7 @@ class _Later:
 
 
 class _Av1:
-    """MP4 with AV1, encoded by Pillow in a thread, which needs no lock of the interpreter for it."""
+    """MP4 with AV1, encoded by Pillow in a thread, which releases the interpreter lock."""
 
     def __init__(self, path: Path, fps: int, frames: int) -> None:
         self._path, self._frames = path, frames
@@ -197,13 +197,13 @@ class _Av1:
         self._path.write_bytes(mp4_of(self._data.getvalue()))
 
     def stop(self) -> None:
-        """Let the encoder end with the frames that it has."""
+        """Let the encoder finish with the frames that it has."""
         with suppress(Full):
             self._queue.put(None, timeout=_WAIT_S)
 
 
 def mp4_of(sequence: bytes) -> bytes:
-    """Return an AVIF image sequence as an MP4 file: its brands, its handler, and a length without repetition."""
+    """Turn an AVIF image sequence into an MP4 file: replace brands and handler, and remove the repetition."""
     out = bytearray(sequence)
     places = {kind: (at, size) for kind, at, size in _boxes(sequence, 0, len(sequence))}
     at, size = places[b'ftyp']
@@ -213,17 +213,17 @@ def mp4_of(sequence: bytes) -> bytes:
     out[at + 4:at + 8] = b'free'        # describes the first frame as a still picture
     at = places[b'hdlr'][0]
     out[at + 16:at + 20] = b'vide'
-    length = sequence[places[b'mdhd'][0] + 32:][:8]     # all of version 1, with 64 bits
+    length = sequence[places[b'mdhd'][0] + 32:][:8]     # all boxes of version 1, with 64 bits
     for kind, place in ((b'mvhd', 32), (b'tkhd', 36), (b'elst', 16)):
         at = places[kind][0]
         out[at + place:at + place + 8] = length
     at = places[b'elst'][0]
-    out[at + 8:at + 12] = b'\1\0\0\0'   # version 1, without the flag that repeats
+    out[at + 8:at + 12] = b'\1\0\0\0'   # version 1, without the repeat flag
     return bytes(out)
 
 
 def _boxes(data: bytes, start: int, end: int) -> Iterator[tuple[bytes, int, int]]:
-    """Yield kind, start and size of boxes, and of those within what leads to a track."""
+    """Yield kind, start and size of boxes, also of those nested in containers on the path to a track."""
     while start < end:
         size, kind = struct.unpack_from('>I4s', data, start)
         yield kind, start, size or end - start
@@ -233,7 +233,7 @@ def _boxes(data: bytes, start: int, end: int) -> Iterator[tuple[bytes, int, int]
 
 
 class _Ffmpeg:
-    """MP4 with H.264 by an ffmpeg on the PATH, to which frames are piped."""
+    """MP4 with H.264 by an ffmpeg on the PATH, which receives the frames through a pipe."""
 
     def __init__(self, path: Path, size: tuple[int, int], fps: int, program: str) -> None:
         raw = ['-f', 'rawvideo', '-pix_fmt', 'rgba', '-s', f'{size[0]}x{size[1]}', '-r', str(fps), '-i', '-']

@@ -9,10 +9,10 @@ from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_t
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 
-MOST_POINTS = 1500          # points per curve, more than a screen resolves
-_CLOSE_S = 15.0             # before the contact
-_MOST_LABELS = 20           # of times beside lines
-_WIDE_IN, _NARROW_IN = 7.4, 4.6     # of panels
+MOST_POINTS = 1500          # points per curve; more than a screen resolves
+_CLOSE_S = 15.0             # shown before the contact
+_MOST_LABELS = 20           # text size of times beside lines
+_WIDE_IN, _NARROW_IN = 7.4, 4.6     # size of panels
 
 
 def clearance_picture(source: Source, progress: Progress) -> Figure:
@@ -77,7 +77,7 @@ def speeds_picture(source: Source, times_s: list[float]) -> Figure:
 
 
 def _label_ends(axes: Axes, source: Source, labelled: list[Moment], moments: list[Moment]) -> None:
-    """Write times beside the ends of their lines, spread apart, with guide lines if they had to move."""
+    """Write times beside the ends of their lines, spread apart, with guide lines for those that had to move."""
     low, high = axes.get_ylim()
     colours = {one.t_s: LINES[number % len(LINES)] for number, one in enumerate(moments)}
     ends = sorted((float(speeds_of(source, one)[-1] - low) / (high - low), one.t_s) for one in labelled)

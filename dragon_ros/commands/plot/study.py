@@ -1,7 +1,7 @@
 """Pictures of a study: maps with contours and first pairs, curves, distributions with bands, Sobol indices.
 
-The design decides the picture: for a grid, the main answers over one key or over the first two; for random and Sobol
-designs, their distributions; for Saltelli designs, the Sobol indices of the inputs.
+The picture depends on the design: for a grid, the main answers over one key or the first two keys; for random and Sobol
+designs, the distributions of the answers; for Saltelli designs, the Sobol indices of the inputs.
 """
 from collections.abc import Iterator
 
@@ -31,7 +31,7 @@ from dragon_ros.studies.study import Listed
 _UNITS = {'_m': 'm', '_s': 's', '_m_s': 'm/s', '_m_s2': 'm/s²', '_rad': 'rad', '_deg': '°'}
 _FEW = 8            # fewest rows for a distribution
 _CONTOURS = 12
-_MOST_PAIRS = 12    # pairs of benches that colours can distinguish
+_MOST_PAIRS = 12    # how many pairs of benches colours can distinguish
 _PAIRS = {'contact_t_s': ('contact_inner', 'contact_outer'), 'min_pitch_m': ('min_pitch_inner', 'min_pitch_outer')}
 
 
@@ -68,7 +68,7 @@ def _rows_text(data: DataSet, count: int) -> str:
 
 
 def _curve(data: DataSet, table: pa.Table, key: str, name: str) -> Figure:
-    """Return a figure of an answer over the only varying key; rows without an answer are marked below."""
+    """Return a figure of an answer over the only varied key; rows without an answer are marked below."""
     figure = Figure(figsize=(8.4, 5))
     axes = figure.subplots()
     at, values = table.column(key).to_numpy(zero_copy_only=False), numbers(table, name)

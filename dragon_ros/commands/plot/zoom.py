@@ -1,4 +1,4 @@
-"""A part of a picture: the window around the head, the tail, the contact or a point, and an inset of the whole."""
+"""A part of a picture: a window around the head, the tail, the contact or a point, and an inset of the whole."""
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,15 +13,15 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 
 _PLACES = ('head', 'tail', 'contact')
-_LENGTHS = 6.0              # the side of a window without a span, in bench lengths
-INSET_WIDTH = 0.36          # of the axes' width
-_LEAST = 0.05               # of the inset: a window that is smaller is ringed
-_MOST_POINTS = 1000         # of the dragon in an inset
+_LENGTHS = 6.0              # default side of a window, in bench lengths
+INSET_WIDTH = 0.36          # width of an inset, relative to the axes
+_LEAST = 0.05               # relative to the inset; a smaller window is ringed
+_MOST_POINTS = 1000         # margin around the dragon in an inset
 
 
 @dataclass(frozen=True)
 class Zoom:
-    """A window of a picture: what it is around, and its side in metres."""
+    """A window of a picture: its centre, and its side in metres."""
 
     around: str | tuple[float, float]
     span_m: float | None = None
@@ -39,7 +39,7 @@ class Zoom:
 
 
 def zoom_of(around: str | None, span_m: float | None) -> Zoom | None:
-    """Return the window that --around and --span ask for; None without them. Raises InputError."""
+    """Return the window selected by --around and --span; None without them. Raises InputError."""
     if span_m is not None:
         number('--span', span_m, above=0.0, high=1e6)
     if around is None:
@@ -55,7 +55,7 @@ def zoom_of(around: str | None, span_m: float | None) -> Zoom | None:
 
 
 def contact_of(zoom: Zoom | None, source: Source) -> tuple[float, float] | None:
-    """Return the point of the first contact if a window is around it. Raises InputError if no benches touch."""
+    """Return the point of the first contact if the window is centred on it. Raises InputError if no benches touch."""
     if zoom is None or zoom.around != 'contact':
         return None
     touch = source.first_touch(iter)
@@ -65,7 +65,7 @@ def contact_of(zoom: Zoom | None, source: Source) -> tuple[float, float] | None:
 
 
 class Inset:
-    """A small picture beside axes: track and dragon as lines, and the window of the axes as a frame."""
+    """A small picture beside the axes: track and dragon as lines, and the axes' window as a frame."""
 
     def __init__(self, small: Axes, whole: Floats, track: Floats | None) -> None:
         """Draw the track in small axes, in a window (2, 2) around everything."""

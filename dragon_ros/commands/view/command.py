@@ -36,7 +36,7 @@ def options() -> argparse.ArgumentParser:
                                  'view --scene first_contact')
     command_line.add_source_options(parser)
     parser.add_argument('--try', action='store_true', dest='tries',
-                        help='also change the values of the scene with sliders and see the effect')
+                        help='also change values of the scene with sliders, and see the effect')
     parser.add_argument('--lang', choices=LANGUAGES, help='language of the page (that of the browser)')
     parser.add_argument('--port', type=int, default=0, help='port of the page (any free one)')
     parser.add_argument('--no-browser', action='store_true', help='only print the address')
@@ -49,7 +49,7 @@ def _run(arguments: Namespace) -> int:
     if arguments.tries:
         from dragon_ros.commands.view.variants import Variants
         if arguments.bag is not None:
-            raise InputError('--try: belongs to a scene; what a bag holds has happened')
+            raise InputError('--try: requires a scene; the run in a bag cannot be changed')
         name = Path(arguments.scene).stem
         return _serve(name, Variants(name, arguments.scene, command_line.overrides_from(arguments)), arguments)
     from dragon_ros.commands.sources import opened

@@ -10,27 +10,28 @@ from dragon_ros.commands.sources import Check, Moment, Progress, Source, Touch, 
 from dragon_ros.core.limits import VIEW_TICKS
 from dragon_ros.core.numerics.types import Floats
 
-MOST_BENCHES = 2000         # that are sent as rectangles; of more, the page makes these from all handles
-MOST_POINTS = 1500          # points of a line
-_CURVE_BENCHES = 4_000_000   # ticks at which the clearance is computed, which takes some seconds
-_CHUNK_VALUES = 250_000     # frames in a chunk, which is about a megabyte
+MOST_BENCHES = 2000         # most benches sent as rectangles; for more, the page computes them from the handles
+MOST_POINTS = 1500          # points per line
+_CURVE_BENCHES = 4_000_000   # ticks at which the clearance is computed, in some seconds
+_CHUNK_VALUES = 250_000     # size of the frames in a chunk
 _SEEN = 5                   # moments that determine the window
 
 
 def _wanted() -> None:
-    """Go on: whoever asked waits for the answer."""
+    """Continue the work: the client is still waiting for the answer."""
 
 
 class ViewData:
     """The data of a source for a browser; one thread at a time computes.
 
-    A ``check`` is called at every step of long work. What it raises ends the work, and nothing of it is kept.
+    ``check`` is called at every step of long work. An exception that it raises ends the work, and no part of it is
+    kept.
     """
 
     def __init__(self, source: Source, progress: Progress, times_s: Floats | None = None) -> None:
         """Describe a source, shown at its ticks unless other times are given."""
         self._source, self._progress, self._lock = source, progress, threading.Lock()
-        self._touch, self._curve = list[Touch | None](), dict[str, Any]()       # once they are known
+        self._touch, self._curve = list[Touch | None](), dict[str, Any]()       # filled when they are known
         self.times_s = source.ticks_s(*source.span_s, VIEW_TICKS) if times_s is None else times_s
         self._first = moment(source, float(self.times_s[0]))
         benches, handles = len(self._first.benches.centre), len(self._first.p)
@@ -42,12 +43,12 @@ class ViewData:
 
     @property
     def chunks(self) -> int:
-        """Number of chunks."""
+        """The number of chunks."""
         return -(-len(self.times_s) // self.frames_each)
 
     @cached_property
     def run(self) -> dict[str, Any]:
-        """All constant data, for JSON."""
+        """All constant data as JSON values."""
         track, first, last = self._source.track, float(self.times_s[0]), float(self.times_s[-1])
         shown = None if track is None else track.astype(np.float32).T.tolist()
         seen = [moment(self._source, t_s) for t_s in np.linspace(first, last, _SEEN).tolist()]
@@ -60,7 +61,7 @@ class ViewData:
                 'width_m': 2 * float(np.median(self._first.benches.half_width))}
 
     def _watched(self, check: Check) -> Progress:
-        """Return the progress with a check before each step."""
+        """Wrap the progress with a check before each step."""
         def steps(rows: Iterable[Any]) -> Iterable[Any]:
             for row in self._progress(rows):
                 check()
@@ -73,14 +74,14 @@ class ViewData:
         return self._touch[0]
 
     def contact(self, check: Check = _wanted) -> dict[str, Any] | None:
-        """Return the first contact, for JSON; None if there is none. The search starts at the first call."""
+        """Return the first contact as JSON values; None without one. The search starts at the first call."""
         with self._lock:
             touch = self._first_touch(check)
         return None if touch is None else {'t_s': touch.t_s, 'benches': touch.benches, 'point_m': touch.point_m,
                                            'obstacle': touch.obstacle}
 
     def clearance(self, check: Check = _wanted) -> dict[str, Any]:
-        """Return clearance over time, for JSON."""
+        """Return the clearance over time as JSON values."""
         with self._lock:
             if not self._curve:
                 first, last = float(self.times_s[0]), float(self.times_s[-1])
@@ -94,7 +95,8 @@ class ViewData:
     def frames(self, chunk: int, check: Check = _wanted) -> bytes:
         """Return the frames of one chunk as consecutive little-endian float32; nan if a tick has no frame.
 
-        A frame has the corners of benches (8 each) or, of many, all handles (2 each), and speeds of handles.
+        A frame has the corners of all benches (8 numbers each) or, if there are many, all handles (2 each), and the
+        speeds of handles.
         """
         times_s = self.times_s[chunk * self.frames_each:(chunk + 1) * self.frames_each]
         out = np.full((len(times_s), 8 * self._drawn + 2 * self._placed + self._handles.size), np.nan, '<f4')
@@ -125,7 +127,7 @@ class ViewData:
 
 
 def _sizes(one: Moment) -> list[tuple[int, float, float]]:
-    """Return runs of benches of one size: how many, half their length and half their width in m."""
+    """Return runs of equal benches: their number, and half their length and width in m."""
     halves = np.column_stack((one.benches.half_length, one.benches.half_width))
     starts = np.flatnonzero(np.any(np.diff(halves, axis=0, prepend=np.nan) != 0, axis=1))
     counts = np.diff(starts, append=len(halves))

@@ -13,7 +13,7 @@ WEB = Path(__file__).with_name('web')
 
 
 def write_page(source: Source, times_s: Floats, pace: float, path: Path, progress: Progress) -> Path:
-    """Write a page that plays the run at these times, at a pace in seconds of the run per second."""
+    """Write a page that plays the run at these times; ``pace`` is in simulated seconds per second."""
     data = ViewData(source, progress, times_s)
     answers = {'run.json': json.dumps({**data.run, 'pace': pace}).encode(),
                'contact.json': json.dumps(data.contact()).encode(),
@@ -30,7 +30,7 @@ def write_page(source: Source, times_s: Floats, pace: float, path: Path, progres
 def _page(data: str) -> str:
     """Return the page with all its resources inlined; scripts come last, because they are not deferred.
 
-    Its policy allows only these scripts, by their digests.
+    Its content policy allows only these scripts, by their digests.
     """
     scripts = [data, _web('plotly-basic.min.js'), _web('words.js'), _web('benches.js'), _web('view.js')]
     inlined = ''.join(f'<script>{script}</script>\n' for script in scripts)

@@ -1,7 +1,7 @@
 """The server of the web view: a page, a plotting library and data, on this host only.
 
-With ``--try`` the data are those of the variant that the query of the address describes. Long work ends early where the
-page has gone, as when a slider moves on, and at a deadline.
+With ``--try`` the data are those of the variant described by the query of the address. Long work ends early when the
+page no longer waits, for instance because a slider moved on, and at a deadline.
 """
 import json
 import re
@@ -36,7 +36,7 @@ _TRY_PATH = '/try.js'
 _ANSWERS: dict[str, Callable[[ViewData, Check], Any]] = {
     '/run.json': lambda data, check: data.run, '/contact.json': ViewData.contact,
     '/clearance.json': ViewData.clearance}
-_ROOM_S = 1.0       # longest wait for a connection to end that was closed to make room
+_ROOM_S = 1.0       # longest wait for the end of a connection that was closed to make room
 _CHUNK = re.compile('[0-9]{1,9}')
 _JSON, _BINARY = 'application/json', 'application/octet-stream'
 # The page may use only resources of this server; plotly.js adds inline styles.
@@ -53,7 +53,7 @@ class _GoneError(Exception):
 class ViewServer(ThreadingHTTPServer):
     """Serves one run, or variants of a scene; ``port`` 0 takes any free one.
 
-    Raises MissingError where the port is taken.
+    Raises MissingError if the port is taken.
     """
 
     daemon_threads = True
@@ -70,7 +70,7 @@ class ViewServer(ThreadingHTTPServer):
             raise MissingError(f'--port {port}: cannot be used: {reason}; omit it to use any free one') from None
 
     def verify_request(self, request: object, client_address: object) -> bool:
-        """Accept a connection. If there is no room, close the one that has waited longest without a request.
+        """Accept a connection. If there is no room, close the one that has been idle longest.
 
         If all connections are being served, close the new one at once.
         """
@@ -86,13 +86,13 @@ class ViewServer(ThreadingHTTPServer):
         return oldest is not None
 
     def wait_for(self, connection: socket.socket) -> None:
-        """Register a connection without a request."""
+        """Register an idle connection."""
         with self._lock:
             self._waiting.pop(connection, None)
             self._waiting[connection] = None
 
     def wait_no_more(self, connection: socket.socket) -> None:
-        """Unregister a connection that has a request, or has ended."""
+        """Unregister a connection that has received a request or has ended."""
         with self._lock:
             self._waiting.pop(connection, None)
 
@@ -117,7 +117,7 @@ class ViewServer(ThreadingHTTPServer):
 
 
 class _Request(RawIOBase):
-    """The input of a connection, with a deadline for each request, however slowly it arrives."""
+    """The input of a connection, with a deadline for each request, even if it arrives slowly."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection, self.deadline_s = connection, 0.0
@@ -182,7 +182,7 @@ class _Handler(BaseHTTPRequestHandler):
             return False
 
     def _check(self, deadline_s: float) -> Check:
-        """Return what ends the work on an answer: the page has closed the connection, or it takes too long."""
+        """Return a check that ends the work on an answer when the page closes the connection or time is up."""
         def check() -> None:
             if time.monotonic() > deadline_s:
                 raise DragonError(f'{self.path[:80]}: takes longer than {VIEW_ANSWER_S:g} s; ask the command for it')
@@ -230,11 +230,11 @@ class _Handler(BaseHTTPRequestHandler):
         super().end_headers()
 
     def log_message(self, *args: object) -> None:
-        """Log nothing; the terminal is for messages to the user."""
+        """Log nothing; the terminal is reserved for messages to the user."""
 
 
 def _data(data: ViewData, path: str, check: Check) -> tuple[bytes, str] | None:
-    """Return the data of a path, with their type; None where there is nothing."""
+    """Return the data of a path, and their type; None if the path does not exist."""
     if path in _ANSWERS:
         return _json(_ANSWERS[path](data, check))
     folder, _, name = path.lstrip('/').partition('/')

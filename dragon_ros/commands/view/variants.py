@@ -1,7 +1,7 @@
-"""Variants of a scene for ``view --try``: values that the address of the page changes, and answers about each variant.
+"""Variants of a scene for ``view --try``: values changed by the address of the page, and answers about each variant.
 
-An address such as ``/?dragon.benches=40&track.pitch_m=0.6`` has the changed values, as ``--set`` takes them. Nothing
-else tells the server which variant is meant; it keeps the last few, so that a page need not wait for one again.
+An address such as ``/?dragon.benches=40&track.pitch_m=0.6`` contains the changed values, in the form of ``--set``. It
+alone selects the variant; the server caches the last few variants so that a page need not wait for one again.
 """
 import threading
 from collections import OrderedDict
@@ -19,16 +19,17 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes.load import load_scene, scene_values
 
-if TYPE_CHECKING:       # the search is imported by the first that asks
+if TYPE_CHECKING:       # imported on use, by the first question
     from dragon_ros.core.search.certificate import Contact, NoContact
 
-_KEPT = 8               # variants
-_MOST_FIELDS = 60       # a route of hundreds of pieces has its first ones on the page
-_CHARACTERS = 32        # of a value in an address
+_KEPT = 8               # cached variants
+_MOST_FIELDS = 60       # of a route with hundreds of pieces, the page shows only the first ones
+_CHARACTERS = 32        # longest value in an address
 _SECTIONS = ('dragon', 'track', 'head', 'run', 'venue')
 _OMITTED = ('rate_hz',)
-_CIRCLE_M = 9.0         # the turning circle of ``design min-pitch``
-# What a slider covers, and its step, by the last part of a key. A value outside widens it; a field takes any value.
+_CIRCLE_M = 9.0         # default turning circle of ``design min-pitch``
+# The range and the step of a slider, by the last part of a key. A value outside widens the range; a field accepts any
+# value.
 _RANGES = {'benches': (1, 400, 1), 'count': (1, 400, 1), 'head_length_m': (0.6, 6, 0.01),
            'body_length_m': (0.6, 6, 0.01), 'width_m': (0.05, 1, 0.005), 'hole_inset_m': (0, 0.6, 0.005),
            'pitch_m': (0.3, 3, 0.005), 'start_turns': (2, 40, 0.25), 'diameter_m': (4, 20, 0.05),
@@ -39,7 +40,7 @@ _RANGES = {'benches': (1, 400, 1), 'count': (1, 400, 1), 'head_length_m': (0.6, 
 
 @dataclass(frozen=True)
 class PageValue:
-    """A value on the page: its key as in ``--set``, what it is now (None: not set), and what its slider covers."""
+    """A value on the page: its key as in ``--set``, the current value (None: not set), and the range of its slider."""
 
     key: str
     value: float | None
@@ -50,7 +51,7 @@ class PageValue:
 
 @dataclass(frozen=True)
 class Answer:
-    """An answer in words, and how sure it is: ``proved``, ``sampled``, or empty where there is none."""
+    """An answer in words, and its certainty: ``proved``, ``sampled``, or empty without an answer."""
 
     text: str
     how: str = ''
@@ -58,19 +59,19 @@ class Answer:
 
 @dataclass(frozen=True)
 class _Searched(SceneSource):
-    """A scene whose first contact is searched once, for the picture and for all answers."""
+    """A scene whose first contact is searched only once, for the picture and all answers."""
 
     _found: 'list[Contact | NoContact]' = field(default_factory=list)
 
     def searched(self, progress: Progress) -> 'Contact | NoContact':
-        """Return what the search finds, or found before."""
+        """Return the result of the search, which is made at the first call."""
         if not self._found:
             self._found.append(super().searched(progress))
         return self._found[0]
 
 
 class Variant:
-    """A scene that an address describes, and what the page shows of it."""
+    """The scene of an address, and the page's data about it."""
 
     def __init__(self, name: str, scene: Scene) -> None:
         """Take a scene."""
@@ -78,17 +79,17 @@ class Variant:
         self.data = ViewData(self._source, iter)
 
     def found(self, check: Check) -> 'Contact | NoContact':
-        """Return what the search for the first contact finds."""
+        """Return the result of the search for the first contact."""
         self.data.contact(check)
         return self._source.searched(iter)
 
     def until_contact(self, check: Check) -> Scene:
-        """Return the scene with a run that ends at its first contact: what comes after cannot be walked."""
+        """Return the scene with a run that ends at its first contact, since no dragon can walk on from there."""
         t_s = self.contact_s(check)
         return self.scene if t_s is None else replace(self.scene, run=replace(self.scene.run, stop_s=t_s))
 
     def limit(self, check: Check) -> str:
-        """Return words for what of the run is asked about."""
+        """Return words for the examined part of the run."""
         return '' if self.contact_s(check) is None else '; up to the contact'
 
     def contact_s(self, check: Check) -> float | None:
@@ -107,7 +108,7 @@ class Variants:
         self._made, self._lock = OrderedDict[str, Variant](), threading.Lock()
 
     def form(self, query: str) -> dict[str, Any]:
-        """Return the fields of an address for JSON, and what is wrong with one of them.
+        """Return the fields of an address as JSON values, and an error about one of them, if any.
 
         If a value is invalid, the fields are those of the original scene, with the values of the address.
         """
@@ -152,7 +153,7 @@ class Variants:
         return scene_file(self.variant(query).scene).encode()
 
     def answer(self, question: str, query: str, check: Check) -> dict[str, Any]:
-        """Answer one of QUESTIONS about a variant, for JSON; ``check`` raises where nobody waits any more."""
+        """Answer one of QUESTIONS about a variant, as JSON values; ``check`` raises when the client no longer waits."""
         variant = self.variant(query)
         try:
             return vars(QUESTIONS[question](variant, check))
@@ -161,7 +162,7 @@ class Variants:
 
 
 def fields_of(scene: Scene) -> list[PageValue]:
-    """Return the fields of a scene: each number of its dragon, track, head, run and venue that stands by itself."""
+    """Return the fields of a scene: each single number of its dragon, track, head, run and venue."""
     values = scene_values(scene)
     return [one for section in _SECTIONS if section in values for one in _fields(section, values[section])]
 
@@ -170,7 +171,7 @@ def _fields(key: str, value: Any) -> list[PageValue]:
     name = key.rpartition('.')[2]
     if isinstance(value, dict):
         return [one for part, inner in value.items() for one in _fields(f'{key}.{part}', inner)]
-    if isinstance(value, list):     # of pieces or groups; lists of numbers are none of it
+    if isinstance(value, list):     # of pieces or groups; lists of numbers have no fields
         return [one for n, inner in enumerate(value, 1) if isinstance(inner, dict)
                 for one in _fields(f'{key}.{n}', inner)]
     if name in _OMITTED or isinstance(value, (bool, str)) or (value is None and name != 'stop_s'):
@@ -182,7 +183,7 @@ def _fields(key: str, value: Any) -> list[PageValue]:
 
 
 def _number(key: str, text: str) -> str:
-    """Return the text of a number; empty is null, which only some keys take."""
+    """Return the text of a number; an empty text is null, which only some keys accept."""
     if text.strip() in ('', 'null'):
         return 'null'
     try:
@@ -195,7 +196,7 @@ def _number(key: str, text: str) -> str:
 
 
 def _plainly(error: DragonError) -> str:
-    """Return what an error says, on one line, without the places of overrides that nobody gave."""
+    """Return an error's message on one line, without the position of an override, which the user did not type."""
     text = ' '.join(str(error).split())
     key = error.fields.get('field')
     return text[text.index(f'{key}: '):] if key and f'{key}: ' in text else text
@@ -244,7 +245,7 @@ def _pitch(variant: Variant, check: Check) -> Answer:
 
 
 def _room(variant: Variant, check: Check) -> Answer:
-    """Return the room that the run needs: to the obstacles of its venue, or as a square."""
+    """Return the room that the run needs: the gaps to the obstacles of its venue, or a square."""
     scene = variant.until_contact(check)
     if scene.venue is not None:
         from dragon_ros.core.search.venue_fit import venue_fit
