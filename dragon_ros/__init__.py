@@ -1,7 +1,7 @@
 """Bench dragon simulator for ROS 2: the model without ROS, its nodes, and their tools.
 
-What this module offers is the public Python API (``docs/python.md``); it is imported when it is first used, so that a
-node or a command pays for what it uses alone.
+This module provides the public Python API (``docs/python.md``). It is imported on first use, so that a node or a
+command loads only what it uses.
 """
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -33,7 +33,7 @@ __all__ = ['Bag', 'Contact', 'DragonError', 'FieldError', 'InputError', 'Missing
 
 
 def __getattr__(name: str) -> Any:
-    """Import the public API, or the version, when one of its names is first asked for (PEP 562)."""
+    """Import the public API, or the version, on first use of one of its names (PEP 562)."""
     if name == '__version__':
         return import_module('dragon_ros.version').__version__
     if name in __all__:

@@ -2,7 +2,7 @@
 import signal
 
 if __name__ == '__main__' and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)        # until all is imported, Ctrl-C ends this without a traceback
+    signal.signal(signal.SIGINT, signal.SIG_DFL)        # during imports, Ctrl-C ends without a traceback
 
 import gc
 import importlib
@@ -13,8 +13,8 @@ from typing import NoReturn
 
 from dragon_ros.executables import EXECUTABLES, NODES
 
-_SPIN = '16'            # 2^16 cycles is how long a thread of OpenBLAS spins for more work, not 2^26 from its start on
-_GARBAGE = 20_000       # containers before Python looks for cycles: 700 is for programs that import nothing
+_SPIN = '16'            # an idle thread of OpenBLAS spins for 2^16 cycles instead of 2^26, the default
+_GARBAGE = 20_000       # new containers before a garbage collection; the default of 700 is far too low
 
 
 def main(argv: list[str]) -> int:
@@ -42,13 +42,13 @@ def main(argv: list[str]) -> int:
         if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
             signal.signal(signal.SIGINT, signal.default_int_handler)
         code: int = getattr(importlib.import_module(executable.module), executable.function)(rest)
-    except KeyboardInterrupt:       # a node that is interrupted while it starts ends as one that runs
+    except KeyboardInterrupt:       # a node that is interrupted during its start ends like a running one
         return 0 if executable.module == NODES else 1
     except ModuleNotFoundError as error:
         if executable.module != NODES or error.name is None or error.name.startswith('dragon_ros'):
             raise
-        print(f'{name}: {error.name.partition(".")[0]}: is not installed, and nodes need ROS 2: use ./dragon {name} of '
-              'a checkout, which brings it, or an environment with ROS 2 (see README.md)', file=sys.stderr)
+        print(f'{name}: {error.name.partition(".")[0]}: is not installed, and nodes need ROS 2: use ./dragon {name} '
+              'of a checkout, which installs it, or an environment with ROS 2 (see README.md)', file=sys.stderr)
         return 2
     return code
 
@@ -61,15 +61,15 @@ def usage() -> str:
 
 
 def dragon() -> NoReturn:
-    """Be the command ``dragon`` of an installed package."""
+    """Run the command ``dragon`` of an installed package."""
     run(sys.argv[1:])
 
 
 def run(argv: list[str], program: Callable[[list[str]], int] = main) -> NoReturn:
-    """Be the process of a program, by default of an executable: run it and exit.
+    """Run a program, by default an executable, as this process, and exit.
 
-    Imports leave hundreds of thousands of objects and no garbage. To look for cycles among them again and again, and at
-    the end to take them apart that way, takes a tenth of a command.
+    Imports leave hundreds of thousands of objects but no garbage. Searching them for cycles repeatedly, and again at
+    the end, would take a tenth of a command's time.
     """
     os.environ.setdefault('OPENBLAS_THREAD_TIMEOUT', _SPIN)
     gc.set_threshold(_GARBAGE, *gc.get_threshold()[1:])
@@ -81,5 +81,5 @@ def run(argv: list[str], program: Callable[[list[str]], int] = main) -> NoReturn
 
 if __name__ == '__main__':
     if not getattr(sys.flags, 'safe_path', False):
-        del sys.path[0]     # `python -m` puts the working directory there: nothing in it is ours to import
+        del sys.path[0]     # the working directory, by `python -m`: the package must not import from it
     run(sys.argv[1:])

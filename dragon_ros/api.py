@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 Progress = Callable[[int], object]
 __all__ = ['Bag', 'Contact', 'DragonError', 'FieldError', 'InputError', 'MissingError', 'ModelEnd', 'Motion',
            'NoContact', 'Rows', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene', 'study']
-_DPI = 72       # of a scene's picture in Jupyter
+_DPI = 72       # width of a scene's picture in Jupyter
 
 
 def _quiet(states: int) -> None:
@@ -55,7 +55,8 @@ def scene(name_or_path: str | PathLike[str] = 'winding', **changes: Any) -> Scen
     """Return a scene of the package by name, or of a file, with changes applied.
 
     Changes are the keys of a scene file: ``scene('winding', track={'pitch_m': 0.5}, accuracy='fine')``. Scenes are
-    frozen, compare by value and can be pickled. Raises InputError naming the key, MissingError for an unknown scene.
+    frozen, compare by value and can be pickled. Raises InputError, which names the key, or MissingError for an unknown
+    scene.
     """
     return changed_scene(_path('name_or_path', name_or_path), changes)
 
@@ -143,7 +144,7 @@ class Simulated:
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """When the run starts and ends."""
+        """The start and the end of the run."""
         return self.scene.run.start_s, self.simulation.end.t_s
 
     @property
@@ -178,7 +179,7 @@ class Simulated:
                       self.simulation.promise_m)
 
     def batches(self, times_s: Sequence[float] | Floats, size: int | None = None) -> Iterator[Motion]:
-        """Yield all handles at very many times, ``size`` at a time (by default as many as fit into a cache).
+        """Yield all handles at very many times, ``size`` times per batch (by default as many as fit into a cache).
 
         All batches share memory: copy what you want to keep. Raises FieldError.
         """
@@ -191,30 +192,30 @@ class Simulated:
         return tick(self.scene, whole('k', k, low=0, high=2**62))
 
     def contact(self, *, progress: Progress = _quiet) -> Contact | NoContact:
-        """Return the first contact of the run, which is true, or NoContact, which is false; each with its proof.
+        """Return the first contact of the run (truthy) or NoContact (falsy), each with its proof.
 
-        ``progress(states)`` is called with each number of states just computed. Raises FieldError for a run that
-        cannot be searched to its end, naming the time to stop at.
+        ``progress(states)`` is called with the number of newly computed states. Raises FieldError for a run that cannot
+        be searched to its end; the error names a time at which to stop.
         """
         return first_contact(self.scene, progress)
 
     def contact_within(self, tolerances: Mapping[str, float], *, progress: Progress = _quiet) -> FamilyProof:
-        """Return until when no dragon touches itself whose benches and pitch are within tolerances of the scene's.
+        """Return the time up to which no dragon within the given tolerances of the scene's touches itself.
 
-        ``tolerances`` are in metres, such as ``{'dragon.width_m': 0.005}``; each bench has its own values, the pitch
-        is one for the track. Raises FieldError for an unknown key and a scene that is not covered (one spiral, led by
-        the head), DragonError where nothing can be proved, naming the tolerance to blame.
+        ``tolerances`` are in metres, such as ``{'dragon.width_m': 0.005}``; each bench has its own values, and the
+        track has one pitch. Raises FieldError for an unknown key or a scene that is not covered (only one spiral, led
+        by the head, is), and DragonError if nothing can be proved; the error names the tolerance to reduce.
         """
         if not isinstance(tolerances, Mapping):
             raise FieldError('tolerances', tolerances, 'it is not a mapping', "write {'dragon.width_m': 0.005}")
         return first_contact_within(self.scene, tolerances, progress)
 
     def track_m(self, sag_m: float = 1e-4) -> Floats:
-        """Return points (P, 2) along the part of the track with handles in the run, to ``sag_m``."""
+        """Return points (P, 2) along the part of the track that handles cover in the run, to ``sag_m``."""
         return self.simulation.track_line(number('sag_m', sag_m, low=1e-9, high=1e9))
 
     def plot(self, t_s: float | None = None, ax: 'Axes | None' = None) -> 'Axes':
-        """Draw the dragon at a time (the end of the run) into Matplotlib axes, and return them."""
+        """Draw the dragon at a time (by default the end of the run) into Matplotlib axes, and return the axes."""
         return plot(self, t_s, ax)
 
     def _repr_svg_(self) -> str:
@@ -279,7 +280,7 @@ def read_bag(path: str | PathLike[str], namespace: str | None = None, trust: boo
 
 
 def plot(of: 'Simulated | Scene | Bag', t_s: float | None = None, ax: 'Axes | None' = None) -> 'Axes':
-    """Draw a dragon at a time (the last one) on its track into Matplotlib axes (new ones), and return them."""
+    """Draw a dragon on its track at a time (by default the last) into Matplotlib axes (or new ones); return them."""
     from matplotlib import pyplot as plt
 
     from dragon_ros.commands.plot.dragon import draw, panel
@@ -312,18 +313,18 @@ def _svg(of: 'Simulated | Scene') -> str:
 class Design:
     """Design questions: the smallest pitch, the room that a run requires, the largest speed, the S-turn.
 
-    ``progress(states)`` is called with each number of states just computed.
+    ``progress(states)`` is called with the number of newly computed states.
     """
 
     @staticmethod
     def min_pitch(dragon: Scene | Simulated | AnyDragon | None = None, *, diameter_m: float = 9.0,
                   start_turns: float = 16.0, largest_m: float = 1.0, within_m: float = 2e-11,
                   smallest_m: float | None = None, progress: Progress = _quiet) -> 'MinPitch':
-        """Return the smallest pitch from which the head reaches a circle without contact, for all up to ``largest_m``.
+        """Return the smallest pitch from which on, up to ``largest_m``, the head reaches a circle without contact.
 
-        ``dragon`` is that of a scene, or a dragon; None for the classic one. Bounds are ``within_m`` apart. Mixed
-        benches need ``smallest_m``, a pitch at which benches touch, and the answer says that it is not ``proved`` that
-        pitches above the bracket have no contact. Raises FieldError.
+        ``dragon`` is a dragon, or a scene with one; None means the classic dragon. Bounds are ``within_m`` apart. Mixed
+        benches need ``smallest_m``, a pitch at which benches touch; for them ``proved`` is false, since larger pitches
+        than the bracket may have contacts. Raises FieldError.
         """
         from dragon_ros.core.search.min_pitch import min_pitch
         if not isinstance(dragon, (Dragon, Mixed, NoneType)):
@@ -337,7 +338,7 @@ class Design:
             progress: Progress = _quiet) -> 'BoundingBox | VenueFit':
         """Return how far the benches reach in a run or, in a venue, the smallest gap to each obstacle.
 
-        Bounds are ``within_m`` apart: 1e-10, and in a venue 1e-6, unless given. Raises FieldError.
+        Bounds are ``within_m`` apart, by default 1e-10, or 1e-6 in a venue. Raises FieldError.
         """
         given = _scene('scene', scene)
         within = None if within_m is None else number('within_m', within_m, above=0.0)
@@ -420,7 +421,7 @@ def study(name_or_path: str | PathLike[str], output: str | PathLike[str] | None 
 
 
 def _draw_in_jupyter() -> None:
-    """Register pictures of plain scenes if IPython runs; scenes import nothing that draws."""
+    """Register pictures of plain scenes if IPython is running, because scenes must not import drawing code."""
     shell = sys.modules['IPython'].get_ipython() if 'IPython' in sys.modules else None
     if shell is not None:
         shell.display_formatter.formatters['image/svg+xml'].for_type(Scene, _svg)

@@ -1,4 +1,4 @@
-"""Where the configuration files of the package are."""
+"""Locate the configuration files of the package."""
 import os
 import sys
 from collections.abc import Iterator
@@ -10,8 +10,8 @@ from dragon_ros.core.errors import MissingError
 def folder() -> Path:
     """Return the ``msg_configs`` folder that belongs to the running code.
 
-    A source tree (a checkout, ``--symlink-install``, ``pip install -e``) comes first, then the install prefix of this
-    file, then the ament index, then the Python prefix: an older installed copy never shadows a checkout.
+    The search order is: a source tree (a checkout, ``--symlink-install``, ``pip install -e``), the install prefix of
+    this file, the ament index, the Python prefix. An older installed copy thus never shadows a checkout.
     """
     for candidate in _candidates():
         if (candidate / 'topics.yaml').is_file():

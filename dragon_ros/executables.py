@@ -3,7 +3,7 @@ from typing import NamedTuple
 
 
 class Executable(NamedTuple):
-    """The module and the function ``f(argv) -> exit code`` of an executable, and what it is for."""
+    """The module, the function ``f(argv) -> exit code`` and the purpose of an executable."""
 
     module: str
     help: str

@@ -1,1 +1,1 @@
-"""What all command lines share: options, errors, completion, figures, signals."""
+"""Shared parts of all command lines: options, errors, completion, figures, signals."""

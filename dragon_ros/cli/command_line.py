@@ -1,4 +1,4 @@
-"""Options, exit codes and one-line errors that all command lines share."""
+"""Options, exit codes and one-line errors shared by all command lines."""
 import argparse
 import os
 import sys
@@ -23,12 +23,12 @@ class _Default(str):
 
 
 _SUFFIXES = {'.csv': 'csv', '.json': 'json', '.npz': 'npz', '.parquet': 'parquet', '.txt': 'text', '.xlsx': 'xlsx'}
-_OTHERS = frozenset(('.docx', '.html', '.jpg', '.mat', '.ods', '.pdf', '.png', '.svg', '.tex', '.xls'))   # no tables
+_OTHERS = frozenset(('.docx', '.html', '.jpg', '.mat', '.ods', '.pdf', '.png', '.svg', '.tex', '.xls'))   # not tables
 DEFAULT_SCENE = _Default('winding')
 
 
 class _StoreIfGiven(argparse.Action):
-    """Store a positional argument if it is given; otherwise leave the option of the same name unchanged."""
+    """Store a positional argument if it is given; otherwise keep the option of the same name."""
 
     def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any,
                  option_string: str | None = None) -> None:
@@ -69,7 +69,7 @@ class Parser(argparse.ArgumentParser):
 
     @staticmethod
     def _scene_hint(word: str, known: Sequence[str]) -> str:
-        """Return what to write for a scene that is given without its option."""
+        """Return a hint for a scene that is given without --scene."""
         from dragon_ros.configuration import scene_names
         scene = '--scene' in known and (word in scene_names() or word.endswith(('.yaml', '.yml')))
         return f'write --scene {word}' if scene else ''
@@ -105,7 +105,7 @@ def _assignment(text: str) -> str:
 
 
 def program() -> str:
-    """Return what the user types before a command's name, as used to start this process."""
+    """Return what the user typed before the command's name to start this process."""
     if 'DRAGON_PROGRAM' in os.environ:      # set by the script ./dragon
         return os.environ['DRAGON_PROGRAM']
     started = Path(sys.argv[0])
@@ -121,7 +121,7 @@ def parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
 
 
 def add_scene_options(options: argparse.ArgumentParser, scene: str | None = DEFAULT_SCENE) -> None:
-    """Add --scene, --set and --accuracy. Without a default for --scene, a node's parameter applies."""
+    """Add --scene, --set and --accuracy. If --scene has no default, a node's parameter applies."""
     options.add_argument('--scene', default=scene, metavar='NAME|FILE',
                          help='name or file of the scene' + (' (%(default)s)' if scene else ''))
     options.add_argument('--set', action='append', default=[], metavar='KEY=VALUE', dest='overrides',
@@ -142,7 +142,7 @@ def add_namespace_option(options: argparse.ArgumentParser) -> None:
 
 
 def add_bag(options: argparse.ArgumentParser, text: str, required: bool = False) -> None:
-    """Add a recording as BAG or --bag, which mean the same in every command."""
+    """Add a recording as BAG or --bag, which are equivalent in every command."""
     given = options.add_mutually_exclusive_group(required=required)
     given.add_argument('bag', nargs='?', type=Path, metavar='BAG', action=_StoreIfGiven, help=text)
     given.add_argument('--bag', type=Path, metavar='BAG', dest='bag', help='the same as BAG')
@@ -218,13 +218,13 @@ def scene_from(arguments: argparse.Namespace) -> 'Scene':
 
 
 def overrides_from(arguments: argparse.Namespace) -> list[str]:
-    """Return what the options change of their scene, as ``key=value``."""
+    """Return the options' changes of the scene, as ``key=value``."""
     accuracy = [f'accuracy={arguments.accuracy}'] if arguments.accuracy is not None else []
     return [*arguments.overrides, *accuracy]
 
 
 def check_is_bag(path: Path) -> None:
-    """Reject the name or file of a scene where a recording is expected. Raises InputError."""
+    """Raise InputError if a recording is expected and a scene's name or file is given."""
     from dragon_ros.configuration import scene_names
     if path.suffix in ('.yaml', '.yml') or (str(path) in scene_names() and not path.exists()):
         raise InputError(f'BAG {path}: it is a scene, not a recording; write --scene {path}')

@@ -1,4 +1,4 @@
-"""Shell completion by argcomplete, which runs the program with ``_ARGCOMPLETE`` set to ask for the next words."""
+"""Shell completion by argcomplete, which runs the program with ``_ARGCOMPLETE`` set to obtain the next words."""
 import argparse
 import os
 from collections.abc import Iterable, Iterator

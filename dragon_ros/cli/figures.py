@@ -7,14 +7,14 @@ from typing import Any
 from dragon_ros.core.errors import MissingError
 from dragon_ros.version import __version__
 
-# Okabe-Ito colours, which colour-blind people can distinguish, by meaning.
+# Okabe-Ito colours, which are distinguishable for colour-blind people, by meaning.
 BODY, HEAD, TOUCHED, TRACK, POINT = '#56B4E9', '#D55E00', '#E69F00', '#999999', '#000000'
 LINES = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9')
-HATCH = '////'          # of what touches: the colours are alike in black and white
+HATCH = '////'          # hatch of benches that touch, since the colours look alike in black and white
 DASHES: tuple[Any, ...] = ('solid', (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1, 1, 1, 1, 1)),
                            (0, (8, 3)))
-QUIET = '#555555'       # of notes and guide lines
-OBSTACLE = '#DDD8CE'    # of a venue's obstacles and of everything outside its boundary
+QUIET = '#555555'       # colour of notes and guide lines
+OBSTACLE = '#DDD8CE'    # colours of a venue's obstacles and of everything outside its boundary
 
 _STYLE = {
     'figure.constrained_layout.use': True, 'figure.constrained_layout.h_pad': 0.1,
@@ -26,22 +26,22 @@ _STYLE = {
     'figure.titlesize': 12, 'hatch.linewidth': 0.5, 'svg.fonttype': 'none', 'pdf.fonttype': 42,
 }
 _LONGEST_NAME = 40          # characters of a name in a title
-_CHARACTERS_PER_INCH = 11   # of a title
+_CHARACTERS_PER_INCH = 11   # text size of a title
 _UNDATED: dict[str, dict[str, Any]] = {'.png': {'Software': None}, '.svg': {'Date': None},
                                        '.pdf': {'CreationDate': None}}
 FORMATS = tuple(_UNDATED)
-TRACK_ID = 'track'      # of the track in a picture, and in its SVG
+TRACK_ID = 'track'      # id of the track in a picture and in its SVG
 _SVG_DPI = 72
-_CAPTION_IN, _CAPTION_PT, _LEGEND_IN = 0.24, 8, 0.3      # below a figure
+_CAPTION_IN, _CAPTION_PT, _LEGEND_IN = 0.24, 8, 0.3      # room for a caption below a figure
 _CAPTION_ID = 'caption'
-# Files of Chinese fonts of Linux, Windows and macOS.
+# Files of Chinese fonts on Linux, Windows and macOS.
 _CHINESE_FONTS = ('notosanscjk-regular', 'notosanssc-regular', 'notosanscjksc-regular', 'sourcehansanssc-regular',
                   'sourcehansanscn-regular', 'msyh', 'simhei', 'deng', 'pingfang', 'hiragino sans gb', 'stheiti light',
                   'wqy-microhei', 'wqy-zenhei', 'droidsansfallbackfull')
 
 
 def short(name: str) -> str:
-    """Return a name for a title; a long one loses its middle."""
+    """Return a name for a title; the middle of a long name is omitted."""
     half = _LONGEST_NAME // 2
     return name if len(name) <= _LONGEST_NAME else f'{name[:half]}…{name[-half:]}'
 
@@ -58,7 +58,7 @@ def joined(one: str, other: str, by: str, inches: float) -> str:
 
 
 def legend_below(axes: Any, columns: int = 2, **options: Any) -> None:
-    """Put the legend below the axes, where it hides nothing; constrained layout makes room for it."""
+    """Put the legend below the axes, where it covers nothing; constrained layout makes room for it."""
     axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.13), ncols=columns, **options)
 
 
@@ -76,12 +76,12 @@ def spread(values: Sequence[float], least: float, end: float) -> list[float]:
 
 @contextmanager
 def style(chinese: bool = False) -> Iterator[None]:
-    """Draw everything inside this block in the style of dragon_ros, with a Chinese font if that is needed.
+    """Draw everything inside this block in the style of dragon_ros, with a Chinese font if needed.
 
     Raises MissingError if no Chinese font is installed.
     """
     import matplotlib
-    # Type 42 cannot hold the OpenType fonts of most systems.
+    # Type 42 does not support the OpenType fonts of most systems.
     more = {'font.family': ['DejaVu Sans', _chinese_font()], 'pdf.fonttype': 3} if chinese else {}
     with matplotlib.rc_context({**_STYLE, **more}):
         yield
@@ -102,7 +102,7 @@ def _chinese_font() -> str:
 def write(figure: Any, path: Path, dpi: int = 130, caption: str = '') -> Path:
     """Write a matplotlib figure in the format of the path's suffix, reproducibly, and return the path.
 
-    A caption stands below the figure, with the version. Text stays text in SVG and PDF.
+    A caption with the version is added below the figure. In SVG and PDF, text remains text.
     """
     import matplotlib
     suffix = path.suffix.lower()
@@ -118,14 +118,14 @@ def write(figure: Any, path: Path, dpi: int = 130, caption: str = '') -> Path:
 
 
 def _add_caption(figure: Any, caption: str) -> None:
-    """Make room for a caption below a figure, and for its legends above it, and write it there, once."""
+    """Write a caption below a figure and its legends, once, after making room for it."""
     if any(one.get_gid() == _CAPTION_ID for one in figure.texts):
         return
     width, height = figure.get_size_inches().tolist()
     height += _CAPTION_IN
     figure.set_size_inches(width, height)
     below = _CAPTION_IN / height
-    legends = _LEGEND_IN / height if figure.legends else 0.0       # a layout with rect leaves no room for them
+    legends = _LEGEND_IN / height if figure.legends else 0.0       # a layout with rect reserves no room for legends
     figure.get_layout_engine().set(rect=(0, below + legends, 1, 1 - below - legends))
     for legend in figure.legends:
         legend.set_bbox_to_anchor((0, below, 1, 1 - below), figure.transFigure)

@@ -1,4 +1,4 @@
-"""Long work on all cores: processes take jobs, and their results come in the order of the jobs."""
+"""Long work on all cores: processes take jobs; results are returned in the order of the jobs."""
 import os
 import signal
 import threading
@@ -15,16 +15,16 @@ from dragon_ros.cli.signals import ending
 from dragon_ros.core.checks import whole
 from dragon_ros.core.errors import DragonError
 
-_MOST = 1024    # processes of --workers
-_AHEAD = 2      # jobs for each other process that are in flight: one is worked on while another waits
-_WAITING = 4    # results for each worker that wait for their turn
+_MOST = 1024    # largest number of --workers
+_AHEAD = 2      # jobs in flight per other process: one in work, one waiting
+_WAITING = 4    # results per worker that wait for their turn
 J = TypeVar('J')
 R = TypeVar('R')
 _work: Callable[[Any], Any]
 
 
 def workers_of(given: int | None) -> int:
-    """Return how many processes work: those of ``--workers``, or one for each core that this process may use."""
+    """Return the number of processes: ``--workers``, or one per core that this process may use."""
     if given is not None:
         return whole('--workers', given, low=1, high=_MOST)
     return len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count() or 1
@@ -32,11 +32,11 @@ def workers_of(given: int | None) -> int:
 
 def in_order(made: Callable[..., Callable[[J], R]], settings: tuple[Any, ...], jobs: Iterable[J],
              workers: int) -> Generator[R, None, None]:
-    """Yield the result of each job, in order. Each worker calls ``made(*settings)`` once, for what takes its jobs.
+    """Yield the results of jobs in order. Each worker calls ``made(*settings)`` once to obtain its function for jobs.
 
     This process is one of the workers; it works alone until the others have started. At most ``4 * workers`` results
-    wait for their turn, which bounds the memory. The other processes have none of this one's threads, leave its signals
-    to it, and end when it ends, however it does. Raises DragonError if one of them is killed.
+    wait for their turn, which bounds the memory. The other processes have none of this one's threads, ignore its
+    signals, and end when it ends for any reason. Raises DragonError if one of them is killed.
     """
     work, rest = made(*settings), iter(jobs)
     if workers == 1:
@@ -59,7 +59,7 @@ def in_order(made: Callable[..., Callable[[J], R]], settings: tuple[Any, ...], j
 
 
 def _shared(pool: ProcessPoolExecutor, work: Callable[[J], R], rest: Iterator[J], workers: int) -> Iterator[R]:
-    """Yield results of this process and of a pool, in the order of the jobs."""
+    """Yield results of this process and of a pool, in job order."""
     waiting, far = deque[Future[R]](), deque[Future[R]]()
     while True:
         far = deque(one for one in far if not one.done())
@@ -81,7 +81,7 @@ def _shared(pool: ProcessPoolExecutor, work: Callable[[J], R], rest: Iterator[J]
 
 @contextmanager
 def _blocked() -> Iterator[None]:
-    """Block the signals that end a command: a process started meanwhile never gets them."""
+    """Block the signals that end a command; processes started inside this block never receive them."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ending())
     try:
         yield
@@ -90,14 +90,14 @@ def _blocked() -> Iterator[None]:
 
 
 def _begin(made: Callable[..., Callable[[Any], Any]], settings: tuple[Any, ...]) -> None:
-    """Begin in a new process."""
+    """Initialise a new process."""
     global _work
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _work = made(*settings)
 
 
 def _end_with_parent() -> None:
-    """Wait for the end of the process that started this one, and end."""
+    """Wait until the parent process ends, then end this one."""
     if (parent := parent_process()) is not None:
         connection.wait([parent.sentinel])
         os._exit(1)
@@ -108,4 +108,4 @@ def _take(job: Any) -> Any:
 
 
 def _nothing() -> None:
-    """Show that a process has begun."""
+    """Do nothing; the result shows that a process has started."""

@@ -1,4 +1,4 @@
-"""Show the progress of long work on a terminal. Work of less than a second shows and imports nothing."""
+"""Show the progress of long work on a terminal. For work of less than a second nothing is shown or imported."""
 import sys
 import time
 from collections.abc import Iterable, Iterator
@@ -9,7 +9,7 @@ T = TypeVar('T')
 
 
 class Progress:
-    """Count completed work and, after the first second, show it on standard error if that is a terminal.
+    """Count completed work; after the first second, show it on standard error if that is a terminal.
 
     Use it in a ``with`` block and call ``update``, or call it with an iterable.
     """

@@ -6,7 +6,7 @@ from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError, shown
 
 _LATEST_S = 1e10        # beyond any time stamp
-_MOST = 10**7           # values of one option
+_MOST = 10**7           # most values of one option
 _DASHED = pattern(r'([\d.]+)-([\d.]+)')
 
 
@@ -39,7 +39,7 @@ def _values(text: str, option: str, read: Callable[[str], float]) -> Iterator[fl
                              'or 0-10 or START:STOP:STEP', field=option.removeprefix('--')) from None
         room -= len(values)
         if room < 0:
-            raise InputError(f'{option} {text}: it asks for more than {_MOST} values; use a larger step',
+            raise InputError(f'{option} {text}: it requests more than {_MOST} values; use a larger step',
                              field=option.removeprefix('--'))
         yield from values
 

@@ -1,4 +1,4 @@
-"""Signals that end a command, or end long work at a point at which its output is complete."""
+"""Signals that end a command, or that end long work at a point where its output is complete."""
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager

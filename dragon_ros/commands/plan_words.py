@@ -27,6 +27,7 @@ WORDS: Words = {
                 '未证明：扫过的区域与所需宽度每 {step:.0f} cm 计算一次，弯道处约有 1 mm 未计入。'),
     'people': ('People, poles and overhanging parts are not included.',
                '不包括抬龙的人、立杆以及伸出板凳之外的物品。'),
-    'margin': ('Required margin: {margin:g} m; anything closer is red.', '要求的间隙：{margin:g} m；不足之处标为红色。'),
+    'margin': ('Required margin: {margin:g} m; anything closer is red.',
+               '要求的间隙：{margin:g} m；不足之处标为红色。'),
     'metres': ('in metres', '单位 m'), 'degrees': ('in degrees (RFC 7946)', '单位为度（RFC 7946）'),
 }
