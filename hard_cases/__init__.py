@@ -1,6 +1,6 @@
-"""The hard cases: one list of named scenes with ladders towards each singularity, shared by tests and benchmarks.
+"""The hard cases: a list of named scenes with ladders towards each singularity, shared by tests and benchmarks.
 
-``truth`` has the reference of each to 50 digits, from the JSON files that the scripts beside them compute.
+``truth`` has a reference for each, to 50 digits, from JSON files that the scripts in this package compute.
 """
 from hard_cases.dances import dances
 from hard_cases.problems import Problem, problems
@@ -9,5 +9,5 @@ __all__ = ['Problem', 'hard_cases']
 
 
 def hard_cases() -> tuple[Problem, ...]:
-    """Return every hard case: of one spiral, then of composite tracks, head laws and leading tails."""
+    """Return every hard case: those on one spiral, then those with composite tracks, head laws or leading tails."""
     return (*problems(), *dances())

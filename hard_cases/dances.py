@@ -1,6 +1,6 @@
-"""The named hard cases of composite tracks, of head laws and of a leading tail; ``problems`` has the others.
+"""The named hard cases with composite tracks, head laws or a leading tail; ``problems`` has the others.
 
-They are hard at the joints: a link across one joint or several, a handle exactly on a joint, a track that returns to
+They are hard at the joints: a link across one or several joints, a handle exactly on a joint, a track that returns to
 itself so that a chord has several roots, a bend almost too tight to follow.
 """
 from dataclasses import replace
@@ -14,7 +14,7 @@ from hard_cases.problems import MIXED, Problem
 
 _TURNING = Scene(track=STurn(before_m=100.0), run=Run(0, 200))
 _SHORT = Dragon(12, 2.2, 2.2)
-_EXIT_S = 113.62124490682112        # the head of ``turning`` leaves the turn, to the float
+_EXIT_S = 113.62124490682112        # the time at which the head of ``turning`` leaves the turn, as the nearest float
 _WIGGLE: tuple[Piece, ...] = (Line(2.0), *(Arc(1.6, (-1) ** k * 20.0) for k in range(12)), Line(0.25), Line(0.25),
                               Arc(1.6, 5.0), Line(9.0))
 
@@ -42,16 +42,16 @@ def dances() -> tuple[Problem, ...]:
                 tuple(range(224)), 'the contest scene of the turn, all handles; the head on both ends of it'),
         _like('tight', 'the second arc almost too tight for the head link', replace(_TURNING, track=STurn(
             ratio=2.12, before_m=10.0)), (0.0, 20.0, 22.0, 23.62, 25.0, 26.0)),
-        _like('equal-arcs', 'two arcs of one radius', replace(_TURNING, track=STurn(ratio=1.0)), (3.0, 8.0, 14.0)),
+        _like('equal-arcs', 'two arcs of equal radius', replace(_TURNING, track=STurn(ratio=1.0)), (3.0, 8.0, 14.0)),
         *(_like(f'turn-{scale:g}', f'every length and the speed times {scale:g}', _scaled(scale), (0.0, 9.0, 20.0))
           for scale in (1e-3, 1e3)),
         _like('turn-joined-handles', 'links of zero length on a turn',
               replace(_TURNING, dragon=Dragon(8, 3.41, 0.55), track=STurn()), (1.0, 10.0, 15.0)),
-        _on('joint-at-handles', 'head and handle 1 exactly on joints, one of them between collinear lines',
+        _on('joint-at-handles', 'head and handle 1 exactly on joints, one of which is between collinear lines',
             (Line(10.0), Line(2.86), Arc(2.0, 90.0), Line(10.0)), (10.0, 12.86, 14.0, 20.0)),
         _on('wiggle', 'segments shorter than a link, which reaches across up to five joints', _WIGGLE,
             (2.0, 3.0, 5.0, 7.1, 8.6, 9.5, 12.0)),
-        _on('loop', 'the track crosses itself: many places behind are a link away, and the first one counts',
+        _on('loop', 'the track crosses itself: many positions behind are a link away, and the first one counts',
             (Line(5.0), Arc(1.0, 360.0), Line(1.0), Arc(0.9, -540.0), Line(9.0)), (5.0, 8.0, 11.3, 12.0, 15.0, 22.0),
             _SHORT),
         _on('hairpin', 'a half turn almost too tight to follow', (Line(5.0), Arc(1.45, 180.0), Line(9.0)),
@@ -66,14 +66,14 @@ def dances() -> tuple[Problem, ...]:
               replace(_TURNING, head=law), (3.0, 8.0, 59.0, 61.3, 64.1, 70.0, 85.0, 91.7, 100.0)),
         _like('unwinding', 'the tail leads, on one spiral', Scene(track=Spiral(0.55, 6.0), head=Head(1.0, 'tail')),
               (0.0, 0.1, 60.0, 300.0), 224),
-        _like('far-by-the-tail', 'the tail leads 55 km from the centre, where a float for an angle is micrometres off',
+        _like('far-by-the-tail', 'the tail leads 55 km from the centre; rounding an angle there costs micrometres',
               Scene(dragon=Dragon(30), track=Spiral(0.55, 100000.1), head=Head(1.0, 'tail')), (0.0, 20.0)),
         _on('far-joined', 'a spiral 16 km from its centre, between a line and an arc',
             (Line(5.0), SpiralArc(0.55, 30000.3, 30000.2999), Arc(4.0, 700.0)), (3.0, 9.0, 20.0, 30.0)),
         _like('a-year-of-rounds', 'the tail leads a million rounds backwards on a circle',
               Scene(dragon=Dragon(30), track=Composite((Arc(49.5, 360.0), Line(2.0)), start_m=100.0),
                     head=Head(10.0, 'tail')), (0.0, 86_400.0, 31_536_000.0)),
-        _like('after-a-long-way', 'joints behind 171 km of spiral, where a float for a distance is 29 pm coarse',
+        _like('after-a-long-way', 'joints behind 171 km of spiral, where the float spacing of a distance is 29 pm',
               Scene(dragon=Dragon(30), track=Composite(
                   (SpiralArc(0.62, 24.2, 297.8), Arc(1.6, 350.0), SpiralArc(1.1, 17.7, 12.2, 'right')),
                   start_m=171_580.0)), (0.0, 15.0, 300.0, 580.0)),

@@ -2,10 +2,10 @@
 
     ./dragon python -m hard_cases.make_dances
 
-It needs mpmath and some minutes, and shares no numerical code with the package: it reads the scene's floats as the
-exact numbers that they are, and lays the pieces out anew. The next handle is found by steps that cannot pass it: a
-place that is g metres short of the chord has no root within g metres of track. Everything is computed twice, the second
-time with more digits, and compared.
+It needs mpmath and some minutes, and shares no numerical code with the package: it reads the scene's floats as exact
+numbers and constructs the track independently. The next handle is found by steps that cannot pass it: if a position is
+g metres short of the chord, there is no root within g metres of track. Everything is computed twice, the second time
+with more digits, and compared.
 """
 import json
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ from hard_cases.make_reference import AGREED, DIGITS, WRITTEN, Handle, Number, j
 from hard_cases.problems import Problem
 
 TARGET = Path(__file__).with_name('dances.json')
-GUARD, MORE = 15, 15            # further digits of the first computation, and of the second
+GUARD, MORE = 15, 15            # additional digits of the first computation, and of the second
 BACK, AHEAD = -1, 1
 
 
@@ -51,7 +51,7 @@ class Straight:
         return metres
 
     def fastest(self, u: Number, gap: Number) -> Number:
-        """Return a bound on the metres for each unit of u within ``gap`` metres."""
+        """Return a bound on the metres per unit of u within ``gap`` metres."""
         return mp.one
 
 
@@ -105,7 +105,7 @@ class Winding:
             u -= step
             if abs(step) < mpf(10) ** (8 - mp.dps):
                 return u
-        raise AssertionError('no place on the spiral')
+        raise AssertionError('no such position on the spiral')
 
     def fastest(self, u: Number, gap: Number) -> Number:
         return self.b * mp.sqrt(1 + (u + gap / self.b) ** 2)
@@ -124,12 +124,12 @@ class Track:
     origins: list[Number]
 
     def place(self, metres: Number) -> tuple[int, Number]:
-        """Return the piece and u so far along."""
+        """Return the piece and u at a distance along the track."""
         k = max([k for k in range(1, len(self.pieces)) if self.origins[k] <= metres], default=0)
         return k, self.pieces[k].after(metres - self.origins[k])
 
     def next(self, k: int, u: Number, chord: Number, way: int) -> tuple[int, Number]:
-        """Return the first place behind, or ahead, at the chord's length."""
+        """Return the first position behind, or ahead, at the chord's length."""
         if chord == 0:
             return k, u
         here, start = self.pieces[k].at(u), u
@@ -142,7 +142,7 @@ class Track:
 
     @staticmethod
     def _on(piece: Any, here: Number, u: Number, chord: Number, way: int) -> Number | None:
-        """Return the first u at the chord's length on a piece, None if it ends before."""
+        """Return the first u on a piece at the chord's length; None if the piece ends before."""
         end = piece.first if way == BACK else piece.last
         sense = way * (getattr(piece, 'way', 1))
         for _ in range(10_000):
@@ -157,20 +157,20 @@ class Track:
 
 
 def polished(piece: Any, here: Number, u: Number, chord: Number) -> Number:
-    """Return the root next to u, by Newton."""
+    """Return the root next to u, by Newton's method."""
     for _ in range(100):
         link = piece.at(u) - here
         slope = piece.tangent(u) * (mp.sqrt(1 + u * u) * piece.b * piece.way if isinstance(piece, Winding) else 1)
         step = (abs(link) ** 2 - chord * chord) / (2 * (mp.conj(link) * slope).real)
         u -= step
-        assert abs(step) < mpf(10) ** -6 * chord / abs(slope), 'the root is not next to where it was seen'
+        assert abs(step) < mpf(10) ** -6 * chord / abs(slope), 'the root is not near its estimate'
         if abs(step) <= mpf(10) ** (6 - mp.dps) * (chord + abs(u)):
             return u
     raise AssertionError('no root')
 
 
 def track_of(scene: Scene) -> tuple[Track, Number]:
-    """Return the track and where the head is on it at t = 0."""
+    """Return the track, and the position of the head on it at t = 0."""
     if isinstance(scene.track, STurn):
         return turn_of(scene.track), -mpf(scene.track.before_m)
     if isinstance(scene.track, Spiral):
@@ -182,7 +182,7 @@ def track_of(scene: Scene) -> tuple[Track, Number]:
 
 
 def turn_of(turn: STurn) -> Track:
-    """Return the S-turn: the arcs turn by 2 gamma, with radii of the ratio and the sum R / sin gamma."""
+    """Return the S-turn: the arcs turn by 2 gamma; their radii have the given ratio and the sum R / sin gamma."""
     b, radius = mpf(turn.pitch_m) / (2 * mp.pi), mpf(turn.diameter_m) / 2
     theta = radius / b
     gamma = mp.atan(theta)
@@ -198,7 +198,7 @@ def turn_of(turn: STurn) -> Track:
 
 
 def laid(track: Composite) -> Track:
-    """Return joined pieces in the plane; the first one open to where the head comes from."""
+    """Return joined pieces in the plane; the first is unlimited backwards."""
     pieces: list[Any] = []
     origins, point, direction = [mp.zero], mpc(0), mpc(1)
     for spec in track.pieces:
@@ -228,7 +228,7 @@ def wound(spec: Any, point: Number, direction: Number) -> Winding:
 
 
 def gone(scene: Scene, t_s: float) -> tuple[Number, Number]:
-    """Return how far the leader has gone and its speed, integrated ramp by ramp."""
+    """Return the distance travelled by the leader and its speed, integrated ramp by ramp."""
     t, head = mpf(t_s), scene.head
     if isinstance(head, Head):
         return mpf(head.speed_m_s) * t, mpf(head.speed_m_s)
@@ -245,7 +245,7 @@ def gone(scene: Scene, t_s: float) -> tuple[Number, Number]:
 
 
 def chain_at(scene: Scene, t_s: float) -> list[tuple[Number, Number]]:
-    """Return (point, velocity along the head's way) of all handles from head to tail; velocities as complex numbers."""
+    """Return (point, velocity in the head's direction) of all handles from head to tail; velocities are complex."""
     track, start = track_of(scene)
     far, speed = gone(scene, t_s)
     links = [mpf(link) for link in scene.dragon.link_lengths_m.tolist()]
@@ -257,7 +257,7 @@ def chain_at(scene: Scene, t_s: float) -> list[tuple[Number, Number]]:
 
 
 def places(track: Track, place: tuple[int, Number], links: list[Number], way: int) -> Iterator[tuple[int, Number]]:
-    """Yield the places of the handles from the leader on."""
+    """Yield the positions of the handles from the leader on."""
     yield place
     for chord in links:
         place = track.next(*place, chord, way)
@@ -278,7 +278,7 @@ def followed(track: Track, leader: tuple[int, Number], links: list[Number], way:
 
 
 def handles_at(problem: Problem, t_s: float, digits: int) -> list[Handle]:
-    """Return the wanted handles at one time, computed with so many digits; ``speed`` is the velocity, x + iy."""
+    """Return the wanted handles at one time, computed with ``digits`` digits; ``speed`` is the velocity, x + iy."""
     mp.dps = digits
     chain = chain_at(problem.scene, t_s)
     return [Handle(chain[n][0].real, chain[n][0].imag, chain[n][1]) for n in problem.handles]
@@ -320,7 +320,7 @@ def figures() -> dict[str, str]:
 
 
 def text_of(found: dict[str, list[list[Handle]]], told: dict[str, str]) -> str:
-    """Return the file: JSON with sorted keys, a line for each problem and time."""
+    """Return the file content: JSON with sorted keys, one line per problem and time."""
     header = {'script': Path(__file__).name, 'mpmath': mpmath.__version__, 'digits': DIGITS, 'written_digits': WRITTEN}
     blocks = [f'"{problem.name}": {{"handles": {json.dumps(problem.handles)},\n'
               f'"states": [\n{joined(vectors_of(state) for state in found[problem.name])}],\n'

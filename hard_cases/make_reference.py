@@ -2,11 +2,11 @@
 
     ./dragon python -m hard_cases.make_reference
 
-It needs mpmath (gmpy2 makes it faster, with the same result) and a minute or a few. It shares no numerical code with
-the package: it reads the scene's floats as the exact binary numbers that they are. Lengths are in units of
-b = pitch / 2 pi, angles in rad. A chord between theta and theta + delta obeys the law of cosines, and velocities are
-projected from the link and the tangents as vectors; cancellation is paid for with guard digits.
-Everything is computed twice, the second time with more digits, and compared.
+It needs mpmath (gmpy2 makes it faster, with the same result) and up to a few minutes. It shares no numerical code with
+the package: it reads the scene's floats as exact binary numbers. Lengths are in units of b = pitch / 2 pi, angles in
+rad. A chord between theta and theta + delta obeys the law of cosines, and velocities are projected from the link and
+the tangents as vectors; guard digits compensate for cancellation. Everything is computed twice, the second time with
+more digits, and compared.
 """
 import json
 import sys
@@ -21,17 +21,17 @@ from dragon_ros.core.scene import Scene
 from hard_cases.problems import Problem, problems
 
 DIGITS = 50                     # of every result, relative to the distance from the centre
-GUARD = 40                      # further digits of the computation: the law of cosines loses up to 20
+GUARD = 40                      # additional digits of the computation: the law of cosines loses up to 20
 AGREED = 40                     # digits that two computations must have in common
-MORE = 20                       # digits that the second has more
+MORE = 20                       # additional digits of the second computation
 WRITTEN = 25                    # significant digits in the file
 TARGET = Path(__file__).with_name('reference.json')
-Number = Any                    # mpmath's types are made at run time
+Number = Any                    # the types of mpmath are created at run time
 Function = Callable[[Number], tuple[Number, Number]]
 
 
 class Link(NamedTuple):
-    """One solved link: the angle that it spans and the ratio of its rear handle's speed to its front handle's."""
+    """One solved link: the angle that it spans, and the ratio of its rear handle's speed to its front handle's."""
 
     delta: Number
     ratio: Number
@@ -65,7 +65,7 @@ def reference(problem: Problem) -> list[list[Handle]]:
 
 
 def handles_at(problem: Problem, t_s: float, digits: int) -> list[Handle]:
-    """Return the wanted handles at one time, computed with so many digits."""
+    """Return the wanted handles at one time, computed with ``digits`` digits."""
     mp.dps = digits
     wanted = set(problem.handles)
     scene = problem.scene
@@ -79,14 +79,14 @@ def handles_at(problem: Problem, t_s: float, digits: int) -> list[Handle]:
 
 
 def place(b: Number, theta: Number, speed: Number) -> Handle:
-    """Return the handle at a polar angle; coordinates that are nothing but rounding become 0."""
+    """Return the handle at a polar angle; coordinates that consist of rounding alone become 0."""
     cos, sin = mp.cos_sin(theta)
     x, y = (value if abs(value) > mp.mpf(10) ** -DIGITS else mp.zero for value in (cos, sin))
     return Handle(b * theta * x, b * theta * y, speed)
 
 
 def head_angle(scene: Scene, b: Number, t_s: float) -> Number:
-    """Return theta with S(theta) = S(theta0) - v t: Newton from the outside, where the convex S makes it monotone."""
+    """Return theta with S(theta) = S(theta0) - v t, by Newton's method from outside: convexity makes it monotone."""
     start = 2 * mp.pi * mp.mpf(scene.track.start_turns)
     arc = arc_length(start) - mp.mpf(scene.head.speed_m_s) * mp.mpf(t_s) / b
     assert arc >= 0, f'{t_s!r} s is after the head reaches the centre'
@@ -112,7 +112,7 @@ def march(theta: Number, chords: list[Number]) -> Iterator[tuple[Number, Number]
 
 
 def extrapolated(before: list[Number]) -> Number:
-    """Return a first guess from the angles of the equal links before, newest first; 0 without any."""
+    """Return a first guess from the angles of the preceding equal links, newest first; 0 if there are none."""
     if len(before) < 4:
         return before[0] if before else mp.zero
     return 4 * (before[0] + before[2]) - 6 * before[1] - before[3]
@@ -134,8 +134,8 @@ def next_handle(theta: Number, chord: Number, guess: Number) -> Link:
 def excess_of(theta: Number, chord: Number) -> Function:
     """Return delta -> (half of squared chord minus wanted squared chord, its slope).
 
-    The slope, delta + 2 theta sin^2(delta/2) + theta (theta + delta) sin(delta), has only positive terms up to
-    delta = pi: a root there is the only one there, and so the smallest.
+    The slope, delta + 2 theta sin^2(delta/2) + theta (theta + delta) sin(delta), has only positive terms up to delta =
+    pi, so a root there is unique and the smallest one.
     """
     fixed = (theta * theta - chord * chord) / 2
 
@@ -149,7 +149,7 @@ def excess_of(theta: Number, chord: Number) -> Function:
 
 
 def first_rise(theta: Number, excess: Function) -> Number:
-    """Return a place beyond pi, on the first rise, where the chord is too long."""
+    """Return an angle beyond pi, on the first rise, at which the chord is too long."""
     def falling(delta: Number) -> tuple[Number, Number]:
         cos, sin = mp.cos_sin(delta)
         return -excess(delta)[1], -(1 + 2 * theta * sin + theta * (theta + delta) * cos)
@@ -159,7 +159,7 @@ def first_rise(theta: Number, excess: Function) -> Number:
         low, high = high, high + mp.mpf(1) / 16
     if excess(high)[1] < 0:
         high = root(falling, low, high, high)
-    assert excess(high)[0] >= 0, f'no place for a link on the first rise: at theta = {mp.nstr(theta, 20)} it locks'
+    assert excess(high)[0] >= 0, f'a link cannot be placed on the first rise: it locks at theta = {mp.nstr(theta, 20)}'
     return high
 
 
@@ -192,9 +192,9 @@ def projected(theta: Number, delta: Number, chord: Number) -> Number:
 
 
 def root(function: Function, low: Number, high: Number, start: Number) -> Number:
-    """Return the root of an increasing function in [low, high]: Newton, halving where a step leaves the bracket.
+    """Return the root of an increasing function in [low, high]: Newton's method, or bisection if a step is too long.
 
-    The next error is the last step squared times half the curvature over the slope, for which 10 digits are left.
+    The next error is the square of the last step times half the curvature over the slope; 10 digits are left for that.
     """
     x, small = min(max(start, low), high), mp.mpf(10) ** -(mp.dps // 2 + 5)
     for _ in range(500):
@@ -227,7 +227,7 @@ def check_known_values(found: dict[str, list[list[Handle]]]) -> None:
 
 
 def text_of(found: dict[str, list[list[Handle]]]) -> str:
-    """Return the file: JSON with sorted keys, a line for each problem and time."""
+    """Return the file content: JSON with sorted keys, one line per problem and time."""
     header = {'script': Path(__file__).name, 'mpmath': mpmath.__version__, 'digits': DIGITS, 'written_digits': WRITTEN}
     blocks = [f'"{problem.name}": {{"handles": {json.dumps(problem.handles)},\n'
               f'"states": [\n{joined(state_of(state) for state in found[problem.name])}],\n'
@@ -247,7 +247,7 @@ def joined(blocks: Iterator[str] | list[str]) -> str:
 
 
 def note(text: str) -> None:
-    """Say how far it is."""
+    """Print progress."""
     print(text, file=sys.stderr, flush=True)
 
 

@@ -1,4 +1,4 @@
-"""The hard cases of one spiral, with ladders towards each singularity; ``dances`` has the others."""
+"""The hard cases on one spiral, with ladders towards each singularity; ``dances`` has the others."""
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import pi
@@ -11,7 +11,7 @@ from dragon_ros.core.tracks.spec import Spiral
 
 @dataclass(frozen=True)
 class Problem:
-    """A scene, the times at which it is hard, and the handles in the reference (the worst are among them)."""
+    """A scene, the times at which it is hard, and the handles in the reference, including the worst."""
 
     name: str
     scene: Scene
@@ -21,20 +21,20 @@ class Problem:
 
 
 _CLASSIC = Scene()
-_LOCK_S = 432.91792422838296       # of the classic dragon, to the nearest float; the model's is tested against it
+_LOCK_S = 432.91792422838296     # of the classic dragon, to the nearest float; a test compares the model's time with it
 _ALL = tuple(range(224))
 MIXED = Mixed((Group(3.41), Group(2.2, 10), Group(1.1), Group(4.0, 2), Group(0.55), Group(0.9, 15), Group(2.2, 10)))
 _LONG_FOURTH, _FOURTH_LOCKS_S = Mixed((Group(1.1, 3), Group(3.9), Group(1.6, 6))), 430.61003584845963
 
 
 def _some(benches: int) -> tuple[int, ...]:
-    """Return a few handles of a long dragon, among them the first and the last."""
+    """Return some handles of a long dragon, including the first and the last."""
     near = (k for k in (0, 1, 2, 3, 10) if k < benches)
     return tuple(sorted({*near, *(benches * k // 20 for k in range(1, 21))}))
 
 
 def _scaled(scale: float) -> Scene:
-    """Return the classic dragon with 40 benches, every length times ``scale``."""
+    """Return the classic dragon with 40 benches, with every length times ``scale``."""
     d = Dragon(40)
     return Scene(dragon=Dragon(40, d.head_length_m * scale, d.body_length_m * scale, d.width_m * scale,
                                d.hole_inset_m * scale),
@@ -66,9 +66,9 @@ def problems() -> tuple[Problem, ...]:
         _with('link-beyond-diameter', 'a head link longer than the diameter at its front', (432.85, 432.9),
               Dragon(20)),
         _with('link-is-diameter', 'a head link of exactly the diameter 2 theta + pi', (0.0,), Dragon(20), diameter),
-        _with('tiny-pitch', 'eight thousand turns, almost circles', (0.0, 100.0, 1000.0, 1.9e5), None,
+        _with('tiny-pitch', 'eight thousand turns that are almost circles', (0.0, 100.0, 1000.0, 1.9e5), None,
               Spiral(1e-3, 8000.0)),
-        _with('huge-pitch', 'a track almost straight', (0.0, 100.0, 500.0), None, Spiral(1e3, 2.0)),
+        _with('huge-pitch', 'an almost straight track', (0.0, 100.0, 500.0), None, Spiral(1e3, 2.0)),
         *(Problem(f'scale-{scale:g}', _scaled(scale), (0.0, 300.0, 412.0), _some(40),
                   f'every length and the speed times {scale:g}') for scale in (1e-7, 1e-3, 1e3, 1e7)),
         _with('long', 'a hundred thousand links', (0.0, 400.0), Dragon(100_000)),
@@ -79,7 +79,7 @@ def problems() -> tuple[Problem, ...]:
         _with('almost-joined', 'body links of a nanometre', (0.0, 300.0), Dragon(10, 3.41, 0.55 + 1e-9)),
         _with('mixed', 'benches of six lengths, one of them with coinciding handles', (0.0, 300.0, 412.0, 432.0),
               MIXED),
-        _with('mixed-lock', 'a long fourth link that vanishes first, 1e-2 to 1e-8 s before',
+        _with('mixed-lock', 'a long fourth link that locks first; 1e-2 to 1e-8 s before',
               tuple(_FOURTH_LOCKS_S - 10.0 ** -k for k in (2, 4, 6, 8)), _LONG_FOURTH),
         _with('rest', 'a head at rest', (0.0, 1e6), None, None, 0.0),
         _with('crawl', 'a head at 1e-9 m/s', (0.0, 1e9), None, None, 1e-9),
@@ -89,6 +89,6 @@ def problems() -> tuple[Problem, ...]:
 
 
 def _diameter_start() -> Spiral:
-    """Return the classic track started where the head link is the diameter, 2 theta + pi in units of b."""
+    """Return the classic track, started so that the head link equals the diameter 2 theta + pi in units of b."""
     theta = 0.5 * (Dragon().head_link_m / Spiral().b_m - pi)
     return Spiral(0.55, theta / (2 * pi))

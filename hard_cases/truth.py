@@ -1,4 +1,4 @@
-"""The 50-digit reference of the hard cases, and the error of a solver against it."""
+"""The 50-digit reference of the hard cases, and the error of a solver relative to it."""
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,9 +21,9 @@ Solve = Callable[[float], tuple[Floats, Floats]]
 
 @dataclass(frozen=True)
 class Truth:
-    """Reference handles at the times of a problem, each number as a float and its remainder.
+    """Reference handles at the times of a problem; each number is a float plus a remainder.
 
-    (times, handles, 3): x, y, speed; or (times, handles, 4): x, y, vx, vy.
+    Arrays are (times, handles, 3): x, y, speed; or (times, handles, 4): x, y, vx, vy.
     """
 
     high: Floats
@@ -58,7 +58,7 @@ def truth(problem: Problem) -> Truth:
     row = _everything().get(problem.name)
     if row is None or tuple(row['times_s']) != problem.times_s or tuple(
             row['handles']) != problem.handles:
-        raise MissingError(f'{_FOLDER}: has nothing for {problem.name} as it is now; run the scripts there')
+        raise MissingError(f'{_FOLDER}: no reference for the current {problem.name}; run the scripts there')
     digits: Array = np.array([[state[key] for key in _KEYS if key in state] for state in row['states']], dtype=str)
     exact = np.vectorize(Decimal, otypes=[object])(np.moveaxis(digits, 1, 2))
     high = exact.astype(np.float64)

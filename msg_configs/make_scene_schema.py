@@ -1,6 +1,6 @@
-"""Write ``scene.schema.json`` and ``study.schema.json`` from the code: run it after a change of a format.
+"""Write ``scene.schema.json`` and ``study.schema.json`` from the code. Run it after a change of a format.
 
-Both are committed.
+Both files are committed.
 PYTHONPATH=. python msg_configs/make_scene_schema.py
 """
 from pathlib import Path

@@ -1,7 +1,7 @@
-"""Write the MCAP schemas of every topic from an installed ROS 2: run it with ROS, and commit the result.
+"""Write the MCAP schemas of every topic from an installed ROS 2. Run it with ROS, and commit the result.
 
-A schema is the ros2msg text of a type followed by those of the types in it, as rosbag2 stores it; ``types.yaml``
-holds the type hashes. With them bags can be written where no ROS is installed.
+A schema is the ros2msg text of a type followed by those of the types in it, as stored by rosbag2; ``types.yaml`` has
+the type hashes. With these files bags can be written where ROS is not installed.
 """
 import json
 import re
