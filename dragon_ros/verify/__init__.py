@@ -1,1 +1,1 @@
-"""The checker of first-contact certificates. It stands alone: it imports nothing of the package's other rooms."""
+"""The checker of first-contact certificates. It imports nothing from the rest of the package."""

@@ -1,7 +1,7 @@
-"""How the leader approaches a claimed contact: where it was before, and when it is within the slack of that place.
+"""How the leader approaches a claimed contact: where it was before, and when it is within the slack.
 
-The slack allows for an error of the place, not of the time. So it applies only while the leader moves one way, to the
-contact and beyond. No slack applies to places where the leader was before.
+The slack allows for an error of the position, not of the time. So it applies only while the leader moves in one
+direction, to the contact and beyond. No slack applies to positions of the leader before that.
 """
 from dataclasses import dataclass
 from fractions import Fraction
@@ -10,16 +10,16 @@ from math import ulp
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Extent, Law, Leg
 
-_LAST_PLACES = 4        # of a time: a solver in floats may be off by this much when the leader turns or rests
+_LAST_PLACES = 4        # ulps of a time: a solver in floats may be off by this much when the leader turns or rests
 _SOON_S = Fraction(1, 10**6)    # to either side of a contact; if the slack takes longer, the sentence says how long
-_HALVINGS = 80          # of times that are only reported
+_HALVINGS = 80          # for times that are only reported
 
 
 @dataclass(frozen=True)
 class Approach:
-    """The leg of the law on which the leader reaches a contact at ``gone_m``, or rests there from the start.
+    """The leg of the law on which the leader reaches a contact at ``gone_m``, or rests there from the start on.
 
-    ``earlier`` is the range where the leader was before in the run, if any.
+    ``earlier`` is the range of the leader's earlier positions in the run, if any.
     """
 
     law: Law
@@ -35,13 +35,13 @@ class Approach:
 
     @property
     def was_beyond_m(self) -> Fraction:
-        """How far beyond the contact's place the leader was before; negative if it was not."""
+        """How far beyond the contact's position the leader was before; negative if it was not."""
         if self.earlier is None:
             return Fraction(-1)
         return (self.earlier[1] - self.gone_m) if self.sense > 0 else (self.gone_m - self.earlier[0])
 
     def after_m(self, slack_m: Fraction) -> Fraction:
-        """Return how far the leader moves on from the contact's place, up to a slack."""
+        """Return how far the leader moves on from the contact's position, up to a slack."""
         if self.leg.until_s is None:
             return slack_m * abs(self.sense)
         return min(slack_m, (self.law.gone_m(self.leg.until_s) - self.gone_m) * self.sense)
@@ -57,11 +57,11 @@ class Approach:
         return float(self._reached_s(-slack_m, first, self.t_s)), float(self._reached_s(slack_m, self.t_s, last))
 
     def _on_m(self, t_s: Fraction) -> Fraction:
-        """Return how far the leader is beyond the contact's place at a time."""
+        """Return how far the leader is beyond the contact's position at a time."""
         return (self.law.gone_m(t_s) - self.gone_m) * self.sense
 
     def _reached_s(self, on_m: Fraction, low: Fraction, high: Fraction | None) -> Fraction:
-        """Return approximately when the leader is this far on; an end of the interval if it is not inside."""
+        """Return approximately when the leader is this far on, or the nearer end of the interval if it never is."""
         if high is None:
             high = low + 1
             while self._on_m(high) < on_m:

@@ -10,7 +10,7 @@ from flint import acb, arb, ctx, fmpq
 
 from dragon_ros.verify.errors import Refused
 
-BITS = 128          # of a midpoint; tracks that are many links long or far out need more (``precise``)
+BITS = 128          # of a midpoint; tracks that are many links long, or far out, need more (``precise``)
 UNIT = arb(0, 1)    # [-1, 1]
 
 
@@ -25,32 +25,32 @@ def half_turn() -> arb:
 
 
 def exact(value: float | Fraction) -> arb:
-    """Return a float exactly, and a rational number to the last bit."""
+    """Return the ball of a float, exactly, or of a rational number, to the last bit."""
     if isinstance(value, Fraction):
         return arb(fmpq(value.numerator, value.denominator))
     return arb(value)
 
 
 def above(value: arb) -> float:
-    """Return a float that no number in a ball exceeds; infinite if unknown."""
+    """Return a float that is at least any number in a ball; infinite if unknown."""
     out = float(value.upper())
     return nextafter(out, inf) if out == out else inf
 
 
 def below(value: arb) -> float:
-    """Return a float that exceeds no number in a ball; minus infinity if unknown."""
+    """Return a float that is at most any number in a ball; minus infinity if unknown."""
     out = float(value.lower())
     return nextafter(out, -inf) if out == out else -inf
 
 
 def size(value: arb) -> float:
-    """Return a float that no absolute value in a ball exceeds; infinite if unknown."""
+    """Return a float that is at least any absolute value in a ball; infinite if unknown."""
     out = float(value.abs_upper())
     return nextafter(out, inf) if out == out else inf
 
 
 def hypot_above(x: float, y: float) -> float:
-    """Return an upper bound of the root of a sum of two squares."""
+    """Return an upper bound on the root of a sum of two squares."""
     return up(hypot(x, y))
 
 

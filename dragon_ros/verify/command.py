@@ -8,15 +8,15 @@ from pathlib import Path
 from dragon_ros.verify.errors import Refused
 
 OK, INTERRUPTED, REFUSED = 0, 1, 2
-_FIRST_S, _EVERY_S = 1.0, 1.0       # of progress
+_FIRST_S, _EVERY_S = 1.0, 1.0       # of progress reports
 
 
 def main(argv: list[str] | None = None) -> int:
     """Check a certificate: print what it proves and return 0, or print in one line why it is refused and return 2."""
     parser = argparse.ArgumentParser(prog='python -m dragon_ros.verify', description=__doc__)
-    parser.add_argument('certificate', type=Path, help='a file that `contact --certificate` wrote; - is standard input')
+    parser.add_argument('certificate', type=Path, help='a file written by `contact --certificate`; - is standard input')
     parser.add_argument('--effort', type=_effort, default=1.0, metavar='TIMES',
-                        help='spend so many times the usual budget before giving up (%(default)s)')
+                        help='multiply the usual budget by this before giving up (%(default)s)')
     arguments = parser.parse_args(argv)
     try:
         said = _proved(arguments.certificate, arguments.effort)
@@ -45,18 +45,19 @@ def _proved(path: Path, effort: float) -> str:
     try:
         import flint  # noqa: F401
     except ImportError:
-        raise Refused("it needs python-flint: pip install 'dragon_ros[verify]' or pip install python-flint") from None
+        raise Refused("the checker needs python-flint: pip install 'dragon_ros[verify]' or pip install "
+                      'python-flint') from None
     from dragon_ros.verify.proof import prove
     from dragon_ros.verify.reading import read
     try:
         proved = prove(read(path), effort, _Progress())
     except (ArithmeticError, ValueError, RecursionError, MemoryError) as error:
-        raise Refused(f'its numbers lead nowhere: {error!r:.160}') from None
+        raise Refused(f'its numbers cannot be evaluated: {error!r:.160}') from None
     return f'{proved.sentence} (in {proved.intervals} intervals)'
 
 
 class _Progress:
-    """Prints to stderr how much of the track is cleared, how long the rest takes, and if the budget is too small."""
+    """Prints progress to stderr: the cleared part of the track, the remaining time, and if the budget is too small."""
 
     def __init__(self) -> None:
         self._begun_s = time.monotonic()

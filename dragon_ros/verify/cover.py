@@ -1,8 +1,8 @@
-"""Clears all places of all benches: intervals are halved until each is proved, within a budget.
+"""Clears all positions of all benches: intervals are halved until each is proved, within a budget.
 
-The benches behind a bench are placed by its front handle and their lengths alone. So benches with equal remaining
-lengths form a class. The first of a class clears the track for all of it, at each place with as many benches behind it
-as any bench of the class has there. A certificate's intervals are hints where to cut.
+The positions of the benches behind a bench depend only on its front handle and on their lengths. So benches with equal
+remaining lengths form a class. The first bench of a class clears the track for the whole class, at each position with
+as many benches behind it as any bench of the class has there. A certificate's intervals are hints where to cut.
 """
 import time
 from bisect import bisect_left, bisect_right
@@ -21,22 +21,22 @@ from dragon_ros.verify.segments import HALF
 from dragon_ros.verify.track import Track
 
 _FINEST = 2.0**-70      # of a metre, or of the distance along the track: the shortest interval
-_EARLY = 30_000         # steps; no proof is given up earlier
-_NOTHING = 1e-9         # of the track tells nothing of the rest: the first interval may be a float long
-_MANY = 200             # intervals: of fewer no estimate is made, a proof takes a second or two
-_SAMPLES, _LEAST = 12, 4        # of them, for an estimate; it takes no more than ...
+_EARLY = 30_000         # steps: no proof is given up earlier
+_NOTHING = 1e-9         # of the track: less allows no extrapolation, because the first interval may be one float long
+_MANY = 200             # intervals: for fewer, no estimate is made, because the proof takes a second or two
+_SAMPLES, _LEAST = 12, 4        # intervals sampled for an estimate, at most and at least; it takes at most ...
 _PILOT = 0.1            # ... of the budget
-_SPARE = 2              # times the effort that a proof would take at its pace is suggested: paces change
-_HOPELESS = 3           # a proof that would take this many budgets is given up early; honest ones take at most 1.8
-Progress = Callable[[float, float, str], object]    # metres cleared, metres in all, advice on the budget
+_SPARE = 2              # times the effort that the current rate requires is suggested, because rates change
+_HOPELESS = 3           # a proof that would take this many budgets is given up early; valid ones take at most 1.8
+Progress = Callable[[float, float, str], object]    # metres cleared, metres in total, advice on the budget
 
 
 @dataclass
 class Budget:
-    """How many steps, links placed and pairs of benches tested, there are, as many times the usual as ``effort`` says.
+    """The budget in steps (links placed and pairs of benches tested), ``effort`` times the usual one.
 
-    ``spent`` steps are gone, ``intervals`` were proved; ``share`` of the track has been cleared ``since`` some step. So
-    many steps are ``expected`` in all, from a few intervals.
+    ``spent`` steps are used and ``intervals`` intervals are proved; ``share`` of the track has been cleared since step
+    ``since``. A few sampled intervals let ``expected`` steps be expected in total.
     """
 
     steps: int
@@ -55,14 +55,14 @@ class Budget:
             raise Refused(f'it was not proved within the budget of {self.steps} steps; {self._cure}')
 
     def check(self) -> None:
-        """Raise Refused for a proof that would take many times the budget at its pace."""
+        """Raise Refused if the proof would take many times the budget at its current rate."""
         if self.spent - self.since > _EARLY and self.spent - self.since > _HOPELESS * self.steps * self.share:
-            raise Refused(f'only {100 * self.share:.2g} % were proved in {self.spent} of {self.steps} steps; '
+            raise Refused(f'only {100 * self.share:.2g} % was proved in {self.spent} of {self.steps} steps; '
                           f'{self._cure}')
 
     @property
     def advice(self) -> str:
-        """Advice on the budget while the proof goes on; empty if the budget is enough at the pace so far."""
+        """Advice on the budget during a proof; empty if the budget is sufficient at the current rate."""
         if not self._whole > self.steps:
             return ''
         begins = f'it takes some {self._takes_s:.2g} s, ' if not self.share else ''
@@ -70,42 +70,43 @@ class Budget:
 
     @property
     def _whole(self) -> float:
-        """Steps that the proof takes at the pace so far, or as expected; 0 if unknown."""
+        """Steps that the proof takes at the current rate, or as expected; 0 if unknown."""
         pace = (self.spent - self.since) / self.share if self.share > _NOTHING else self.expected
         return self.since + pace if pace else 0.0
 
     @property
     def _enough(self) -> float:
-        """An effort that is enough, with a margin."""
+        """An effort that is sufficient, with a margin."""
         return ceil(10 * _SPARE * self.effort * self._whole / self.steps) / 10
 
     @property
     def _cure(self) -> str:
-        """The suggestion of an effort that is enough at the pace so far, and how long the proof then takes."""
+        """The suggestion of a sufficient effort at the current rate, and how long the proof then takes."""
         if not self._whole:
             return f'give --effort more than {self.effort:.3g}'
         return f'give --effort {self._enough:.12g} (at this pace the proof takes some {self._takes_s:.2g} s)'
 
     @property
     def _takes_s(self) -> float:
-        """How long the proof takes at the pace so far."""
+        """How long the proof takes at the current rate."""
         return (time.monotonic() - self._begun_s) * self._whole / max(self.spent, 1)
 
 
 @dataclass(frozen=True)
 class Way:
-    """The places of a class of benches: its first bench, and for each bench the range of its front handle.
+    """The positions of a class of benches: its first bench, and for each bench the range of its front handle.
 
-    A bench is behind those before it at all times, so the first and the last places of all are in order.
+    A bench is behind those before it at all times, so the lower limits of the ranges are in order, and so are the upper
+    ones.
     """
 
     lead: int
     members: tuple[tuple[int, Range], ...]
 
     def most(self, low: arb, high: arb) -> int | None:
-        """Return the first bench that moves between two places, which has most behind it; None if none does.
+        """Return the first bench that moves between two positions, which has most benches behind it; None if none does.
 
-        A bench that only reaches the place between two intervals belongs to the other interval.
+        A bench that only reaches the boundary between two intervals belongs to the other interval.
         """
         n = self._first(lambda place: not (place[0] >= high if low < high else place[0] > high))
         if n == len(self.members):
@@ -114,7 +115,7 @@ class Way:
         return None if (last <= low if low < high else last < low) else bench
 
     def _first(self, holds: Callable[[Range], bool]) -> int:
-        """Return the number of the first member for which a condition holds that holds for all after it."""
+        """Return the index of the first member that meets a condition which all later members meet too."""
         first, after = 0, len(self.members)
         while first < after:
             n = (first + after) // 2
@@ -122,7 +123,7 @@ class Way:
         return first
 
     def ends(self, low: arb, high: arb) -> list[arb]:
-        """Return where ranges of benches of the class begin or end between two places."""
+        """Return the limits of the ranges of benches of the class between two positions."""
         return sorted([*self._ends(0, low, high), *self._ends(1, low, high)], key=float)
 
     def _ends(self, end: int, low: arb, high: arb) -> Iterator[arb]:
@@ -131,7 +132,7 @@ class Way:
 
     @property
     def parts(self) -> list[Range]:
-        """The places as disjoint ranges."""
+        """The positions as disjoint ranges."""
         out: list[Range] = []
         for _, (low, high) in reversed(self.members):
             if out and not low > out[-1][1]:
@@ -142,7 +143,7 @@ class Way:
 
 
 def ways(dragon: Dragon, places: Sequence[Range]) -> list[Way]:
-    """Return the classes of benches with equal remaining lengths, with their places."""
+    """Return the classes of benches with equal remaining lengths, with their positions."""
     sets: dict[int, list[int]] = {}
     for bench, lead in enumerate(_leads(dragon.lengths_m)[:-2]):
         sets.setdefault(lead, []).append(bench)
@@ -150,10 +151,10 @@ def ways(dragon: Dragon, places: Sequence[Range]) -> list[Way]:
 
 
 def repeated(lengths: Sequence[float]) -> list[int]:
-    """Return for each place, read from the tail, how many lengths from there on equal those from the tail on.
+    """Return, for each position from the tail, how many lengths from there on equal those from the tail on.
 
-    That is the Z-algorithm. The lengths from bench i on are those from bench k <= i on, up to the tail's, if m = N - i
-    of them stand at place N - k - m.
+    This is the Z-algorithm. The lengths from bench i on equal those from bench k <= i on, up to the tail's, if the
+    value at position N - k - m is at least m = N - i.
     """
     count, text = len(lengths), lengths[::-1]
     same, left, right = [count] + [0] * (count - 1), 0, 0
@@ -168,9 +169,9 @@ def repeated(lengths: Sequence[float]) -> list[int]:
 
 
 def _leads(lengths: Sequence[float]) -> list[int]:
-    """Return for each bench the first one with the same remaining lengths, as far as this one's go."""
+    """Return, for each bench, the first bench whose lengths from there on begin with this one's remaining lengths."""
     count, same = len(lengths), repeated(lengths)
-    last = [0] * (count + 1)        # place at which at least so many stand
+    last = [0] * (count + 1)        # last position with at least this value
     for place, length in enumerate(same):
         last[length] = place
     for length in range(count - 1, 0, -1):
@@ -179,14 +180,14 @@ def _leads(lengths: Sequence[float]) -> list[int]:
 
 
 class Cover:
-    """Clears the places of all classes of benches on a track."""
+    """Clears the positions of all classes of benches on a track."""
 
     def __init__(self, track: Track, dragon: Dragon, bend: float | None, budget: Budget, progress: Progress) -> None:
         """Take the track's largest curvature, or None if handles may turn back; ``progress`` is called with metres."""
         self._track, self._dragon, self._bend, self.budget, self._tell = track, dragon, bend, budget, progress
 
     def clear(self, every: Sequence[Way], hints: dict[int, list[float]]) -> None:
-        """Clear all places. Raises Refused for the first one that cannot be proved clear."""
+        """Clear all positions. Raises Refused for the first one that cannot be proved clear."""
         parts = [(way, part) for way in every for part in way.parts]
         whole_m = sum(above(high - low) for _, (low, high) in parts)
         joints = {cut for joint in self._track.joints for cut in (below(joint), above(joint))}
@@ -202,7 +203,7 @@ class Cover:
                 self._tell(done_m, whole_m, self.budget.advice)
 
     def _expect(self, parts: Sequence[tuple[Way, Range]], cuts: dict[int, list[float]]) -> None:
-        """Estimate from some of the intervals that hints lead to, spread evenly, how many steps all of them take."""
+        """Estimate the total number of steps from a sample of the intervals between hints, spread evenly."""
         hinted = [_cuts_between(low, high, cuts[way.lead]) for way, (low, high) in parts]
         whole = sum(len(ends) - 1 for ends in hinted)
         most = int(self.budget.steps * _PILOT / (3 * len(self._dragon.benches)))
@@ -221,7 +222,7 @@ class Cover:
         self.budget.steps += self.budget.spent - spent
 
     def _clear(self, way: Way, low: arb, high: arb, cuts: list[float]) -> Iterator[float]:
-        """Clear the places between two, as many at once as can be proved; yield the metres."""
+        """Clear the interval between two positions, in parts as long as can be proved; yield the metres of each."""
         begin, stack = self._posture(way, low), [(low, high, self._posture(way, high))]
         while stack:
             low, high, end = stack.pop()
@@ -240,7 +241,7 @@ class Cover:
         return Posture(self._track, self._dragon, way.lead, self._track.place_at(place))
 
     def _stuck(self, way: Way, low: arb, high: arb, begin: Posture, end: Posture) -> 'Stuck | None':
-        """Return what is not proved clear of a class of benches between two places of its leading one."""
+        """Return the reason why a class of benches is not proved clear between two positions of its leading bench."""
         bench = way.most(low, high)
         if bench is None:
             return None
@@ -259,22 +260,22 @@ class Cover:
         return None if behind is None else Stuck(f'benches {bench} and {bench + behind} could not be proved apart')
 
     def _check_overlap(self, way: Way, found: Overlap, place: arb) -> None:
-        """Raise Refused for an overlap of benches that exist when the leading bench is at a place."""
+        """Raise Refused if the overlapping benches exist when the leading bench is at a position."""
         bench = way.most(place, place)
         if bench is not None and bench + found.benches[1] - found.benches[0] < len(self._dragon.benches):
-            raise Refused(f'benches {bench} and {bench + found.benches[1] - found.benches[0]} overlap where the front '
+            raise Refused(f'benches {bench} and {bench + found.benches[1] - found.benches[0]} overlap when the front '
                           f'handle of the former is {float(place):.12g} m along the track')
 
 
 @dataclass(frozen=True)
 class Stuck:
-    """Why an interval is not proved clear; ``absent`` if that may concern benches that are not there."""
+    """Why an interval is not proved clear; ``absent`` if the reason may concern benches that are not there."""
 
     why: str
     absent: bool = False
 
     def __str__(self) -> str:
-        """Return why."""
+        """Return the reason."""
         return self.why
 
 
@@ -285,7 +286,7 @@ def _cuts_between(low: arb, high: arb, cuts: list[float]) -> list[arb]:
 
 
 def _middle(low: arb, high: arb, cuts: list[float], ends: list[arb]) -> arb:
-    """Return where to cut: where ranges end, if any are given, else at a hint, else half way."""
+    """Return where to cut: at a given limit of a range, otherwise at a hint, otherwise in the middle."""
     if ends:
         return ends[len(ends) // 2]
     first, last = bisect_right(cuts, above(low)), bisect_left(cuts, below(high))

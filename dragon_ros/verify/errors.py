@@ -1,5 +1,5 @@
-"""What the checker answers where it does not accept a certificate: one line that names the place in it."""
+"""The error with which the checker rejects a certificate: one line that names the field in it."""
 
 
 class Refused(Exception):
-    """A certificate that does not hold, that is none, or that could not be proved within the budget."""
+    """A certificate that does not hold, that is malformed, or that could not be proved within the budget."""

@@ -1,9 +1,10 @@
-"""The proof for a family of dragons on one spiral: none within tolerances touches itself up to a time.
+"""The proof for a family of dragons on one spiral: up to a time, no dragon within the tolerances touches itself.
 
-In units of b = pitch / 2 pi the spiral is r = theta. A box has five intervals of floats: the polar angle of the front
-handle of a bench, by which angle the front handle of another bench is ahead of it, 1 / b, and the links of both in
-metres. It is halved until one edge separates the benches everywhere in it, or until nothing in it occurs: the head
-would have gone too far, or no number of links leads from one bench to the other. docs/contact.md has the proof.
+In units of b = pitch / 2 pi the spiral is r = theta. A box consists of five intervals of floats: the polar angle of the
+front handle of a bench, the angle by which the front handle of another bench is ahead of it, 1 / b, and the links of
+both in metres. It is halved until one edge separates the benches everywhere in it, or until nothing in it occurs: the
+head would have travelled too far, or no number of links leads from one bench to the other. docs/contact.md has the
+proof.
 """
 from dataclasses import dataclass
 from fractions import Fraction
@@ -20,13 +21,13 @@ from dragon_ros.verify.law import Law
 from dragon_ros.verify.reading import FamilyClaims, Spiral
 from dragon_ros.verify.segments import about_span
 
-_BOXES = 60_000         # an honest family needs some ten thousand
-_LINKS = 100            # that are placed count as one box
+_BOXES = 60_000         # a family that can be proved needs some ten thousand
+_LINKS = 100            # placed links count as one box
 _FIRST_RAD = 2.0        # angle of the first boxes about the centre
 _LEAST = 1e-9           # of a variable: the narrowest box
-_BENT = Fraction(109, 100)      # no spiral's curvature exceeds 1.09 / r
+_BENT = Fraction(109, 100)      # the curvature of any spiral is at most 1.09 / r
 _NEAR = 1e-11           # relative to a span: how close a bound is tried first
-_PASSES = 6             # in which the head is bounded from the handle behind it
+_PASSES = 6             # iterations that bound the head from the handle behind it
 _HALF = Fraction(1, 2)
 
 Interval = tuple[float, float]
@@ -36,7 +37,7 @@ THETA, AHEAD, SCALE, LINK, OTHER = range(5)
 
 @dataclass(frozen=True)
 class Family:
-    """The common data of the dragons, in metres, from least to largest, exactly; the claim is up to ``until_s``."""
+    """The common data of the dragons, in metres, from smallest to largest, exactly; the claim is up to ``until_s``."""
 
     benches: int
     start_turns: Fraction
@@ -69,7 +70,7 @@ def _family_of(claims: FamilyClaims) -> Family:
     head, body = ((low - 2 * inset[1], high - 2 * inset[0]) for low, high in ends)
     pitch = _around(track.pitch_m, within.get('track.pitch_m', Fraction(0)))
     if not min(head[0], body[0], pitch[0]) > 0:
-        raise Refused('within: a link or the pitch may be nothing')
+        raise Refused('within: a link or the pitch may be zero')
     return Family(len(lengths), Fraction(track.start_turns), pitch, head, body,
                   Fraction(scene.width_m) + within.get('dragon.width_m', Fraction(0)), inset[1], scene.law,
                   Fraction(scene.start_s), Fraction(claims.proved_s))
@@ -80,7 +81,7 @@ def _around(value: float, tolerance: Fraction) -> tuple[Fraction, Fraction]:
 
 
 def _floats(low: Fraction | arb, high: Fraction | arb) -> Interval:
-    """Return floats between which two numbers are."""
+    """Return floats that enclose two numbers."""
     return below(exact(low) if isinstance(low, Fraction) else low), above(
         exact(high) if isinstance(high, Fraction) else high)
 
@@ -99,7 +100,7 @@ def _excess(theta: arb, delta: arb, chord: arb) -> arb:
 def _span(theta: float, chord: float, sense: int) -> float:
     """Return a float that is provably below (``sense`` -1) or above (1) the span of a chord from an angle.
 
-    Up to pi the chord grows with the span, so the sign of F - c^2 / 2 says on which side of the root a span is.
+    Up to pi the chord grows with the span, so the sign of F - c^2 / 2 tells on which side of the root a span is.
     """
     near = about_span(theta, chord)
     wider = _NEAR
@@ -108,7 +109,7 @@ def _span(theta: float, chord: float, sense: int) -> float:
         if span < pi and _excess(arb(theta), arb(span), arb(chord)) * sense > 0:
             return span
         wider *= 8
-    raise Refused('a link of the family finds no place that could be proved')
+    raise Refused('the position of a link of the family could not be proved')
 
 
 def _spans(theta: Interval, scale: Interval, link: Interval) -> arb:
@@ -122,7 +123,7 @@ def _added(one: Interval, other: Interval) -> Interval:
 
 
 class _Proof:
-    """Clears the boxes of a family one by one, the last first."""
+    """Clears the boxes of a family one by one, the last one first."""
 
     def __init__(self, family: Family, most: int, progress: Progress) -> None:
         self._family, self._most, self._tell, self._links = family, most, progress, 0
@@ -133,7 +134,7 @@ class _Proof:
         self._start = 2 * half_turn() * exact(family.start_turns)
         gone = family.law.extent_m(family.start_s, family.until_s)
         if gone[0] < family.law.gone_m(family.start_s):
-            raise Refused('proved_s: the head goes back before it, which proofs of families do not cover')
+            raise Refused('proved_s: the head goes back before this time, which proofs of families do not cover')
         self._gone_m = exact(gone[0]), exact(gone[1])
 
     @cached_property
@@ -146,7 +147,7 @@ class _Proof:
         return theta * (1 + theta * theta).sqrt() + theta.asinh()
 
     def _gone_by(self, theta: float, scale: float) -> arb:
-        """Return the distance in metres that the head has gone at an angle."""
+        """Return the distance in metres that the head has travelled at an angle."""
         return (self._arc_start - self._arc(arb(theta))) / (2 * arb(scale))
 
     def run(self) -> int:
@@ -161,11 +162,11 @@ class _Proof:
         return done
 
     def _first(self) -> list[tuple[int, Box]]:
-        """Return boxes for all places of the head (0), and for all front handles behind it (1)."""
+        """Return boxes for all positions of the head (0), and of all front handles behind it (1)."""
         inner, outer = self._innermost(), above(self._start)
         rear = nextafter(inner + _span(inner, below(arb(self._scale[0]) * arb(self._head[0])), -1), -inf)
         first = [(0, box) for box in self._row(inner, outer, self._head)]
-        if self._family.benches > 3:        # of three, the head alone has two behind it
+        if self._family.benches > 3:        # of three benches, only the head has two behind it
             first += [(1, box) for box in self._row(rear, self._last(outer), self._body)]
         return first
 
@@ -179,7 +180,7 @@ class _Proof:
         return theta
 
     def _clear(self, lead: int, box: Box, before: int) -> int:
-        """Return the number of boxes that it takes to clear one, after ``before`` others. Raises Refused."""
+        """Return the number of boxes needed to clear one, after ``before`` others. Raises Refused."""
         boxes, done = [box], 0
         while boxes:
             here = boxes.pop()
@@ -204,15 +205,15 @@ class _Proof:
             low, high = (middle, high) if self._gone_by(middle, scale) > gone else (low, middle)
         if not (self._gone_by(low, scale) > gone
                 and arb(2 * low) > exact(_BENT) * arb(scale) * arb(max(self._head[1], self._body[1]))):
-            raise Refused('proved_s: the head of some dragon of the family comes so near to the centre by then that '
+            raise Refused('proved_s: by then the head of some dragon of the family comes so close to the centre that '
                           'links might lock')
         return low
 
     def _row(self, first: float, last: float, link: Interval) -> list[Box]:
         count = 1 + int((last - first) / _FIRST_RAD)
         if count > self._most:
-            raise Refused(f'the dragon lies on {count} parts of the track, the most are {self._most}; give --effort '
-                          'more than 1')
+            raise Refused(f'the dragon lies on {count} parts of the track, and at most {self._most} are searched; give '
+                          '--effort more than 1')
         ends = [first + (last - first) * n / count for n in range(count)] + [last]
         return [((low, high), (0.0, inf), self._scale, link, self._body)
                 for low, high in pairwise(ends)]
@@ -228,7 +229,7 @@ class _Proof:
         elif above(self._start) > theta[0] and self._gone_by(theta[0], scale[0]) < self._gone_m[0]:
             return None     # before the start
         if arb(head) < self._start and self._gone_by(head, scale[1]) > self._gone_m[1]:
-            return None     # after the time that is claimed
+            return None     # after the claimed time
         most = above(arb(scale[1]) * arb(link[1]))
         over = above(arb(scale[1])) * hypot(self._over, self._half) * (1 + 1e-12)
         reach = theta[1] + _span(theta[0], most, 1) + 2 * over
@@ -237,7 +238,7 @@ class _Proof:
         return (theta, (low, high), scale, link, other) if low <= high else None
 
     def _strips(self, lead: int, box: Box) -> Interval:
-        """Return the range of angles by which another bench may be ahead in a box, for any number of links between."""
+        """Return the range of angles by which another bench may be ahead in a box, over all numbers of links."""
         theta, ahead, scale, link, _ = box
         near = nextafter(theta[1] + _span(theta[1], below(arb(scale[0]) * arb(link[0])), -1), -inf)
         far = nextafter(theta[0] + _span(theta[0], above(arb(scale[1]) * arb(link[1])), 1), inf)
@@ -258,7 +259,7 @@ class _Proof:
 
     @staticmethod
     def _halves(box: Box, cut: int) -> list[Box]:
-        """Return the halves of a box, cut across a variable. Raises Refused if it is too narrow."""
+        """Return the halves of a box, cut along a variable. Raises Refused if it is too narrow."""
         low, high = box[cut]
         middle = 0.5 * (low + high)
         if not high - low > _LEAST * max(1.0, abs(high)):
@@ -268,7 +269,7 @@ class _Proof:
         return [tuple(first), tuple(second)]  # type: ignore[list-item]
 
     def _unclear(self, box: Box) -> int | None:
-        """Return None if the two benches are apart everywhere in a box, else the variable to cut across."""
+        """Return None if the two benches are apart everywhere in a box, else the variable along which to cut it."""
         middle = [arb(0.5 * (low + high)) for low, high in box]
         reach = [max(above(high - mid), above(mid - low)) for (low, high), mid in zip(box, middle, strict=True)]
         here = _Pair(middle, [(float(mid), float(mid)) for mid in middle])
@@ -289,7 +290,7 @@ class _Proof:
 class _Pair:
     """Two benches for all values of the variables in a box: their handles as complex numbers, and the derivatives.
 
-    Seen from the centre the front handle of the inner bench is at the angle 0. ``ends`` bound the variables.
+    Polar angles are measured from the front handle of the inner bench. ``ends`` bound the variables.
     """
 
     def __init__(self, values: list[arb], ends: list[Interval]) -> None:
@@ -331,7 +332,7 @@ class _Pair:
                   with_slopes: bool = False) -> tuple[list[arb], list[list[arb]]]:
         """Return how far each corner of a bench is beyond an edge of the other one, and the derivatives.
 
-        Edges 0 to 3 are the inner bench's left, right, front and rear ones, 4 to 7 the other one's.
+        Edges 0 to 3 are the inner bench's left, right, front and rear ones, 4 to 7 those of the other bench.
         """
         one, two, side = edge // 4, 1 - edge // 4, edge % 4
         (front, rear), (other_front, other_rear) = self._handles[one], self._handles[two]
@@ -362,7 +363,7 @@ class _Pair:
 
     @staticmethod
     def _beyond(side: int, place: acb, scale: arb, chord: arb, half_m: float, over_m: float) -> arb:
-        """Return how far a place, seen from a front handle along its bench, is beyond an edge; linear in all of it."""
+        """Return how far a point, in a bench's frame at its front handle, is beyond an edge; linear in all of it."""
         if side < 2:
             return (place.imag if side == 0 else -place.imag) - scale * half_m
         return place.real - scale * over_m if side == 2 else -place.real - chord - scale * over_m

@@ -1,9 +1,10 @@
-"""One interval of places of a leading bench, and the proof that it stays clear of the benches behind it throughout.
+"""One interval of positions of a leading bench, and the proof that it stays clear of the benches behind it throughout.
 
 There are three bounds (docs/contact.md). If the track is nearly straight, benches are apart wherever they are. By the
-second-order bound, the corners of one bench, seen from another, leave the straight lines between their places at both
-ends by at most B h^2 / 8; so an edge line that separates the benches at both ends by more than that does so in between.
-By the first-order bound, gaps shrink by at most how far benches move; it holds close to a lock too, where no B exists.
+second-order bound, the corners of one bench, as seen from another, deviate from the straight lines between their
+positions at both ends by at most B h^2 / 8; so an edge line that separates the benches at both ends by more than that
+separates them in between. By the first-order bound, gaps shrink at most by the benches' motion; it also holds close to
+a lock, where B does not exist.
 """
 from functools import cached_property
 from math import asin, inf
@@ -26,21 +27,21 @@ from dragon_ros.verify.posture import AXES, Dragon, Pose, about, overlap, separa
 from dragon_ros.verify.segments import HALF, SpiralSegment
 from dragon_ros.verify.track import Track
 
-_ROUNDED = 1e-12        # relative to coordinates: more than a dozen float operations lose of a distance between benches
-_OFTEN = 0.5            # of the best separation: one in the leading bench's frame is tried first, as it costs less
+_ROUNDED = 1e-12        # relative to coordinates: more than the error of a distance after a dozen float operations
+_OFTEN = 0.5            # of the best separation: one in the leading bench's frame is tried first, because it costs less
 
 
 class Overlap(Refused):
     """Two benches provably overlap at an end of an interval."""
 
     def __init__(self, benches: tuple[int, int], end: int) -> None:
-        """Take the benches and the number of the end."""
+        """Take the benches, and the index of the end."""
         super().__init__(f'benches {benches[0]} and {benches[1]} overlap')
         self.benches, self.end = benches, end
 
 
 class Interval:
-    """The benches behind a leading one while its front handle moves between two places."""
+    """The benches behind a leading one while its front handle moves between two positions."""
 
     def __init__(self, track: Track, dragon: Dragon, lead: int, ends: Postures, bend: float | None) -> None:
         """Take the dragon at both ends; ``bend`` is the largest curvature, or None if handles may turn back."""
@@ -57,10 +58,10 @@ class Interval:
         self.tested = 1
 
     def clear(self, first: int, last: int) -> int | None:
-        """Return how far behind the nearest bench is that is not proved clear of the leading one; None if all are.
+        """Return how far behind the leading bench the nearest one is that is not proved clear of it; None if all are.
 
         Benches from ``first`` to ``last`` behind count, up to the first from which all are out of reach. Raises Overlap
-        if benches overlap at an end, and Refused if a handle has no place.
+        if benches overlap at an end, and Refused if a handle cannot be placed.
         """
         for n in range(first, last + 1):
             self.tested += 1
@@ -109,7 +110,8 @@ class Interval:
     def _straight(self, n: int) -> bool:
         """Return whether the track bends so little that the links between two benches lead away from the leading one.
 
-        No link's direction is further from another's than all of them turn by on the tightest bend (docs/contact.md).
+        The directions of two links differ at most by the angle that all of them turn on the tightest bend
+        (docs/contact.md).
         """
         turned = self._turned(n)
         if not turned < 1:
@@ -119,7 +121,7 @@ class Interval:
         return away_m > up(lead.over_m + other.over_m + other.sizes[1] * turned)
 
     def _turned(self, n: int) -> float:
-        """Return what the track turns by at most along the links up to the n-th bench's; add up lengths as well."""
+        """Return the largest angle that the track turns along the links up to the n-th bench's; sum lengths too."""
         while len(self._turns) <= n:
             k = len(self._turns)
             half = up(0.5 * self._tightest * self._benches[self._lead + k].link.near)
@@ -129,9 +131,9 @@ class Interval:
 
     @cached_property
     def _tightest(self) -> float:
-        """The largest curvature on which the leading bench and those behind it are; infinite where they may turn back.
+        """The largest curvature on which the leading bench and those behind it are; infinite if they may turn back.
 
-        On a spiral that the track comes from it falls from the front handle's place on.
+        On an inward spiral that begins the track, it is that at the front handle, from which curvature falls.
         """
         handle, bend = self._handle(0), inf if self._bend is None else self._bend
         segment = self._track.segments[0]
@@ -142,7 +144,7 @@ class Interval:
     def _out_of_reach(self, n: int) -> bool:
         """Return whether the n-th bench and all behind it lie outside a circle that contains the leading one.
 
-        This needs handles that lie further and further out on the track's first spiral: no point of a link is closer to
+        This needs handles that lie further and further out on a spiral first segment: no point of a link is closer to
         the centre than the root of r^2 - l^2 / 4, where r is the distance of its front handle.
         """
         handle, spiral = self._handle(n), self._track.segments[0]
@@ -169,7 +171,7 @@ class Interval:
         return away > reach + _unsure_m(one, two, reach)
 
     def _by_bending(self, n: int) -> bool:
-        """Return whether an edge line separates two benches at both ends by more than corners leave straight lines."""
+        """Return whether an edge line separates two benches at both ends by more than the corners' deviation."""
         ends = [(end.pose(0), end.pose(n)) for end in self._ends]
         rough = [min(both) for both in zip(*(about(*pair) for pair in ends), strict=True)]
         half = len(AXES) // 2
@@ -183,13 +185,13 @@ class Interval:
 
     @staticmethod
     def _parted(ends: list[tuple[Pose, Pose]], k: int, rough: float, sag: float) -> bool:
-        """Return whether separations at both ends exceed a bound: in floats if that is clear, else in balls."""
+        """Return whether separations at both ends exceed a bound: in floats if that is decisive, otherwise in balls."""
         if rough > sag + max(_unsure_m(*pair, sag) for pair in ends):
             return True
         return all(below(separation(*pair, AXES[k])) > sag for pair in ends)
 
     def _sag(self, n: int, other: bool) -> float:
-        """Return how far corners leave straight lines, in the frame of the leading bench or of the other one."""
+        """Return how far corners deviate from straight lines, in the frame of the leading bench or of the other one."""
         arm_m = self._benches[self._lead + (0 if other else n)].arm_m
         one, two = self._turning(0), self._turning(n)
         turning, rate = size(two.w - one.w), size(two.rate - one.rate)
@@ -197,10 +199,10 @@ class Interval:
         return up(bend * up(self._length * self._length) / 8)
 
     def _middles(self, n: int, other: bool) -> float:
-        """Return a bound of the relative acceleration of the middles of two benches, in the frame of one.
+        """Return a bound on the relative acceleration of the middles of two benches, in the frame of one.
 
-        About a common centre each handle accelerates little in that frame, and the bounds of all four are added. Else
-        velocities and accelerations in the plane are combined.
+        About a common centre each handle accelerates little in that frame, and the bounds of all four are added.
+        Otherwise velocities and accelerations in the plane are combined.
         """
         pole = self._handle(0).pole
         if pole is None or any(self._handle(k).pole != pole for k in (1, n, n + 1)):
@@ -210,7 +212,7 @@ class Interval:
         return up(0.5 * sum(self._in_lead_frame(k) for k in (0, 1, n, n + 1)))
 
     def _in_lead_frame(self, k: int) -> float:
-        """Return a bound of a handle's acceleration in the leading bench's frame; infinite about another centre."""
+        """Return a bound on a handle's acceleration in the leading bench's frame; infinite about another centre."""
         while len(self._in_lead) <= k:
             m = len(self._in_lead)
             same = self._handle(m).pole == self._handle(0).pole
@@ -218,7 +220,7 @@ class Interval:
         return self._in_lead[k]
 
     def _in_plane(self, n: int, turning: Turning) -> float:
-        """Return a bound of the middles' relative acceleration, from speeds in the plane."""
+        """Return a bound on the middles' relative acceleration, from speeds in the plane."""
         front, rear, other_front, other_rear = (self._motion(k).speeds for k in (0, 1, n, n + 1))
         velocity = HALF * (other_front.velocity + other_rear.velocity - front.velocity - rear.velocity)
         acceleration = HALF * (other_front.acceleration + other_rear.acceleration - front.acceleration
@@ -228,13 +230,13 @@ class Interval:
         return size_of(seen)
 
     def _middle(self, n: int) -> acb:
-        """Return all places of a bench's middle: it stays within half of its handles' ways of the point half way."""
+        """Return the ball of a bench's middle, which stays within half of its handles' travel of the point half way."""
         one, two = (end.pose(n).middle for end in self._ends)
         unit = arb(0, up(0.25 * (self._handle(n).moved_m + self._handle(n + 1).moved_m)))
         return HALF * (one + two) + acb(unit, unit)
 
     def _by_going(self, n: int) -> bool:
-        """Return whether the gaps at both ends exceed how far both benches move in between."""
+        """Return whether the gaps at both ends exceed the motion of both benches in between."""
         moved = self._moved_m(0) + self._moved_m(n)
         gaps = 0.0
         for end in self._ends:
@@ -245,18 +247,18 @@ class Interval:
 
 
 def _unsure_m(one: Pose, two: Pose, reach: float) -> float:
-    """Return a bound of the rounding errors of a distance or a separation of two benches in floats."""
+    """Return a bound on the rounding errors of a distance or a separation of two benches in floats."""
     lengths = abs(one.near) + abs(two.near) + one.shape.arm_m + two.shape.arm_m
     return (_ROUNDED * (lengths + reach) + 4 * (one.unsure_m + two.unsure_m) + 4 * (one.unsure + two.unsure) * lengths)
 
 
 def size_of(value: acb) -> float:
-    """Return a float that no absolute value in a complex ball exceeds."""
+    """Return a float that is at least any absolute value in a complex ball."""
     return hypot_above(size(value.real), size(value.imag))
 
 
 def _in_frame(motion: Motion, turning: Turning) -> float:
-    """Return a bound of a handle's acceleration in a frame that turns about the centre of its segment."""
+    """Return a bound on a handle's acceleration in a frame that turns about the centre of its segment."""
     rho, rho_1, rho_2, angle_1, angle_2 = motion.radial
     v = angle_1 - turning.w
     outwards, across = rho_2 - rho * (v * v), 2 * rho_1 * v + rho * (angle_2 - turning.rate)

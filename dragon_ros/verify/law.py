@@ -1,7 +1,8 @@
-"""The head law, exactly: how far the leader has gone, in rational arithmetic.
+"""The head law in exact rational arithmetic: how far the leader has travelled.
 
 Times and speeds in a certificate are floats, which are rational numbers. A ramp's speed is a polynomial of time, so
-distances are rational too. Only the instant of a turn on a smooth ramp is not; the distance there has outward bounds.
+distances are rational too. The only exception is the instant of a reversal on a smooth ramp; the distance there has
+outward bounds.
 """
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
@@ -12,13 +13,13 @@ from itertools import pairwise
 from math import asin, sin
 from typing import NamedTuple
 
-_NEAR = Fraction(1, 2**50)      # of a smooth ramp: how close floats come to its turn
+_NEAR = Fraction(1, 2**50)      # of a smooth ramp: the accuracy of its reversal in floats
 
 Extent = tuple[Fraction, Fraction]
 
 
 class Mark(NamedTuple):
-    """A knot, or the approximate time of a turn: the distance gone by then, and a bound of the error of that.
+    """A knot, or the approximate time of a reversal: the distance travelled by then, and a bound on its error.
 
     From then on the leader goes on (``sense`` 1), goes back (-1) or rests (0), up to the next mark.
     """
@@ -39,7 +40,7 @@ class Leg(NamedTuple):
 
 @dataclass(frozen=True)
 class Law:
-    """``knots`` are (t_s, speed_m_s), the first at 0 s; the last speed stays. A steady speed is one knot."""
+    """``knots`` are (t_s, speed_m_s), the first at 0 s; the last speed continues. A steady speed is one knot."""
 
     knots: tuple[tuple[Fraction, Fraction], ...]
     smooth: bool = False
@@ -50,14 +51,14 @@ class Law:
 
     @cached_property
     def _reached(self) -> list[Fraction]:
-        """Distance gone at each knot; for both kinds of ramps the mean speed is the mean of the end speeds."""
+        """Distance travelled at each knot; for both kinds of ramps the mean speed is the mean of the end speeds."""
         out = [Fraction(0)]
         for (t0, v0), (t1, v1) in pairwise(self.knots):
             out.append(out[-1] + (t1 - t0) * (v0 + v1) / 2)
         return out
 
     def _share(self, n: int, t_s: Fraction) -> Fraction:
-        """Return the share of the ramp after knot n that has passed; 0 if the speed is constant."""
+        """Return the fraction of the ramp after knot n that has passed; 0 if the speed is constant."""
         t0, _ = self.knots[n]
         return (t_s - t0) / (self.knots[n + 1][0] - t0) if n + 1 < len(self.knots) else Fraction(0)
 
@@ -74,7 +75,7 @@ class Law:
         return v0 + (self.knots[n + 1][1] - v0) * (x * x * (3 - 2 * x) if self.smooth else x) if x else v0
 
     def gone_m(self, t_s: Fraction) -> Fraction:
-        """Return how far the leader has gone since 0 s."""
+        """Return how far the leader has travelled since 0 s."""
         return self._gone(bisect_right(self._times, t_s) - 1, t_s)
 
     def speed_m_s(self, t_s: Fraction) -> Fraction:
@@ -83,7 +84,7 @@ class Law:
 
     @cached_property
     def marks(self) -> list[Mark]:
-        """All knots and turns, in order: between them the leader goes one way."""
+        """All knots and reversals, in order; between them the leader moves in one direction."""
         out = []
         for n, ((t_s, speed), (next_s, following)) in enumerate(pairwise((*self.knots, self.knots[-1]))):
             turns = speed * following < 0 and t_s < next_s
@@ -112,7 +113,7 @@ class Law:
         return out
 
     def legs_at(self, t_s: Fraction, unsure_s: Fraction) -> list[Leg]:
-        """Return the legs that are within so many seconds of a time, in order."""
+        """Return the legs that are within ``unsure_s`` of a time, in order."""
         return [leg for leg in self.legs
                 if leg.since_s <= t_s + unsure_s and (leg.until_s is None or leg.until_s >= t_s - unsure_s)]
 
@@ -121,14 +122,14 @@ class Law:
         return [mark.t_s for mark in self.marks]
 
     def extent_m(self, start_s: Fraction, end_s: Fraction) -> Extent:
-        """Return bounds, rounded outwards, of how far the leader has gone at any time from start to end."""
+        """Return bounds, rounded outwards, on the leader's distance at any time from start to end."""
         inside = self.marks[bisect_left(self._mark_times, start_s):bisect_right(self._mark_times, end_s)]
         gone = [self.gone_m(start_s), self.gone_m(end_s), *(mark.gone_m for mark in inside)]
         more = max((mark.more_m for mark in inside), default=Fraction(0))
         return min(gone) - more, max(gone) + more
 
     def pieces(self, end_s: Fraction | None) -> Iterator[tuple[Mark, Mark]]:
-        """Yield the pieces from 0 s on in which the leader moves one way, except one without an end."""
+        """Yield the pieces from 0 s on in which the leader moves in one direction, except an endless last one."""
         for before, after in pairwise(self.marks):
             if end_s is not None and after.t_s >= end_s:
                 break
@@ -147,7 +148,7 @@ def _sign(value: Fraction) -> int:
 
 
 def _smooth_turn(share: Fraction) -> tuple[Fraction, Fraction]:
-    """Return x just below the root of 3 x^2 - 2 x^3 = share in (0, 1), and a bound of the difference.
+    """Return x just below the root of 3 x^2 - 2 x^3 = share in (0, 1), and a bound on the difference.
 
     The root comes from floats, by the third of an angle; its bracket is checked exactly.
     """

@@ -1,12 +1,12 @@
 """How handles and links move while the front handle of a leading bench moves over an interval of the track, in balls.
 
-A dash is a derivative with respect to the coordinate u of the leading handle on its segment. Each handle has bounds of
-its coordinate and of its first two derivatives p and a on the whole interval; each link has bounds of its turning rate
-w and of w'. docs/contact.md derives the formulas:
+A prime is a derivative with respect to the coordinate u of the leading handle on its segment. Each handle has bounds on
+its coordinate and on its first two derivatives p and a over the whole interval; each link has bounds on its turning
+rate w and on w'. docs/contact.md derives the formulas:
 
 - on one line or arc all handles move alike, and all links turn alike;
 - on one spiral the handle at theta + delta follows that at theta with p (1 + d1), a (1 + d1) + p^2 d2;
-- across a joint, and on it, speed v and its rate along the track count: v cos alpha is the same at both ends.
+- across a joint, and on it, the speed v and its rate along the track are used: v cos alpha is the same at both ends.
 """
 from dataclasses import dataclass
 from functools import cached_property
@@ -34,11 +34,11 @@ class Slopes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Handle:
-    """A handle on an interval: its segment (None: it passes a joint) and bounds of its coordinate there.
+    """A handle on an interval: its segment (None if it passes a joint) and bounds on its coordinate.
 
-    ``ends`` number the ends of the interval at which it is at these bounds (None: at neither). ``moved_m`` bounds the
-    way along the track from one end to any place in between and on to the other end. ``slopes`` are those of the link
-    to the handle in front of it, if they were needed for this.
+    ``ends`` are the indices of the interval ends at which it is at these bounds (None: at neither). ``moved_m`` bounds
+    the distance along the track from one end to any position in between and on to the other end. ``slopes`` are those
+    of the link to the handle in front of it, if they were needed.
     """
 
     track: Track
@@ -62,7 +62,7 @@ class Handle:
 
     @cached_property
     def pole(self) -> int | None:
-        """The number of the centre about which it turns; None if there is none."""
+        """The index of the centre about which it turns; None if there is none."""
         if self.segment is None or isinstance(self.on, LineSegment):
             return None
         return self.track.poles[self.segment]
@@ -111,7 +111,7 @@ class Motion:
 
     @cached_property
     def radial(self) -> tuple[arb, arb, arb, arb, arb]:
-        """Distance from the centre of its segment, its two derivatives, and those of the angle there."""
+        """Distance from the centre of its segment, its two derivatives, and those of the angle about it."""
         segment = self.handle.on
         angle = self.p * segment.side, self.a * segment.side     # type: ignore[union-attr]
         if isinstance(segment, SpiralSegment):
@@ -127,7 +127,7 @@ class Turning(NamedTuple):
     rate: arb
 
 
-# Where handles are
+# Positions of handles
 
 
 def leading_handle(track: Track, ends: Postures) -> Handle:
@@ -139,7 +139,7 @@ def next_handle(front: Handle, ends: Postures, n: int, link: Link, may_turn: boo
     """Return the handle behind another one, n and n + 1 behind the leading one.
 
     ``ends`` are the dragon at both ends of the interval. If handles ``may_turn`` (on a spiral to its centre), spans
-    bound the next one; elsewhere each handle moves the same way as the leader.
+    bound the next one; elsewhere each handle moves in the same direction as the leader.
     """
     if may_turn and not (isinstance(front.on, SpiralSegment) and front.on.is_wide(front.low, link)
                          and None not in front.ends):
@@ -148,7 +148,7 @@ def next_handle(front: Handle, ends: Postures, n: int, link: Link, may_turn: boo
 
 
 def _bounded(track: Track, one: Place, two: Place) -> Handle:
-    """Return a handle that moves one way between two places."""
+    """Return a handle that moves in one direction between two positions."""
     moved_m = track.apart_m(one, two)
     if one.segment == two.segment and not one.loose and not two.loose:
         low, high, numbers = (two.u, one.u, (1, 0)) if two.u < one.u else (one.u, two.u, (0, 1))
@@ -157,7 +157,7 @@ def _bounded(track: Track, one: Place, two: Place) -> Handle:
 
 
 def _that_may_turn(front: Handle, ends: Postures, n: int, link: Link) -> Handle:
-    """Return the handle further out on a spiral that winds in: by spans, which only fall (lemma 1), and slopes."""
+    """Return the handle further out on a spiral that winds in: from spans, which only fall (lemma 1), and slopes."""
     segment = front.on
     assert isinstance(segment, SpiralSegment)
     low, high = (u + segment.span(u, link) if end is None else ends[end].place(n + 1).u
@@ -174,15 +174,15 @@ def _that_may_turn(front: Handle, ends: Postures, n: int, link: Link) -> Handle:
 
 
 def furthest(low: arb, high: arb, both: arb) -> float:
-    """Return how far a place is at most from two others, together, all between two bounds; ``both`` is their sum.
+    """Return the largest sum of a position's distances from two others, all between two bounds; ``both`` is their sum.
 
-    Beyond both of them that grows with the distance, so it is largest at a bound.
+    Beyond both of them the sum grows with the distance, so it is largest at a bound.
     """
     return max(above(TWO * high - both), above(both - TWO * low))
 
 
 def _turning(front: Handle, images: tuple[arb, arb], spans: tuple[arb, arb], ratio: arb) -> tuple[arb, arb]:
-    """Return bounds of a handle that may turn back: by its spans, and by the mean value theorem."""
+    """Return bounds on a handle that may turn back: from its spans, and from the mean value theorem."""
     lows, highs = [front.low + spans[1]], [front.high + spans[0]]
     change = ratio * (front.high - front.low) * ZERO.union(ONE)
     if change.is_finite():
@@ -191,7 +191,7 @@ def _turning(front: Handle, images: tuple[arb, arb], spans: tuple[arb, arb], rat
     return max((one.lower() for one in lows), key=float), min((one.upper() for one in highs), key=float)
 
 
-# How they move
+# Motion of handles and links
 
 
 def leading_motion(handle: Handle, ends: Postures) -> Motion:
@@ -214,7 +214,7 @@ def next_motion(front: Motion, handle: Handle, ends: Postures, n: int, link: Lin
 
 
 def _outwards(front: Motion, handle: Handle, segment: SpiralSegment, link: Link) -> tuple[Motion, Turning]:
-    """Return the handle further out, on a spiral that winds in."""
+    """Return the motion of the handle further out, on a spiral that winds in, and of the link."""
     slopes, ahead = handle.slopes, front.handle
     if slopes is None:
         slopes = spiral_slopes(segment, ahead.u, (handle.low - ahead.low).union(handle.high - ahead.high), link)
@@ -224,7 +224,7 @@ def _outwards(front: Motion, handle: Handle, segment: SpiralSegment, link: Link)
 
 
 def _inwards(front: Motion, handle: Handle, segment: SpiralSegment, link: Link) -> tuple[Motion, Turning]:
-    """Return the handle further in, on a spiral that winds out: the one in front follows from it as on the way in."""
+    """Return the motion of the handle further in, on a spiral that winds out: the one in front determines it."""
     ahead = front.handle
     slopes = spiral_slopes(segment, handle.u, (ahead.low - handle.low).union(ahead.high - handle.high), link)
     inverse = ONE / (ONE + slopes.delta_1)
@@ -240,7 +240,7 @@ def _turned(segment: SpiralSegment, p: arb, a: arb, slopes: Slopes) -> Turning:
 
 
 def _across(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -> tuple[Motion, Turning]:
-    """Return the handle behind if a link or a handle crosses a joint."""
+    """Return the motion of the handle behind if a link or a handle crosses a joint, and of the link."""
     ahead = front.speeds
     if link.inverse is None:    # on a joint its direction has no second derivative
         return Motion(handle, front.p, front.a, front.across), Turning(ahead.curvature * ahead.v, NAN)
@@ -258,7 +258,7 @@ def _across(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -
 
 
 def _axis(ahead: Handle, handle: Handle, ends: Postures, n: int, inverse: arb) -> acb:
-    """Return the directions of a link, which turns by half the curvature times both ways of its handles at most."""
+    """Return the directions of a link, which turns at most by half the curvature times the travel of both handles."""
     one, two = ((end.point(n) - end.point(n + 1)) * inverse for end in ends)
     return between(one, two, up(0.25 * handle.track.bend * (ahead.moved_m + handle.moved_m)))
 
@@ -283,7 +283,7 @@ def _joint(handle: Handle, ends: Postures, n: int) -> tuple[acb, arb]:
 
 
 def between(one: acb, two: acb, turned: float) -> acb:
-    """Return all directions within an angle of the one half way between two."""
+    """Return all directions within an angle of the bisector of two directions."""
     middle = one + two
     length = abs(middle)
     return middle / length * direction(UNIT * turned) if length > 0 else acb(UNIT, UNIT)

@@ -1,4 +1,4 @@
-"""A dragon's benches in the plane, in balls, for one place of a front handle; and how far apart two of them are."""
+"""A dragon's benches in the plane, in balls, for one front handle position; and how far apart two of them are."""
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -26,7 +26,7 @@ AXES = [Axis(other, across, side) for other in (False, True) for across in (Fals
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """A bench's shape: its link, and half its length and width, in balls; and bounds in floats, in metres."""
+    """A bench's shape: its link, half length and half width, in balls; and bounds in floats, in metres."""
 
     link: Link
     half_length: arb
@@ -55,8 +55,8 @@ class Bench:
     def turned_m(self, moved_m: tuple[float, float], bend: float | None) -> float:
         """Return how far a point moves at most relative to its link while the handles move along the track.
 
-        The link turns by at most the sum of both ways over its length, and by half the curvature times it if no link
-        can lock (docs/contact.md, lemma 3). A link of zero length turns with the track.
+        The link turns at most by the sum of both motions over its length and, if no link can lock, by half the
+        curvature times that sum (docs/contact.md, lemma 3). A link of zero length turns with the track.
         """
         ways = moved_m[0] + moved_m[1]
         turned = [ways / self.link.near] if self.link.near else []
@@ -65,7 +65,7 @@ class Bench:
 
 
 class Dragon:
-    """All benches from the head on (those of one length are one object), and the largest sizes from each bench on."""
+    """All benches from the head on (one object per length), and the largest sizes from each bench on."""
 
     def __init__(self, scene: Scene) -> None:
         """Take lengths, width and inset from a scene."""
@@ -80,12 +80,12 @@ class Dragon:
 
 
 def _largest_from(values: list[float]) -> list[float]:
-    """Return the largest of all values from each on."""
+    """Return, for each index, the largest value from there on."""
     return list(accumulate(reversed(values), max))[::-1]
 
 
 class Pose(NamedTuple):
-    """Where a bench is: its middle and its axis, in balls and as floats, and how wide these balls are."""
+    """The position of a bench: its middle and axis, in balls and as floats, and how wide these balls are."""
 
     shape: Bench
     middle: acb
@@ -100,17 +100,17 @@ class Posture:
     """All benches behind one front handle, placed on demand."""
 
     def __init__(self, track: Track, dragon: Dragon, lead: int, place: Place) -> None:
-        """Take the leading bench and the place of its front handle."""
+        """Take the leading bench and the position of its front handle."""
         self._track, self._benches, self._lead = track, dragon.benches, lead
         self._places, self._points, self._poses = [place], [track.point(place)], list[Pose]()
 
     @property
     def placed(self) -> int:
-        """How many links were placed."""
+        """The number of links placed."""
         return len(self._places) - 1
 
     def place(self, n: int) -> Place:
-        """Return the place of the n-th handle behind the front one. Raises Refused if a link has none."""
+        """Return the position of the n-th handle behind the front one. Raises Refused if a link cannot be placed."""
         while len(self._places) <= n:
             link = self._benches[self._lead + len(self._places) - 1].link
             self._places.append(self._track.next(self._places[-1], link, -1))
@@ -123,7 +123,7 @@ class Posture:
         return self._points[n]
 
     def pose(self, n: int) -> Pose:
-        """Return where the n-th bench behind the leading one is."""
+        """Return the pose of the n-th bench behind the leading one."""
         while len(self._poses) <= n:
             k = len(self._poses)
             shape = self._benches[self._lead + k]
@@ -167,7 +167,7 @@ def separation(one: Pose, two: Pose, axis: Axis) -> arb:
 
 
 def gap(one: Pose, two: Pose) -> arb:
-    """Return the best separation of two benches: a lower bound of their distance if it is positive."""
+    """Return the best separation of two benches: a lower bound on their distance if it is positive."""
     rough = about(one, two)
     return separation(one, two, AXES[rough.index(max(rough))])
 

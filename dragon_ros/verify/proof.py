@@ -19,21 +19,21 @@ from dragon_ros.verify.venue import Edges, ObstacleCover, check_sides, ways_by_l
 
 _SLACK = 1e-9               # relative to 1 m of the leader's travel, or to the longest bench if it is shorter
 _WIDEST = 1e-6              # likewise: the widest slack, however slowly benches come together
-_GRAZING = 1e-7             # likewise: the slack of a grazing, and how close benches come to each other there
+_GRAZING = 1e-7             # likewise: the slack of a grazing, and how close benches come to each other at it
 _PROMISE_M = 2e-12          # a solver's position error up to 20 m from the origin; ...
-_PROMISED_M = 20.0          # ... further out it grows in proportion, as floats do
-_OVERHANG_M = 1e-6          # an interval may reach this far beyond the run's places (likewise in proportion)
-_STEPS, _STEPS_EACH = 100_000, 300      # links and pairs: about ten seconds, and more for each of many intervals
-_MOST_STEPS = 200_000       # of 391 random runs 390 are proved in 173,000
-_TIMED = 2                  # the first version of certificates in which the slack allows for a place, not a time
-_CHANGED = ('written before 0.3.0: up to then the slack also excused where the leader was before it turned or rested; '
+_PROMISED_M = 20.0          # ... further out it grows in proportion, as float spacing does
+_OVERHANG_M = 1e-6          # an interval may reach this far beyond the run's positions (likewise in proportion)
+_STEPS, _STEPS_EACH = 100_000, 300      # links and pairs: about ten seconds, and more for each interval
+_MOST_STEPS = 200_000       # of 391 random runs, 390 are proved in 173,000 steps
+_TIMED = 2   # the first version of certificates in which the slack allows for an error of the position, not of the time
+_CHANGED = ('written before 0.3.0: until then the slack also excused positions before the leader turned or rested; '
             'search this run again')
-_SHARE = 100                # lengths that are compared as one step
+_SHARE = 100                # lengths that are compared per step
 
 
 @dataclass(frozen=True)
 class Proved:
-    """The sentence that is proved; and the intervals and steps that it took."""
+    """The sentence that is proved, and the intervals and steps that the proof took."""
 
     sentence: str
     intervals: int
@@ -43,8 +43,8 @@ class Proved:
 def prove(claims: Claims | FamilyClaims, effort: float, progress: Progress) -> Proved:
     """Return what a certificate proves. Raises Refused if it does not hold, or is not proved within the effort.
 
-    ``progress(done_m, whole_m, advice)`` is called with the metres of track that are cleared, and with advice if the
-    budget is too small at the pace so far.
+    ``progress(done_m, whole_m, advice)`` is called with the metres of track cleared, and with advice if the budget is
+    too small at the current rate.
     """
     if isinstance(claims, FamilyClaims):
         precise(_far(claims.scene))
@@ -64,7 +64,7 @@ def prove(claims: Claims | FamilyClaims, effort: float, progress: Progress) -> P
 
 
 class _Proof:
-    """A certificate's scene in balls, and what is claimed of it."""
+    """A certificate's scene in balls, and the claims about it."""
 
     def __init__(self, claims: Claims, budget: Budget, progress: Progress) -> None:
         self._claims, scene = claims, claims.scene
@@ -89,12 +89,12 @@ class _Proof:
         """Prove that no benches touch in the run."""
         run = self._run(None)
         self._clear(run.whole, run.part, run.part)
-        less = f", less {_metres(run.slack_m)} of the leader's way" if run.slack_m else ''
+        less = f', less {_metres(run.slack_m)} of leader travel' if run.slack_m else ''
         return (f'{self._clear_words} from {self._scene.start_s!r} s to the end of the run at {run.end_s:.12g} s '
                 f'({run.why}){less}')
 
     def _before(self, contact: Contact) -> str:
-        """Prove that none touch before a contact, and that those that are named do then."""
+        """Prove that no benches touch before a contact, and that the named ones touch then."""
         start_s, t_s = self._scene.start_s, contact.t_s
         gone, run = exact(self._scene.law.gone_m(Fraction(t_s))), self._run_to(t_s)
         poses = self._poses(contact, gone)
@@ -102,7 +102,7 @@ class _Proof:
         slack_m = Fraction(_GRAZING * self._unit * self._coarse if contact.grazing else self._slack_m(contact, gone))
         ways = [way for way in approaches(self._scene.law, start_s, t_s) if way.was_beyond_m <= slack_m]
         if not ways:
-            raise Refused(f'contact.t_s: before {t_s!r} s the leader has already been beyond where it is then')
+            raise Refused(f'contact.t_s: before {t_s!r} s the leader has already been beyond its position at that time')
         way = ways[0]
         if contact.grazing:
             self._check_grazing(contact, poses, slack_m)
@@ -115,8 +115,8 @@ class _Proof:
             return f'the run starts with its contact at {t_s!r} s: {touching}'
         takes = way.takes_s(start_s, slack_m)
         when = f' (which it goes from {takes[0]!r} to {takes[1]!r} s)' if takes else ''
-        return (f'{self._clear_words} from {start_s!r} s to the contact at {t_s!r} s, less {_metres(slack_m)} of the '
-                f"leader's way{when}, and {touching}")
+        return (f'{self._clear_words} from {start_s!r} s to the contact at {t_s!r} s, less {_metres(slack_m)} of '
+                f'leader travel{when}, and {touching}')
 
     @property
     def _clear_words(self) -> str:
@@ -132,7 +132,7 @@ class _Proof:
         return run_of(self._scene.law, self._leader, self._scene, until_s, _SLACK * self._unit)
 
     def _run_to(self, t_s: float) -> Run:
-        """Return the run up to a contact. Raises Refused where it ends before."""
+        """Return the run up to a contact. Raises Refused if it ends before."""
         stop_s = self._scene.stop_s
         if stop_s is not None and t_s > stop_s:
             raise Refused(f'contact.t_s: {t_s!r} s is after the run stops, at {stop_s!r} s')
@@ -142,10 +142,11 @@ class _Proof:
         return run
 
     def _slack_m(self, contact: Contact, gone: arb) -> float:
-        """Return how close to a contact it is proved that there is none before: as close as floats can tell.
+        """Return the distance before a contact up to which absence of contact is proved: as small as floats allow.
 
-        That is a nanometre, unless the leader is so fast that the contact's time does not tell its place, or the
-        benches touch there to within position errors and come together so slowly that these are more travel.
+        It is a nanometre of leader travel, with two exceptions: the leader is so fast that the contact's time does not
+        determine its position, or the benches touch there to within position errors and approach so slowly that these
+        errors amount to more travel.
         """
         step, error_m = 1e3 * _SLACK * self._unit, 4 * _PROMISE_M * self._coarse
         here, gaps = float(gap(*self._poses(contact, gone))), []
@@ -162,9 +163,9 @@ class _Proof:
         return min(slack_m, _WIDEST * self._unit * self._coarse)
 
     def _poses(self, contact: Contact, gone: arb) -> tuple[Pose, Pose]:
-        """Return the two benches of a contact when the leader has gone so far; or one, and an edge of the obstacle.
+        """Return the two benches of a contact at the leader's distance, or a bench and an edge of the obstacle.
 
-        That edge is the nearest one where this was asked first, at the contact.
+        That edge is the nearest one at the first call, which is for the contact itself.
         """
         first, second = contact.benches[0], contact.benches[-1]
         self._budget.spend(second)
@@ -174,7 +175,7 @@ class _Proof:
         pose = posture.pose(first)
         self._met = self._met or self._obstacles.edges.met(pose, contact.obstacle, self._coarse)
         if not self._met:
-            raise Refused(f'contact: {_pair(contact)} are far from each other then')
+            raise Refused(f'contact: {_pair(contact)} are far from each other at that time')
         return pose, self._met[0]
 
     @staticmethod
@@ -191,13 +192,13 @@ class _Proof:
             poses = self._poses(contact, exact(way.gone_m + after_m * way.sense))
             if overlap(*poses) or any(overlap(poses[0], edge) for edge in self._met):
                 return way, f'{_pair(contact)} overlap {_metres(max(after_m, Fraction(0)))} after it'
-        raise Refused(f"contact: {_metres(after_m)} of the leader's way after {contact.t_s!r} s "
+        raise Refused(f'contact: {_metres(after_m)} of leader travel after {contact.t_s!r} s '
                       f'{_pair(contact)} do not overlap: they are {float(gap(*poses)):.3g} m apart')
 
     def _clear(self, whole: Range, part: Range | None, spoken: Range) -> None:
         """Prove that the chain exists on all of the leader's travel, and that no two benches touch on a part of it.
 
-        Intervals may cover what the run covers up to a contact (``spoken``).
+        Intervals may cover everything that the run covers up to a contact (``spoken``).
         """
         places = self._places(whole)
         if part is None:
@@ -227,9 +228,9 @@ class _Proof:
         return next(count - m for m in range(1, count - bench + 1) if self._repeated[count - bench - m] >= m)
 
     def _hints(self, every: list[Way], places: list[Range]) -> dict[int, list[float]]:
-        """Return where intervals suggest to cut, by the first bench of each class.
+        """Return the cuts that intervals suggest, by the first bench of each class.
 
-        Raises Refused for places that no bench of an interval passes, since nothing would check them.
+        Raises Refused for positions that no bench of an interval passes, because nothing would check them.
         """
         count, overhang_m = len(self._dragon.benches), _OVERHANG_M * self._coarse
         known = {bench: way.lead for way in every for bench, _ in way.members}
@@ -242,16 +243,16 @@ class _Proof:
                 reach[bench] = below(places[self._last_alike(bench)][0]), above(places[bench][1])
             least, most = reach[bench]
             if low < least - overhang_m or high > most + overhang_m:
-                raise Refused(f'intervals[{number}]: from {low!r} to {high!r} m it is more than the track from '
-                              f'{least:.12g} to {most:.12g} m that the benches it speaks of go through')
+                raise Refused(f'intervals[{number}]: from {low!r} to {high!r} m it exceeds the track from '
+                              f'{least:.12g} to {most:.12g} m that its benches pass')
             if row.behind > count - 1 - bench:
-                raise Refused(f'intervals[{number}].behind: only {count - 1 - bench} benches are behind that one')
+                raise Refused(f'intervals[{number}].behind: only {count - 1 - bench} benches are behind that bench')
             out.setdefault(lead, []).extend((row.start_m, row.stop_m))
         return out
 
 
 def _up_to(part: Range, way: Approach, slack_m: Fraction) -> Range | None:
-    """Return the range to clear up to a contact: without the slack before it, but with all earlier places."""
+    """Return the range to clear up to a contact: without the slack before it, but with all earlier positions."""
     if not way.sense:
         return None
     low, high = part
@@ -281,7 +282,7 @@ def _bend(track: Track, dragon: Dragon) -> float:
     """Return the largest curvature. Raises Refused if a link may lock on it."""
     longest = max((bench.link for bench in dragon.benches), key=lambda link: link.near)
     if not exact(track.bend) * longest.length < 2:
-        raise Refused('scene.track: it bends so tightly that links could lock on it')
+        raise Refused('scene.track: it bends so tightly that links could lock')
     return track.bend
 
 

@@ -1,7 +1,7 @@
 """Reads certificates as plain numbers: within limits, complete, and without unknown keys.
 
-A certificate is untrusted input. A value that cannot belong to a scene is refused with its place in the file, and so is
-an unknown key, since nothing would check what it claims.
+A certificate is untrusted input. A value that cannot belong to a scene is refused with its location in the file. So is
+an unknown key, because nothing would check what it claims.
 """
 import json
 import re
@@ -17,8 +17,8 @@ from typing import Any
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Law
 
-VERSION = 3         # of certificates: the newest that can be read; those up to 0.2.0 have none, and count as 1
-_WITH_VENUE = 3     # the version of those with a venue
+VERSION = 3         # the newest certificate version that can be read; certificates up to 0.2.0 have none, which means 1
+_WITH_VENUE = 3     # the version from which certificates may have a venue
 MOST_BYTES = 64 * 2**20
 MOST_ROWS = 250_000
 MOST_BENCHES = 100_000
@@ -42,7 +42,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Arc:
-    """A part of a circle; ``angle_deg`` is positive to the left."""
+    """An arc of a circle; ``angle_deg`` is positive to the left."""
 
     radius_m: float
     angle_deg: float
@@ -89,7 +89,7 @@ class Turn:
 
 @dataclass(frozen=True)
 class Pieces:
-    """Lines, arcs and spirals, each with its stated beginning; the head starts ``start_m`` along them."""
+    """Lines, arcs and spirals, each with its stated start pose; the head starts ``start_m`` along them."""
 
     pieces: tuple[Piece, ...]
     poses: tuple[Pose, ...]
@@ -98,7 +98,7 @@ class Pieces:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """Lines that no bench may touch, each through its points; those that bound an ``area`` end where they start."""
+    """Lines that no bench may touch, each through its points; the lines around an ``area`` end where they start."""
 
     name: str
     lines: tuple[tuple[tuple[float, float], ...], ...]
@@ -114,13 +114,13 @@ class Venue:
 
     @property
     def all(self) -> tuple[Obstacle, ...]:
-        """All of them."""
+        """All obstacles, with the inside."""
         return (*self.obstacles, *([self.inside] if self.inside else []))
 
 
 @dataclass(frozen=True)
 class Scene:
-    """The numbers that decide about contact; ``stop_s`` None means up to the end of the model."""
+    """The numbers that determine contact; ``stop_s`` None means up to the end of the model."""
 
     lengths_m: tuple[float, ...]
     width_m: float
@@ -141,7 +141,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Row:
-    """One interval: the leading bench (None: all benches, by the head's place), and its ends along the track."""
+    """One interval: the leading bench (None: all benches, by the head's position), and its ends along the track."""
 
     lead: int | None
     start_m: float
@@ -151,7 +151,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Contact:
-    """The claimed contact, of two benches or of one and an obstacle; ``grazing`` where nobody can say if they touch."""
+    """The claimed contact of two benches, or of a bench and an obstacle; ``grazing`` if contact is undecided."""
 
     t_s: float
     benches: tuple[int, ...]
@@ -171,7 +171,7 @@ class Claims:
 
 @dataclass(frozen=True)
 class FamilyClaims:
-    """The content of a certificate of a family: tolerances, and the time until which no dragon touches itself."""
+    """The content of a family certificate: tolerances, and the time until which no dragon touches itself."""
 
     scene: Scene
     within: dict[str, float]
@@ -186,7 +186,7 @@ def read(path: Path) -> Claims | FamilyClaims:
     except OSError as error:
         raise Refused(f'it cannot be read: {error.strerror}') from None
     if len(data) > MOST_BYTES:
-        raise Refused(f'it is larger than {MOST_BYTES} bytes, the most that is read')
+        raise Refused(f'it is larger than the limit of {MOST_BYTES} bytes')
     return claims_of(data)
 
 
@@ -195,7 +195,7 @@ def claims_of(data: bytes) -> Claims | FamilyClaims:
     try:
         values = json.loads(data.decode(), parse_constant=_no_number, parse_int=_whole, object_pairs_hook=_once)
     except (ValueError, RecursionError, MemoryError) as error:
-        raise Refused(f'it is no certificate: {str(error)[:160]}') from None
+        raise Refused(f'it is not a certificate: {str(error)[:160]}') from None
     return _family(values) if isinstance(values, dict) and 'family' in values else _claims(values)
 
 
@@ -205,15 +205,15 @@ def _no_number(text: str) -> Any:
 
 def _whole(text: str) -> int | float:
     if len(text) > _DIGITS:
-        raise ValueError(f'a number has {len(text)} digits, the most are {_DIGITS}')
+        raise ValueError(f'a number has {len(text)} digits; the limit is {_DIGITS}')
     return int(text)
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object, and refuse equal keys: json would take the last of them, other readers the first."""
+    """Return an object, and reject duplicate keys: json would use the last of them, other readers the first."""
     out = dict(pairs)
     if len(out) < len(pairs):
-        raise ValueError(f'a key stands twice: {sorted(key for key, _ in pairs)}')
+        raise ValueError(f'a key occurs twice: {sorted(key for key, _ in pairs)}')
     return out
 
 
@@ -222,7 +222,7 @@ def _claims(values: Any) -> Claims:
     version = int(_number('version', top.get('version', 1), 1, VERSION, whole=True))
     scene = _scene(top['scene'])
     if scene.venue and version < _WITH_VENUE:
-        raise Refused(f'scene.venue: certificates with a venue have version {_WITH_VENUE}, this one {version}')
+        raise Refused(f'scene.venue: certificates with a venue have version {_WITH_VENUE}, but this one has {version}')
     rows = _list('intervals', top['intervals'], 0, MOST_ROWS)
     benches = len(scene.lengths_m)
     return Claims(scene, _contact(top['contact'], scene),
@@ -238,7 +238,7 @@ def _family(values: dict[str, Any]) -> FamilyClaims:
     _number('family', top['family'], FAMILY_VERSION, FAMILY_VERSION, whole=True)
     scene, within = _scene(top['scene']), _keys('within', top['within'], set(), _TOLERANCES)
     if scene.venue:
-        raise Refused('scene.venue: nobody checks what a family meets there; leave it out')
+        raise Refused('scene.venue: contacts of a family with a venue are not checked; leave it out')
     latest_s = _LATEST_S if scene.stop_s is None else scene.stop_s
     return FamilyClaims(scene, {key: _number(f'within.{key}', value, 0, 1e12) for key, value in within.items()},
                         _number('proved_s', top['proved_s'], scene.start_s, latest_s))
@@ -268,12 +268,12 @@ def _contact(value: Any, scene: Scene) -> Contact | None:
     given = _keys('contact', value, {'t_s'}, {'benches', 'grazing', 'obstacle'})
     if given['t_s'] is None:
         if given.get('benches') is not None or given.get('grazing') or given.get('obstacle') is not None:
-            raise Refused('contact: a run without one names no benches')
+            raise Refused('contact: without a contact there must be no benches')
         return None
     t_s = _number('contact.t_s', given['t_s'], scene.start_s, _LATEST_S)
     obstacle = given.get('obstacle')
     if obstacle is not None and obstacle not in [one.name for one in (scene.venue.all if scene.venue else ())]:
-        raise Refused(f'contact.obstacle: {_shown(obstacle)} is none of the venue')
+        raise Refused(f'contact.obstacle: {_shown(obstacle)} is not in the venue')
     count = 2 if obstacle is None else 1
     benches = tuple(int(_number(f'contact.benches[{n}]', bench, 0, len(scene.lengths_m) - 1, whole=True))
                     for n, bench in enumerate(_list('contact.benches', given.get('benches'), count, count)))
@@ -287,7 +287,7 @@ def _contact(value: Any, scene: Scene) -> Contact | None:
 
 
 def _scene(value: Any) -> Scene:
-    # The optional ones say how a run is shown, recorded or computed, and nothing about where benches are.
+    # The optional keys say how a run is shown, recorded or computed, and nothing about where benches are.
     scene = _keys('scene', value, {'dragon', 'track', 'head', 'run'},
                   {'noise', 'trails', 'accuracy', 'effects', 'solver', 'markers', 'about', 'venue'})
     lengths, width_m, inset_m = _dragon(scene['dragon'])
@@ -301,7 +301,7 @@ def _scene(value: Any) -> Scene:
 
 
 def _venue(value: Any) -> Venue:
-    """Return a venue. A margin may not stand in it: what is proved is that nothing touches, at any gap."""
+    """Return a venue. It must not have a margin: what is proved is that nothing touches, at any gap."""
     given = _keys('scene.venue', value, set(), {'obstacles', 'inside'})
     listed = _list('scene.venue.obstacles', given.get('obstacles') or [], 0, MOST_CORNERS)
     obstacles = tuple(_kind(f'scene.venue.obstacles[{n}]', one, _OBSTACLES) for n, one in enumerate(listed))
@@ -310,7 +310,7 @@ def _venue(value: Any) -> Venue:
     out = Venue(obstacles, inside)
     names = [one.name for one in out.all]
     if len(set(names)) < len(names) or not names:
-        raise Refused('scene.venue: it has no obstacle, or two of one name')
+        raise Refused('scene.venue: it has no obstacle, or two with the same name')
     if sum(len(line) for one in out.all for line in one.lines) > 2 * MOST_CORNERS:
         raise Refused(f'scene.venue: it has more than {MOST_CORNERS} corners')
     return out
@@ -334,19 +334,19 @@ _OBSTACLES: dict[str, Callable[[str, dict[str, Any]], Obstacle]] = {'polygon': _
 
 def _named(name: str, value: Any) -> str:
     if not isinstance(value, str) or not 0 < len(value) <= _LONGEST_NAME or not value.isprintable() or value == _INSIDE:
-        raise Refused(f'{name}.name: {_shown(value)} is no name of an obstacle')
+        raise Refused(f'{name}.name: {_shown(value)} is not a name for an obstacle')
     return value
 
 
 def _points(name: str, value: Any, fewest: int) -> tuple[tuple[float, float], ...]:
-    """Return the points of a line, from three on of a ring, which is closed."""
+    """Return the points of a line or, if ``fewest`` is at least 3, of a closed ring."""
     points = []
     for n, one in enumerate(_list(name, value, fewest, MOST_CORNERS)):
         x, y = (_number(f'{name}[{n}]', each, -1e9, 1e9) for each in _list(f'{name}[{n}]', one, 2, 2))
         points.append((x, y))
     points += points[:1] if fewest > 2 else []
     if any(one == two for one, two in pairwise(points)):
-        raise Refused(f'{name}: two points that follow each other are one')
+        raise Refused(f'{name}: two successive points coincide')
     return tuple(points)
 
 
@@ -428,7 +428,7 @@ def _arc(name: str, value: dict[str, Any]) -> Arc:
     _keys(name, value, {'kind', 'radius_m', 'angle_deg'}, _POSE)
     angle = _number(f'{name}.angle_deg', value['angle_deg'], -1e6, 1e6)
     if not angle:
-        raise Refused(f'{name}.angle_deg: an arc turns')
+        raise Refused(f'{name}.angle_deg: an arc must turn')
     return Arc(_number(f'{name}.radius_m', value['radius_m'], 1e-12, 1e9), angle)
 
 
@@ -436,7 +436,7 @@ def _coil(name: str, value: dict[str, Any]) -> Coil:
     _keys(name, value, {'kind', 'pitch_m', 'from_turns', 'to_turns', 'side'}, _POSE)
     first, last = (_number(f'{name}.{key}', value[key], 1e-3, 1e6) for key in ('from_turns', 'to_turns'))
     if first == last or value['side'] not in ('left', 'right'):
-        raise Refused(f'{name}: a spiral goes from a turn to another one, and turns left or right')
+        raise Refused(f'{name}: a spiral needs two different turns, and a side: left or right')
     return Coil(_number(f'{name}.pitch_m', value['pitch_m'], 1e-9, 1e9), first, last, value['side'] == 'left')
 
 
@@ -475,40 +475,40 @@ _LAWS: dict[str, Callable[[str, dict[str, Any]], Law]] = {'constant': _constant,
 def _kind(name: str, value: Any, kinds: dict[str, Callable[[str, dict[str, Any]], Any]]) -> Any:
     """Return a mapping as read by the reader of its kind."""
     if not isinstance(value, dict) or not isinstance(value.get('kind'), str) or value['kind'] not in kinds:
-        raise Refused(f'{name}: {_shown(value)} is none of the kinds {", ".join(kinds)}')
+        raise Refused(f'{name}: {_shown(value)} is not one of the kinds {", ".join(kinds)}')
     return kinds[value['kind']](name, value)
 
 
 def _keys(name: str, value: Any, needed: set[str], allowed: set[str] = frozenset()) -> dict[str, Any]:  # type: ignore[assignment]
     """Return a mapping that has all required keys and no unknown ones."""
     if not isinstance(value, dict):
-        raise Refused(f'{name or "certificate"}: {_shown(value)} is no mapping')
+        raise Refused(f'{name or "certificate"}: {_shown(value)} is not a mapping')
     if value.keys() != needed:
         for key in sorted(needed - value.keys()):
             raise Refused(f'{name}{"." if name else ""}{key}: it is missing')
         for key in sorted(value.keys() - needed - allowed):
-            raise Refused(f'{name}{"." if name else ""}{key[:60]}: nobody checks what this key says; leave it out')
+            raise Refused(f'{name}{"." if name else ""}{key[:60]}: this key is not checked; leave it out')
     return value
 
 
 def _list(name: str, value: Any, fewest: int, most: int) -> list[Any]:
     if not isinstance(value, list) or not fewest <= len(value) <= most:
         found = f'{len(value)} entries' if isinstance(value, list) else _shown(value)
-        raise Refused(f'{name}: {found}; it is a list of {fewest} to {most}' if fewest < most else
-                      f'{name}: {found}; it is a list of {most}')
+        raise Refused(f'{name}: {found}; it must be a list of {fewest} to {most}' if fewest < most else
+                      f'{name}: {found}; it must be a list of {most}')
     return value
 
 
 def _number(name: str, value: Any, low: float | Fraction, high: float, whole: bool = False) -> float:
     """Return a number within limits, as a float."""
     if isinstance(value, bool) or not isinstance(value, int | float) or (whole and not isinstance(value, int)):
-        raise Refused(f'{name}: {_shown(value)} is no {"whole " if whole else ""}number')
+        raise Refused(f'{name}: {_shown(value)} is not a {"whole " if whole else ""}number')
     try:
         number = float(value)
     except OverflowError:
         number = float('inf')
     if not isfinite(number) or not low <= number <= high:
-        raise Refused(f'{name}: {number!r} is not within {float(low)!r} and {float(high)!r}')
+        raise Refused(f'{name}: {number!r} is not between {float(low)!r} and {float(high)!r}')
     return number
 
 

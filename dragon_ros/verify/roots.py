@@ -7,7 +7,7 @@ from dragon_ros.verify.balls import UNIT, size
 from dragon_ros.verify.errors import Refused
 
 _GOOD = 1e-13           # relative to a root: a guess in floats is usually closer
-_CLOSE = 1e-8         # relative to a root, of a step of Newton's method: the next is about its square
+_CLOSE = 1e-8         # relative to a root, for a Newton step: the error of the next is about its square
 _FINE = 2.0**-112       # relative to a root: the narrowest ball that is searched
 _TRIES = 12
 
@@ -35,8 +35,9 @@ def bracketed(f: Callable[[float], tuple[float, float]], low: float, high: float
 def certified(value: Callable[[arb], arb], slope: Callable[[arb], arb], guess: float) -> arb:
     """Return a ball around a guess that contains exactly one root, for all numbers in the balls of the function.
 
-    Newton's theorem: if m - f(m) / f'(X) lies inside X, a ball around m, then f has one root in X, and it is there.
-    If the guess is too far off, the next Newton step tells how wide X must be. Raises Refused.
+    By Newton's theorem, if m - f(m) / f'(X) lies inside X, a ball around m, then f has one root in X, and that
+    expression contains it. If the guess is too far off, the next Newton step determines how wide X must be. Raises
+    Refused.
     """
     middle, wide = arb(guess), _GOOD * abs(guess)
     for _ in range(_TRIES):
@@ -50,4 +51,4 @@ def certified(value: Callable[[arb], arb], slope: Callable[[arb], arb], guess: f
             break
         middle = (middle - step).mid()
         wide = max(2 * size(value(middle) / slope(middle)), _FINE * size(middle), 1e-300)
-    raise Refused('a place on the track could not be proved: a link is about to lock, or lengths are too far apart')
+    raise Refused('a position on the track could not be proved: a link is about to lock, or lengths differ too much')

@@ -1,7 +1,7 @@
 """The leader's range of travel in a run, and where the run ends; both are proved.
 
-A run ends when it stops, when a link locks, or when a handle reaches an end of the track. The places of handles depend
-on how far the leader has gone, not on the time, so everything here is in distances that the leader has gone.
+A run ends when it stops, when a link locks, or when a handle reaches an end of the track. The positions of handles
+depend on the distance travelled by the leader, not on the time, so everything here is in terms of that distance.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ from dragon_ros.verify.reading import Scene
 from dragon_ros.verify.segments import HALF, TWO, Link, SpiralSegment, about_span
 from dragon_ros.verify.track import Place, Track
 
-_SAMPLES = 4000         # places at which a lock is searched
-_HALVINGS = 80          # of times and places that are only reported, or proved later
+_SAMPLES = 4000         # positions at which a lock is searched for
+_HALVINGS = 80          # of times and positions that are only reported, or proved later
 _SHARE = 10             # links in floats that count as one step of the budget
 
 
 @dataclass(frozen=True)
 class Limit:
-    """Where the model ends: how far the leader has gone, up to which slack that is proved, and why it ends."""
+    """Where the model ends: the leader's distance, the slack up to which that is proved, and the reason."""
 
     gone: arb
     slack_m: float
@@ -36,7 +36,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class Run:
-    """A run up to a time: bounds of the leader's travel since 0 s and since the start; and how it ends."""
+    """A run up to a time: bounds on the leader's travel since 0 s and since the start; and how it ends."""
 
     whole: Range
     part: Range
@@ -46,7 +46,7 @@ class Run:
 
 
 class Leader:
-    """The leader on the track: where the head is for a distance gone, and where the model ends."""
+    """The leader on the track: where the head is when the leader has travelled a distance, and where the model ends."""
 
     def __init__(self, track: Track, dragon: Dragon, tail_leads: bool, budget: Budget) -> None:
         """Place the chain at 0 s. Raises Refused if it does not fit the track."""
@@ -60,7 +60,7 @@ class Leader:
             self._tail = track.distance(place)
 
     def head(self, gone: arb) -> arb:
-        """Return the distance of the head along the track for a distance that the leader has gone."""
+        """Return the distance of the head along the track when the leader has travelled a distance."""
         if self._tail is None:
             return self._track.start + gone
         return self._ahead(self._tail - gone) if not gone.is_zero() else self._track.start
@@ -90,7 +90,7 @@ class Leader:
     def _lock(self, slack_m: float, furthest: arb | None) -> Limit:
         """Return the first lock on a spiral to its centre, or the centre.
 
-        Here it is proved that the chain does not exist a slack further in; that it exists before is proved later.
+        This proves that the chain does not exist a slack further in; its existence before is proved later.
         """
         track, segment = self._track, self._track.segments[0]
         assert isinstance(segment, SpiralSegment)
@@ -107,7 +107,7 @@ class Leader:
         return Limit(gone, slack_m, f'the chain locks at link {self._locking(segment, gone + exact(slack_m))}')
 
     def _locking(self, segment: SpiralSegment, gone: arb) -> int:
-        """Return the first link that provably has no place for a distance gone."""
+        """Return the first link that provably cannot be placed at a distance travelled."""
         u = self._track.place_at(self._track.start + gone).u
         for number, bench in enumerate(self._dragon.benches):
             try:
@@ -116,19 +116,19 @@ class Leader:
                 certainly(never_reaches(segment, u, bench.link),
                           f'the end of the run: link {number} seems to lock, which could not be proved')
                 return number
-        raise Refused('the end of the run: a link seemed to lock, and has a place')
+        raise Refused('the end of the run: a link seemed to lock but can be placed')
 
 
 class _Locks:
-    """Searches locks in floats; ``chords``, and the longest from each on, are in units of b."""
+    """Searches for locks in floats; ``chords``, and the longest from each on, are in units of b."""
 
     def __init__(self, chords: Sequence[float], longest: Sequence[float], budget: Budget) -> None:
         self._chords, self._longest, self._budget = chords, longest, budget
 
     def first(self, start: float, until: float) -> float | None:
-        """Return approximately the outermost place of the head at which the chain does not exist, or None.
+        """Return approximately the outermost position of the head at which the chain does not exist, or None.
 
-        If the front handle of the longest link is so far out that this link has a place, all links have one.
+        If the front handle of the longest link is so far out that this link can be placed, all links can be placed.
         """
         outer = min(start, 0.5 * (self._longest[0] - pi))
         last = outer
@@ -140,13 +140,13 @@ class _Locks:
         return None
 
     def _between(self, low: float, high: float) -> float:
-        """Return approximately the boundary between a place without a chain and one with it."""
+        """Return approximately the boundary between a position without a chain and one with it."""
         while low < (middle := 0.5 * (low + high)) < high:
             low, high = (low, middle) if self._stands(middle) else (middle, high)
         return high
 
     def _stands(self, theta: float) -> bool:
-        """Return whether all links seem to have a place, in floats."""
+        """Return whether all links can apparently be placed, in floats."""
         for number, (chord, most) in enumerate(zip(self._chords, self._longest, strict=True)):
             if number % _SHARE == 0:
                 self._budget.spend(1)
@@ -160,10 +160,10 @@ class _Locks:
 
 
 def never_reaches(segment: SpiralSegment, theta: arb, link: Link) -> bool:
-    """Return whether the chord from a handle provably turns back before it reaches a link's length.
+    """Return whether the chord from a handle provably decreases before it reaches a link's length.
 
-    It does if it is shorter up to a span at which it shrinks; up to pi it grows. Close to its peak it hardly grows; the
-    mean value theorem bounds it there.
+    It does if it is shorter up to a span at which it shrinks; up to pi it grows. Close to its peak it hardly grows, and
+    the mean value theorem bounds it.
     """
     half_square, near = segment.chord(link).half_square, segment.chord(link).near
     at, delta = float(theta), pi
@@ -192,7 +192,7 @@ def _half_square(theta: arb, delta: arb) -> arb:
 
 
 def _slope(theta: arb, delta: arb) -> arb:
-    """Return its derivative by the span."""
+    """Return the derivative of half the squared chord by the span."""
     sine, cosine = (HALF * delta).sin_cos()
     return delta + TWO * theta * sine * (sine + (theta + delta) * cosine)
 
@@ -227,10 +227,10 @@ def _within(extent: Extent, limits: tuple[Limit | None, Limit | None]) -> Range:
 
 
 def _ended(law: Law, start: Fraction, before: Mark, after: Mark | None, limit: Limit, sense: int) -> Run:
-    """Return a run that a limit ends while the leader moves one way from ``before`` on, without the slack."""
+    """Return a run that a limit ends, without the slack; the leader moves in one direction from ``before`` on."""
     end_s = _passage(law, before, after, Fraction(float(limit.gone)), sense)
     if end_s < start:
-        raise Refused(f'scene.run.start_s: the model ends before, at {float(end_s):.12g} s: {limit.why}')
+        raise Refused(f'scene.run.start_s: the model ends before it, at {float(end_s):.12g} s: {limit.why}')
     end = limit.gone - exact(limit.slack_m) * sense
     whole, part = (_up_to(law.extent_m(first, max(first, before.t_s)), end, sense) for first in (Fraction(0), start))
     return Run(whole, part, float(end_s), limit.why, limit.slack_m)
@@ -243,7 +243,7 @@ def _up_to(extent: Extent, end: arb, sense: int) -> Range:
 
 
 def _passage(law: Law, before: Mark, after: Mark | None, gone_m: Fraction, sense: int) -> Fraction:
-    """Return approximately when the leader has gone this far, on a piece of the law on which it moves one way."""
+    """Return approximately when the leader has travelled this far, on a piece of the law without a reversal."""
     if (before.gone_m - gone_m) * sense >= 0:
         return before.t_s
     if after is None:

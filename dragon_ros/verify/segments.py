@@ -1,8 +1,8 @@
 """The segments of a track in balls: lines, arcs and spirals, each with one coordinate u along it.
 
-u is metres on a line, radians turned on an arc and the polar angle on a spiral. ``sense`` is 1 if u grows in the
-head's direction of travel and -1 if it falls. The head enters at ``first`` and leaves at ``last``; None means that a
-segment has no end there. Points and unit tangents (in the head's direction) are complex balls.
+u is metres on a line, radians turned on an arc and the polar angle on a spiral. ``sense`` is 1 if u grows in the head's
+direction of travel and -1 if it falls. The head enters at ``first`` and leaves at ``last``; None means that a segment
+has no end there. Points and unit tangents (in the head's direction) are complex balls.
 """
 from cmath import exp
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ _HALVINGS = 40      # of spans, to prove that the chord grows close to its peak
 
 
 class Locked(Refused):
-    """A link has no place, or none that provably is the right one."""
+    """A link cannot be placed, or its position cannot be proved."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Link:
 
 
 class Segment(Protocol):
-    """What a track needs of a segment."""
+    """The interface of a segment that a track needs."""
 
     sense: int
     first: arb | None
@@ -72,7 +72,7 @@ class Segment(Protocol):
         ...
 
     def next(self, u: arb, link: Link, way: int) -> arb:
-        """Return the nearest place at a link's length ahead (``way`` 1) or behind (-1), however long the segment is."""
+        """Return the nearest position at a link's length ahead (``way`` 1) or behind (-1), on the unlimited segment."""
         ...
 
     def near(self, u: float) -> complex:
@@ -116,7 +116,7 @@ class LineSegment:
         return ZERO
 
     def next(self, u: arb, link: Link, way: int) -> arb:
-        """Return the place at a link's length."""
+        """Return the position at a link's length."""
         return u + link.length if way > 0 else u - link.length
 
     def near(self, u: float) -> complex:
@@ -163,7 +163,7 @@ class ArcSegment:
         return self.side / self.radius
 
     def next(self, u: arb, link: Link, way: int) -> arb:
-        """Return the place at a chord."""
+        """Return the position at a chord."""
         if link not in self._turned:
             self._turned[link] = TWO * (link.length / (TWO * self.radius)).asin()
         turned = self._turned[link]
@@ -175,7 +175,7 @@ class ArcSegment:
 
 
 class Chord(NamedTuple):
-    """A link in units of b: approximate length, half the square, its inverse square, and from which u on it is wide."""
+    """A link in units of b: approximate length, half square, inverse square, and the u beyond which it is wide."""
 
     near: float
     half_square: arb
@@ -238,7 +238,7 @@ class SpiralSegment:
         wanted = self._anchored + metres / self.b * self.sense
         if not wanted > 0:
             if wanted < -1e-9:
-                raise Refused('a place on the track lies beyond its end, the centre of a spiral')
+                raise Refused('a position on the track lies beyond its end, the centre of a spiral')
             return ZERO.union(abs(wanted))
         return certified(lambda u: arc(u) - wanted, root_of, _about_after(float(wanted)))
 
@@ -248,7 +248,7 @@ class SpiralSegment:
         return (ONE + ONE / square) / (self.b * square.sqrt()) * (self.side * self.sense)
 
     def next(self, u: arb, link: Link, way: int) -> arb:
-        """Return the nearest place at a chord: further out, or further in."""
+        """Return the nearest position at a chord: further out, or further in."""
         if not link.near:
             return u
         return u + self.span(u, link) if way == self.sense else u - self._span_in(u, link)
@@ -256,14 +256,14 @@ class SpiralSegment:
     def span(self, u: arb, link: Link) -> arb:
         """Return the smallest delta > 0 at which the handle at u + delta is a link away from the one at u.
 
-        It is proved that the chord grows up to it. Raises Locked.
+        This proves that the chord grows up to it. Raises Locked.
         """
         if not link.near:
             return ZERO
         half_square, near = self.chord(link).half_square, self.chord(link).near
         guess = about_span(float(u), near)
         if guess is None:
-            raise Locked('a link finds no place behind its front handle: the chain locks')
+            raise Locked('a link cannot be placed behind its front handle: the chain locks')
         twice = TWO * u
 
         def value(delta: arb) -> arb:
@@ -276,7 +276,7 @@ class SpiralSegment:
 
         found = certified(value, slope, guess)
         if not found > 0 or (not found < half_turn() and not rises(u, half_turn().lower(), found.upper())):
-            raise Locked('a link may find its place only beyond where its chord first turns back: the chain locks')
+            raise Locked('a link can be placed only beyond the first peak of its chord, if at all: the chain locks')
         return found
 
     def _span_in(self, u: arb, link: Link) -> arb:
@@ -301,7 +301,7 @@ class SpiralSegment:
         inner = max(_about_after(least) if least > 0 else 0.0, float(self.inner))
         found = certified(value, slope, bracketed(about, 0.0, theta - inner, near / hypot(1, theta)))
         if not found > 0:
-            raise Refused('a place on the track could not be proved: it may be on the wrong side of a handle')
+            raise Refused('a position on the track could not be proved: it may be on the wrong side of a handle')
         return found
 
     def near(self, u: float) -> complex:
@@ -357,7 +357,7 @@ def rises(theta: arb, low: arb, high: arb) -> bool:
 
 
 def about_span(theta: float, chord: float) -> float | None:
-    """Return the approximate smallest span of a chord (in units of b); None if it seems to have none."""
+    """Return the approximate smallest span of a chord (in units of b); None if it apparently has none."""
     if chord <= 2 * theta + pi:
         return bracketed(lambda delta: _excess(theta, chord, delta), 0.0, pi,
                          2 * asin(min(1.0, chord / (2 * theta + chord / (theta + 1)))))

@@ -1,8 +1,8 @@
-"""A track in balls: its segments where they lie, places on it, and the next handle a link away.
+"""A track in balls: its segments in the plane, positions on it, and the next handle a link away.
 
-A place is a segment's number and its coordinate. If the curvature is at most K and K l < 2 for each link l, the chord
-from a handle grows along the track for at least pi / K and reaches l before (Schur). So the next handle is the one
-place at a link's length that is proved to be at most pi / K away. On a single spiral that the head follows to the
+A position is a segment's index and a coordinate on it. If the curvature is at most K and K l < 2 for each link l, the
+chord from a handle grows along the track for at least pi / K and reaches l before (Schur). So the next handle is the
+one position at a link's length that is provably at most pi / K away. On a single spiral that the head follows to the
 centre, it is the smallest root instead (``SpiralSegment.span``).
 """
 from bisect import bisect_left
@@ -30,8 +30,8 @@ from dragon_ros.verify.segments import (
 )
 
 AnySegment = LineSegment | ArcSegment | SpiralSegment
-_NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from where a piece says that it begins
-_HAIR = 1e-12                       # of a metre: a place may be this far beyond the track's end, plus the rounding
+_NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from the start that a piece states
+_HAIR = 1e-12                       # of a metre: a position may be this far beyond the track's end, plus the rounding
 _ULPS = 2.0**-50                    # of its distance
 _SHORTER = 1 - 1e-9                  # of a link: a chord that is certainly shorter, in floats
 _NARROW = 1e-15                     # of a metre, or of the tightest radius: the largest uncertainty next to a joint
@@ -42,10 +42,10 @@ def _hair_m(end: arb) -> float:
 
 
 class Place(NamedTuple):
-    """A segment's number and the coordinate on it; within ``loose`` metres of a joint, the side is unknown.
+    """A segment's index and the coordinate on it; within ``loose`` metres of a joint, the side is unknown.
 
-    Then it is on the segment's curve continued. A way d beyond the joint, the track has strayed from that curve by
-    K d^2 at most, and its direction by 2 K d (docs/contact.md).
+    Then the position is on the continuation of the segment's curve. At a distance d beyond the joint, the track
+    deviates from that curve by at most K d^2, and its direction by 2 K d (docs/contact.md).
     """
 
     segment: int
@@ -54,11 +54,11 @@ class Place(NamedTuple):
 
 
 class Track:
-    """Segments in the order of the head's way; ``origins`` are the distances at their anchors."""
+    """Segments in the order in which the head passes them; ``origins`` are the distances at their anchors."""
 
     def __init__(self, segments: Sequence[AnySegment], origins: Sequence[arb], start: arb, to_centre: bool,
                  poles: Sequence[int]) -> None:
-        """Take segments; ``start`` is the head's distance at 0 s, ``poles`` numbers their centres."""
+        """Take segments; ``start`` is the head's distance at 0 s, ``poles`` has indices of their centres."""
         self.segments, self.origins, self.start, self.to_centre, self.poles = (
             tuple(segments), tuple(origins), start, to_centre, tuple(poles))
         self.bend = max(segment.bend for segment in segments)
@@ -70,11 +70,11 @@ class Track:
         self.end = None if last is None else self.distance(Place(len(segments) - 1, last))
 
     def distance(self, place: Place) -> arb:
-        """Return the distance of a place along the track, in the head's direction."""
+        """Return the distance of a position along the track, in the head's direction."""
         return self.origins[place.segment] + self.segments[place.segment].metres(place.u)
 
     def place_at(self, metres: arb) -> Place:
-        """Return the place at a distance along the track. Raises Refused beyond its ends."""
+        """Return the position at a distance along the track. Raises Refused beyond its ends."""
         for end, sense in ((self.begin, -1), (self.end, 1)):
             if end is not None and (metres - end) * sense > _hair_m(end):
                 raise Refused(f'{float(metres):.12g} m along the track is beyond its end, at {float(end):.12g} m')
@@ -88,19 +88,19 @@ class Track:
         return self._loosened(k, self.segments[k].after(metres - self.origins[k]), max(beyond, default=0.0))
 
     def _loosened(self, k: int, u: arb, beyond_m: float) -> Place:
-        """Return a place that may be some metres beyond a joint."""
+        """Return a position that may be some metres beyond a joint."""
         if not beyond_m:
             return Place(k, u)
         certainly(beyond_m * max(self.bend, 1.0) < _NARROW, 'a handle next to a joint of the track could not be placed')
         return Place(k, u + UNIT * size(beyond_m / self.segments[k].speed(u)), beyond_m)
 
     def point(self, place: Place) -> acb:
-        """Return the point of a place."""
+        """Return the point of a position."""
         out = self.segments[place.segment].point(place.u)
         return out + acb(UNIT, UNIT) * up(self.bend * place.loose * place.loose) if place.loose else out
 
     def heading(self, place: Place) -> acb:
-        """Return the unit tangent of a place."""
+        """Return the unit tangent at a position."""
         out = self.segments[place.segment].heading(place.u)
         return out + acb(UNIT, UNIT) * up(2 * self.bend * place.loose) if place.loose else out
 
@@ -112,13 +112,13 @@ class Track:
         edge = segment.last if way > 0 else segment.first
         is_inwards = isinstance(segment, SpiralSegment) and way != segment.sense
         if is_inwards and edge is not None and self._is_beyond(place, edge, link) and 0 <= k + way < len(self.segments):
-            return self._across(place, link, way)       # the spiral itself need not reach this far
+            return self._across(place, link, way)       # the spiral itself may end before
         u = segment.next(place.u, link, way)
         if edge is None:
             return Place(k, u)
         inside = (edge - u) * (segment.sense * way)
         if inside < 0:
-            end = self.end if way > 0 else self.begin       # the track's own, beyond which a float of it may be
+            end = self.end if way > 0 else self.begin       # the track's own end; a position may round to beyond it
             if 0 <= k + way < len(self.segments) or end is None or size(inside * segment.speed(u)) > _hair_m(end):
                 return self._across(place, link, way)
             return Place(k, u)
@@ -127,10 +127,10 @@ class Track:
         return self._loosened(k, u, 0.0 if inside >= 0 else size(inside * segment.speed(u)))
 
     def _within(self, gone: arb) -> None:
-        certainly(gone * self.bend < half_turn(), 'a link could reach two places: the track bends too tightly for it')
+        certainly(gone * self.bend < half_turn(), 'a link could have two positions: the track bends too tightly for it')
 
     def _is_beyond(self, place: Place, edge: arb, link: Link) -> bool:
-        """Return whether the next handle seems to be beyond the inner end of a spiral."""
+        """Return whether the next handle is apparently beyond the inner end of a spiral."""
         segment = self.segments[place.segment]
         return (abs(segment.near(float(edge)) - segment.near(float(place.u))) < _SHORTER * link.near
                 and abs(segment.metres(edge) - segment.metres(place.u)) < furthest_m(self.bend, link.near))
@@ -156,13 +156,13 @@ class Track:
         raise Refused('a handle leaves the track: it is too short for the dragon')
 
     def _cut(self, k: int, here: acb, link: Link, way: int, gone: arb) -> Place:
-        """Return the place of a segment at a link's length from a point, ``gone`` along the track from its near end."""
+        """Return the position on a segment a link away from a point, whose distance from its near end is ``gone``."""
         segment = self.segments[k]
         near, far = (segment.first, segment.last) if way > 0 else (segment.last, segment.first)
         assert near is not None
         sense = segment.sense * way
         begin, point, length = float(near), complex(here), link.near
-        # On a circle of the largest curvature the chord reaches the link last.
+        # On a circle of the largest curvature the chord takes longest to reach the link's length.
         most_m = max(furthest_m(self.bend, length) - float(gone), 1e-9 * length)
         if far is not None:
             most_m = min(most_m, float(abs(segment.metres(far) - segment.metres(near))))
@@ -193,7 +193,7 @@ class Track:
         return self._loosened(k, u, max(outside, default=0.0))
 
     def curvatures(self, one: Place, two: Place) -> arb:
-        """Return a ball of the curvatures between two places; on a spiral curvature is monotone."""
+        """Return a ball of the curvatures between two positions; on a spiral curvature is monotone."""
         first, last = (one, two) if one.segment < two.segment else (two, one)
         out = self.segments[first.segment].curvature(one.u if first.segment == last.segment else first.u)
         loose_m = max(one.loose, two.loose)
@@ -209,7 +209,7 @@ class Track:
         return out
 
     def apart_m(self, one: Place, two: Place) -> float:
-        """Return a bound on the way along the track between two places."""
+        """Return a bound on the distance along the track between two positions."""
         if one.segment != two.segment:
             return size(self.distance(one) - self.distance(two))
         segment = self.segments[one.segment]
@@ -252,7 +252,7 @@ def _turn(turn: reading.Turn) -> Track:
 
 
 class _Heading:
-    """A heading: an exact rational share of half a turn, and the rest in radians, so that turning hardly widens it."""
+    """A heading: an exact rational part in half turns, and the rest in radians, so that turning hardly widens it."""
 
     def __init__(self, degrees: float) -> None:
         self._halves, self._rest = Fraction(degrees) / 180, ZERO
@@ -292,7 +292,7 @@ def _joined(track: reading.Pieces) -> Track:
 
 
 def _segment(piece: reading.Piece, point: acb, heading: _Heading, is_open: bool) -> AnySegment:
-    """Return a piece that leaves a point in a direction, and turn the heading by it."""
+    """Return a piece that leaves a point in a direction, and turn the heading by its angle."""
     first = None if is_open else ZERO
     leaves = heading.direction
     if isinstance(piece, reading.Line):
@@ -305,7 +305,7 @@ def _segment(piece: reading.Piece, point: acb, heading: _Heading, is_open: bool)
     begin, last = (TWO * half_turn() * exact(turns) for turns in (piece.from_turns, piece.to_turns))
     sense = 1 if piece.to_turns > piece.from_turns else -1
     side = sense if piece.left else -sense
-    # At polar angle u the bare spiral heads to side (u + atan u), and against that where the head winds in.
+    # At polar angle u the plain spiral heads to side (u + atan u), and in the opposite direction if the head winds in.
     turned = begin + begin.atan()
     rotation = leaves * direction(-turned * side) * sense
     centre = point - rotation * direction(begin * side) * (b * begin)
@@ -315,7 +315,7 @@ def _segment(piece: reading.Piece, point: acb, heading: _Heading, is_open: bool)
 
 
 def _check_joint(name: str, said: reading.Pose, point: acb, heading: _Heading) -> None:
-    """Raise Refused if a piece is stated to begin, or to head, elsewhere than the one before ends."""
+    """Raise Refused if a piece's stated start or heading differs from the end of the one before."""
     if said.at_m is not None:
         away = abs(acb(*map(exact, said.at_m)) - point)
         certainly(away < 2 * _NEAR_M, f'{name}.at_m: the piece before ends {float(away):.3g} m from there')

@@ -1,9 +1,10 @@
-"""The obstacles of a venue in balls: that benches keep clear of their edges, and on which side the dragon starts.
+"""The obstacles of a venue in balls: benches stay clear of their edges, and the dragon starts on the right side.
 
-An edge is a rectangle of no width. What parts two benches parts a bench and an edge (``interval``), with an edge that
-rests: seen from it the bench's corners have the acceleration of its middle and of its turning, seen from the bench the
-edge's ends have that of a resting point. Only the part of an edge that the bench can reach counts; the rest is further
-away than the bench goes. Benches hang together, so that where none meets an edge all stay on one side of every outline.
+An edge is a rectangle of zero width. The same bounds that separate two benches separate a bench and an edge at rest
+(``interval``). Seen from the edge, the acceleration of the bench's corners is that of its middle and its turning; seen
+from the bench, that of the edge's ends is that of a point at rest. Only the part of an edge that the bench can reach
+counts; the rest is further away than the bench moves. Benches are linked, so if none meets an edge, all stay on one
+side of every outline.
 """
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -20,27 +21,27 @@ from dragon_ros.verify.posture import AXES, Bench, Dragon, Pose, Posture, about,
 from dragon_ros.verify.reading import Obstacle, Venue
 from dragon_ros.verify.segments import HALF, ZERO, Link
 
-_ROUNDED = 1e-12    # of coordinates: more than a dozen operations on floats lose of a distance
+_ROUNDED = 1e-12    # of coordinates: more than the error of a dozen float operations in a distance
 _CELL = 4.0         # times the longest bench: the side of a cell of the index
-_MOST_CELLS = 1000  # along an edge; longer edges are looked at always
-_REACH = 2.0        # times the longest bench: intervals over which a bench goes further are cut at once
-_NEAR_M = 1e-5      # edges of an obstacle within this of a bench, times how coarse floats are, may be what it touches
+_MOST_CELLS = 1000  # along an edge; longer edges are always checked
+_REACH = 2.0        # times the longest bench: intervals over which a bench moves further are cut without a check
+_NEAR_M = 1e-5      # times how coarse floats are: a bench may touch the edges of an obstacle within this distance
 _INSIDE_HEAD = [(0.0, 0.0), (0.37, 0.21), (-0.41, 0.33), (0.19, -0.57), (-0.23, -0.47), (0.61, 0.71)]
-                    # shares of half a length and half a width: points of a bench, some of them level with no corner
+                    # fractions of half a length and half a width: points of a bench, some of them level with no corner
 
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """An edge of an obstacle, between two points that floats are exactly."""
+    """An edge of an obstacle, between two points that are exact floats."""
 
     name: str
     start: complex
     stop: complex
 
     def near(self, point: complex, reach_m: float) -> Pose | None:
-        """Return the part of it that may be within a distance of a point, or more of it; None if nothing is.
+        """Return a part of the edge with all that may be within a distance of a point; None if there is none.
 
-        A point of the edge is as far away at least as its foot on the edge's line is from the point's.
+        A point of the edge is at least as far away as its distance along the edge from the foot of the perpendicular.
         """
         way, seen = self.stop - self.start, point - self.start
         length = abs(way)
@@ -50,7 +51,7 @@ class Edge:
         return None if aside > reach_m or low > high else self._part(low, high)
 
     def _part(self, low: float, high: float) -> Pose:
-        """Return the part between two shares of the edge."""
+        """Return the part between two fractions of the edge."""
         start, stop = _exact(self.start), _exact(self.stop)
         way = stop - start
         one, two = start + way * exact(low), start + way * exact(high)
@@ -91,7 +92,7 @@ class Edges:
                             max(one.imag, two.imag))
 
     def _within(self, left: float, right: float, bottom: float, top: float) -> Iterator[tuple[int, int]]:
-        """Return the cells of a box, and of a hair around it."""
+        """Return the cells of a box that is widened by the rounding error."""
         hair = _ROUNDED * (abs(left) + abs(right) + abs(bottom) + abs(top) + self._cell)
         for i in range(floor((left - hair) / self._cell), floor((right + hair) / self._cell) + 1):
             for j in range(floor((bottom - hair) / self._cell), floor((top + hair) / self._cell) + 1):
@@ -105,7 +106,7 @@ class Edges:
         return [*found.values(), *self._long]
 
     def met(self, bench: Pose, name: str, coarse: float) -> list[Pose]:
-        """Return the edges of an obstacle that a bench may touch, or come near to, the nearest first."""
+        """Return the edges of an obstacle that a bench may touch or come close to, the nearest first."""
         reach_m = 2 * (bench.shape.arm_m + bench.unsure_m + _NEAR_M * coarse)
         parts = [part for edge in self.every if edge.name == name and (part := edge.near(bench.near, reach_m))]
         return sorted(parts, key=lambda part: max(about(bench, part)))
@@ -116,12 +117,12 @@ def _pairs(line: Sequence[tuple[float, float]]) -> list[tuple[complex, complex]]
 
 
 class SweptBench(Interval):
-    """The leading bench of an interval, and edges that it keeps clear of."""
+    """The leading bench of an interval, and edges that it stays clear of."""
 
     def meets(self, edges: Edges, reach_m: float) -> str | None:
-        """Return the obstacle of the first edge from which the bench is not proved clear; None if of all.
+        """Return the obstacle of the first edge from which the bench is not proved clear; None if it is clear of all.
 
-        Raises Refused where they overlap at an end.
+        Raises Met if they overlap at an end.
         """
         moved_m = self._moved_m(0)
         if not moved_m <= reach_m:
@@ -138,7 +139,7 @@ class SweptBench(Interval):
         return None
 
     def _parts(self, part: Pose) -> bool:
-        """Return whether an edge line parts bench and edge at both ends by more than corners leave straight lines."""
+        """Return whether an edge line separates them at both ends by more than corners deviate from straight lines."""
         ends = [(end.pose(0), part) for end in self._ends]
         rough = [min(both) for both in zip(*(about(*pair) for pair in ends), strict=True)]
         half = len(AXES) // 2
@@ -149,7 +150,7 @@ class SweptBench(Interval):
         return False
 
     def _sag_at(self, part: Pose, other: bool) -> float:
-        """Return how far corners leave straight lines: those of the bench seen from the edge, or the edge's ends."""
+        """Return how far corners deviate from straight lines: the bench's as seen from the edge, or the edge's ends."""
         front, rear, turning = self._motion(0).speeds, self._motion(1).speeds, self._turning(0)
         acceleration = HALF * (front.acceleration + rear.acceleration)
         turned = hypot_above(size(turning.rate), up(size(turning.w) * size(turning.w)))
@@ -164,7 +165,7 @@ class SweptBench(Interval):
         return sag if sag == sag else inf
 
     def _stays(self, part: Pose, moved_m: float) -> bool:
-        """Return whether gaps at both ends exceed all that the bench goes in between."""
+        """Return whether the gaps at both ends exceed the bench's motion in between."""
         gaps = 0.0
         for end in self._ends:
             rough = about(end.pose(0), part)
@@ -173,28 +174,28 @@ class SweptBench(Interval):
 
 
 class Met(Refused):
-    """The bench is proved to overlap an edge at an end of an interval."""
+    """The bench provably overlaps an edge at an end of an interval."""
 
     def __init__(self, name: str, end: int) -> None:
-        """Take the obstacle and the number of the end."""
+        """Take the obstacle, and the index of the end."""
         super().__init__(f'it overlaps {name!r}')
         self.name, self.end = name, end
 
 
 class ObstacleCover(Cover):
-    """Clears the ways of all benches, those of one length together, of the edges of a venue."""
+    """Clears all benches, those of one length together, of the edges of a venue."""
 
     edges: Edges
 
     def _stuck(self, way: Way, low: arb, high: arb, begin: Posture, end: Posture) -> Stuck | None:
-        """Return what of a venue the benches of a length are not proved clear of between two places."""
+        """Return the obstacle that benches of a length are not proved clear of between two positions."""
         placed = begin.placed + end.placed
         interval = SweptBench(self._track, self._dragon, way.lead, (begin, end), self._bend)
         try:
             name = interval.meets(self.edges, _REACH * self._dragon.longest_m)
         except Met as found:
             place = (low, high)[found.end]
-            raise Refused(f'a bench of {self._dragon.lengths_m[way.lead]!r} m overlaps {found.name!r} where its front '
+            raise Refused(f'a bench of {self._dragon.lengths_m[way.lead]!r} m overlaps {found.name!r} when its front '
                           f'handle is {float(place):.12g} m along the track') from None
         finally:
             self.budget.spend(begin.placed + end.placed - placed + interval.tested)
@@ -204,7 +205,7 @@ class ObstacleCover(Cover):
 
 
 def ways_by_length(dragon: Dragon, places: Sequence[tuple[arb, arb]]) -> list[Way]:
-    """Return what the benches of each length go through: where one lies depends on that and on its front handle."""
+    """Return the positions of the benches of each length; a bench's pose depends on these two only."""
     sets: dict[float, list[int]] = {}
     for bench, length_m in enumerate(dragon.lengths_m):
         sets.setdefault(length_m, []).append(bench)
@@ -214,7 +215,7 @@ def ways_by_length(dragon: Dragon, places: Sequence[tuple[arb, arb]]) -> list[Wa
 def check_sides(venue: Venue, head: Pose) -> None:
     """Refuse a venue in which the dragon starts within an obstacle, or not within the inside.
 
-    That is asked of one point of the head: where no bench touches an edge, all are on the side on which it is.
+    One point of the head is checked: if no bench touches an edge, all are on the same side as it.
     """
     areas = [one for one in venue.all if one.area]
     for along, aside in _INSIDE_HEAD:
@@ -226,11 +227,11 @@ def check_sides(venue: Venue, head: Pose) -> None:
                 if covered != (one is venue.inside):
                     raise Refused(f'scene.venue: the run starts {"not " * (not covered)}within {one.name!r}')
             return
-    raise Refused('scene.venue: on which side of an outline the run starts could not be proved')
+    raise Refused('scene.venue: it could not be proved on which side of an outline the run starts')
 
 
 def _covers(area: Obstacle, point: acb) -> bool | None:
-    """Return whether a point lies within an odd number of an area's rings; None where its ball does not tell."""
+    """Return whether a point lies within an odd number of an area's rings; None if its ball does not decide."""
     odd = False
     for line in area.lines:
         for one, two in _pairs(line):
@@ -248,6 +249,6 @@ def _covers(area: Obstacle, point: acb) -> bool | None:
 
 
 def _over(end: complex, point: acb) -> bool | None:
-    """Return whether a corner is above a point; None where its ball does not tell."""
+    """Return whether a corner is above a point; None if its ball does not decide."""
     y = exact(end.imag)
     return True if y > point.imag else False if y < point.imag else None

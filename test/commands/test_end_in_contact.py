@@ -87,8 +87,8 @@ def test_without_a_certificate_the_scene_has_to_be_trusted(capsys, tmp_path):
     ({'t_s': 412.5, 'benches': [0, 8]}, 'refused: benches 0 and 8 overlap'),
     ({'t_s': 412.4, 'benches': [0, 8]}, 'do not overlap'), ({'t_s': None}, 'benches 0 and 8 overlap'),
     ({'t_s': 412.5}, 'list of 2'), ({'t_s': float('nan'), 'benches': [0, 8]}, 'NaN'), ({}, 't_s: it is missing'),
-    ({'t_s': 412.5, 'benches': [0, 8], 'certified': True}, 'nobody checks'), ('soon', 'no mapping'),
-    ([[]], 'no mapping')], ids=str)
+    ({'t_s': 412.5, 'benches': [0, 8], 'certified': True}, 'is not checked'), ('soon', 'not a mapping'),
+    ([[]], 'not a mapping')], ids=str)
 def test_a_claim_that_is_not_proved_is_refused_in_one_line(capsys, tmp_path, claim, why):
     code, out, err = checked(capsys, bag_of(tmp_path / 'a.mcap', MEETING, claim))
     assert (code, out) == (2, '')

@@ -116,7 +116,7 @@ def test_a_run_that_starts_just_before_its_contact_is_proved_with_its_intervals(
     honest = written(Scene(dragon=BODY, track=TRACK, run=Run(start_s, 5)))
     assert proved(honest)
     elsewhere = {'lead': 'body', 'start_m': 3.0, 'stop_m': 4.0, 'behind': 5}
-    assert 'more than the track' in refusal({**honest, 'intervals': [elsewhere]})
+    assert 'exceeds the track' in refusal({**honest, 'intervals': [elsewhere]})
 
 
 def test_at_the_start_benches_overlap_as_far_on_as_the_leader_goes_and_no_further():

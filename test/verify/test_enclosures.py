@@ -353,7 +353,7 @@ def test_a_place_that_is_not_the_nearest_one_is_refused_though_it_is_a_link_away
     length_m = float(abs(away))
     monkeypatch.setattr(segments, 'bracketed', lambda *_: turned)
     monkeypatch.setattr('dragon_ros.verify.track.bracketed', lambda *_: turned)
-    with pytest.raises(Refused, match='reach two places'):
+    with pytest.raises(Refused, match='have two positions'):
         placed.next(here, Link(exact(length_m), length_m), way)
 
 

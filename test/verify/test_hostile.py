@@ -97,8 +97,8 @@ def hostile(**sections):
 
 
 @pytest.mark.parametrize(('values', 'line'), [
-    (hostile(dragon={'benches': 10**6}), 'benches: 1000000.0 is not within'),
-    (hostile(dragon={'benches': 10**300}), 'benches: 1e.300 is not within'),
+    (hostile(dragon={'benches': 10**6}), 'benches: 1000000.0 is not between'),
+    (hostile(dragon={'benches': 10**300}), 'benches: 1e.300 is not between'),
     (hostile(dragon={'benches': 10**5}), 'within the budget'),
     (hostile(dragon={'kind': 'mixed', 'width_m': 0.01, 'hole_inset_m': 0.0, 'groups': [
         {'length_m': 1e-4, 'count': 60_000}, {'length_m': 50.0, 'count': 1}]}), 'within the budget'),
@@ -126,5 +126,5 @@ def test_a_file_without_end_is_not_read(tmp_path):
 
 def test_equal_keys_that_readers_could_take_for_one_another_are_refused(proof):
     text = json.dumps(proof).replace('"width_m": 0.3', '"width_m": 0.3, "width_m": 0.1')
-    with pytest.raises(Refused, match='stands twice'):
+    with pytest.raises(Refused, match='occurs twice'):
         check(text.encode())

@@ -49,7 +49,7 @@ def test_what_the_solver_finds_in_a_venue_is_proved(name):
 def test_what_is_proved_says_which_bench_and_obstacle_overlap():
     assert proved(written(AHEAD)) == (
         'no two benches touch, and none touches an obstacle or leaves the inside, from 0.0 s to the contact at '
-        "39.725 s, less 1 nm of the leader's way, and bench 0 and 'wall' overlap 1 nm after it")
+        "39.725 s, less 1 nm of leader travel, and bench 0 and 'wall' overlap 1 nm after it")
     assert proved(written(CLEAR)).endswith('from 0.0 s to the end of the run at 30 s (it stops)')
     alone = Scene(ALONG.dragon, ALONG.track, run=Run(stop_s=9.0), venue=Venue((WALL,)))
     assert proved(written(alone)).startswith('no two benches touch, and none touches an obstacle, from')
@@ -87,7 +87,7 @@ def listed(**keys):
 
 TAMPERED = {
     'another obstacle': (AHEAD, claim(obstacle='tent'), 'contact: .*far from|do not overlap'),
-    'an unknown obstacle': (AHEAD, claim(obstacle='door'), "contact.obstacle: 'door' is none of the venue"),
+    'an unknown obstacle': (AHEAD, claim(obstacle='door'), "contact.obstacle: 'door' is not in the venue"),
     'another bench': (AHEAD, claim(benches=[1]), 'far from each other'),
     'two benches and an obstacle': (AHEAD, claim(benches=[0, 2]), 'contact.benches: .* a list of 1'),
     'a bench alone': (AHEAD, claim(obstacle=None), 'contact.benches: .* a list of 2'),
@@ -96,30 +96,30 @@ TAMPERED = {
     'earlier': (AHEAD, claim(t_s=39.725 - 3e-9), 'do not overlap'),
     'none': (AHEAD, lambda values, venue: values.update(contact={'t_s': None}), "overlaps 'wall'"),
     'none, with an obstacle': (AHEAD, lambda values, venue: values.update(contact={'t_s': None, 'obstacle': 'wall'}),
-                               'a run without one names'),
+                               'without a contact there'),
     'a corner in the way': (CLEAR, corner(0, [40.0, -1.0]), "overlaps 'tent'|'tent' could not be proved apart"),
     'a corner that is a hair in the way': (CLEAR, corner(0, [40.0, 0.149999]), "'tent'"),
     'the wall moved': (AHEAD, corner(0, [60.5, -2.0]), 'do not overlap'),
-    'the wall away': (AHEAD, lambda values, venue: venue['obstacles'].pop(0), "'wall' is none of the venue"),
-    'the wall renamed': (AHEAD, listed(name='door'), "'wall' is none of the venue"),
-    'two of one name': (AHEAD, listed(name='tent'), 'two of one name'),
-    'no name': (AHEAD, listed(name=''), 'is no name of an obstacle'),
-    'a name that is taken': (AHEAD, listed(name='inside'), 'is no name of an obstacle'),
+    'the wall away': (AHEAD, lambda values, venue: venue['obstacles'].pop(0), "'wall' is not in the venue"),
+    'the wall renamed': (AHEAD, listed(name='door'), "'wall' is not in the venue"),
+    'two of one name': (AHEAD, listed(name='tent'), 'two with the same name'),
+    'no name': (AHEAD, listed(name=''), 'is not a name for an obstacle'),
+    'a name that is taken': (AHEAD, listed(name='inside'), 'is not a name for an obstacle'),
     'an outline that is crossed': (CLEAR, put(inside=[[-5, -4], [48.0, -4.0], [48.0, 4.0], [-5.0, 4.0]]), "'inside'"),
     'an outline elsewhere': (CLEAR, put(inside=[[-5, 4], [90, 4], [90, 9], [-5, 9]]), "starts not within 'inside'"),
     'a tent over all': (CLEAR, lambda values, venue: venue['obstacles'][0].update(
         points_m=[[-50, -50], [150, -50], [150, 50], [-50, 50]]), "starts within 'tent'"),
-    'a margin': (CLEAR, put(margin_m=0.2), 'margin_m: nobody checks what this key says'),
-    'a place on earth': (CLEAR, put(origin_deg=[0, 0]), 'origin_deg: nobody checks'),
+    'a margin': (CLEAR, put(margin_m=0.2), 'margin_m: this key is not checked'),
+    'a place on earth': (CLEAR, put(origin_deg=[0, 0]), 'origin_deg: this key is not checked'),
     'no obstacle at all': (CLEAR, lambda values, venue: venue.clear(), 'has no obstacle'),
     'an older version': (CLEAR, lambda values, venue: values.update(version=2), 'have version 3'),
-    'a newer version': (CLEAR, lambda values, venue: values.update(version=4), 'version: 4.0 is not within'),
-    'a point twice': (CLEAR, corner(1, [40.0, 0.5]), 'two points that follow each other are one'),
-    'no number': (CLEAR, corner(1, [40.0, 'x']), 'is no number'),
-    'far beyond': (CLEAR, corner(1, [1e10, 0.5]), 'is not within'),
+    'a newer version': (CLEAR, lambda values, venue: values.update(version=4), 'version: 4.0 is not between'),
+    'a point twice': (CLEAR, corner(1, [40.0, 0.5]), 'two successive points coincide'),
+    'no number': (CLEAR, corner(1, [40.0, 'x']), 'is not a number'),
+    'far beyond': (CLEAR, corner(1, [1e10, 0.5]), 'is not between'),
     'too few corners': (CLEAR, listed(points_m=[[40, 1], [41, 1]]), 'a list'),
-    'another kind': (CLEAR, listed(kind='circle'), 'none of the kinds polygon, line'),
-    'a key': (CLEAR, listed(height_m=2.0), 'nobody checks what this key says')}
+    'another kind': (CLEAR, listed(kind='circle'), 'not one of the kinds polygon, line'),
+    'a key': (CLEAR, listed(height_m=2.0), 'this key is not checked')}
 
 
 @pytest.mark.parametrize('name', TAMPERED)
@@ -131,9 +131,9 @@ def test_a_certificate_that_is_changed_is_refused(name):
 def test_a_run_without_a_venue_touches_no_obstacle_and_a_family_has_none():
     values = written(Scene(ALONG.dragon, ALONG.track, run=Run(stop_s=9.0)))
     values['contact'] = {'t_s': 5.0, 'benches': [0], 'obstacle': 'wall'}
-    assert "'wall' is none of the venue" in refusal(values)
+    assert "'wall' is not in the venue" in refusal(values)
     family = {'family': 1, 'scene': written(CLEAR)['scene'], 'within': {}, 'proved_s': 1.0}
-    assert 'scene.venue: nobody checks' in refusal(family)
+    assert 'scene.venue: contacts of a family with a venue are not checked' in refusal(family)
 
 
 def test_an_obstacle_that_the_last_bench_alone_comes_to_is_not_missed():
