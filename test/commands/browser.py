@@ -19,7 +19,8 @@ CHROMIUM = next((path for name in ('chromium', 'chromium-browser', 'google-chrom
 DRIVER = shutil.which('chromedriver')
 ABSENT = 'no chromium with chromedriver on this machine; on Debian: apt install chromium chromium-driver'
 _FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-sync',
-          '--disable-background-networking', '--disable-component-update', '--window-size=1400,860')
+          '--disable-background-networking', '--disable-component-update', '--window-size=1400,860',
+          '--use-angle=swiftshader', '--enable-unsafe-swiftshader')     # WebGL by software
 _LONGEST_S = 60.0
 # Of WebDriver.
 _KEYS = {'ArrowLeft': '\ue012', 'ArrowUp': '\ue013', 'ArrowRight': '\ue014', 'Home': '\ue011', 'End': '\ue010',

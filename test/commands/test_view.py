@@ -111,14 +111,19 @@ def big():
     return SceneSource('big', scene)
 
 
-def test_of_a_big_dragon_all_handles_are_sent_and_nothing_is_left_out(big):
-    with serving(big) as server:
-        run = json.loads(get(server, 'run.json'))
-        assert (run['benches'], run['drawn'], run['placed'], run['note']) == (5000, 0, 5001, '')
-        assert run['sizes'] == [[1, pytest.approx(1.705), 0.15], [4999, pytest.approx(1.1), 0.15]]
-        frame = rows(server, run, 0)[0]
-        assert frame[:10002] == pytest.approx(moment(big, 0.0).p.ravel(), abs=1e-5)
-        assert np.all(np.isfinite(frame))
+@pytest.fixture(scope='module')
+def big_server(big):
+    with serving(big) as running:
+        yield running
+
+
+def test_of_a_big_dragon_all_handles_are_sent_and_nothing_is_left_out(big, big_server):
+    run = json.loads(get(big_server, 'run.json'))
+    assert (run['benches'], run['drawn'], run['placed'], run['note']) == (5000, 0, 5001, '')
+    assert run['sizes'] == [[1, pytest.approx(1.705), 0.15], [4999, pytest.approx(1.1), 0.15]]
+    frame = rows(big_server, run, 0)[0]
+    assert frame[:10002] == pytest.approx(moment(big, 0.0).p.ravel(), abs=1e-5)
+    assert np.all(np.isfinite(frame))
 
 
 def test_a_single_bench_is_served():
@@ -343,7 +348,7 @@ def test_an_animation_as_a_page_runs_its_own_scripts_and_nothing_else(tmp_path, 
     policy = re.search(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">', page)[1]
     scripts = re.findall(r'<script>(.*?)</script>', page, re.DOTALL)
     digests = {f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts}
-    assert len(digests) == 5
+    assert len(digests) == 6
     assert set(re.search('script-src ([^;]*)', policy)[1].split()) == digests
     assert "default-src 'none'" in policy
 
@@ -374,29 +379,77 @@ def window_of(page):
                              'return [xaxis.range, yaxis.range]'))
 
 
-def test_many_benches_are_drawn_where_they_are_at_every_zoom(big, page):
+def test_many_benches_are_drawn_where_they_are_at_every_zoom(big, big_server, page):
     """No line leads through the empty middle of the spiral, and rectangles have the corners of the model."""
     true = moment(big, 0.0)
     seen = ('const {data, width, height} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height); '
             'let many = 0; for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) '
             'if (data[4 * (y * width + x) + 3] && %s) many += 1; return many')
-    with serving(big) as server:
-        page.open_view(server.url)
-        (left, right), (bottom, top) = window_of(page)
-        inner = 0.9 * float(np.min(np.hypot(*true.p.T)))
-        place = f'Math.hypot({left} + (x + 0.5) / width * {right - left}, {top} - (y + 0.5) / height * {top - bottom})'
-        assert inner > 3
-        assert page.run(seen % f'{place} < {inner - 1}') == 0
-        assert page.run(seen % 'true') > 10_000
-        corners = np.array(page.run('return [0, 1, 4999].map((bench) => cornersOf(player.frame.subarray(0, '
-                                    '2 * run.placed), player.halves, bench))')).reshape(3, 4, 2)
-        for made, right_ones in zip(corners, true.benches.corners[[0, 1, 4999]], strict=True):
-            apart = np.hypot(*(made[:, None] - right_ones[None]).transpose(2, 0, 1))
-            assert apart.min(axis=1).max() < 2e-5
-        assert 'draw calls a frame' in page.run('return document.getElementById("scale").textContent')
-        page.press('f')
-        page.wait('return cost.calls < 20 && cost.drawn < 200')       # only what is in view
-        assert [said for level, said in page.log() if level != 'WARNING'] == []    # of reading its pixels
+    page.open_view(big_server.url)
+    (left, right), (bottom, top) = window_of(page)
+    inner = 0.9 * float(np.min(np.hypot(*true.p.T)))
+    place = f'Math.hypot({left} + (x + 0.5) / width * {right - left}, {top} - (y + 0.5) / height * {top - bottom})'
+    assert inner > 3
+    assert page.run(seen % f'{place} < {inner - 1}') == 0
+    assert page.run(seen % 'true') > 10_000
+    corners = np.array(page.run('return [0, 1, 4999].map((bench) => cornersOf(player.frame.subarray(0, '
+                                '2 * run.placed), player.halves, bench))')).reshape(3, 4, 2)
+    for made, right_ones in zip(corners, true.benches.corners[[0, 1, 4999]], strict=True):
+        apart = np.hypot(*(made[:, None] - right_ones[None]).transpose(2, 0, 1))
+        assert apart.min(axis=1).max() < 2e-5
+    assert 'draw calls a frame on a canvas' in page.run('return document.getElementById("scale").textContent')
+    page.press('f')
+    page.wait('return cost.calls < 20 && cost.drawn < 200')       # only what is in view
+    assert [said for level, said in page.log() if level != 'WARNING'] == []    # of reading its pixels
+
+
+# How pictures of WebGL differ from that of the canvas: drawn alike, and moved right by a pixel. Each is the share of
+# pixels that differ by more than an eighth of all shades, of the whole picture and of 40 pixels about the first handle.
+APART = """const plot = document.getElementById('scene'), {range, _length} = plot._fullLayout.xaxis;
+  const pixels = (webgl, moved) => {
+    drawBy(webgl);
+    const p = player.frame.slice(0, 2 * run.placed);
+    for (let n = 0; n < p.length; n += 2) p[n] += moved * (range[1] - range[0]) / _length;
+    drawBenches(plot, run.track, p, player.halves, [1, 2]);
+    const copy = document.createElement('canvas'), {width, height} = canvas, context = copy.getContext('2d');
+    Object.assign(copy, {width, height});
+    context.fillStyle = colour('page');
+    context.fillRect(0, 0, width, height);
+    context.drawImage(canvas, 0, 0);
+    const scale = scaleOf(plot), [x, y] = player.frame;
+    const head = [(x - scale.left) * scale.x - 20, (scale.top - y) * scale.y - 20, 40, 40];
+    return [[0, 0, width, height], head].map((part) => context.getImageData(...part).data);
+  };
+  const apart = (one, other) => {
+    let many = 0;
+    for (let n = 0; n < one.length; n += 4) {
+      if ([0, 1, 2].some((part) => Math.abs(one[n + part] - other[n + part]) > 32)) many += 1;
+    }
+    return 4 * many / one.length;
+  };
+  const true_one = pixels(false, 0);
+  return [0, 1].map((moved) => pixels(true, moved).map((part, n) => apart(part, true_one[n])));"""
+
+
+def test_webgl_draws_the_picture_of_the_canvas_and_gives_way_to_it(big_server, page):
+    page.open_view(big_server.url)
+    assert page.run('return cost.webgl') is False       # here software would draw it, slower than the canvas is drawn
+    apart = [page.run(APART)]
+    page.press('f')
+    page.wait('return shownSpan() < 20')
+    apart += [page.run(APART)]
+    page.look(1400, 860, dark=True)
+    apart += [page.run(APART)]
+    for (whole, head), (moved, moved_head) in apart:
+        assert whole < 0.003 < 0.05 < moved
+        assert head < 0.01 < 0.02 < moved_head
+    page.press('g')
+    page.press('g')
+    assert 'one draw call a frame by WebGL' in page.run('return document.getElementById("scale").textContent')
+    page.run('canvas.getContext("webgl2").getExtension("WEBGL_lose_context").loseContext()')
+    page.wait('return !cost.webgl && cost.calls > 1')
+    assert 'on a canvas' in page.run('return document.getElementById("scale").textContent')
+    assert [said for level, said in page.log() if level != 'WARNING'] == []
 
 
 def test_the_page_follows_the_head_and_remembers_it(server, scene, page):

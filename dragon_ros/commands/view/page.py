@@ -32,14 +32,16 @@ def _page(data: str) -> str:
 
     Its content policy allows only these scripts, by their digests.
     """
-    scripts = [data, _web('plotly-basic.min.js'), _web('words.js'), _web('benches.js'), _web('view.js')]
+    scripts = [data, _web('plotly-basic.min.js'), _web('words.js'), _web('benches.js'), _web('webgl.js'),
+               _web('view.js')]
     inlined = ''.join(f'<script>{script}</script>\n' for script in scripts)
     digests = ' '.join(f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts)
     policy = (f"default-src 'none'; script-src {digests}; style-src 'unsafe-inline'; img-src data: blob:; "
               "base-uri 'none'; form-action 'none'")
     replaced = {'<link rel="icon" href="icon.svg">\n': '', '<script src="plotly.js" defer></script>\n': '',
                 '<script src="words.js" defer></script>\n': '',
-                '<script src="benches.js" defer></script>\n': '', '<script src="view.js" defer></script>\n': '',
+                '<script src="benches.js" defer></script>\n': '', '<script src="webgl.js" defer></script>\n': '',
+                '<script src="view.js" defer></script>\n': '',
                 '</body>': f'{inlined}</body>',
                 '<link rel="stylesheet" href="view.css">': f'<style>\n{_web("view.css")}</style>',
                 '<meta charset="utf-8">': '<meta charset="utf-8">\n'

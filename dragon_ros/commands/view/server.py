@@ -28,6 +28,7 @@ from dragon_ros.core.limits import VIEW_ANSWER_S, VIEW_CONNECTIONS, VIEW_IDLE_S
 HOST = '127.0.0.1'
 _PAGES = {'/': ('index.html', 'text/html; charset=utf-8'), '/view.js': ('view.js', 'text/javascript; charset=utf-8'),
           '/benches.js': ('benches.js', 'text/javascript; charset=utf-8'),
+          '/webgl.js': ('webgl.js', 'text/javascript; charset=utf-8'),
           '/words.js': ('words.js', 'text/javascript; charset=utf-8'),
           '/view.css': ('view.css', 'text/css; charset=utf-8'),
           '/plotly.js': ('plotly-basic.min.js', 'text/javascript; charset=utf-8'),

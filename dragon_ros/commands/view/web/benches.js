@@ -1,4 +1,5 @@
-// Draws a dragon of many benches on a canvas over the axes: what is in view, at the density of the screen.
+// Draws a dragon of many benches on a canvas over the axes: what is in view, at the density of the screen. Where there is
+// a graphics processor webgl.js draws the same picture.
 // Benches of some pixels are rectangles. Narrower ones are a line through all handles, as wide as a bench: where
 // layers are closer than pixels, their shades mix as the areas do. No line leads from one layer to another.
 'use strict';
@@ -6,10 +7,25 @@
 const LEAST_PX = 2.5;       // width of a bench that is drawn as a rectangle
 const STEP_PX = 0.5;        // a line leaves out handles that are closer than this to the last one drawn
 const EACH = 400;           // benches filled, or steps of a line stroked, at once
+const TRACK_PX = 0.8, HEAD_PX = 2;      // widths of the track, and of the head at least
 
-const canvas = document.createElement('canvas');
-canvas.id = 'benches';
-const cost = {calls: 0, drawn: 0};
+const cost = {calls: 0, drawn: 0, webgl: false};
+let canvas = null, paint = null;        // the surface, and the function that draws on it
+
+/** Draw on a new canvas: by WebGL if wanted and if this browser has it, else by the processor. */
+function drawBy(webgl) {
+  canvas?.remove();
+  canvas = document.createElement('canvas');
+  canvas.id = 'benches';
+  paint = webgl ? webglPainter(canvas) : null;
+  cost.webgl = paint !== null;
+  if (webgl && !paint) { drawBy(false); return; }
+  paint ??= paintOnCanvas;
+  const mine = canvas;
+  canvas.addEventListener('webglcontextlost', () => {
+    if (canvas === mine) { drawBy(false); drawMany(player.frame); sayScale(); }
+  });
+}
 
 /** Half lengths and half widths of all benches, from runs of equal ones. */
 function sizesOf(runs) {
@@ -94,16 +110,15 @@ function fillBenches(context, scale, p, halves, benches, shade, line) {
   flush();
 }
 
-/** Draw track and dragon; `touching` are benches of the first contact, the head keeps its colour. */
-function drawBenches(plot, track, p, halves, touching) {
-  const scale = scaleOf(plot), context = canvas.getContext('2d'), many = halves.length / 2;
-  const width = 2 * halves[1] * scale.x, line = Math.min(2.5 * scale.ratio, OUTLINE * width);
+/** Draw track and dragon on the canvas by the processor. */
+function paintOnCanvas(scale, track, p, halves, touching, width, line) {
+  const context = canvas.getContext('2d'), many = halves.length / 2;
   [cost.calls, cost.drawn] = [0, 0];
   context.clearRect(0, 0, canvas.width, canvas.height);
-  if (track) strokeLine(context, scale, track[0].length, (n) => track[0][n], (n) => track[1][n], colour('track'), 0.8 * scale.ratio);
-  if (width < LEAST_PX * scale.ratio) {
+  if (track) strokeLine(context, scale, track[0].length, (n) => track[0][n], (n) => track[1][n], colour('track'), TRACK_PX * scale.ratio);
+  if (width) {
     strokeLine(context, scale, many + 1, (n) => p[2 * n], (n) => p[2 * n + 1], COLOUR.body, width);
-    strokeLine(context, scale, 2, (n) => p[2 * n], (n) => p[2 * n + 1], COLOUR.head, Math.max(width, 2 * scale.ratio));
+    strokeLine(context, scale, 2, (n) => p[2 * n], (n) => p[2 * n + 1], COLOUR.head, Math.max(width, HEAD_PX * scale.ratio));
     cost.drawn = many;
     return;
   }
@@ -111,4 +126,12 @@ function drawBenches(plot, track, p, halves, touching) {
   fillBenches(context, scale, p, halves, others(), COLOUR.body, line);
   fillBenches(context, scale, p, halves, [0], COLOUR.head, line);
   fillBenches(context, scale, p, halves, touching, COLOUR.touching, line);
+}
+
+/** Draw track and dragon; `touching` are benches of the first contact, the head keeps its colour. */
+function drawBenches(plot, track, p, halves, touching) {
+  if (!paint) drawBy(hasProcessor());
+  const scale = scaleOf(plot), width = 2 * halves[1] * scale.x;
+  paint(scale, track, p, halves, touching, width < LEAST_PX * scale.ratio ? width : 0,
+    Math.min(2.5 * scale.ratio, OUTLINE * width));
 }

@@ -145,16 +145,25 @@ async function scaleOutlines() {
 function sayScale() {
   const wide = run.width_m * pixelsWide(), long = run.length_m * pixelsWide();
   const size = (pixels) => pixels.toFixed(pixels < 9.95 ? 1 : 0);
-  const each = run.placed ? say('drawing', {kb: Math.round(4 * valuesEach() / 1000), calls: cost.calls}) +
+  const each = run.placed ? say(cost.webgl ? 'by_webgl' : 'by_canvas', {kb: Math.round(4 * valuesEach() / 1000), calls: cost.calls}) +
     (player.rate ? say('rate', {rate: player.rate.toFixed(0)}) : '') : '';
   element('scale').textContent = say('scale', {long: size(long), wide: size(wide)}) + each;
 }
 
-/** Draw a dragon of many benches on its canvas. */
+/** Draw a dragon of many benches. */
 function drawMany(frame) {
   if (!run.placed || !frame || !element('scene')._fullLayout) return;
   const touching = contact ? contact.benches.filter((bench) => bench > 0) : [];
   drawBenches(element('scene'), run.track, frame.subarray(0, 2 * run.placed), player.halves, touching);
+}
+
+/** Draw many benches by WebGL instead of on the canvas, or the other way round. */
+function otherDrawing() {
+  if (!run.placed) return;
+  drawBy(!cost.webgl);
+  drawMany(player.frame);
+  player.rate = player.since = null;
+  sayScale();
 }
 
 /** The middle of the head bench in a frame. */
@@ -408,7 +417,7 @@ function connect() {
   document.addEventListener('keydown', (event) => {
     const to = (tick) => { pause(); goTo(tick); };
     const action = {' ': toggle, ArrowLeft: () => by(-1), ArrowRight: () => by(1), Home: () => to(0), End: () => to(run.times_s.length - 1),
-      f: () => follow(!player.following), '+': () => zoom(1 / CLOSER), '=': () => zoom(1 / CLOSER), '-': () => zoom(CLOSER)}[event.key];
+      f: () => follow(!player.following), g: otherDrawing, '+': () => zoom(1 / CLOSER), '=': () => zoom(1 / CLOSER), '-': () => zoom(CLOSER)}[event.key];
     const own = {INPUT: event.key !== ' ', SELECT: true, BUTTON: event.key === ' '}[event.target.tagName];    // keys of the element itself
     if (action && !own && !event.ctrlKey && !event.altKey && !event.metaKey) { event.preventDefault(); action(); }
   });
@@ -460,7 +469,7 @@ async function load() {
   await chunk(Math.floor(player.tick / run.frames_each)).ready;
   player.frame = frameOf(player.tick);
   player.halves = run.placed ? sizesOf(run.sizes) : null;
-  canvas.hidden = !run.placed;
+  if (canvas) canvas.hidden = !run.placed;
   element('scrub').value = player.tick;
   await drawScene(player.frame);
   await drawSpeeds(player.frame);

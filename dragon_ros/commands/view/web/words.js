@@ -22,7 +22,8 @@ const WORDS = {
   server: ['is the server still running?', '服务器还在运行吗？'],
   follow: ['Follow head', '跟随龙头'],
   scale: ['a bench is {long} × {wide} pixels here', '此处一节板凳为 {long} × {wide} 像素'],
-  drawing: ['; {kb} kB and {calls} draw calls a frame', '；每帧 {kb} kB、{calls} 次绘制调用'],
+  by_canvas: ['; {kb} kB and {calls} draw calls a frame on a canvas', '；画布绘制，每帧 {kb} kB、{calls} 次绘制调用'],
+  by_webgl: ['; {kb} kB and one draw call a frame by WebGL', '；WebGL 绘制，每帧 {kb} kB、一次绘制调用'],
   rate: [', {rate} frames a second', '，每秒 {rate} 帧'],
   // The values of --try
   what_if: ['What if', '试改参数'], as_it_was: ['As it was', '恢复原值'], working: ['working', '正在计算'], the_end: ['the end', '到结束'],
