@@ -1,4 +1,4 @@
-"""Many ticks or instants in one call, for which numpy's overhead per call would exceed the arithmetic."""
+"""Many ticks or instants per call, which avoids numpy's overhead per call: it would exceed the arithmetic."""
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -27,12 +27,12 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
     simulation = compile_scene(scene)
     if not 0 <= first <= stop <= simulation.last_tick + 1:
         raise FieldError('ticks', f'{first} to {stop}', f'the run has ticks 0 to {simulation.last_tick}',
-                         'give some of these')
+                         'give a range of these')
     size = max(1, _TICK_HANDLES // (scene.dragon.benches + 1)) if np.all(simulation.model.links_m) else 1
     for begin in range(first, stop, size):
         times_ns = [scene.run.time_ns(k) for k in range(begin, min(begin + size, stop))]
         chains = [simulation.chain(t_ns / NS) for t_ns in times_ns]
-        if size == 1:       # links of no length lie along the track; only the chain itself knows that
+        if size == 1:       # links of zero length lie along the track, which only the chain itself knows
             yield frame_of(simulation, begin, times_ns[0], chains[0])
             continue
         together = replace(chains[0], p=np.stack([chain.p for chain in chains]))
@@ -44,7 +44,7 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
 
 
 def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) -> Chain:
-    """Return the chains at many instants (S,) as one, with a leading axis: equal to single ones within the tier.
+    """Return the chains at many instants (S,) as one, with a leading axis; they equal single ones within the tier.
 
     ``out`` (S, N+1, 2), if given, receives the handles. Raises FieldError if it does not fit.
     """
@@ -63,7 +63,7 @@ def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) ->
 
 
 def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float], out: Floats | None = None) -> Floats:
-    """Return the velocities of all handles in m/s, shape (..., N+1, 2), of a chain at one time or of many at many.
+    """Return the velocities of all handles in m/s, shape (..., N+1, 2), for one chain and time or for many.
 
     ``out``, of the same shape, receives them if it is given. Raises FieldError if it does not fit.
     """
@@ -85,7 +85,7 @@ class Batch(NamedTuple):
 def batches(scene: Scene, times_s: Sequence[float], size: int | None = None) -> Iterator[Batch]:
     """Yield many instants, ``size`` at a time, in memory that the next batch reuses: copy what you want to keep.
 
-    Allocating new memory costs as much as the computation; by default a batch is about as large as a cache.
+    Allocating new memory takes as long as the computation. By default a batch is about as large as a cache.
     """
     size = size or max(1, _BATCH_HANDLES // (scene.dragon.benches + 1))
     room: Floats = np.empty((2, min(size, len(times_s)), scene.dragon.benches + 1, 2))

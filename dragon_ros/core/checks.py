@@ -1,6 +1,6 @@
 """Checks of single values, shared by the dataclasses of the core; each error names the field, the value and the limit.
 
-Python's and numpy's numbers are treated alike.
+Numbers of Python and numpy are treated alike.
 """
 from math import isfinite
 from numbers import Integral, Real
@@ -48,7 +48,7 @@ def choice(field: str, value: Any, choices: tuple[str, ...]) -> str:
 def settle(settings: object, **values: Any) -> None:
     """Assign checked and normalised values to a frozen dataclass; call it only from ``__post_init__``.
 
-    Equivalent settings then compare equal, hash alike and are written alike: 1 becomes 1.0, and -0.0 becomes 0.0.
+    Equivalent settings then compare equal, hash alike and are written identically: 1 becomes 1.0, and -0.0 becomes 0.0.
     """
     for name, value in values.items():
         object.__setattr__(settings, name, value)
@@ -76,7 +76,7 @@ def _kind(value: Any) -> str:
 
 
 def _unquoted(value: Any) -> str | None:
-    """Return the cure for a quoted number."""
+    """Return the suggestion for a quoted number."""
     if not isinstance(value, str):
         return None
     try:

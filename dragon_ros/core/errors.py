@@ -3,7 +3,7 @@ from collections.abc import Iterable
 from typing import Any
 
 _MOST_SHOWN = 100       # characters of a value shown in an error
-_NEAR = 0.65            # difflib ratio: pich_m is near pitch_m (0.92), obstacles is not near trails (0.53)
+_NEAR = 0.65            # difflib ratio: pich_m is close to pitch_m (0.92), obstacles is not close to trails (0.53)
 
 
 def shown(value: object) -> str:
@@ -24,9 +24,9 @@ def did_you_mean(word: object, known: Iterable[str], otherwise: str, alike: floa
 
 
 class DragonError(Exception):
-    """Root of every error that dragon_ros raises on purpose.
+    """Root of all errors that dragon_ros raises deliberately.
 
-    ``fields`` holds the numbers of the message, for programs.
+    ``fields`` has the numbers of the message, for programs.
     """
 
     def __init__(self, message: str, **fields: Any) -> None:
@@ -69,4 +69,4 @@ class ChainLockError(ModelEnd):
 
 
 class CrowdError(InputError):
-    """Too many benches lie in one place to test their pairs one by one."""
+    """Too many benches lie close together to test their pairs one by one."""

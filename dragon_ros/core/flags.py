@@ -1,4 +1,4 @@
-"""Effects as flags, and their settings. An effect that is off is not computed, published or recorded."""
+"""Effects as flags, and their settings. An effect that is off is neither computed, published nor recorded."""
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Flag, auto
@@ -31,7 +31,7 @@ class Effect(Flag):
 
     @property
     def names(self) -> list[str]:
-        """Names as a scene file writes them."""
+        """The names as written in a scene file."""
         return [name for name, effect in known().items() if effect in self]
 
 
@@ -87,7 +87,7 @@ def known() -> dict[str, Effect]:
 
 @lru_cache(maxsize=256)
 def switches(effects: Effect) -> SimpleNamespace:
-    """Return whether each effect is on, by name; a tick queries them one by one, for which a Flag is too slow."""
+    """Return whether each effect is on, by name; each tick queries them one by one, for which a Flag is too slow."""
     return SimpleNamespace(**{name: effect in effects for name, effect in known().items()})
 
 
@@ -100,7 +100,7 @@ class Noise:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Reject invalid settings of a sensor."""
+        """Reject invalid sensor settings."""
         settle(self, position_m=number('noise.position_m', self.position_m, low=0.0, high=1e6),
                yaw_rad=number('noise.yaw_rad', self.yaw_rad, low=0.0, high=1e3),
                seed=whole('noise.seed', self.seed, low=0, high=2**63))
@@ -108,12 +108,12 @@ class Noise:
 
 @dataclass(frozen=True)
 class Trails:
-    """How many seconds a trail goes back, and the number of points that draw it."""
+    """How many seconds a trail goes back, and the number of points in it."""
 
     seconds: float = 10.0
     points: int = 32
 
     def __post_init__(self) -> None:
-        """Reject invalid settings of a trail."""
+        """Reject invalid trail settings."""
         settle(self, seconds=number('trails.seconds', self.seconds, above=0.0, high=1e9),
                points=whole('trails.points', self.points, low=2, high=10_000))

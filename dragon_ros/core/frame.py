@@ -33,7 +33,7 @@ class Health:
 
 @dataclass(frozen=True)
 class LeaderMotion:
-    """The leading handle: its place (2,) in metres, the unit direction (2,) of its motion, and its speed along it.
+    """The leading handle: its position (2,) in metres, the unit direction (2,) of its motion, and its speed.
 
     ``turn_rad_s`` is the rate at which this direction turns, positive to the left.
     """
@@ -46,7 +46,7 @@ class LeaderMotion:
 
 @dataclass(frozen=True)
 class Frame:
-    """All results of the core at one instant; arrays are read-only, fields of effects that are off are None."""
+    """All results of the core at one instant; arrays are read-only, and fields of effects that are off are None."""
 
     k: int | None
     t_ns: int
@@ -65,6 +65,6 @@ class Frame:
     joint_rad: Floats | None = None
 
     def __repr__(self) -> str:
-        """Name the tick and the fields that are set; their arrays would fill screens."""
+        """Name the tick and the fields that are set, without their long arrays."""
         there = [one.name for one in fields(self)[2:] if getattr(self, one.name) is not None]
         return f'Frame(k={self.k}, t_ns={self.t_ns}, with {", ".join(there)})'

@@ -1,8 +1,8 @@
 """Budgets: upper limits for all external input. ``docs/limits.md`` is generated from this table.
 
-An *untrusted* scene is stored in a bag or arrives on a topic. Input that exceeds a budget is rejected
-with a one-line error that names the budget. The checker of certificates shares nothing with the other rooms, so it has
-budgets of its own (``verify/reading.py``).
+An *untrusted* scene comes from a bag or a topic. Input that exceeds a budget is rejected with a one-line error that
+names the budget. The checker of certificates shares nothing with the other packages, so it has its own budgets
+(``verify/reading.py``).
 """
 from typing import NamedTuple
 
@@ -90,7 +90,7 @@ LIMITS = (
           'reported as unknown without `--trust`; `inspect --check` uses the certificate in the bag'),
     Limit('SEARCH_WORK', 'the work of such a search', 'states times benches', 'given up without `--trust`'),
     Limit('PROOF_S', 'the time of the checker for the certificate in a bag', 'seconds',
-          'ended; a run that ends in its contact is then not checked without `--trust`'),
+          'stopped; a run that ends in its contact is then not checked without `--trust`'),
     Limit('VENUE_CORNERS', 'the obstacles and the inside of a venue', 'corners', 'rejected'),
     Limit('VENUE_BYTES', 'the file of a venue, and the lines of its corners in the text of an untrusted scene',
           'bytes', 'rejected'),
@@ -116,7 +116,7 @@ LIMITS = (
     Limit('MONITOR_BYTES', 'messages that the monitor holds until their partner arrives', 'bytes',
           'the oldest is dropped, with a warning'),
     Limit('INBOX_BYTES', 'messages in the inbox of the monitor', 'bytes',
-          'from half of it, whole ticks are skipped evenly, as `/diagnostics` reports at once'),
+          'from half of it on, whole ticks are skipped evenly, and `/diagnostics` reports it at once'),
     Limit('INBOX_MESSAGES', 'messages in the inbox of the monitor', 'messages', 'likewise'),
     Limit('HELD_BYTES', 'messages without a stamp that the recorder holds until a tick arrives', 'bytes',
           'the oldest is omitted and counted'),
@@ -130,7 +130,7 @@ LIMITS = (
     Limit('VIEW_CONNECTIONS', 'connections that `view` serves at a time', 'connections',
           'the one idle for longest is closed'),
     Limit('VIEW_IDLE_S', 'the time for a request to `view` to arrive', 'seconds', 'closed'),
-    Limit('VIEW_ANSWER_S', 'how long `view` works on an answer', 'seconds', 'refused, with what to ask'),
+    Limit('VIEW_ANSWER_S', 'how long `view` works on an answer', 'seconds', 'refused, with a suggestion'),
     Limit('VIEW_TICKS', 'ticks that `view` shows', 'ticks', 'thinned out evenly, with a note'),
     Limit('BOOK_BYTES', 'a workbook that `grade` reads', 'bytes', 'rejected'),
     Limit('BOOK_UNPACKED_BYTES', 'the sheets and texts of a workbook, unpacked', 'bytes', 'rejected'),

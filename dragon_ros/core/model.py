@@ -1,9 +1,9 @@
 """The model that is compiled from a scene, in metres, and the simulation that maps times to metres.
 
 A ``Model`` depends only on dragon, track, leader, solver and accuracy. It gives the positions of all handles at each
-distance travelled by the leader, and the range of travel. Law and run only map a tick to a distance, which is what a
-``Simulation`` adds. Positions are therefore bit-identical across runs and processes, and scenes that differ in law, run
-or effects share one model.
+distance travelled by the leader, and the leader's range of travel. A ``Simulation`` adds the law and the run, which
+only map a tick to a distance. Positions are therefore bit-identical across runs and processes, and scenes that differ
+in law, run or effects share one model.
 """
 from collections import OrderedDict
 from collections.abc import Callable
@@ -91,9 +91,9 @@ class Model:
     def placement(self) -> Placement:
         """The solver that places the handles: shift maps for blocks of equal links, or the march.
 
-        Links are solved to the last digit for all tiers, which takes at most one more Newton step; tiers differ only in
-        series of the maps, where those of ``exact`` do not end or take longer. On a spiral they do not differ there
-        either: its series are short, and close to a lock any error grows along the chain.
+        Links are solved to the last digit for all tiers, which takes at most one more Newton step. Tiers differ only in
+        the series of the maps, if those of ``exact`` do not terminate or take longer. On a spiral they do not differ
+        there either: its series are short, and close to a lock any error grows along the chain.
         """
         lengths = {} if self.solver == 'march' else lengths_with_maps(self.links_m)
         tier = EXACT if self.track.may_lock else self.tier
@@ -127,7 +127,7 @@ class Model:
 
     @cached_property
     def sure_m(self) -> float:
-        """How far the leader can surely travel, without the search for the lock of the chain; negative if unknown.
+        """A distance that the leader can certainly travel, without a search for the lock; negative if unknown.
 
         Handles lie at increasing radii, and no link locks at a radius above half its chord (``lock.lock_angle``).
         """
@@ -158,7 +158,7 @@ class Model:
     def _last_stand_m(self, gone_m: float, link: int) -> float:
         """Return the distance of a lock, or the last distance just before it at which all links can be placed.
 
-        The place of the lock is rounded to a float, and so is its distance: the chain may already be beyond it.
+        The position of the lock is rounded to a float, and so is its distance: the chain may already be beyond it.
         """
         blocks, back = blocks_of(self.links_m[:link + 2], BEHIND), ulp(gone_m)
         while 0 < gone_m < inf and not self._stands(gone_m, blocks):
@@ -239,15 +239,15 @@ class Simulation:
         if run.stop_s is not None and (limit is None or run.stop_s <= limit.t_s):
             return End(run.stop_s, 'stop')
         if limit is None:
-            raise FieldError('run.stop_s', None, 'the run has no end, because the leader never reaches one', 'give a '
-                                                                                                             'stop')
+            raise FieldError('run.stop_s', None, 'the run has no end, because the leader never reaches one',
+                             'give a stop')
         if limit.t_s < run.start_s:
             raise self._beyond(run.start_s, limit)
         return limit
 
     @cached_property
     def last_tick(self) -> int:
-        """Number of the last tick of the run."""
+        """The number of the last tick of the run."""
         if self.end.t_s > LATEST_S:
             raise FieldError('run.stop_s', None, f'the run would end at {self.end.t_s:.6g} s, after the last stamp, '
                              f'{LATEST_S} s', 'give an earlier stop')
@@ -269,7 +269,7 @@ class Simulation:
 
     @cached_property
     def _sure_s(self) -> float:
-        """A time up to which a state surely exists; the search for the exact end takes as long as many states."""
+        """A time up to which a state certainly exists; a search for the exact end takes as long as many states."""
         if self.model.sure_m < 0:
             return -1.0
         passed_s = self.scene.head.passage_s(self.model.sure_m)
@@ -301,7 +301,7 @@ class Simulation:
 
     @cached_property
     def extent_m(self) -> tuple[float, float]:
-        """The least and greatest distance travelled by the leader in the run; if it is led, its possible range."""
+        """The smallest and largest distance travelled by the leader in the run; its possible range if commanded."""
         if self.scene.is_led:
             return self._reach_m
         run, law, end_s = self.scene.run, self.scene.head, self.end.t_s
@@ -325,7 +325,7 @@ class Simulation:
         return float(np.min(ends)), float(np.max(ends))
 
     def build_tables(self, enough: Callable[[], bool]) -> None:
-        """Build the tables of the run from its start, until ``enough()`` is true or the memory limit is reached.
+        """Build the shift maps of the run from its start, until ``enough()`` is true or the memory limit is reached.
 
         The rest is built when the leader gets there; positions are bit-identical either way.
         """
@@ -348,7 +348,7 @@ class Simulation:
                     break
 
     def track_line(self, sag_m: float = SAG_M) -> Floats:
-        """Return points (n, 2) in metres along the track where handles are in the run, from the front to the rear.
+        """Return points (n, 2) in metres along the track that the handles cover in the run, from the front to the rear.
 
         The polyline deviates from the track by at most ``sag_m``.
         """
@@ -372,10 +372,10 @@ class Simulation:
 
 
 class _Compiled:
-    """A cache of simulations and models, the most recently used last; bounded in number and bytes."""
+    """A cache of simulations and models, the most recently used last, limited in number and bytes."""
 
     def __init__(self) -> None:
-        self._simulations: OrderedDict[int, Simulation] = OrderedDict()     # each holds its scene, whose id is its own
+        self._simulations: OrderedDict[int, Simulation] = OrderedDict()     # each keeps its scene and so its id
         self._models: OrderedDict[tuple[AnyDragon, TrackSpec, str, str, Tier], Model] = OrderedDict()
         self._latest: Simulation | None = None
         self._lock = Lock()
@@ -396,7 +396,7 @@ class _Compiled:
     def _compiled(self, scene: Scene) -> Simulation:
         """Return a new simulation, with the cached model if there is one."""
         simulation = self._at(scene, tier_for(scene.accuracy))
-        tier = tier_for(scene.accuracy, simulation.size_m)      # metres may require more for large coordinates
+        tier = tier_for(scene.accuracy, simulation.size_m)      # metres may require another tier far out
         return simulation if tier is simulation.tier else self._at(scene, tier)
 
     def _at(self, scene: Scene, tier: Tier) -> Simulation:
@@ -431,7 +431,7 @@ def _key_of(scene: Scene, tier: Tier) -> tuple[AnyDragon, TrackSpec, str, str, T
 
 
 def compile_scene(scene: Scene) -> Simulation:
-    """Return the simulation of a scene from a cache; scenes that share their geometry share one model.
+    """Return the simulation of a scene from a cache; scenes with the same geometry share one model.
 
     Raises FieldError for faults that the settings alone do not show: pieces that do not join, bends that are too tight
     for the benches, a start off the track, an accuracy that floats cannot keep at such coordinates.

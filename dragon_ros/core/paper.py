@@ -1,9 +1,9 @@
-"""The paper's recipe, reconstructed: it reproduces every printed digit and every error.
+"""The paper's method, reconstructed: it reproduces every printed digit and every error.
 
 Head: explicit Euler steps of 0.01 s, without the radial term; the printed point has the radius before the last step and
 the angle after it. Links: the angle grows in steps of 0.01 rad until the chord is within 0.1 m of the link; the last
-link has the length of the head. Speeds: v[i+1] = v[i] (rho[i] / rho[i+1])^0.02. None of this is correct: positions are
-up to 14 m off.
+link has the length of the head. Speeds: v[i+1] = v[i] (rho[i] / rho[i+1])^0.02. None of this is correct: position
+errors reach 14 m.
 """
 from math import cos, pi, sqrt
 
@@ -24,7 +24,7 @@ class PaperChain(Chain):
 
     @property
     def solver(self) -> str:
-        """The paper's recipe."""
+        """The paper's method."""
         return 'paper'
 
     def velocities(self, leader_speed_m_s: float | Floats, out: Floats | None = None) -> Floats:
@@ -44,7 +44,7 @@ def steps_of(t_s: float) -> int:
 
 
 def place(track: Track, links_m: Floats, speed_m_s: float, t_s: float) -> PaperChain:
-    """Return the paper's chain. Raises ChainLockError or TrackEndError if its recipe finds no place."""
+    """Return the paper's chain. Raises ChainLockError or TrackEndError if its method cannot place a handle."""
     segment = track.segments[0]
     assert isinstance(segment, SpiralSegment)
     spiral = segment.curve
@@ -77,13 +77,13 @@ def _head(spiral: SpiralCurve, speed_m_s: float, steps: int) -> tuple[float, flo
 
 
 def _links(links_m: Floats) -> list[float]:
-    """Return the link lengths with the paper's mistake: the last one is the head's."""
+    """Return the link lengths with the paper's mistake: the last link has the head's length."""
     links: list[float] = links_m.tolist()
     return [*links[:-1], links[0]]
 
 
 def _turn(b_m: float, theta: float, rho: float, length_m: float) -> int | None:
-    """Return the least number of steps after which the chord (paper, equation 15) is close to the link."""
+    """Return the smallest number of steps after which the chord (paper, equation 15) is close to the link."""
     for k in range(1, int(2 * pi / STEP_RAD)):
         delta = k * STEP_RAD
         outer = b_m * (theta + delta)

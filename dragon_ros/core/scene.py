@@ -64,8 +64,8 @@ class Scene:
     """A dragon on a track, led by its head or its tail, with an accuracy, effects, a run and optionally a venue.
 
     All fields are settings: equivalent scenes are equal. ``markers`` selects how benches are shown: 'cubes', one each,
-    or 'triangles', all in one list. Faults that only the track in the plane shows (at joints, in bends, where the chain
-    locks) are reported when the scene is compiled.
+    or 'triangles', all in one list. Faults that only show when the track is laid out in the plane (at joints, in bends,
+    where the chain locks) are reported when the scene is compiled.
     """
 
     dragon: AnyDragon = field(default_factory=Dragon)
@@ -81,9 +81,9 @@ class Scene:
     venue: Venue | None = None
 
     def __post_init__(self) -> None:
-        """Reject an invalid accuracy, unknown choices, effects without those they need, and what the paper lacks.
+        """Reject an invalid accuracy, unknown choices, missing effects that others need, and what the paper lacks.
 
-        The speeds that a led dragon has walked are part of every run.
+        The speeds of a commanded dragon's leader are part of every run.
         """
         if self.is_led:
             settle(self, effects=self.effects | Effect.LEADER)
@@ -99,7 +99,7 @@ class Scene:
             self._check_paper()
 
     def _check_paper(self) -> None:
-        """Reject scenes that the paper's recipe does not support."""
+        """Reject scenes that the paper's method does not support."""
         if not isinstance(self.track, Spiral) or not isinstance(self.head, Head) or self.head.lead != 'head':
             raise FieldError('accuracy', self.accuracy, "the paper's recipe requires one spiral, led by the head at a "
                              'constant speed', 'choose another tier')
@@ -109,7 +109,7 @@ class Scene:
 
     @property
     def is_led(self) -> bool:
-        """Whether the leader is led externally."""
+        """Whether the leader is commanded externally."""
         return isinstance(self.head, (Commanded, Walked))
 
     @property

@@ -1,9 +1,9 @@
 """One tick, from the scene to the frame: start reading here.
 
-A scene is settings; ``compile_scene`` makes a simulation from it. The simulation maps a time to the distance that the
-leader has travelled, its model maps that distance to the chain of all handles, and each effect that the scene requests
-adds its field to the frame. A frame is a function of (scene, k) alone: ticks can be computed in any order, repeatedly
-or in parallel, with bit-identical results. ``batches`` computes many instants at once.
+A scene is settings; ``compile_scene`` makes a simulation from it. The simulation maps a time to the distance travelled
+by the leader, its model maps that distance to the chain of all handles, and each effect that the scene requests adds
+its field to the frame. A frame is a function of (scene, k) alone: ticks can be computed in any order, repeatedly or in
+parallel, with bit-identical results. ``batches`` computes many instants at once.
 """
 from dataclasses import replace
 
@@ -28,8 +28,8 @@ def frame_of(simulation: Simulation, k: int | None, t_ns: int, chain: Chain, axi
              benches: Benches | None = None) -> Frame:
     """Return the frame of a chain at tick k or at a time between ticks; an effect is computed only if it is on.
 
-    Each effect receives its inputs by name; the field of an effect that is off is None. The directions ``axis`` of the
-    links and the ``benches`` are reused if they are known.
+    Each effect receives its inputs by name; the field of an effect that is off is None. Known link directions ``axis``
+    and ``benches`` are reused.
     """
     axis = axes_of(chain) if axis is None else axis
     on, t_s, scene = simulation.on, t_ns / NS, simulation.scene
@@ -54,7 +54,7 @@ def state(scene: Scene, t_s: float) -> Chain:
 
 
 def led_tick(simulation: Simulation, law: Walked, k: int) -> Frame:
-    """Return the frame of tick k of a led dragon, whose leader has moved by this law so far."""
+    """Return the frame of tick k of a commanded dragon whose leader has moved by this law so far."""
     led = Simulation(replace(simulation.scene, head=law), simulation.model)
     t_ns = led.scene.run.time_ns(k)
     return frame_of(led, k, t_ns, led.chain(t_ns / NS))

@@ -1,9 +1,9 @@
 """Accuracy as a promise in metres, and the effort to keep it.
 
-A tier promises the largest position error over all handles and times of a scene. Close to a lock, the last bit of the
-head's place moves the handles C times as much (C is ``chain.conditioning``); there the promise grows by (C - 1) times
-the resolution of floats. The promise for a speed is the same figure per link length of error, relative to the speed and
-times C^2. All promises are measured against a 50-digit reference on every case of ``hard_cases``.
+A tier promises the largest position error over all handles and times of a scene. Close to a lock, a change of the last
+bit of the head's position moves the handles C times as much (C is ``chain.conditioning``); there the promise grows by
+(C - 1) times the resolution of floats. The promise for a speed is the same figure per link length of error, relative to
+the speed and times C^2. All promises are measured against a 50-digit reference on every case of ``hard_cases``.
 """
 from dataclasses import dataclass
 from math import inf
@@ -15,7 +15,7 @@ from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError, did_you_mean
 from dragon_ros.core.numerics.types import Floats
 
-_FLOAT_SIZE_M = 20.0        # beyond it floats cannot keep 2e-12 m: the exact tier grows with coordinates
+_FLOAT_SIZE_M = 20.0     # beyond it floats cannot keep 2e-12 m, so the promise of the exact tier grows with coordinates
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class Tier:
         return max(self.promise_m, best_m(size_m)) if self is EXACT else self.promise_m
 
     def series_m(self, size_m: Floats) -> Floats:
-        """Return the truncation error allowed in a shift map at such coordinates: a tenth of the promise, or of floats.
+        """Return the truncation error allowed in a shift map at such coordinates: a tenth of the promise.
 
-        For small coordinates the exact tier is as exact relative to them.
+        For the exact tier it is relative to the coordinates, and therefore smaller near the origin.
         """
         if self is EXACT:
             return 0.01 * EXACT.promise_m / _FLOAT_SIZE_M * size_m
@@ -63,7 +63,7 @@ def best_m(size_m: float) -> float:
 def tier_for(accuracy: Any, size_m: float = 0.0) -> Tier:
     """Return the tier of a name, or the cheapest one that keeps a number of metres for coordinates up to ``size_m``.
 
-    Raises FieldError, with the possible values, if floats cannot keep it. The paper's recipe must be requested by name.
+    Raises FieldError, with the possible values, if floats cannot keep it. The tier ``paper`` must be requested by name.
     """
     if isinstance(accuracy, str):
         if accuracy not in TIERS:

@@ -23,7 +23,7 @@ Points = tuple[Point, ...]
 
 @dataclass(frozen=True)
 class PolygonObstacle:
-    """A polygon that no bench may touch; its corners in order, and those of its holes (such as courtyards)."""
+    """A polygon that no bench may touch: its corners in order, and those of its holes (such as courtyards)."""
 
     name: str
     points_m: Points
@@ -68,7 +68,7 @@ OBSTACLES: dict[str, type[Obstacle]] = {'polygon': PolygonObstacle, 'line': Line
 class Venue:
     """Obstacles, a polygon (its corners) that benches must not leave, and the required gap in metres to all of them.
 
-    ``origin_deg`` is the longitude and latitude of the plane's origin, if that lies on the earth.
+    ``origin_deg`` is the longitude and latitude of the plane's origin, if it is a location on the earth.
     """
 
     obstacles: tuple[Obstacle, ...] = ()
@@ -107,7 +107,7 @@ class Venue:
         return (*(one.name for one in self.obstacles), *([INSIDE] if self.inside is not None else []))
 
     def __repr__(self) -> str:
-        """Summarise the size; corners would fill screens."""
+        """Summarise the size instead of listing all corners."""
         return f'Venue({len(self.obstacles)} obstacles, {corners(self)} corners, margin_m={self.margin_m:g})'
 
 
@@ -140,7 +140,7 @@ def _name(field: str, value: Any) -> str:
 
 
 def _ring(field: str, name: str, values: Any) -> Points:
-    """Return the corners of a ring without repeating the first one at the end. Raises FieldError."""
+    """Return the corners of a ring without a repetition of the first one at the end. Raises FieldError."""
     points = _points(field, name, values)
     points = points[:-1] if len(points) > 1 and points[0] == points[-1] else points
     if len(points) < 3:
@@ -150,7 +150,7 @@ def _ring(field: str, name: str, values: Any) -> Points:
 
 
 def _points(field: str, name: str, values: Any) -> Points:
-    """Return points without consecutive repetitions. Raises FieldError for an invalid coordinate."""
+    """Return points without consecutive duplicates. Raises FieldError for an invalid coordinate."""
     if not isinstance(values, tuple) or not all(isinstance(one, tuple) and len(one) == 2 for one in values):
         raise FieldError(field, values, f'{name!r} needs a list of points', 'write for example [[0, 0], [4, 0]]')
     flat = [*chain.from_iterable(values)]
@@ -170,5 +170,5 @@ def _check_simple(field: str, name: str, ring: Points, holes: tuple[Points, ...]
         reason, _, place = str(is_valid_reason(polygon)).rstrip(']').partition('[')
         at = f' at ({place.replace(" ", ", ")}) m' if place else ''
         crosses = 'elf-intersection' in reason
-        what = 'it crosses or touches itself' if crosses else f'it is no polygon ({reason.lower()})'
+        what = 'it crosses or touches itself' if crosses else f'it is not a polygon ({reason.lower()})'
         raise FieldError(field, name, f'{what}{at}', _AROUND)

@@ -25,7 +25,7 @@ def tensions(chain: Chain, a: Floats) -> Floats:
 
     ``a`` (N+1, 2) are the accelerations of the handles in m/s^2.
 
-    The model: equal masses at the handles, massless links, and a track without friction, whose force is normal to
+    The model has equal masses at the handles, massless links, and a track without friction, whose force is normal to
     itself; the leader is driven externally. Along the track only the two links of a handle act on it,
 
         a[i] . t[i] = T[i-1] e[i-1] . t[i] - T[i] e[i] . t[i],

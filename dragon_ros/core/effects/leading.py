@@ -1,4 +1,4 @@
-"""The leading handle: its place, direction and speed."""
+"""The leading handle: its position, direction and speed."""
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.frame import LeaderMotion
 from dragon_ros.core.model import Simulation
@@ -6,7 +6,7 @@ from dragon_ros.core.numerics.types import read_only
 
 
 def leader_motion(simulation: Simulation, t_s: float, chain: Chain) -> LeaderMotion:
-    """Return the place of the leading handle, the direction of its motion, and its speed and turning rate.
+    """Return the position of the leading handle, the direction of its motion, and its speed and turning rate.
 
     A leading tail moves outwards, in the opposite direction to a leading head.
     """

@@ -1,4 +1,4 @@
-"""Near pairs of benches at one instant, the pairs that touch, and where they touch."""
+"""Close pairs of benches at one instant, the pairs that touch, and where they touch."""
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -12,12 +12,12 @@ from dragon_ros.core.geometry.signed_distance import witnesses
 from dragon_ros.core.model import Model, Simulation
 from dragon_ros.core.scene import Scene
 
-# The near pairs of a model's previous instant speed up the next one, and do not change a bit of its result.
+# The close pairs of a model's previous instant speed up the next one and do not change a bit of its result.
 _NEAR: WeakKeyDictionary[Model, NearPairs] = WeakKeyDictionary()
 
 
 def closeness(simulation: Simulation, chain: Chain, benches: Benches) -> Closeness:
-    """Return the closest two benches and all that touch, as the monitor reports them, and those with obstacles."""
+    """Return the closest two benches and all that touch, including obstacles, as the monitor reports them."""
     near = _NEAR.get(simulation.model)
     if near is None:
         near = _NEAR[simulation.model] = NearPairs()
@@ -36,7 +36,7 @@ def touching(simulation: Simulation, frame: Frame) -> list[tuple[int, int]]:
 
 
 def named_pair(scene: Scene, pair: tuple[int, int]) -> str:
-    """Return words for two benches, or a bench and an obstacle, that touch."""
+    """Return a description of two benches, or of a bench and an obstacle, that touch."""
     if scene.venue is None or pair[1] < scene.dragon.benches:
         return f'benches {pair[0]} and {pair[1]}'
     return f'bench {pair[0]} and obstacle {scene.venue.names[pair[1] - scene.dragon.benches]!r}'

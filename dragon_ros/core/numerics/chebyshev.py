@@ -1,4 +1,4 @@
-"""Chebyshev series of many functions at once: from values at the nodes, inverted, and as powers of the variable."""
+"""Chebyshev series of many functions at once: from values at the nodes, their inverses, and as power series."""
 from functools import lru_cache
 
 import numpy as np
@@ -10,7 +10,7 @@ _ENOUGH = 1e-12        # a Newton step, relative to the interval: the next error
 _NOTHING = 5e-16       # relative to the interval: about the rounding error of series values at the nodes
 _NEWTON_STEPS = 6       # from within a tenth of the interval: three steps reach the last digit
 _WORK = 200_000         # multiplications per product: BLAS splits larger ones among threads, and on a busy machine
-                        # waiting for each other takes longer than one thread alone
+                        # their synchronisation takes longer than one thread alone
 
 
 @lru_cache(maxsize=64)
@@ -34,7 +34,7 @@ def in_parts(matrix: Floats, values: Floats) -> Floats:
 
 
 def columns_of(size: int) -> int:
-    """Return the largest number of columns of a product with a matrix of this size that stays on one thread."""
+    """Return the largest number of columns for which a product with a matrix of this size stays on one thread."""
     return max(1, _WORK // max(1, size))
 
 
@@ -64,7 +64,7 @@ def _inverse(series: Floats) -> Floats:
     """Return ``inverse_series`` of a group of columns.
 
     Products give values and four derivatives at the nodes, so Newton's method starts from a polynomial's root near each
-    node. The slopes stay those of that polynomial; only the values are summed again.
+    node. It keeps the slopes of that polynomial; only the values are recomputed.
     """
     x, matrix = transform(series.shape[0])
     wanted = x[:, None]

@@ -1,4 +1,4 @@
-"""Double-double numbers: unevaluated sums of two floats (hi, lo), which lose no digits after many turns or long travel.
+"""Double-double numbers: unevaluated sums of two floats (hi, lo), which lose no digits after many turns.
 
 ``hi`` is the float nearest to the number and ``lo`` is the remainder. Near 1e9 rad the resolution of one float is 1e-7
 rad, that of the pair 1e-23 rad. Trigonometry uses plain floats: cos(hi + lo) = cos(hi) - lo sin(hi) to the last digit.
@@ -11,7 +11,7 @@ _TWO_PI = Fraction('6.2831853071795864769252867665590057683943387987502116419498
 
 
 class DoubleDouble(NamedTuple):
-    """hi + lo, |lo| at most half an ulp of hi."""
+    """The number hi + lo, where |lo| is at most half an ulp of hi."""
 
     hi: float
     lo: float

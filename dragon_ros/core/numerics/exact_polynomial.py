@@ -1,6 +1,6 @@
-"""Polynomials with rational coefficients, evaluated exactly at floats and midpoints of two floats, and rounded once.
+"""Polynomials with rational coefficients, evaluated exactly at floats or at midpoints of two floats, and rounded once.
 
-All arithmetic is in integers over one denominator: rational numbers would cancel common factors after each operation,
+All arithmetic is on integers over one denominator: rational numbers would cancel common factors after each operation,
 which takes ten times as long as the rest.
 """
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from math import lcm
 
 
 class ExactPolynomial:
-    """A polynomial in t - origin, given by its coefficients, the lowest power first."""
+    """A polynomial in t - origin, given by its coefficients from the lowest power up."""
 
     def __init__(self, origin: float, coefficients: Sequence[Fraction]) -> None:
         """Bring the coefficients to one denominator."""

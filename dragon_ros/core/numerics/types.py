@@ -12,13 +12,13 @@ Index = Array | tuple[Array, ...]
 
 
 def read_only(array: Floats) -> Floats:
-    """Return the array as read-only, so that results of the core cannot change under their reader."""
+    """Return the array as read-only, so that callers cannot change results of the core."""
     array.flags.writeable = False
     return array
 
 
 def distinct(values: Array) -> Array:
-    """Return the sorted distinct values of an array (n,), as ``np.unique``, which would import masked arrays."""
+    """Return the sorted distinct values of an array (n,), like ``np.unique`` but without importing masked arrays."""
     grown = np.sort(values)
     out: Array = grown[np.append(True, grown[1:] != grown[:-1])[:grown.size]]
     return out
