@@ -1,10 +1,10 @@
-"""Which benches can touch: the adjacent layer of a dragon that winds about the origin, else a broad phase for all.
+"""Candidate pairs of benches that can touch: adjacent layers of a dragon that winds about the origin, or all by boxes.
 
 For each bench, the paper intersects the lines from the centre through its two handles with the next layer out, at theta
 + 2 pi (it prints theta - 2 pi; docs/errata.md), and takes the three benches nearest to each of the two points. That is
 complete only if a bench reaches no further than its neighbours on the next layer, and no bench meets its own layer or
 the next but one. ``candidates`` instead finds the benches that share a direction and a distance from the origin, turn
-by turn. This is complete wherever the benches are, and yields the same few benches where the paper is right.
+by turn. This is complete for any positions of the benches, and yields the same few benches if the paper is right.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ from dragon_ros.core.numerics.types import Array, Floats, Ints
 
 _TOGETHER = 4   # steps of a chain whose boxes are queried together
 _AT_ONCE = 256
-_MOST_PAIRS = 1_000_000     # or, if that is more,
+_MOST_PAIRS = 1_000_000     # in total, unless the limit per bench allows more
 _MOST_EACH = 16             # per bench
-_MOST_TURNS = 8         # layers that a bench can reach; beyond that, boxes are faster
+_MOST_TURNS = 8         # layers that a bench can reach; for more, boxes are faster
 _HAIR = 1e-9            # rad and fraction of the size: far above rounding errors
 
 
@@ -34,12 +34,12 @@ class _Sectors:
 
 
 def candidates(p: Floats, benches: Benches, reach_m: float | None = None) -> tuple[Ints, Ints]:
-    """Return pairs (i, j), j >= i + 2, in order, including every pair that touches or is within ``reach_m`` of it.
+    """Return pairs (i, j), j >= i + 2, in order, including every pair that touches or is within ``reach_m`` of contact.
 
-    ``p`` are the handles (N+1, 2) in metres about the centre; ``reach_m`` is the largest width (or a twentieth of the
-    largest length) unless given. So the smallest gap of the candidates is that of all pairs if it is at most
-    ``reach_m``; if it is larger, so is that of all pairs. |i - j| = 2 and 3 are always among them, and so are the
-    benches of the next layer in the same directions, however far.
+    ``p`` are the handles (N+1, 2) in metres about the centre. ``reach_m`` is by default the largest width, or a
+    twentieth of the largest length if that is more. If the smallest gap of the candidates is at most ``reach_m``, it is
+    that of all pairs; if it is larger, the gaps of all pairs exceed ``reach_m``. Pairs with |i - j| = 2 and 3 are
+    always included, and so are the benches of the next layer in the same directions, at any distance.
 
     It takes O(N) if the handles wind outwards about the origin: the directions of the benches grow (or shrink) towards
     the tail, no bench goes back over half a turn, and few layers are within reach of each other. If a bench reaches
@@ -94,11 +94,10 @@ def _directions(p: Floats, x: Floats, y: Floats) -> Floats:
 
 
 def _spread(along: Floats, aside: Floats, half: Floats, side: Floats) -> tuple[Floats, Floats]:
-    """Return the smallest and largest direction of each bench's corners, from that of its centre.
+    """Return the smallest and largest direction of each bench's corners, relative to that of its centre.
 
-    ``along`` and ``aside`` are the centre in the bench's axes; a convex figure that excludes the origin spans less than
-    a
-    half turn.
+    ``along`` and ``aside`` are the centre in the bench's axes. A convex figure that excludes the origin spans less than
+    half a turn.
     """
     square = along * along + aside * aside
     cross = np.stack((along * side - aside * half, along * side + aside * half))
@@ -111,9 +110,9 @@ def _spread(along: Floats, aside: Floats, half: Floats, side: Floats) -> tuple[F
 def _polar_pairs(sectors: _Sectors) -> tuple[Ints, Ints] | None:
     """Return the pairs whose sectors meet, window by window and turn by turn; None if there are too many.
 
-    ``low`` grows; with ``high`` replaced by the running maximum, the benches that share a direction with bench i after
-    k turns form one window. When all further benches are further out than bench i, its windows end; the window of the
-    first turn is kept whole.
+    ``low`` increases; with ``high`` replaced by the running maximum, the benches that share a direction with bench i
+    after k turns form one window. When all further benches are further out than bench i, its windows end; the window of
+    the first turn is kept whole.
     """
     low, high, count = sectors.low, sectors.high, sectors.low.size
     highest = np.maximum.accumulate(high)
@@ -147,13 +146,13 @@ def _spelt(start: Ints, size: Ints) -> tuple[Ints, Ints]:
 def box_pairs(benches: Benches, reach_m: float = 0.0) -> tuple[Ints, Ints]:
     """Return every pair whose axis-aligned boxes come within ``reach_m``, for any layout (shapely STRtree).
 
-    Pairs with |i - j| = 2 and 3 are always among them. Raises CrowdError if they would fill the memory.
+    Pairs with |i - j| = 2 and 3 are always included. Raises CrowdError if the pairs would fill the memory.
     """
     return swept_pairs(benches.corners[None], reach_m)
 
 
 def swept_pairs(corners: Floats, reach_m: float) -> tuple[Ints, Ints]:
-    """Return every pair whose boxes about all corners (M, N, 4, 2) of each come within ``reach_m``, as ``box_pairs``.
+    """Return every pair whose boxes about all corners (M, N, 4, 2) of each come within ``reach_m``, like ``box_pairs``.
 
     The gaps of all other pairs exceed it at each of the M states.
     """
@@ -162,7 +161,7 @@ def swept_pairs(corners: Floats, reach_m: float) -> tuple[Ints, Ints]:
 
 
 def pairs_on_steps(low: Floats, high: Floats, reach_m: Floats) -> Iterator[tuple[Ints, Ints]]:
-    """Yield for each of M steps the pairs whose boxes come within a reach (M,), as ``swept_pairs`` does for one.
+    """Yield, for each of M steps, the pairs whose boxes come within a reach (M,), as ``swept_pairs`` does for one.
 
     ``low`` and ``high`` (M, N, 2) are the corners of the boxes. The boxes of several steps are queried together, unless
     that would fill the memory.
@@ -197,7 +196,7 @@ def _meet(low: Floats, high: Floats, i: Ints, j: Ints) -> Array:
 
 def _meeting(low: Floats, high: Floats) -> Ints:
     """Return the pairs i, j of boxes (N, 2) that meet, and those with |i - j| = 2 and 3, as sorted numbers i N + j."""
-    import shapely  # most dragons wind about the origin and never need it
+    import shapely  # dragons that wind about the origin do not need it
     count = low.shape[0]
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
     tree, total, most = shapely.STRtree(boxes), 0, max(_MOST_PAIRS, _MOST_EACH * count)

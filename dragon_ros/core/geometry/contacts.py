@@ -9,10 +9,11 @@ from dragon_ros.core.numerics.types import Floats, Ints
 class Closeness:
     """The smallest signed gap in metres of all benches that are not neighbours, ``closest``, and all pairs that touch.
 
-    In a venue obstacles count too: in a pair (i, j) they are numbered behind the benches, in the order of its names.
+    In a venue obstacles count too: in a pair (i, j) they are numbered after the benches, in the order of its names.
 
-    ``clearance_m`` is inf, and ``closest`` None, if there are fewer than three benches; if several pairs have the same
-    gap, the first is the closest. Pairs (i, j) (K,) that touch, i < j, with ``gap_m`` (K,), the deepest first.
+    With fewer than three benches, ``clearance_m`` is inf and ``closest`` is None; if several pairs have the same gap,
+    the first is the closest. ``i`` and ``j`` (K,) are the pairs that touch, i < j, with ``gap_m`` (K,), the deepest
+    first.
     """
 
     clearance_m: float
@@ -26,7 +27,7 @@ class Closeness:
 class Contacts:
     """Pairs that touch, (M, 2), deepest first, their signed gaps (M,) in m, and points (M, 2) of contact.
 
-    An obstacle of a venue is numbered behind the benches, in the order of the venue's names.
+    Obstacles of a venue are numbered after the benches, in the order of the venue's names.
     """
 
     benches: Ints
@@ -34,14 +35,14 @@ class Contacts:
     point_m: Floats
 
 
-OBSTACLE = -1       # the owner of an edge or a corner of an obstacle, in place of the number of a bench
+OBSTACLE = -1       # the owner of an edge or a corner of an obstacle, instead of the index of a bench
 
 
 @dataclass(frozen=True)
 class ObstacleTouch:
-    """What a bench touches of an obstacle: the ends of the edge, and the corner that meets an edge of the bench.
+    """The contact of a bench with an obstacle: the ends of the edge, and the corner that meets an edge of the bench.
 
-    ``corner_m`` is None where a corner of the bench meets the edge.
+    ``corner_m`` is None if a corner of the bench meets the edge.
     """
 
     name: str

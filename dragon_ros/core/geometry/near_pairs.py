@@ -2,27 +2,28 @@
 
 ``closeness`` searches from scratch. ``NearPairs`` returns the same, to the last bit, from the state of the last
 samples: a list of near pairs (Verlet, Phys. Rev. 159, 98, 1967) with bounds on how much their gaps, and all others,
-have changed since. This state affects the time of a sample, and nothing else.
+have changed since. This state affects only how long a sample takes.
 
-It rests on three bounds. The signed gap of two convex figures is the largest of -(h_A(n) + h_B(-n)) over all directions
-n, where h are their support functions, and a support function changes by at most the displacement of the
+The method uses three bounds. The signed gap of two convex figures is the largest of -(h_A(n) + h_B(-n)) over all
+directions n, where h are their support functions, and a support function changes by at most the displacement of the
 farthest-moving point. So
 
-1. The gap of a pair is at least its separation along any one direction. A listed pair stores one: the axis of one of
-its two benches that separated them best when the list was measured; it turns with its bench. Benches of neighbouring
-layers slide along each other, which leaves that separation unchanged and rules out at once most pairs that are not the
-closest.
+1. The gap of a pair is at least its separation along any one direction. A listed pair stores one direction: the axis of
+one of its two benches that separated them best when the list was measured; it turns with its bench. Benches of
+neighbouring layers slide along each other, which does not change that separation. It quickly rules out most pairs that
+are not the closest.
 2. The gap of a pair changes by at most the displacement of its points, in any frame, including that of a third bench k:
 with centres c and turns w since then (unit complex numbers), the points of a bench with half diagonal r move by at most
 m = |(c - c_k) conj(w_k) - (c' - c_k')| + r |w - w_k|, and a gap changes by at most 2 max m. If all benches move as one,
 m is 0. So as long as the gaps of unlisted pairs were larger by that amount, none of them is closest or touches.
-3. In a large dragon the inner layers turn much faster than the outer ones. The dragon is split into parts. The pairs of
-each part's benches with each other and with those that follow, up to an end, have their own list and their own bench k.
-All pairs across an end differ in their distance from the origin, and, turned back about it by its own turn, no point of
-a bench moves by more than e = |c conj(w) - c'|: a turn about the origin changes no distance from it.
+3. In a large dragon the inner layers turn much faster than the outer ones. So the dragon is split into parts. The pairs
+of each part's benches with each other and with those that follow, up to an end, have their own list and their own bench
+k. All pairs across an end differ in their distance from the origin. If each bench is turned back about the origin by
+its own turn, no point of it moves by more than e = |c conj(w) - c'|, and such a turn changes no distance from the
+origin.
 
-The last sample's closest pair, at its present place, bounds the clearance from above. Only pairs that these bounds do
-not exclude are computed, and the closest and the touching ones are found among them. Where rounding could make a
+The last sample's closest pair, at its current position, bounds the clearance from above. Only pairs that these bounds
+do not exclude are computed, and the closest and the touching ones are found among them. If rounding could make a
 difference, a bound is lowered by ``_HAIR`` of coordinates and sizes: 64 times the error of a gap (``rounding_m``).
 """
 from dataclasses import dataclass, replace
@@ -41,11 +42,11 @@ from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 TOUCH_M = 1e-10         # positions are accurate to 2e-12 m: a smaller gap counts as contact
 _SKIN = 0.45            # relative to the mean half length: a longer list lasts longer, and takes longer
 _HAIR = 2.0**-40        # relative to coordinates and sizes
-_MOST_EACH = 32         # listed pairs per bench: a crowd is searched from scratch
+_MOST_EACH = 32         # listed pairs per bench: with more, a crowd is searched from scratch
 _FEW = 8                # pairs that are computed one by one; more are computed as arrays
 _FIRST_PART = 512       # benches of the innermost part; each further part reaches twice as far
 _OVERLAP = 2.5          # benches of all parts with those that follow, per bench: more is not worthwhile
-_WORTH = 0.02           # relative to the skin: a part this near to the closest is measured at each sample
+_WORTH = 0.02           # relative to the skin: a part this close to the closest pair is measured at each sample
 
 _NONE: Ints = np.empty(0, dtype=np.int64)
 _NOTHING = Closeness(inf, None, _NONE, _NONE, np.empty(0))
@@ -54,7 +55,7 @@ _NOTHING = Closeness(inf, None, _NONE, _NONE, np.empty(0))
 def closeness(p: Floats, benches: Benches) -> Closeness:
     """Return the closest two benches and all that touch, searched from scratch; ``p`` are the handles (N+1, 2).
 
-    Raises CrowdError if too many benches lie in one place.
+    Raises CrowdError if too many benches lie close together.
     """
     reach = default_reach_m(benches)
     i, j = candidates(p, benches, reach)
@@ -69,7 +70,7 @@ def _of(i: Ints, j: Ints, gap_m: Floats) -> Closeness:
     """Return the closeness from ordered pairs that include the closest and all that touch."""
     if not i.size:
         return _NOTHING
-    gap_m = gap_m + 0.0         # zero has no sign
+    gap_m = gap_m + 0.0         # no negative zero
     least = int(np.argmin(gap_m))
     closest = int(i[least]), int(j[least])
     if gap_m[least] > TOUCH_M:
@@ -92,9 +93,9 @@ class _ComplexBenches(NamedTuple):
 class _NearList:
     """The near pairs (i, j) of benches ``first`` <= i < ``stop`` with benches j < ``end``, and their reference state.
 
-    ``held`` is the reference bench, ``from_held`` the others' centres (M,) seen from it, ``turned_back`` their axes
-    (M,), conjugated. At that state gaps had changed by at most ``spent_m`` since pairs with gaps larger than
-    ``beyond_m`` were left out, and no listed pair was nearer than ``nearest_m``. When the list was last measured,
+    ``held`` is the reference bench, ``from_held`` are the others' centres (M,) relative to it, ``turned_back`` their
+    axes (M,), conjugated. At that state gaps had changed by at most ``spent_m`` since pairs with gaps larger than
+    ``beyond_m`` were left out, and no listed pair was closer than ``nearest_m``. When the list was last measured,
     ``close`` pairs had to be computed.
     """
 
@@ -111,7 +112,7 @@ class _NearList:
     list: PartedPairs
 
     def change_m(self, bodies: _ComplexBenches) -> float:
-        """Return an upper bound on the change of gaps since then: bound 2 of the module."""
+        """Return an upper bound on the change of gaps since the reference state: bound 2 of the module."""
         turn = bodies.axis[self.first:self.end] * self.turned_back
         held = bodies.centre.item(self.held)
         turn_held = turn.item(self.held - self.first)
@@ -126,7 +127,7 @@ class _NearList:
         return 2 * float(np.maximum.reduce(away))
 
     def moved(self, bodies: _ComplexBenches, spent_m: float, nearest_m: float) -> '_NearList':
-        """Return the part with the present state as its reference."""
+        """Return the part with the current state as its reference."""
         centre = bodies.centre[self.first:self.end]
         return replace(self, from_held=centre - bodies.centre[self.held],
                        turned_back=bodies.back[self.first:self.end].copy(), spent_m=spent_m, nearest_m=nearest_m)
@@ -160,7 +161,7 @@ def _listed(bodies: _ComplexBenches, p: Floats, benches: Benches, part: tuple[in
 
 
 def _middle(bodies: _ComplexBenches, first: int, end: int) -> int:
-    """Return the reference bench: halfway between the nearest to the origin and the farthest of a part."""
+    """Return the reference bench, halfway between the nearest to the origin and the farthest from it in a part."""
     radius = np.abs(bodies.centre[first:end])
     return first + int(np.argmin(np.abs(radius - 0.5 * (np.min(radius) + np.max(radius)))))
 
@@ -176,7 +177,7 @@ def _seen_part(part: _NearList, bodies: _ComplexBenches, p: Floats, benches: Ben
         return part, _NONE
     apart = part.list.separations(*bodies[:3])
     rows = (apart <= limit_m).nonzero()[0]
-    if rows.size > 2 * part.close + _FEW:       # by now other axes separate the pairs better
+    if rows.size > 2 * part.close + _FEW:       # other axes may separate the pairs better by now
         found, apart = parted_pairs(bodies.centre, bodies.axis, benches, *part.list.pairs)
         rows = np.flatnonzero(apart <= limit_m)
         part = replace(part, list=found, close=rows.size)
@@ -202,7 +203,7 @@ def _decided(benches: Benches, known: tuple[tuple[int, int], float], pairs: list
 class _Kept:
     """The state kept from one sample to the next: the parts, the closest pair, and the ``sizes`` of the benches.
 
-    Pairs across the ends of parts were ``apart_m`` apart when benches had these centres (N,), and axes, conjugated.
+    Pairs across the ends of parts were ``apart_m`` apart when benches had these centres (N,) and conjugated axes.
     """
 
     sizes: bytes
@@ -242,7 +243,7 @@ def _first_kept(p: Floats, benches: Benches, found: Closeness) -> _Kept | None:
 
 
 def _cuts(bodies: _ComplexBenches, apart_m: float) -> list[tuple[int, int, int]]:
-    """Return the first, stop and end of each part; pairs across an end differ in distance from the origin by that much.
+    """Return first, stop and end of each part; distances from the origin differ across an end by at least ``apart_m``.
 
     There is a single part unless the dragon is large and winds about the origin.
     """
@@ -269,7 +270,7 @@ def _sizes(benches: Benches) -> bytes:
 
 
 class NearPairs:
-    """Samples one dragon after another, as ``closeness`` does, but faster if consecutive ones are similar.
+    """Evaluates one sample after another, as ``closeness`` does, but faster if consecutive ones are similar.
 
     The state is replaced as a whole: samples from several threads may interleave, with the same results.
     """
@@ -279,9 +280,9 @@ class NearPairs:
         self._kept: _Kept | None = None
 
     def look(self, p: Floats, benches: Benches) -> Closeness:
-        """Return the closest two benches and all that touch, of handles ``p`` (N+1, 2).
+        """Return the closest two benches and all that touch, given the handles ``p`` (N+1, 2).
 
-        Raises CrowdError if too many benches lie in one place.
+        Raises CrowdError if too many benches lie close together.
         """
         kept = self._kept
         if kept and kept.sizes == _sizes(benches):
@@ -294,9 +295,9 @@ class NearPairs:
         return found
 
     def _again(self, kept: _Kept, p: Floats, benches: Benches) -> Closeness | None:
-        """Return the result of a sample that uses the last state; None if that does not help."""
+        """Return the result of a sample by use of the last state; None if that does not help."""
         above_m, bodies = gap_of(benches, *kept.closest), _bodies(benches, kept.far)
-        size_m = sqrt(np.vdot(bodies.centre, bodies.centre).real)   # at least the largest, for one call
+        size_m = sqrt(np.vdot(bodies.centre, bodies.centre).real)   # at least the largest, in a single call
         limit_m = max(above_m, TOUCH_M) + _HAIR * (size_m + kept.skin_m)
         if not (above_m <= max(kept.clearance_m, 0.0) + kept.skin_m and kept.across_m(bodies) > limit_m):
             return None

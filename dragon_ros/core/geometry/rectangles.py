@@ -1,4 +1,4 @@
-"""Benches as rectangles: the handles' line, extended by the hole inset at both ends, half the width to each side."""
+"""Benches as rectangles: from handle to handle, extended by the hole inset, with half the width on each side."""
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,14 +1,14 @@
-"""Separating axes and the signed gap of two rectangles: their distance when apart, else minus the parting translation.
+"""Separating axes, and the signed gap of two rectangles: their distance, or minus the translation that separates them.
 
-The parting translation of two convex polygons is normal to an edge, so the separating-axis value gives it; when they
-are apart that value is only a lower bound and the nearest corner decides.
+The minimum translation that separates two overlapping convex polygons is normal to an edge, so it is given by the
+separating-axis value. If they are apart, that value is only a lower bound, and the nearest corner determines the gap.
 
-Rounding errors, for handles given as floats: let no coordinate exceed S, the sum of half length and half width of a
-bench not exceed L, and u = 2^-53. The error of a centre is u S, that of a bench's axis, the quotient of a difference
-and its length, 4 u, and that of a vector between centres, no longer than D <= 2.9 S, 2.9 u S. The error of its
-components along an axis is 2.9 u S + 9 u D, and after turning into the other bench's axes 1.5 times that and 14 u D: 80
-u S in all. The error of a rectangle's extent along an axis is 20 u L, and that of the root of a sum of squares 1.5
-times that of its terms. So the error of any separation or gap of two benches is at most 128 u (S + L).
+Rounding errors, for handles given as floats: let no coordinate exceed S, let the sum of half length and half width of a
+bench not exceed L, and let u = 2^-53. The error of a centre is u S, and that of a bench's axis, the quotient of a
+difference and its length, 4 u. A vector between centres is at most D <= 2.9 S long, with an error of 2.9 u S. The error
+of its components along an axis is 2.9 u S + 9 u D, and after rotation into the other bench's axes 1.5 times that and 14
+u D: 80 u S in all. The error of a rectangle's extent along an axis is 20 u L, and that of the root of a sum of squares
+1.5 times that of its terms. So the error of any separation or gap of two benches is at most 128 u (S + L).
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,16 +24,16 @@ from dragon_ros.core.numerics.types import Array, Complexes, Floats, Index, Ints
 CORNERS = ('front left', 'rear left', 'rear right', 'front right')     # as in Benches.corners
 EDGES = ('front', 'rear', 'left', 'right')
 _ROUNDED = 2.0**-46 # relative to coordinates and sizes: the largest rounding error of a separation or gap
-_AT_ONCE = 4096     # pairs, so that intermediate results fit the cache
+_AT_ONCE = 4096     # pairs, so that intermediate results fit into the cache
 _SAME = 1e-12       # relative to the sizes: smaller differences are ties
-_STRAIGHT_M = 1e-200    # corners may not leave straight lines at all
+_STRAIGHT_M = 1e-200    # avoids a division by zero
 _ALONG: Floats = np.array([[1.0], [-1], [-1], [1]])
 _ASIDE: Floats = np.array([[1.0], [1], [-1], [-1]])
 
 
 @dataclass(frozen=True)
 class RelativePoses:
-    """Pairs of rectangles A and B; B seen from A: centre (x, y), axis (cos, sin), and half sizes."""
+    """Pairs of rectangles A and B, with B relative to A: centre (x, y), axis (cos, sin), and half sizes."""
 
     x: Floats
     y: Floats
@@ -43,13 +43,13 @@ class RelativePoses:
     b: tuple[Floats, Floats]
 
     def mirrored(self) -> 'RelativePoses':
-        """Return A seen from B."""
+        """Return A relative to B."""
         return RelativePoses(-self.x * self.cos - self.y * self.sin, self.x * self.sin - self.y * self.cos,
                              self.cos, -self.sin, self.b, self.a)
 
     @property
     def _extents(self) -> tuple[Floats, Floats]:
-        """The distance of the centres along A's axes at which the rectangles just touch along these."""
+        """The distances of the centres along A's two axes at which the rectangles just touch along that axis."""
         (a_x, a_y), (half, side), c, s = self.a, self.b, np.abs(self.cos), np.abs(self.sin)
         return a_x + half * c + side * s, a_y + half * s + side * c
 
@@ -59,16 +59,16 @@ class RelativePoses:
         return [self.x - along, -self.x - along, self.y - aside, -self.y - aside]
 
     def along_axes(self) -> list[Floats]:
-        """Return the separations along A's axes and along B's, the larger of both sides: four in all."""
+        """Return the separations along A's axes and along B's, the larger of both sides: four in total."""
         pairs = (self, *self._extents), (other := self.mirrored(), *other._extents)
         return [each for one, along, aside in pairs for each in (np.abs(one.x) - along, np.abs(one.y) - aside)]
 
     def separations(self) -> tuple[Floats, Floats]:
-        """Return the larger separation along A's two axes (negative where both overlap), and B's distance squared.
+        """Return the larger separation along A's two axes (negative if both overlap), and B's squared distance.
 
         The distance is that of A from the nearer of B's two leading corners. With B reflected so that its centre has x,
-        y >= 0, those are the corners with the smallest x and with the smallest y: the edge between them hides the other
-        two, which can be as near but never nearer than all points of it.
+        y >= 0, those are the corners with the smallest x and with the smallest y. The edge between them hides the other
+        two, which can be as near as a point of that edge but not nearer than all of it.
         """
         x, y, c, s = np.abs(self.x), np.abs(self.y), np.abs(self.cos), np.abs(self.sin)
         (a_x, a_y), (half, side) = self.a, self.b
@@ -92,7 +92,7 @@ def rounding_m(far_m: Floats | float, half_m: float) -> Floats | float:
 
 
 def placement(benches: Benches, i: Index, j: Index) -> RelativePoses:
-    """Return benches j as seen from benches i; the last axes but one are benches, i and j may be any indices."""
+    """Return benches j relative to benches i; the last axes but one are benches, i and j may be any indices."""
     offset = _at(benches.centre, j) - _at(benches.centre, i)
     u, w = _at(benches.axis, i), _at(benches.axis, j)
     x, y, u_x, u_y, w_x, w_y = offset[..., 0], offset[..., 1], u[..., 0], u[..., 1], w[..., 0], w[..., 1]
@@ -103,17 +103,18 @@ def placement(benches: Benches, i: Index, j: Index) -> RelativePoses:
 
 def seen_from(centre: tuple[Complexes, Complexes], axis: tuple[Complexes, Complexes], a: tuple[Any, Any],
               b: tuple[Any, Any]) -> RelativePoses:
-    """Return rectangles with half sizes ``b`` as seen from others with ``a``; centres and axes are complex numbers."""
+    """Return rectangles with half sizes ``b`` relative to others with ``a``; centres and axes are complex numbers."""
     back = np.conj(axis[0])
     offset, turn = (centre[1] - centre[0]) * back, axis[1] * back
     return RelativePoses(offset.real, offset.imag, turn.real, turn.imag, a, b)
 
 
 def parted_between(states: Sequence[RelativePoses], sag: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return how far pairs are apart at least between their ``states``, and how far for the sag: the largest ratio.
+    """Return a lower bound of the separation of pairs between their ``states``, and its largest ratio to the sag.
 
-    In between corners leave the lines (or the bilinear surface) through their places at the states by no more than
-    ``sag``, those of B seen from A and those of A seen from B, and along these the separation from an edge is concave.
+    In between, corners deviate from the lines (or the bilinear surface) through their positions at the states by at
+    most ``sag``: those of B relative to A, and those of A relative to B. Along these lines the separation from an edge
+    is concave.
     """
     low, ratio = np.full(np.shape(sag[0]), -np.inf), np.zeros(np.shape(sag[0]))
     for bent, views in zip(sag, (states, [each.mirrored() for each in states]), strict=True):
@@ -125,10 +126,10 @@ def parted_between(states: Sequence[RelativePoses], sag: tuple[Floats, Floats]) 
 
 
 class PartedPairs(NamedTuple):
-    """Pairs (P,), and for each the axis that parts it best: whose it is, of which other bench, and how to read it.
+    """Pairs (P,) with the axis that separates each best: the bench that owns it, the other bench, and the projections.
 
     ``towards`` is the conjugate of the direction to the other bench in the owner's axes, ``extent`` the owner's half
-    size along it, ``sizes`` (P, 2) the half sizes of the other. The axis turns with its owner.
+    size along it, ``sizes`` (P, 2) are the half sizes of the other bench. The axis turns with its owner.
     """
 
     owner: Ints
@@ -138,7 +139,7 @@ class PartedPairs(NamedTuple):
     sizes: Floats
 
     def separations(self, centre: Complexes, axis: Complexes, back: Complexes) -> Floats:
-        """Return how far each pair is apart along its axis, of centres, axes and conjugated axes; at most its gap."""
+        """Return the separation of each pair along its axis from centres, axes and conjugated axes: at most its gap."""
         towards = back.take(self.owner)
         towards *= self.towards
         offset = centre.take(self.other)
@@ -164,7 +165,7 @@ class PartedPairs(NamedTuple):
 
 
 def parted_pairs(centre: Complexes, axis: Complexes, benches: Benches, i: Ints, j: Ints) -> tuple[PartedPairs, Floats]:
-    """Return pairs with the axes that part them best, and how far."""
+    """Return pairs with the axes that separate them best, and these separations."""
     half, side = benches.half_length, benches.half_width
     a, b = ((half.take(n), side.take(n)) for n in (i, j))
     view = seen_from((centre.take(i), centre.take(j)), (axis.take(i), axis.take(j)), a, b)
@@ -199,7 +200,7 @@ def gaps(benches: Benches, i: Index, j: Index) -> Floats:
 def gap_of(benches: Benches, i: int, j: int) -> float:
     """Return the signed gap of benches i and j in metres, bit-identical to ``gaps``: the same operations on floats.
 
-    One pair takes a tenth of the time of arrays of one pair.
+    For a single pair it takes a tenth of the time of arrays.
     """
     (x_i, y_i), (x_j, y_j) = benches.centre[i].tolist(), benches.centre[j].tolist()
     (u_x, u_y), (w_x, w_y) = benches.axis[i].tolist(), benches.axis[j].tolist()
@@ -237,10 +238,10 @@ def _at(array: Array, index: Index) -> Floats:
 
 @dataclass(frozen=True)
 class Witness:
-    """The nearest features of two benches: ``corner`` of bench ``owner`` and ``edge`` of bench ``other``.
+    """The closest features of two benches: ``corner`` of bench ``owner`` and ``edge`` of bench ``other``.
 
     ``point_m`` is halfway between the corner and the edge, ``gap_m`` the signed gap (negative for overlap). If benches
-    overlap, the corner is the one that leaves through the edge in the smallest parting translation.
+    overlap, the corner is the one that leaves through the edge in the minimum translation.
     """
 
     point_m: tuple[float, float]
@@ -263,7 +264,7 @@ class Witnesses:
     edge: Ints
 
     def __getitem__(self, n: int) -> Witness:
-        """Return one of them."""
+        """Return the witness of a pair."""
         x, y = self.point_m[n].tolist()
         return Witness((x, y), float(self.gap_m[n]), int(self.owner[n]), CORNERS[self.corner[n]], int(self.other[n]),
                        EDGES[self.edge[n]])
@@ -271,7 +272,7 @@ class Witnesses:
 
 @dataclass(frozen=True)
 class _CornersOnEdges:
-    """Corners of the owners against edges of the others: separation, how far past the edge's ends, and what is it."""
+    """Corners of the owners at edges of the others: separation, how far past the edge's ends, and their indices."""
 
     separation: Floats
     past: Floats
@@ -281,14 +282,14 @@ class _CornersOnEdges:
 
 
 def witness(benches: Benches, i: int, j: int) -> Witness:
-    """Return the witness of benches i and j. If both have such a corner, bench i's is returned."""
+    """Return the witness of benches i and j. If both have such a corner, that of bench i is returned."""
     return witnesses(benches, np.array([i]), np.array([j]))[0]
 
 
 def shortest_vector(benches: Benches, i: int, j: int) -> tuple[float, float]:
     """Return the vector in metres from bench i to bench j between their nearest points; its length is the gap.
 
-    If they overlap it is the parting translation: the shortest move of bench j that ends the overlap.
+    If they overlap, it is the minimum translation: the shortest move of bench j that ends the overlap.
     """
     seen = witness(benches, i, j)
     sense = 1.0 if seen.owner == j else -1.0
@@ -317,7 +318,7 @@ def witnesses(benches: Benches, i: Ints, j: Ints) -> Witnesses:
 
 
 def _side(benches: Benches, owner: Ints, other: Ints, gap: Floats) -> _CornersOnEdges:
-    """Return each owner's corner that decides, as seen from the other bench."""
+    """Return the decisive corner of each owner, relative to the other bench."""
     view = placement(benches, other, owner)
     half, side = view.b
     corners = np.stack((view.x + _ALONG * half * view.cos - _ASIDE * side * view.sin,

@@ -1,11 +1,12 @@
 """Track the contacts of a dragon tick by tick, each with its bracket: the pure part of the monitor.
 
-A tracker receives ticks only. It reports the last tick without contact, the first one with contact, and the time
-between them at which the signed gap, interpolated through the last ticks, vanishes. Each pair has episodes: begin,
-deepest, end.
+A tracker receives only ticks. It reports the last tick without contact, the first one with contact, and the time
+between them at which the signed gap, interpolated through the last ticks, vanishes. The episodes of each pair have a
+begin, a deepest gap and an end.
 
-Observations arrive late, twice or from a restarted run: ``ReorderBuffer`` passes them on in order. ``Episodes`` are the
-open contacts of all pairs, as arrays: which pairs touch, how deep and when, and which were reported.
+Observations may arrive late, repeatedly or from a restarted run: ``ReorderBuffer`` passes them on in order.
+``Episodes`` holds the open contacts of all pairs, as arrays: which pairs touch, how deep and when, and which were
+reported.
 """
 from collections import deque
 from dataclasses import dataclass
@@ -23,14 +24,14 @@ from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats, Ints
 
 NS = 10**9
-NEAR_M = 0.02           # a smaller clearance deserves a warning
-MOST_REPORTED = 32      # episodes reported at one time; the deepest go first
+NEAR_M = 0.02           # a smaller clearance triggers a warning
+MOST_REPORTED = 32      # episodes reported at one time; the deepest come first
 _SHOWN = 8
-_UNEVEN = 4             # neighbouring ticks are interpolated together unless one step is so many times the other
+_UNEVEN = 4             # the largest ratio of the steps between ticks that are interpolated together
 
 Pair = tuple[int, int]
-_LAST = 8           # an observation that is not older than the last so many may just be late
-_LATE_NS = 10**9    # by no more than this
+_LAST = 8           # an observation that is not older than this many before may just be late
+_LATE_NS = 10**9    # by at most this
 _IN_A_ROW = 3       # this many late observations in a row indicate a restarted run
 
 Bools = NDArray[np.bool_]
@@ -38,7 +39,7 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Event:
-    """A contact began: benches (inner first), the bracket in ns, the interpolated time, the point, and the gap in m.
+    """The begin of a contact: benches (inner first), bracket in ns, interpolated time, point, and gap in m.
 
     ``before_ns`` is None if the first observed tick already had the contact. ``gap_m`` is the signed gap at
     ``after_ns``, negative for overlap. ``approach_m_s`` is how fast the gap shrank at the contact; nan if unknown.
@@ -56,7 +57,7 @@ class Event:
 
 @dataclass(frozen=True)
 class EpisodeEnd:
-    """A contact ended: benches, the deepest signed gap of all ticks in m and its tick, and the interpolated end.
+    """The end of a contact: benches, the deepest signed gap of all ticks in m and its tick, and the interpolated end.
 
     ``parted`` is False if time restarted instead; ``t_end_s`` is then the last observed tick.
     """
@@ -74,9 +75,9 @@ class EpisodeEnd:
 class Report:
     """The result of one observation.
 
-    ``clearance_m`` is the smallest signed gap of all benches that are not neighbours (inf without any), ``closest`` its
-    benches; ``touching`` the pairs in contact, deepest first, at most a few of their ``count``. ``more`` counts
-    contacts that began beyond the ``MOST_REPORTED``.
+    ``clearance_m`` is the smallest signed gap of all benches that are not neighbours (inf if there are none) and
+    ``closest`` are its benches. ``touching`` are the first few of all ``count`` pairs in contact, deepest first.
+    ``more`` counts contacts that began beyond the ``MOST_REPORTED``.
     """
 
     observation: Observation
@@ -101,7 +102,7 @@ T = TypeVar('T', bound=_Timed)
 
 
 class ReorderBuffer(Generic[T]):
-    """Passes observations on in order of time: drops late and repeated ones, restarts if time goes back."""
+    """Passes observations on in order of time; drops late and repeated ones, and restarts if time goes back."""
 
     def __init__(self) -> None:
         """Start without observations."""
@@ -112,8 +113,8 @@ class ReorderBuffer(Generic[T]):
     def take(self, observation: T) -> tuple[bool, list[T]]:
         """Return whether time restarts, and the observations to examine now, in order.
 
-        Time restarts at another number of handles, at a time before the last few or more than a second back, and after
-        a few late observations in a row; those are then passed on, so that nothing of a restarted run is lost.
+        Time restarts if the number of handles changes, if a time is before the last few or more than a second back, and
+        after a few late observations in a row; those are then passed on, so nothing of a restarted run is lost.
         """
         if not self._times or observation.p.shape != self._shape:
             return self._pass(bool(self._times), [observation])
@@ -140,7 +141,7 @@ class ReorderBuffer(Generic[T]):
 
 @dataclass(frozen=True)
 class Episodes:
-    """Pairs that touch, by growing ``key`` (M,); the deepest gap in m and its time in ns; whether each was reported."""
+    """Pairs that touch, by increasing ``key`` (M,); the deepest gap in m, its time in ns; if it was reported."""
 
     key: Ints
     deepest_m: Floats
@@ -148,9 +149,9 @@ class Episodes:
     reported: Bools
 
     def advance(self, t_ns: int, key: Ints, gap_m: Floats) -> tuple['Episodes', Bools, Bools]:
-        """Return the episodes at ``t_ns``, which of them are new, and which of the present ones have ended.
+        """Return the episodes at ``t_ns``, which of them are new, and which of the current ones have ended.
 
-        ``key`` (K,) are the pairs that touch now, increasing and distinct; ``gap_m`` (K,) their gaps.
+        ``key`` (K,) are the pairs that touch now, increasing and distinct; ``gap_m`` (K,) are their gaps.
         """
         if np.array_equal(key, self.key):
             deeper, none = gap_m < self.deepest_m, np.zeros(key.size, bool)
@@ -172,7 +173,7 @@ def no_episodes() -> Episodes:
 
 
 class ContactTracker:
-    """Examines observations in the order of their times; reports each contact of a pair when it begins and ends."""
+    """Examines observations in order of time, and reports the begin and the end of each pair's contacts."""
 
     def __init__(self) -> None:
         """Start without observations."""
@@ -184,7 +185,8 @@ class ContactTracker:
     def add(self, observation: Observation) -> list[Report]:
         """Return the reports of an observation; a repeated or late one has none.
 
-        Time going back, or another dragon, restarts it. Raises CrowdError if too many benches lie in one place.
+        The tracker restarts if time goes back, or with another dragon. Raises CrowdError if too many benches lie close
+        together.
         """
         afresh, observations = self._buffer.take(observation)
         if afresh:
@@ -261,7 +263,7 @@ class ContactTracker:
         return origin / NS + root, float(curve.deriv()(root))
 
     def _even(self, observation: Observation) -> list[Observation]:
-        """Return the last observations whose spacing in time is about that of the last one and this one."""
+        """Return the last observations whose spacing in time is about that between the last one and this one."""
         out, step = [self._seen[-1]], observation.t_ns - self._seen[-1].t_ns
         for one in reversed(self._seen[:-1]):
             if not step <= _UNEVEN * (out[0].t_ns - one.t_ns) <= _UNEVEN**2 * step:
@@ -271,7 +273,7 @@ class ContactTracker:
 
 
 def _interpolated(known: list[Observation], t_s: float) -> Benches:
-    """Return the benches at a time, their centres and axes on polynomials through some observations (Lagrange)."""
+    """Return the benches at a time: centres and axes interpolated by polynomials (Lagrange) through observations."""
     last = known[-1].benches
     at = [(one.t_ns - known[-1].t_ns) / NS for one in known]
     t = t_s - known[-1].t_ns / NS

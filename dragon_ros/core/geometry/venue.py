@@ -1,8 +1,9 @@
 """The edges of a venue, and the signed gaps of benches to them.
 
-An edge is a rectangle of zero width, so ``signed_distance`` gives its gap to a bench: their distance when apart, else
-minus the shortest move that separates them. A bench that starts outside an obstacle and never meets one of its edges
-stays outside, and one that starts within the inside and never meets its edges stays within: edges alone decide.
+An edge is a rectangle of zero width, so ``signed_distance`` gives its gap to a bench: their distance or, if they
+overlap, minus the shortest move that separates them. A bench that starts outside an obstacle and never meets one of its
+edges stays outside, and one that starts within the inside and never meets its edges stays within. So edges alone
+determine contact.
 """
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -36,7 +37,7 @@ class Nearest(NamedTuple):
 class Surroundings:
     """Edges (E,) of a venue from ``start`` to ``stop``, and the index of the name to which each belongs (``owner``).
 
-    ``areas_m`` are the indices of the names of polygons, and their rings; ``inside`` is the index of the inside, if
+    ``areas_m`` has the indices of the names of polygons, and their rings; ``inside`` is the index of the inside, if
     there is one.
     """
 
@@ -53,29 +54,29 @@ class Surroundings:
 
     @cached_property
     def middle(self) -> Complexes:
-        """Their middles (E,)."""
+        """The middles of the edges (E,)."""
         return _kept(0.5 * (self.start + self.stop))
 
     @cached_property
     def half_m(self) -> Floats:
-        """Half their lengths (E,)."""
+        """Half the lengths of the edges (E,)."""
         return read_only(0.5 * np.abs(self.stop - self.start))
 
     @cached_property
     def axis(self) -> Complexes:
-        """Their directions (E,)."""
+        """The directions of the edges (E,)."""
         way = self.stop - self.start
         return _kept(way / np.abs(way))
 
     def rectangle(self, benches: Benches, bench: int, edge: int) -> Benches:
-        """Return a bench, and an edge as a rectangle of no width."""
+        """Return a bench, and an edge as a rectangle of zero width."""
         middle, axis = (np.array([[one[edge].real, one[edge].imag]]) for one in (self.middle, self.axis))
         one = slice(bench, bench + 1)
         return Benches(np.concatenate((benches.centre[one], middle)), np.concatenate((benches.axis[one], axis)),
                        np.append(benches.half_length[one], self.half_m[edge]), np.append(benches.half_width[one], 0.0))
 
     def touch(self, benches: Benches, bench: int, edge: int) -> tuple[ObstacleTouch, Witness]:
-        """Return what a bench touches of an edge, and the witness, in which the obstacle has the number OBSTACLE."""
+        """Return the touch of a bench and an edge, and its witness, in which the obstacle has the index OBSTACLE."""
         seen = witness(self.rectangle(benches, bench, edge), 0, 1)
         start, stop = ((float(end[edge].real), float(end[edge].imag)) for end in (self.start, self.stop))
         numbers = [bench, OBSTACLE]
@@ -134,7 +135,7 @@ class Surroundings:
             reach_m *= 2
 
     def closest(self, benches: Benches, reach_m: float) -> tuple[Ints, Ints, Floats]:
-        """Return benches, indices of names, and their least gaps (K,): all pairs within a reach, and some more."""
+        """Return benches, indices of names, and their smallest gaps (K,): all pairs within a reach, and some more."""
         bench, edge = self.near(benches, reach_m)
         pair, index = np.unique(bench * len(self.names) + self.owner[edge], return_inverse=True)
         least: Floats = np.full(pair.size, np.inf)
@@ -142,7 +143,7 @@ class Surroundings:
         return *np.divmod(pair, len(self.names)), least
 
     def together(self, found: Closeness, benches: Benches, touch_m: float) -> Closeness:
-        """Return the closeness of benches among each other with that to obstacles, which are numbered behind them.
+        """Return the closeness of benches to each other and to obstacles, which are numbered after the benches.
 
         Gaps up to ``touch_m`` count as contact.
         """
@@ -150,7 +151,7 @@ class Surroundings:
         bench, number, gap_m = self.closest(benches, touch_m)
         met = gap_m <= touch_m
         i, j = (np.concatenate(pair) for pair in ((found.i, bench[met]), (found.j, count + number[met])))
-        gap = np.concatenate((found.gap_m, gap_m[met] + 0.0))       # zero has no sign
+        gap = np.concatenate((found.gap_m, gap_m[met] + 0.0))       # no negative zero
         order = np.argsort(gap, kind='stable')
         if nearest.gap_m < found.clearance_m:
             found = replace(found, clearance_m=nearest.gap_m + 0.0,
@@ -173,7 +174,7 @@ class Surroundings:
         return out
 
     def touching(self, benches: Benches) -> tuple[Ints, Ints, Floats]:
-        """Return the benches that touch, the index of the name that each touches, and their least gaps (K,).
+        """Return the benches that touch, the index of the name that each touches, and their smallest gaps (K,).
 
         The deepest come first.
         """
@@ -203,7 +204,7 @@ def _kept(values: Complexes) -> Complexes:
     return values
 
 
-_KEPT: dict[int, tuple['ref[Venue]', Surroundings]] = {}      # by the venue's id: its hash takes as long as it is large
+_KEPT: dict[int, tuple['ref[Venue]', Surroundings]] = {}  # by id: hashing a large venue is slow
 
 
 def surroundings_of(venue: Venue) -> Surroundings:
