@@ -1,7 +1,7 @@
-"""Biarcs: two tangent arcs that join two points with given headings; and curves made of them.
+"""Biarcs: two tangent arcs that join two points with given headings; and curves composed of them.
 
-From p with heading t to q with heading s, with both tangent legs d long, the arcs meet halfway between their corners
-p + d t and q - d s, which are 2 d apart (K. M. Bolton, Biarc curves, Computer-Aided Design 7, 1975):
+From p with heading t to q with heading s, with both tangent legs d long, the arcs meet halfway between their corners p
++ d t and q - d s, which are 2 d apart (K. M. Bolton, Biarc curves, Computer-Aided Design 7, 1975):
 
     d = v.v / (v.(t + s) + sqrt((v.(t + s))^2 + |t - s|^2 v.v)),     v = q - p.
 """
@@ -15,8 +15,8 @@ import numpy as np
 from dragon_ros.core.numerics.types import Complexes, Floats
 
 _STRAIGHT_RAD = 1e-9    # an arc that turns by less is treated as a line
-_FLAT_M = 1e7           # a larger radius looks like a line to floats
-_LONGEST_RAD = 2.5      # largest turn of an arc in a fitted curve
+_FLAT_M = 1e7           # with a larger radius, an arc is a line in floats
+_LONGEST_RAD = 2.5      # the largest turn of an arc in a fitted curve
 
 
 class Bow(NamedTuple):
@@ -39,14 +39,14 @@ class Bow(NamedTuple):
 
     @property
     def end(self) -> complex:
-        """The point where it ends."""
+        """The end point."""
         half = 0.5 * self.angle_rad
         chord_m = self.length_m * (sin(half) / half if half else 1.0)
         return self.start + chord_m * self.heading * complex(cos(half), sin(half))
 
     @property
     def leaving(self) -> complex:
-        """The heading where it ends."""
+        """The heading at the end."""
         return self.heading * cmath.rect(1.0, self.angle_rad)
 
     @property
@@ -55,7 +55,7 @@ class Bow(NamedTuple):
         return -1j * copysign(self.radius_m, self.angle_rad) * self.heading
 
     def distances_m(self, points: Complexes) -> Floats:
-        """Return the distances of points (n,) from it."""
+        """Return the distances of points (n,) from the arc."""
         here = points - self.start
         ends = np.minimum(np.abs(here), np.abs(points - self.end))
         if self.radius_m > _FLAT_M:
@@ -66,7 +66,7 @@ class Bow(NamedTuple):
         return np.where(on, np.abs(np.abs(seen) - self.radius_m), ends)
 
     def points(self, sag_m: float) -> Complexes:
-        """Return points along it, both ends included, whose chords deviate from it by at most ``sag_m``."""
+        """Return points along the arc, both ends included, whose chords deviate from it by at most ``sag_m``."""
         if self.radius_m > _FLAT_M:
             return np.array((self.start, self.end))
         count = 2 + int(abs(self.angle_rad) * sqrt(self.radius_m / (8 * sag_m)))
@@ -75,7 +75,7 @@ class Bow(NamedTuple):
 
 
 def _bow(start: complex, heading: complex, end: complex, half_rad: float) -> Bow:
-    """Return the arc over a chord; the chord is half the arc's angle off the heading."""
+    """Return the arc over a chord; the heading differs from the chord by half the arc's angle."""
     return Bow(start, heading, abs(end - start) * (half_rad / sin(half_rad) if half_rad else 1.0), 2 * half_rad)
 
 
@@ -105,7 +105,7 @@ class Fitted:
 def fitted(points: Complexes, headings: Complexes, tolerance_m: float, least_m: float) -> Fitted:
     """Return arcs from point to point of a curve (n,), as few as possible, within a tolerance of all its points.
 
-    From each node it takes the longest biarc that stays within ``tolerance_m`` and has radii of at least ``least_m``.
+    Each node is followed by the longest biarc that stays within ``tolerance_m`` and has radii of at least ``least_m``.
     """
     spans, biarcs, first = list[tuple[int, int]](), list[tuple[Bow, Bow] | None](), 0
     while first < len(points) - 1:

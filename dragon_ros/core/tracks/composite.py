@@ -1,11 +1,12 @@
-"""Tracks: segments joined end to end, and the places on them.
+"""Tracks: segments joined end to end, and positions on them.
 
-A track is a sequence of segments in the head's direction; a single spiral is a track of one segment. A place is a
-segment's number and a coordinate on it, held as a double-double. The next handle is the first place behind, or ahead,
-at the distance of the chord. On a composite track the largest curvature times the longest link is below 2; otherwise
-the track is rejected. Then the chord grows along the track until it reaches the link's length, there is exactly one
-such place within ``reach_m``, it moves on as the handle before it moves on, and no link ever locks. A single spiral
-leads to its centre, where links may lock and followers may turn back: ``may_lock`` is then true.
+A track is a sequence of segments in the head's direction; a single spiral is a track of one segment. A position
+(``Place``) is a segment's index and a coordinate on it, stored as a double-double. The next handle is the first
+position behind, or ahead, at the distance of the chord. On a composite track the largest curvature times the longest
+link is below 2; otherwise the track is rejected. Then the chord grows along the track until it reaches the link's
+length, there is exactly one such position within ``reach_m``, it moves on when the handle before it moves on, and no
+link ever locks. A single spiral leads to its centre, where links may lock and followers may turn back: ``may_lock`` is
+then true.
 """
 import cmath
 from bisect import bisect_right
@@ -31,22 +32,22 @@ _FURTHEST = 1e9     # metres before a track, and radians on a circle, up to whic
 _ULPS = 2.0**-49     # relative to a coordinate and the distance there: rounding errors, and sums of some
 _HAIR = 1e-9        # relative to a distance: how far rounding may put the leader beyond the track's end
 _SLACK = 0.02       # relative to a link: how far an error of the coarsest tier may put a follower beyond the end
-WIDEST_RAD = 1.3    # about the largest span of a link on a spiral from afar: further in it may come near its lock
-_ROUNDING = 1e-14   # relative to a coordinate: a link of no length at the end stays where rounding put its front
-_NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from the place that the next piece states
+WIDEST_RAD = 1.3    # about the largest span of a link on an inward spiral: further in it may approach its lock
+_ROUNDING = 1e-14   # relative to a coordinate: a link of zero length at the end stays where rounding put its front
+_NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from the start that the next piece states
 
-Places = tuple[Ints, Floats, Floats]        # numbers of the segments, and the coordinates on them as (hi, lo)
+Places = tuple[Ints, Floats, Floats]        # indices of the segments, and the coordinates on them as (hi, lo)
 
 
 class Place(NamedTuple):
-    """A place on a track: the segment's number and its coordinate."""
+    """A position on a track: the segment's index and its coordinate."""
 
     segment: int
     u: DoubleDouble
 
     @classmethod
     def of(cls, segment: Any, u: Any, lo: Any) -> 'Place':
-        """Return the place at an index of the arrays."""
+        """Return the position at an index of the arrays."""
         return cls(int(segment), DoubleDouble(float(u), float(lo)))
 
 
@@ -59,8 +60,8 @@ def least_radius_m(links_m: Floats) -> float:
 class Track:
     """Segments in the head's direction; ``origins_m`` are the distances along the track at their anchors.
 
-    After long travel a float is coarser than the promise: ``origins_lo_m`` are the low parts, if the segments are laid
-    piece by piece.
+    After long travel a float is coarser than the promise, so ``origins_lo_m`` has the low parts if the segments are
+    laid piece by piece.
     """
 
     segments: tuple[Segment, ...]
@@ -104,7 +105,7 @@ class Track:
 
     @property
     def lap_m(self) -> float:
-        """Length of the circle from which the track comes, without end; infinite if there is none."""
+        """Length of the circle with which an open track begins; infinite if there is none."""
         first = self.segments[0]
         return 2 * pi * first.radius_m if isinstance(first, ArcSegment) and first.first == -inf else inf
 
@@ -119,13 +120,13 @@ class Track:
         return float(self.origins_m[k] + self.segments[k].metres(u))
 
     def distance_of(self, place: Place) -> tuple[float, float]:
-        """Return the distance of a place along the track, as (hi, lo)."""
+        """Return the distance of a position along the track, as (hi, lo)."""
         k, (u, lo) = place
         segment = self.segments[k]
         return plus(segment.metres(u), segment.metres_lo(u, lo) + self._origins_lo_m[k], self.origins_m[k])
 
     def about_m(self, place: Place) -> float:
-        """Return the approximate distance of a place along the track."""
+        """Return the approximate distance of a position along the track."""
         return self._distance(place.segment, place.u.hi)
 
     def check_links(self, links_m: Floats) -> None:
@@ -138,7 +139,7 @@ class Track:
                              'use a larger radius or shorter benches')
 
     def place_at(self, metres: float, lo: float = 0.0, from_m: float = 0.0) -> Place:
-        """Return the place at a distance along the track. Raises TrackEndError off the track.
+        """Return the position at a distance along the track. Raises TrackEndError off the track.
 
         The allowance for rounding beyond an end is proportional to the distances involved: the end's, and ``from_m``.
         """
@@ -164,7 +165,7 @@ class Track:
         return number, u, u_lo
 
     def present(self, number: Ints) -> list[int]:
-        """Return the segments that occur among many places."""
+        """Return the segments that occur among many positions."""
         if len(self.segments) == 1:
             return [0]
         occurring: list[int] = np.flatnonzero(np.bincount(number.reshape(-1))).tolist()
@@ -172,7 +173,7 @@ class Track:
 
     @cached_property
     def joints_m(self) -> list[float]:
-        """Distances along the track at the beginnings of all segments but the first."""
+        """Distances along the track at the starts of all segments but the first."""
         return [self._distance(k, self.segments[k].first) for k in range(1, len(self.segments))]
 
     def between(self, low_m: float, high_m: float) -> list[tuple[Segment, float, float]]:
@@ -189,15 +190,15 @@ class Track:
     def laid_from_m(self, metres: float) -> float:
         """Return a bound on the distance from the origin of the pieces up to a distance along the track.
 
-        A rounding error of one piece's end moves all pieces after it.
+        A rounding error at one piece's end moves all pieces after it.
         """
         before = self.segments[:self.place_at(metres).segment] if self.origins_lo_m else ()
         return max((segment.far_m(segment.after(0.0).hi, segment.last) for segment in before), default=0.0)
 
     def next(self, place: Place, chord_m: float, direction: int) -> tuple[Place, int]:
-        """Return the place of the next handle, behind (``direction`` BEHIND) or ahead, and evaluations.
+        """Return the position of the next handle, behind (``direction`` BEHIND) or ahead, and evaluations.
 
-        At a lock itself, where rounding may leave no root, it is the place of the longest chord.
+        At a lock itself, where rounding may leave no root, it is the position of the longest chord.
         """
         segment, u = self.segments[place.segment], place.u
         edge = self.edge(place.segment, chord_m, direction)
@@ -211,7 +212,7 @@ class Track:
         return found, spent + more
 
     def edge(self, k: int, chord_m: float, direction: int) -> float:
-        """Return where segment k ends behind or ahead; a little further at the ends of the track."""
+        """Return where segment k ends behind or ahead; slightly further at the ends of the track."""
         segment = self.segments[k]
         edge = segment.first if direction == BEHIND else segment.last
         if 0 <= k + direction < len(self.segments) or abs(edge) == inf:
@@ -220,7 +221,7 @@ class Track:
         return float(edge + direction * (_SLACK * chord_m + _ROUNDING * (1 + abs(rate * edge))) / rate)
 
     def across(self, place: Place, chord_m: float, direction: int) -> tuple[Place, int]:
-        """Return the next place beyond one or more joints, and evaluations. Raises TrackEndError if there is none."""
+        """Return the next position beyond one or more joints, and evaluations. Raises TrackEndError if none exists."""
         k, segment = place.segment, self.segments[place.segment]
         here = complex(segment.at(*place.u))
         gone = float(segment.metres_between(place.u.hi, segment.first if direction == BEHIND else segment.last)
@@ -238,9 +239,10 @@ class Track:
 
     def _cut(self, k: int, here: complex, chord_m: float, direction: int,
              arcs_m: tuple[float, float]) -> tuple[Place, int]:
-        """Return where segment k is at a chord's length from a point; arcs from there to it, to its near end at most.
+        """Return the position on segment k at a chord's length from a point, and evaluations.
 
-        Solved for the distance ``most`` beyond the near end, so that a step next to the joint is not relative to 0.
+        ``arcs_m`` are the arcs from the point to the segment's near end, and to the position at most. The root is
+        solved for at the distance ``most`` beyond the near end, so a step next to the joint is not relative to 0.
         """
         gone, reach = arcs_m
         segment = self.segments[k]
@@ -262,13 +264,13 @@ class Track:
 
     @cached_property
     def _joint_hair_m(self) -> float:
-        """How far from a joint rounding may put a place that should be on it."""
+        """How far from a joint rounding may put a position that should be on it."""
         ends = [(segment, u) for segment in self.segments for u in (segment.first, segment.last) if abs(u) < inf]
         return _ULPS * max((abs(float(m)) for segment, u in ends for m in (u * segment.rate(u), segment.metres(u))),
                            default=0.0)
 
     def across_many(self, k: int, u: tuple[Floats, Floats], chord_m: float, direction: int) -> tuple[Places, int]:
-        """Return ``across`` of many places (hi, lo) on segment k."""
+        """Return ``across`` for many positions (hi, lo) on segment k."""
         start, segment, spent = k, self.segments[k], 0
         here = np.asarray(segment.at(*u), dtype=np.complex128)
         gone = np.asarray(segment.metres_between(u[0], segment.first if direction == BEHIND else segment.last)
@@ -303,11 +305,11 @@ class Track:
                 np.array([[np.max(part) for part in row] for row in rows]))
 
     def distances(self, segment: Ints, u: Floats) -> Floats:
-        """Return the distances of many places along the track; ``segment`` as for ``poses``."""
+        """Return the distances of many positions along the track; ``segment`` as for ``poses``."""
         return self._each(segment, u, lambda k, u: self.origins_m[k] + self.segments[k].metres(u))
 
     def curvatures(self, segment: Ints, u: Floats) -> Floats:
-        """Return the signed curvatures at many places in 1/m."""
+        """Return the signed curvatures at many positions in 1/m."""
         return self._each(segment, u, lambda k, u: self.segments[k].curvature(u))
 
     def _each(self, segment: Ints, u: Floats, value: Callable[[int, Floats], Any]) -> Floats:
@@ -330,7 +332,7 @@ class Track:
     def poses(self, segment: Ints, u: Floats, lo: Floats) -> tuple[Floats, Floats]:
         """Return ``points`` and ``headings`` for little more than the cost of one.
 
-        ``segment`` may lack the last axes of ``u`` (..., K): it then applies to all K places.
+        ``segment`` may lack the last axes of ``u`` (..., K): it then applies to all K positions.
         """
         points, headings = (np.empty(u.shape, dtype=np.complex128) for _ in range(2))
         for k, here in self._parts(segment):
@@ -344,7 +346,7 @@ class Track:
         return _vectors_of(out)
 
     def _parts(self, segment: Ints) -> Iterator[tuple[int, Any]]:
-        """Yield the segments that hold some of many places, and the indices of these."""
+        """Yield the segments on which some of many positions are, and the indices of these."""
         for k in self.present(segment):
             yield k, ... if len(self.segments) == 1 else segment == k
 
@@ -357,7 +359,8 @@ def _vectors_of(points: Array) -> Floats:
 def _guessed(segment: Segment, near: float, here: Array, chord_m: float, direction: int) -> Floats:
     """Return how far from its near end, in metres, a segment is at a chord's length from many points.
 
-    Exact for the osculating circle there, which is the segment itself if it is a line or an arc, or else its tangent.
+    This is exact for the osculating circle there, which is the segment itself if it is a line or an arc; where that
+    circle is not reached, the tangent is used.
     """
     link = (complex(segment.at(near)) - here) / (direction * complex(segment.heading(near)))
     aside = np.abs(link.imag)
@@ -408,13 +411,14 @@ def track_of(spec: TrackSpec, direction: int = BEHIND) -> Track:
     """Return the track of a spec in the plane. Raises FieldError if pieces do not join, naming the joint.
 
     A single spiral leads to its centre; if the tail leads (``direction`` AHEAD), it ends where the head starts.
-    Distances count from there, from the entry of an S-turn, and from the beginning of a composite track's first piece.
+    Distances are measured from the start of the head, from the entry of an S-turn, or from the start of a composite
+    track's first piece.
     """
     if isinstance(spec, Spiral):
         if direction == BEHIND:
             return spiral_track(spec, 0.0, may_lock=True)
         start, lo = spec.start
-        return spiral_track(spec, start if lo >= 0 else nextafter(start, 0.0))      # with the start itself on it
+        return spiral_track(spec, start if lo >= 0 else nextafter(start, 0.0))      # includes the start itself
     if isinstance(spec, STurn):
         return Track(*s_turn_segments(spec))
     track = _composite(spec)
@@ -449,8 +453,8 @@ def _composite(spec: Composite) -> Track:
 def _segment(piece: Piece, start: complex, heading: complex, open_ended: bool) -> Segment:
     """Return the segment of a piece from a point.
 
-    An open-ended piece extends backwards without end: a line, a circle round and round, or a spiral that winds in (one
-    that winds out cannot).
+    An open-ended piece extends backwards without end: as a line, a circle traversed repeatedly, or a spiral that winds
+    in (one that winds out cannot).
     """
     if isinstance(piece, Line):
         return LineSegment(start, heading, -inf if open_ended else 0.0, piece.length_m)

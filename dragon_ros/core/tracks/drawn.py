@@ -1,9 +1,9 @@
 """Converts a drawn line into a track: corners are rounded, curves are fitted with arcs, and every bend can be walked.
 
-A drawn line is a sequence of stretches, straight or smooth, that meet in points; if they meet at an angle, the point is
-a corner. Corners, and bends too tight for the links, are replaced by the shortest biarc from before to behind them that
-has the requested radius. The rest is straight, or a curve to which biarcs are fitted. All pieces are tangent to each
-other, since each begins at the end point and heading of the one before.
+A drawn line is a sequence of parts, straight or smooth, that meet at points; if they meet at an angle, the point is a
+corner. Corners, and bends too tight for the links, are replaced by the shortest biarc around them that has the
+requested radius. The rest is straight, or a curve to which biarcs are fitted. All pieces are tangent to each other,
+because each begins at the end point and heading of the one before.
 """
 import cmath
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ from dragon_ros.core.tracks.spec import MOST_PIECES, Arc, Line, Piece
 LEAD_IN_M = 1.0         # the line before a track that would otherwise begin with a bend
 _MOST_SAMPLES = 20_000  # per curve
 _FINE = 0.002           # relative to the tolerance: deviation of samples of a piece when its distance is measured
-_THINNED = 0.05         # relative to the tolerance: limit when points are thinned out
+_THINNED = 0.05         # relative to the tolerance: limit for the thinning of points
 _EASED = (0.0, 0.25, 0.5, 0.75)     # relative to the tolerance: limits of smoothing, tried in order
 _TAUBIN, _PASSES, _TINY_M = (0.5, -0.53), 300, 1e-300
 _KINK_RAD = 0.05        # up to this angle a curve is bent to meet its neighbour; above it is a corner
@@ -40,7 +40,7 @@ _GROWTH, _CLOSE = 1.2, 1e-6     # of a blend, until its radius suffices, and the
 class SmoothPart:
     """A smooth part of a drawn line: points (n,) in m as complex numbers, and unit headings (n,).
 
-    ``drawn`` (m,) are the drawn points, from which these were taken, and ``drawn_at_m`` (m,) their distances along it.
+    ``drawn`` (m,) are the drawn points from which these were taken, and ``drawn_at_m`` (m,) their distances along it.
     """
 
     points: Complexes
@@ -66,13 +66,13 @@ def gone_m(points: Complexes) -> Floats:
 
 
 def _stretch(points: Complexes, headings: Complexes) -> SmoothPart:
-    """Return a stretch that keeps all drawn points."""
+    """Return a smooth part that keeps all drawn points."""
     return SmoothPart(points, headings, points, gone_m(points))
 
 
 @dataclass(frozen=True)
 class Change:
-    """Where a track leaves the drawing on purpose: the place, the radius there, and the largest deviation."""
+    """A deliberate deviation of a track from the drawing: position, radius there, and the largest deviation."""
 
     place_m: tuple[float, float]
     radius_m: float
@@ -82,9 +82,9 @@ class Change:
 
 @dataclass(frozen=True)
 class Route:
-    """The pieces of a track, the first with its place; the changes; the deviation of curves from the drawing.
+    """The pieces of a track, the first with its position; the changes; the deviation of curves from the drawing.
 
-    The first ``lead_in_m`` metres are a line before the drawing begins.
+    The first ``lead_in_m`` metres are a line before the start of the drawing.
     """
 
     pieces: tuple[Piece, ...]
@@ -94,7 +94,7 @@ class Route:
 
     @property
     def off_m(self) -> float:
-        """The largest deviation from the drawing at bends, other than corners, that were too tight; 0 without any."""
+        """The largest deviation from the drawing at bends, other than corners, that were too tight; 0 if none were."""
         return max((change.off_m for change in self.changes if not change.is_corner), default=0.0)
 
 
@@ -137,7 +137,7 @@ def _samples(count: float) -> int:
 
 
 def _sampled(points: Complexes, rates: Complexes) -> SmoothPart:
-    """Return a stretch of points and derivatives; if a derivative vanishes, the heading is that of the chords."""
+    """Return a smooth part from points and derivatives; if a derivative vanishes, the heading is that of the chords."""
     chords = np.diff(points)
     small = np.abs(rates) <= 1e-9 * float(np.max(np.abs(rates), initial=0.0))
     if np.any(small):
@@ -150,9 +150,9 @@ def _sampled(points: Complexes, rates: Complexes) -> SmoothPart:
 def along(parts: Sequence[DrawnPart], radius_m: float, least_m: float, tolerance_m: float) -> Route:
     """Return a track of lines and arcs along parts of a drawn line, each of which begins at the end of the one before.
 
-    Corners are rounded at ``radius_m``; if legs are too short for that, at the largest radius that fits, down to
+    Corners are rounded at ``radius_m`` or, if legs are too short for that, at the largest radius that fits, down to
     ``least_m``, the tightest that the links can follow. Curves are fitted within ``tolerance_m``. If points are noisy,
-    a part of it is used up to smooth them. Raises InputError with the place if neither is possible.
+    a part of the tolerance is used to smooth them. Raises InputError with the position if neither is possible.
     """
     best, refused = None, None
     for part in _EASED if any(isinstance(one, np.ndarray) and len(one) > 2 for one in parts) else _EASED[:1]:
@@ -178,10 +178,10 @@ def _stretches(part: DrawnPart, eased_m: float, tolerance_m: float) -> list[Smoo
 
 
 def through(drawn: Complexes, eased: Complexes, tolerance_m: float) -> list[SmoothPart]:
-    """Return the stretches of a line through points (n,): legs, and curves if arcs through points stay near the legs.
+    """Return the smooth parts of a line through points (n,): legs, or curves if arcs through points stay near the legs.
 
-    A leg of length h between headings that differ by phi deviates by h phi / 8 from an arc. Points near the line
-    through the others are removed first; ``eased`` are the smoothed points, ``drawn`` the original ones.
+    An arc over a leg of length h between headings that differ by phi deviates from the leg by h phi / 8. Points near
+    the line through the others are removed first; ``eased`` are the smoothed points, ``drawn`` the original ones.
     """
     numbers = _kept(eased, _THINNED * tolerance_m)
     if len(numbers) < 2:
@@ -194,7 +194,7 @@ def through(drawn: Complexes, eased: Complexes, tolerance_m: float) -> list[Smoo
 
 
 def _kept(points: Complexes, away_m: float) -> Ints:
-    """Return the indices of the points (n,) that Douglas and Peucker keep: the others are near the line of these."""
+    """Return the indices of the points (n,) kept by the Douglas-Peucker algorithm: the others are near their line."""
     if len(points) < 2:
         return np.arange(len(points))
     rows = np.stack((points.real, points.imag, np.arange(len(points))), axis=1)
@@ -219,7 +219,7 @@ def _eased(points: Complexes, within_m: float) -> Complexes:
 
 
 def _curve(drawn: Complexes, eased: Complexes, numbers: Ints) -> SmoothPart:
-    """Return a stretch through some points; each heading is that of the circle through the point and its neighbours."""
+    """Return a smooth part through points; headings are those of the circles through each point and its neighbours."""
     points = eased[numbers]
     legs = np.diff(points)
     long, ways = np.abs(legs), legs / np.abs(legs)
@@ -232,17 +232,17 @@ def _curve(drawn: Complexes, eased: Complexes, numbers: Ints) -> SmoothPart:
     inner = ways[:-1] * long[1:] + ways[1:] * long[:-1]
     inner = np.where(np.abs(inner) > _SAME * (long[1:] + long[:-1]), inner, 1j * ways[:-1])
     inner /= np.abs(inner)
-    first, last = ways[0] ** 2 / inner[0], ways[-1] ** 2 / inner[-1]     # as far from the leg on its other side
+    first, last = ways[0] ** 2 / inner[0], ways[-1] ** 2 / inner[-1]    # at the same angle on the other side of the leg
     return SmoothPart(points, np.concatenate(([first], inner, [last])), drawn[between], at_m)
 
 
 class _SmoothLine:
-    """Stretches end to end; distances in m are measured along them."""
+    """Smooth parts end to end; distances in m are measured along them."""
 
     def __init__(self, stretches: Sequence[SmoothPart]) -> None:
         self.stretches = [one for one in stretches if len(one.points) > 1]
         self.begins_m = np.concatenate(([0.0], np.cumsum([one.gone_m[-1] for one in self.stretches])))
-        self.reaches_m: dict[tuple[tuple[float, float], float], float | None] = {}      # by place and radius
+        self.reaches_m: dict[tuple[tuple[float, float], float], float | None] = {}      # by position and radius
         self._absorb_kinks()
 
     @property
@@ -250,7 +250,7 @@ class _SmoothLine:
         return float(self.begins_m[-1])
 
     def _absorb_kinks(self) -> None:
-        """Bend the ends of curves slightly so that they become tangent to their neighbours."""
+        """Bend the ends of curves slightly to make them tangent to their neighbours."""
         for k in range(len(self.stretches) - 1):
             before, after = self.stretches[k:k + 2]
             left, right = before.headings[-1], after.headings[0]
@@ -261,12 +261,12 @@ class _SmoothLine:
             self.stretches[k + 1] = replace(after, headings=np.append(common, after.headings[1:]))
 
     def corners(self) -> list[tuple[float, float]]:
-        """Return the places (first, last) of corners."""
+        """Return the positions (first, last) of corners."""
         return [(float(at), float(at)) for at, (before, after) in zip(
             self.begins_m[1:], pairwise(self.stretches), strict=False) if before.headings[-1] != after.headings[0]]
 
     def pose(self, at_m: float, after: bool) -> tuple[complex, complex]:
-        """Return the point and heading at a distance; where two stretches meet, those of the one after or before."""
+        """Return the point and heading at a distance; where two parts meet, those of the one after or before."""
         k = int(np.searchsorted(self.begins_m, at_m, side='right' if after else 'left')) - 1
         k = min(max(k, 0), len(self.stretches) - 1)
         one, here = self.stretches[k], at_m - self.begins_m[k]
@@ -279,7 +279,7 @@ class _SmoothLine:
         return complex(one.points[n] + part * (one.points[n + 1] - one.points[n])), complex(heading / abs(heading))
 
     def between(self, low_m: float, high_m: float) -> list[tuple[float, SmoothPart]]:
-        """Return the stretches between two distances, cut there, and where each begins."""
+        """Return the smooth parts between two distances, cut there, and where each begins."""
         out, hair = [], _SAME * self.length_m
         for begin, one in zip(self.begins_m.tolist(), self.stretches, strict=False):
             first, last = max(low_m, begin), min(high_m, begin + float(one.gone_m[-1]))
@@ -381,9 +381,9 @@ def _between(low: float | None, high: float | None, shares: list[float | None]) 
 
 
 def _reach_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) -> float | None:
-    """Return how far before and behind a place the biarc of a radius begins and ends; None if it does not fit.
+    """Return how far before and behind a corner the biarc of a radius begins and ends; None if it does not fit.
 
-    Between two lines it is one arc, and reaches R tan(phi / 2).
+    Between two lines it is one arc with a reach of R tan(phi / 2).
     """
     if (place, radius_m) not in drawn.reaches_m:
         drawn.reaches_m[place, radius_m] = _shortest_m(drawn, place, radius_m)
@@ -404,7 +404,7 @@ def _shortest_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float)
 
 
 def _tangent_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) -> float:
-    """Return the reach of a corner between two lines, or a small one to begin with."""
+    """Return the reach of a corner between two lines, or a small initial value."""
     low, high = place
     turn = abs(cmath.phase(drawn.pose(high, True)[1] / drawn.pose(low, False)[1]))
     if low == high and turn < 0.99 * pi:
@@ -413,7 +413,7 @@ def _tangent_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) 
 
 
 def _bent(drawn: _SmoothLine, place: tuple[float, float], reach_m: float, radius_m: float) -> tuple[Bow, Bow] | None:
-    """Return the biarc from before to behind a place if its radii suffice and no arc turns by half a turn."""
+    """Return the biarc from before to behind a corner if its radii suffice and no arc turns by half a turn."""
     low, high = _ends(drawn, place, reach_m)
     found = biarc(*drawn.pose(low, False), *drawn.pose(high, True))
     if found is None or any(bow.radius_m < radius_m * (1 - _SAME) or abs(bow.angle_rad) > pi for bow in found):
@@ -429,12 +429,12 @@ def _blend(drawn: _SmoothLine, place: tuple[float, float], reach_m: float) -> _B
 
 
 def _ends(drawn: _SmoothLine, place: tuple[float, float], reach_m: float) -> tuple[float, float]:
-    """Return the distances so far before and behind a place, clipped to the ends of the drawing."""
+    """Return the distances at ``reach_m`` before and behind a corner, clipped to the ends of the drawing."""
     return max(0.0, place[0] - reach_m), min(drawn.length_m, place[1] + reach_m)
 
 
 def _unwalkable(drawn: _SmoothLine, low_m: float, high_m: float, least_m: float) -> InputError:
-    """Return the error for a place at which no arc fits."""
+    """Return the error for a position at which no arc fits."""
     at, _ = drawn.pose(0.5 * (low_m + high_m), True)
     return InputError(
         f'the drawing cannot be walked at ({at.real:.3f}, {at.imag:.3f}) m, {0.5 * (low_m + high_m):.2f} m along it: '
@@ -473,7 +473,7 @@ def _fit(drawn: _SmoothLine, blends: list[_Blend], tolerance_m: float,
 
 
 def _laid(drawn: _SmoothLine, blends: list[_Blend], parts: list[_FittedArcs], tolerance_m: float) -> Route:
-    """Return the route of blends and parts in order, each piece laid at the end of the one before."""
+    """Return the route of blends and parts in order, with each piece laid at the end of the one before."""
     order = sorted([*((part.low_m, part.bows) for part in parts), *((blend.low_m, blend.bows) for blend in blends)],
                    key=lambda some: some[0])
     bows = _merged([bow for _, some in order for bow in some])
@@ -490,10 +490,10 @@ def _laid(drawn: _SmoothLine, blends: list[_Blend], parts: list[_FittedArcs], to
 
 
 def _apart_m(drawn: _SmoothLine, part: _FittedArcs, sag_m: float) -> float:
-    """Return the Hausdorff distance of arcs from the drawn line there."""
+    """Return the Hausdorff distance between arcs and the drawn line there."""
     lines = drawn.drawn_between(part.low_m, part.high_m), np.concatenate([bow.points(sag_m) for bow in part.bows])
     ends = (LineString(np.stack((some.real, some.imag), axis=1)) for some in lines)
-    with np.errstate(invalid='ignore'):     # GEOS 3.11 sets the flag without need
+    with np.errstate(invalid='ignore'):     # GEOS 3.11 sets the flag needlessly
         return float(hausdorff_distance(*ends))
 
 
@@ -518,7 +518,7 @@ def _change(drawn: _SmoothLine, blend: _Blend) -> Change:
 
 
 def _merged(bows: list[Bow]) -> list[Bow]:
-    """Return arcs with neighbours of one radius, and consecutive lines, merged; none has zero length."""
+    """Return arcs with neighbours of equal radius, and consecutive lines, merged; none has zero length."""
     out = list[Bow]()
     for bow in bows:
         if out and _are_one(out[-1], bow):
@@ -536,7 +536,7 @@ def _are_one(first: Bow, second: Bow) -> bool:
 
 
 def _pieces(bows: list[Bow]) -> tuple[Piece, ...]:
-    """Return arcs as the pieces of a spec; the first states its place."""
+    """Return arcs as the pieces of a spec; the first states its position."""
     x, y, heading = bows[0].start.real, bows[0].start.imag, degrees(cmath.phase(bows[0].heading))
     first, *others = (Line(_plain(bow.length_m)) if bow.is_straight else
                       Arc(_plain(bow.radius_m), _plain(degrees(bow.angle_rad))) for bow in bows)
@@ -544,5 +544,5 @@ def _pieces(bows: list[Bow]) -> tuple[Piece, ...]:
 
 
 def _plain(value: float) -> float:
-    """Return a number without the rounding noise at its end: that moves a kilometre of track by a nanometre."""
+    """Return a number without rounding noise in its last digits, which moves a kilometre of track by a nanometre."""
     return round(value, _DECIMALS)

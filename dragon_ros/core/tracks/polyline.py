@@ -1,4 +1,4 @@
-"""A track as a polyline to draw: points along its segments, as dense as their bends require."""
+"""A track as a polyline for drawing: points along its segments, as dense as their curvature requires."""
 from math import sqrt
 
 import numpy as np
@@ -6,7 +6,7 @@ import numpy as np
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.composite import Track
 
-SAG_M = 0.002               # a screen shows no finer detail of a dragon of tens of metres
+SAG_M = 0.002               # finer details of a dragon of tens of metres are not visible on a screen
 _MOST_POINTS = 100_000      # per segment
 _MOST_IN_ALL = 1_000_000
 
@@ -15,8 +15,8 @@ def polyline(track: Track, low_m: float, high_m: float, sag_m: float = SAG_M) ->
     """Return points (n, 2) in metres along a track between two distances, in the head's direction.
 
     The polyline deviates from the track by at most ``sag_m`` (s = R phi^2 / 8), unless that needs more than 100,000
-    points in a segment, or more than its share of 1,000,000 in total. The points of each segment are as dense as its
-    tightest bend there requires.
+    points in a segment, or more than its share of 1,000,000 in total. The largest curvature on each segment determines
+    the density of its points.
     """
     parts, segments = [], list(track.between(low_m, high_m))
     most = min(_MOST_POINTS, max(2, _MOST_IN_ALL // len(segments)))

@@ -1,4 +1,4 @@
-"""The S-turn (``spec.STurn``): two tangent arcs from a spiral in to the same spiral, half a turn round, out."""
+"""The S-turn (``spec.STurn``): two tangent arcs from a spiral in to the same spiral, rotated by half a turn, out."""
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import asin, inf, pi, sin, sqrt
@@ -11,7 +11,7 @@ from dragon_ros.core.tracks.spiral import SpiralCurve, SpiralSegment
 
 def s_turn_segments(turn: STurn) -> tuple[tuple[Segment, ...], tuple[float, ...]]:
     """Return the segments, open at both ends, and the distances of their anchors from the entry."""
-    # One float for the entry's angle would put both spirals off by half an ulp of the angle, times the radius.
+    # With a single float for the entry's angle, both spirals would be off by half an ulp of the angle times the radius.
     curve = SpiralCurve(turn.pitch_m, from_turns(Fraction(turn.diameter_m) / 2 / Fraction(turn.pitch_m)))
     theta = curve.start.hi
     way_in = SpiralSegment(curve, 0j, 1 + 0j, 1, BEHIND, inf, theta)
@@ -41,10 +41,10 @@ class Bent:
 class TurnAnswer:
     """The length of an S-turn and whether it can be shortened, for arcs no tighter than ``least_radius_m``.
 
-    No ratio of the radii shortens it, since the length does not depend on the ratio. ``smallest_diameter_m`` is the
-    diameter of the smallest circle with two equal arcs of that radius, 0 if any circle will do, and ``length_there_m``
-    the turn's length in it. ``with_line`` replaces the arcs in the same circle by tighter ones and a line; it is None
-    if that is no shorter.
+    No ratio of the radii shortens it, because the length does not depend on the ratio. ``smallest_diameter_m`` is the
+    diameter of the smallest circle with two equal arcs of that radius (0 if there is no lower limit), and
+    ``length_there_m`` is the turn's length in it. ``with_line`` replaces the arcs in the same circle by tighter ones
+    and a line; it is None if that is no shorter.
     """
 
     length_m: float
@@ -69,9 +69,9 @@ def shortest_bent(turn: STurn, least_radius_m: float) -> Bent | None:
     """Return the shortest path between the turn's entry and exit that turns right, then left, no tighter than a radius.
 
     The shortest of all curves of bounded curvature consists of arcs of that radius and lines (Dubins 1957); this is the
-    one that turns once each way. It is None if the radius exceeds that of two equal arcs. The first arc's centre is at
-    distance m from the circle's, m^2 = R^2 + r^2 - 2 R r sin gamma; the line is tangent to both arcs and passes through
-    it.
+    one that turns once in each direction. It is None if the radius exceeds that of two equal arcs. The first arc's
+    centre is at distance m from the circle's, m^2 = R^2 + r^2 - 2 R r sin gamma; the line is tangent to both arcs and
+    passes through the circle's centre.
     """
     big, r, gamma = turn.radius_m, least_radius_m, turn.gamma_rad
     if 2 * r > sum(turn.radii_m):

@@ -1,7 +1,7 @@
 """Segments of a track placed in the plane, each with one coordinate u along it: their interface, lines and arcs.
 
 Points and directions are complex numbers, floats or arrays of them; ``heading`` is the head's direction along the
-segment. u is metres on a line, radians turned on an arc and the polar angle on a spiral (``spiral``), kept as a
+segment. u is metres on a line, radians turned on an arc and the polar angle on a spiral (``spiral``), stored as a
 double-double (hi, lo).
 """
 import cmath
@@ -19,7 +19,7 @@ LARGEST_BEND = 1.98     # limit of curvature times chord: at 2 a link may lock; 
 
 
 class Past(NamedTuple):
-    """The predictor's state for many places: differences of squared angles (M,) of the last three equal links."""
+    """The predictor's state for many positions: differences of squared angles (M,) of the last three equal links."""
 
     d1: Floats
     d2: Floats
@@ -49,7 +49,7 @@ class Segment(Protocol):
         ...
 
     def poses(self, u: Floats, lo: Floats) -> tuple[Array, Array]:
-        """Return points and unit tangents of many places."""
+        """Return points and unit tangents at many positions."""
         ...
 
     def heading(self, u: Any, lo: Any = 0.0) -> Any:
@@ -57,7 +57,7 @@ class Segment(Protocol):
         ...
 
     def rate(self, u: Any) -> Any:
-        """Return metres in the head's direction per unit of u (negative where u falls)."""
+        """Return metres in the head's direction per unit of u (negative if u falls)."""
         ...
 
     def metres(self, u: Any) -> Any:
@@ -65,7 +65,7 @@ class Segment(Protocol):
         ...
 
     def metres_lo(self, u: Any, lo: Any) -> Any:
-        """Return by how much the distance from the anchor to u + lo exceeds ``metres(u)``, as one float."""
+        """Return the difference between the distance from the anchor to u + lo and ``metres(u)``, as one float."""
         ...
 
     def metres_between(self, a: Any, b: float) -> Any:
@@ -73,7 +73,7 @@ class Segment(Protocol):
         ...
 
     def curvature(self, u: Any) -> Any:
-        """Return the curvature in 1/m, positive if the head turns left there; monotone along the segment."""
+        """Return the curvature in 1/m, positive if the head turns left; monotone along the segment."""
         ...
 
     def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
@@ -81,7 +81,7 @@ class Segment(Protocol):
         ...
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``after`` for many, as (hi, lo)."""
+        """Return ``after`` for many distances, as (hi, lo)."""
         ...
 
     def far_m(self, a: float, b: float) -> float:
@@ -89,7 +89,7 @@ class Segment(Protocol):
         ...
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the nearest place at a chord, beyond the segment's ends too, and evaluations; infinite if none."""
+        """Return the nearest position at a chord, even beyond the segment's ends, and evaluations; infinite if none."""
         ...
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
@@ -97,7 +97,7 @@ class Segment(Protocol):
         ...
 
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
-        """Return the changes of many coordinates to the next places, infinite if there is none, and evaluations.
+        """Return the changes of many coordinates to the next positions, infinite if there is none, and evaluations.
 
         ``past`` helps to predict them. Raises ChainLockError if a link locks.
         """
@@ -135,7 +135,7 @@ class LineSegment:
         return self.direction + 0 * u
 
     def poses(self, u: Floats, lo: Floats) -> tuple[Array, Array]:
-        """Return points and unit tangents of many places."""
+        """Return points and unit tangents at many positions."""
         return self.at(u, lo), self.heading(u)
 
     def rate(self, u: Any) -> Any:
@@ -163,7 +163,7 @@ class LineSegment:
         return DoubleDouble(*plus(metres, lo, 0.0))
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``after`` for many."""
+        """Return ``after`` for many distances."""
         return plus(metres, lo, 0.0)
 
     def far_m(self, a: float, b: float) -> float:
@@ -171,7 +171,7 @@ class LineSegment:
         return max(abs(complex(self.at(a))), abs(complex(self.at(b))))
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the place at a chord."""
+        """Return the position at a chord."""
         return DoubleDouble(*plus(*u, direction * chord_m)), 1
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
@@ -179,7 +179,7 @@ class LineSegment:
         return 1.0
 
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
-        """Return the changes of many coordinates to the next places."""
+        """Return the changes of many coordinates to the next positions."""
         return np.full_like(u, direction * chord_m), 0
 
     def squares(self, u: Floats, shift: Floats) -> Floats:
@@ -188,7 +188,7 @@ class LineSegment:
 
     def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
-        """Return the coordinates of up to so many handles."""
+        """Return the coordinates of up to ``links[0]`` handles."""
         return _equal_shifts(u, links[0], direction * links[1], direction, edge)
 
 
@@ -214,12 +214,12 @@ class ArcSegment:
         return self.centre + self.spoke * (_turn(self.side * u) * (1 + turned * lo))
 
     def heading(self, u: Any, lo: Any = 0.0) -> Any:
-        """Return the unit tangent in the head's way."""
+        """Return the unit tangent in the head's direction."""
         turned = 1j * self.side
         return turned * self.spoke / self.radius_m * (_turn(self.side * u) * (1 + turned * lo))
 
     def poses(self, u: Floats, lo: Floats) -> tuple[Array, Array]:
-        """Return points and unit tangents of many places, each angle's sine and cosine computed once."""
+        """Return points and unit tangents at many positions, with each sine and cosine computed once."""
         turned = 1j * self.side
         turn = np.exp(1j * (self.side * u)) * (1 + turned * lo)
         return self.centre + self.spoke * turn, turned * self.spoke / self.radius_m * turn
@@ -249,7 +249,7 @@ class ArcSegment:
         return DoubleDouble(*self._after(metres, lo))
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``after`` for many."""
+        """Return ``after`` for many distances."""
         return self._after(metres, lo)
 
     def _after(self, metres: Any, lo: Any) -> tuple[Any, Any]:
@@ -262,7 +262,7 @@ class ArcSegment:
         return abs(self.centre) + self.radius_m
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the place at a chord."""
+        """Return the position at a chord."""
         return DoubleDouble(*plus(*u, direction * arc_span(self.radius_m, chord_m))), 1
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
@@ -270,7 +270,7 @@ class ArcSegment:
         return 1.0
 
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
-        """Return the changes of many coordinates to the next places."""
+        """Return the changes of many coordinates to the next positions."""
         return np.full_like(u, direction * arc_span(self.radius_m, chord_m)), 0
 
     def squares(self, u: Floats, shift: Floats) -> Floats:
@@ -279,17 +279,17 @@ class ArcSegment:
 
     def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
-        """Return the coordinates of up to so many handles."""
+        """Return the coordinates of up to ``links[0]`` handles."""
         return _equal_shifts(u, links[0], direction * arc_span(self.radius_m, links[1]), direction, edge)
 
 
 def reach_m(bend: float, chord_m: float) -> float:
     """Return the longest arc that a chord can span on a track whose curvature in 1/m is at most ``bend``.
 
-    If the curvature times the chord is below 2, the chord from a place grows along the track until the arc is pi /
-    bend: the tangent at arc s differs from those before it, at sigma, by an angle of at most bend (s - sigma), so the
-    chord grows at least as sin(bend s) / (bend chord) > 0. By Schur's comparison with a circle the chord is no shorter
-    than 2 sin(bend s / 2) / bend. So it reaches ``chord_m`` once, within 2 asin(bend chord_m / 2) / bend.
+    If the curvature times the chord is below 2, the chord from a position grows along the track until the arc is pi /
+    bend: the tangent at arc s differs from that at an earlier sigma by an angle of at most bend (s - sigma), so the
+    chord grows at least as sin(bend s) / (bend chord) > 0. By Schur's comparison with a circle the chord is at least 2
+    sin(bend s / 2) / bend. So it reaches ``chord_m`` once, within 2 asin(bend chord_m / 2) / bend.
     """
     return 2 * asin(0.5 * bend * chord_m) / bend if bend else chord_m
 
@@ -301,7 +301,7 @@ def arc_span(radius_m: float, chord_m: float) -> float:
 
 def _equal_shifts(u: DoubleDouble, count: int, shift: float, direction: int,
                   edge: float) -> tuple[list[float], list[float], int]:
-    """Return coordinates that lie one shift apart, up to an edge."""
+    """Return coordinates at equal spacing, up to an edge."""
     high, low, highs, lows = *u, list[float](), list[float]()
     for _ in range(count):
         high, low = plus(high, low, shift)
@@ -319,5 +319,5 @@ def arc_from(start: complex, heading: complex, radius_m: float, side: int, angle
 
 
 def _turn(angle: Any) -> Any:
-    """Return exp(i angle) of one angle or many: for one, numpy takes several times as long."""
+    """Return exp(i angle) of one angle or many; for one, numpy takes several times as long."""
     return cmath.rect(1.0, angle) if type(angle) is float else np.exp(1j * angle)

@@ -46,9 +46,9 @@ class Spiral:
 class STurn:
     """Spiral in, arc of ``ratio`` times the second's radius, second arc, spiral out, within a circle of ``diameter_m``.
 
-    The spirals are r = pitch_m / (2 pi) theta about the origin and its opposite. At t = 0 the head is ``before_m`` in
-    front of the turn's entry: with 100 m and a head at 1 m/s the contest's -100 s is 0 s here, since stamps of ROS and
-    of bags cannot be negative.
+    The spirals are r = pitch_m / (2 pi) theta about the origin and the same curve rotated by half a turn. At t = 0 the
+    head is ``before_m`` in front of the turn's entry: with 100 m and a head at 1 m/s the contest's -100 s is 0 s here,
+    because stamps of ROS and of bags cannot be negative.
 
     The spiral enters the turning circle of radius R at polar angle theta = R / b, with its tangent at the angle gamma
     from the radius, tan gamma = theta. Entry and exit are opposite each other and have the same heading. Two arcs that
@@ -105,15 +105,15 @@ class STurn:
 
     @property
     def start_m(self) -> float:
-        """Distance along the track, from the entry, at which the head is at t = 0."""
+        """Distance of the head along the track, from the entry, at t = 0."""
         return -self.before_m
 
     def largest_ratio(self, least_radius_m: float) -> float:
-        """Return the largest ratio at which both radii are at least ``least_radius_m``; below 1 there is none."""
+        """Return the largest ratio at which both radii are at least ``least_radius_m``; if it is below 1, none fits."""
         return sum(self.radii_m) / least_radius_m - 1 if least_radius_m else inf
 
     def check_arcs(self, least_radius_m: float) -> None:
-        """Reject arcs that bend tighter than a radius. Raises FieldError naming the diameter or the ratio."""
+        """Reject arcs that are tighter than a radius. Raises FieldError naming the diameter or the ratio."""
         if min(self.radii_m) >= least_radius_m:
             return
         limit = (f'an arc of {min(self.radii_m):.6g} m bends tighter than {least_radius_m:.6g} m, 1.01 times half '
@@ -126,7 +126,7 @@ class STurn:
                          'track.ratio 1, or shorter benches')
 
     def smallest_diameter_m(self, least_radius_m: float) -> float:
-        """Return the diameter of the smallest circle with arcs of at least that radius (both have it, ratio 1).
+        """Return the diameter of the smallest circle with arcs of at least that radius (both equal it, ratio 1).
 
         In units of b, R is theta and r1 + r2 is sqrt(1 + theta^2).
         """
@@ -149,7 +149,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Arc:
-    """A part of a circle; ``angle_deg`` is positive to the left."""
+    """An arc of a circle; ``angle_deg`` is positive to the left."""
 
     radius_m: float
     angle_deg: float
@@ -183,7 +183,7 @@ class SpiralArc:
         from_turns = number(f'{name}.from_turns', self.from_turns, low=1e-3, high=1e6)
         to_turns = number(f'{name}.to_turns', self.to_turns, low=1e-3, high=1e6)
         if from_turns == to_turns:
-            raise FieldError(f'{name}.to_turns', self.to_turns, 'the spiral starts there', 'give another end')
+            raise FieldError(f'{name}.to_turns', self.to_turns, 'the spiral also starts there', 'give another value')
         if self.side not in SIDES:
             raise FieldError(f'{name}.side', self.side, 'a spiral turns left or right', 'give left or right')
         return SpiralArc(pitch_m, from_turns, to_turns, self.side, *_checked_place(name, self))
@@ -208,8 +208,8 @@ def _checked_place(name: str, piece: Piece) -> tuple[tuple[float, float] | None,
 class Composite:
     """Pieces in the head's direction; at t = 0 the head is ``start_m`` along them.
 
-    The first piece is continued backwards by the length of the dragon: a line, a circle, a spiral that winds in.
-    ``at_m`` and ``heading_deg`` place the first piece (the origin, along x, by default). In a later piece they are
+    The first piece is extended backwards by the length of the dragon: as a line, a circle, or a spiral that winds in.
+    ``at_m`` and ``heading_deg`` place the first piece (by default at the origin, along x). In a later piece they are
     checked against the end of the piece before, so the error for a track that does not close names its joint.
     """
 

@@ -1,7 +1,7 @@
 """The curve r = b theta, b = pitch / 2 pi (paper, equation 1): arc lengths, chords, and a segment of it in the plane.
 
-Places are polar angles, counted from the centre outwards, so they grow from the head to the tail of a dragon that winds
-in. Between polar angles theta and theta + delta the chord in units of b satisfies
+Positions are polar angles, counted from the centre outwards, so they grow from the head to the tail of a dragon that
+winds in. Between polar angles theta and theta + delta the chord in units of b satisfies
 
     c^2 = delta^2 + 4 theta (theta + delta) sin^2(delta / 2),
 
@@ -9,8 +9,8 @@ the law of cosines, the paper's equation 15, in a form without cancellation; inw
 smallest root delta > 0 is the next handle. Half its slope, ``phi`` below, is positive outwards up to delta = pi, where
 c = 2 theta + pi: shorter links have one root there.
 
-The equation has a scalar solver, a solver for many places at once, and one predictor: along a spiral the difference of
-the squared angles is almost 2 chord, so a parabola through the last three predicts the next.
+The equation has a scalar solver, a solver for many positions at once, and one predictor: along a spiral the difference
+of the squared angles is almost 2 chord, so a parabola through the last three predicts the next.
 """
 import cmath
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ _NEAR_RAD = 1e-6        # a Newton step towards an angle: the next error is smal
 _SMOOTH_RAD = 10.0      # from here on, one Newton step from the asymptotic series is accurate to 1e-9
 TIGHT = 1e-8            # a Newton step relative to the angle: half its square is below the resolution of floats
 _TAME_RAD = 1.5         # smaller spans are solved by plain Newton, which converges from any of the guesses here
-_CHORD_STEPS = 12      # more than Newton ever takes there; beyond it the bracketed solver takes over
+_CHORD_STEPS = 12      # more than Newton's method ever takes for these; beyond it the bracketed solver takes over
 _NOWHERE_OUT, _NOWHERE_IN = DoubleDouble(inf, 0.0), DoubleDouble(-inf, 0.0)
 
 
@@ -49,7 +49,7 @@ class SpiralCurve:
 
     @classmethod
     def of(cls, spiral: Spiral) -> 'SpiralCurve':
-        """Return the curve of a spec; distances count from where the head starts."""
+        """Return the curve of a spec; distances count from the start of the head."""
         return cls(spiral.pitch_m, spiral.start)
 
     @cached_property
@@ -63,11 +63,11 @@ class SpiralCurve:
         return self.distance_to(0.0)
 
     def inward(self, distance_m: float, distance_lo_m: float = 0.0) -> DoubleDouble:
-        """Return the place at an arc length further in than the start (negative: further out).
+        """Return the position at an arc length further in than the start (negative: further out).
 
-        Solved for the angle turned, from a difference of arc lengths, in floats; double-double arithmetic then corrects
-        the rounding error, so that no digits are lost far from the centre or after long travel. Raises TrackEndError
-        beyond the centre.
+        It is solved for the angle turned, from a difference of arc lengths, in floats. Double-double arithmetic then
+        corrects the rounding error, so no digits are lost far from the centre or after long travel. Raises
+        TrackEndError beyond the centre.
         """
         if distance_m > self.length_m * (1 + _ROUNDING):
             raise TrackEndError(f'{distance_m:.9g} m along the track is beyond its end, the centre, at '
@@ -108,7 +108,7 @@ class SpiralCurve:
 
     def _corrected(self, turned: Any, distance_m: Any, distance_lo_m: Any, root: Any = sqrt,
                    asinh_of: Any = asinh) -> tuple[Any, Any]:
-        """Return the place after an angle turned, refined from 1e-9 to the last digit.
+        """Return the position after an angle turned, refined from 1e-9 to the last digit.
 
         2 S = theta^2 + theta / (w + theta) + asinh theta, w^2 = 1 + theta^2: only the squares need extra digits.
         """
@@ -141,7 +141,7 @@ class SpiralCurve:
         return metres, metres_lo + 0.5 * (squares * b_lo_m + squares_lo * b_m)
 
     def _turned(self, arc: float) -> float:
-        """Return the angle between the start and the place at ``arc`` (in units of b) further in."""
+        """Return the angle between the start and the position at ``arc`` (in units of b) further in."""
         theta = self.start.hi
         if _is_smooth(theta, arc):
             return float(_almost_turned(theta, arc))
@@ -156,7 +156,7 @@ class SpiralCurve:
         return bracketed_newton(beyond, low, high, guess, 1e-16)[0] if arc else 0.0
 
 
-_ARRAYS = np.sqrt, np.arcsinh, np.log      # in place of the functions of floats
+_ARRAYS = np.sqrt, np.arcsinh, np.log      # instead of the functions for floats
 
 
 def _is_smooth(theta: float, arc: Any) -> Any:
@@ -192,7 +192,7 @@ def _arc_and_slope(theta: Any, turned: Any, root: Any = sqrt, asinh_of: Any = as
 
 
 def points(b_m: float, theta: Floats, theta_lo: Floats) -> Floats:
-    """Return the places at polar angles theta + theta_lo as (..., 2) coordinates in metres about the centre."""
+    """Return the points at polar angles theta + theta_lo as (..., 2) coordinates in metres about the centre."""
     cos, sin = np.cos(theta), np.sin(theta)
     radius = b_m * theta
     out = np.empty((*theta.shape, 2))
@@ -212,12 +212,12 @@ def tangents(theta: Floats) -> Floats:
 
 
 def first_guess(theta: float, chord: float) -> float:
-    """Return the approximate angle that a chord spans, from a circle as wide as the spiral half that angle on."""
+    """Return the approximate angle that a chord spans, from a circle whose radius is the spiral's halfway along it."""
     return 2 * asin(min(1.0, chord / (2 * theta + chord / (theta + 1) + TINY)))
 
 
 def first_guess_in(theta: float, chord: float) -> float:
-    """Return the approximate angle that a chord spans inwards, from the circle halfway."""
+    """Return the approximate angle that a chord spans inwards, from the circle halfway along it."""
     return 2 * asin(min(1.0, chord / (2 * theta - min(theta, chord / theta))))
 
 
@@ -229,8 +229,8 @@ def next_square(d1: float, d2: float, d3: float) -> float:
 def step(theta: float, chord: float, guess: float) -> tuple[float, int]:
     """Return (smallest delta > 0 with the given chord, evaluations); inf if the chain locks.
 
-    ``chord`` is in units of b. Newton's next error is about half the square of its last relative step, so a step
-    below ``TIGHT`` leaves an error below TIGHT^2 / 2 of the link.
+    ``chord`` is in units of b. The next error of Newton's method is about half the square of its last relative step, so
+    a step below ``TIGHT`` leaves an error below TIGHT^2 / 2 of the link.
     """
     if chord > 2 * theta + pi:
         return _far_step(theta, chord)
@@ -254,10 +254,10 @@ def step(theta: float, chord: float, guess: float) -> tuple[float, int]:
 
 
 def step_in(theta: float, chord: float, guess: float, arc: float) -> tuple[float, int]:
-    """Return (angle to the next place inwards with a chord, in units of b, evaluations); inf if there is none.
+    """Return (angle to the next position inwards with a chord, in units of b, evaluations); inf if there is none.
 
-    From theta to theta - delta the chord satisfies c^2 = delta^2 + 4 theta (theta - delta) sin^2(delta / 2).
-    ``arc`` is a length of track on which the chord grows to at least c (see ``reach_m``); ``high`` is slightly more.
+    From theta to theta - delta the chord satisfies c^2 = delta^2 + 4 theta (theta - delta) sin^2(delta / 2). ``arc`` is
+    a length of track on which the chord grows to at least c (see ``reach_m``); ``high`` is slightly more.
     """
     square = chord * chord
 
@@ -290,7 +290,7 @@ def _furthest_in(theta: float, arc: float) -> float:
 
 
 def first_guesses(theta: Floats, chord: float | Floats) -> Floats:
-    """Return ``first_guess`` of many."""
+    """Return ``first_guess`` for many angles."""
     out: Floats = 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta + chord / (theta + 1) + TINY)))
     return out
 
@@ -298,7 +298,7 @@ def first_guesses(theta: Floats, chord: float | Floats) -> Floats:
 def steps(theta: Floats, chord: float | Floats, guess: Floats) -> tuple[Floats, int]:
     """Return the smallest delta > 0 for each theta, and evaluations summed over them (see ``step``).
 
-    ``chord`` is one for all, or one for each. Raises ChainLockError, with its ``theta_rad``, if any cannot be placed.
+    ``chord`` is common to all, or one for each. Raises ChainLockError, with its ``theta_rad``, if any cannot be placed.
     """
     if not np.any(chord):
         return np.zeros_like(theta), 0
@@ -329,7 +329,7 @@ def steps(theta: Floats, chord: float | Floats, guess: Floats) -> tuple[Floats, 
 
 
 def _plain_steps(theta: Floats, square: float | Floats, delta: Floats) -> tuple[Floats, int] | None:
-    """Return ``steps`` by plain Newton if all converge on short links, the usual case; else None."""
+    """Return ``steps`` by plain Newton if all converge on short links, the usual case; otherwise None."""
     for evaluations in range(1, _CHORD_STEPS):
         half = 0.5 * delta
         s = np.sin(half)
@@ -354,13 +354,13 @@ def corrections(theta: Floats, delta: Floats, chord: Floats | float) -> tuple[Fl
 
 
 def first_guesses_in(theta: Floats, chord: float) -> Floats:
-    """Return ``first_guess_in`` of many."""
+    """Return ``first_guess_in`` for many angles."""
     out: Floats = 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta - np.minimum(theta, chord / theta))))
     return out
 
 
 def steps_in(theta: Floats, chord: float, guess: Floats, arc: float) -> tuple[Floats, int]:
-    """Return ``step_in`` of many, by Newton, or one by one if that does not converge."""
+    """Return ``step_in`` for many angles, by Newton's method, or one by one if that does not converge."""
     if not chord:
         return np.zeros_like(theta), 0
     delta, change, slope, spent = guess, np.zeros_like(theta), np.ones_like(theta), 0
@@ -403,7 +403,7 @@ def chord_of(theta: float, delta: float) -> float:
 
 
 def _far_step(theta: float, chord: float) -> tuple[float, int]:
-    """Return the smallest root beyond delta = pi; inf if the chord turns back before it reaches the link."""
+    """Return the smallest root beyond delta = pi; inf if the chord shrinks before it reaches the link's length."""
     low, spent = pi, 0
     while low < chord:
         peak, evaluations = first_peak(theta, low)
@@ -487,7 +487,7 @@ class SpiralSegment:
         return self._ahead * (np.exp(1j * self.side * u) * ((1 - u * lo + 1j * self.side * u) / np.sqrt(1 + u * u)))
 
     def poses(self, u: Floats, lo: Floats) -> tuple[Array, Array]:
-        """Return points and unit tangents of many places, each angle's sine and cosine computed once."""
+        """Return points and unit tangents at many positions, with each sine and cosine computed once."""
         turn, turned = np.exp(1j * self.side * u), 1j * self.side
         return (self.centre + self._scaled * u * (turn * (1 + turned * lo)),
                 self._ahead * (turn * ((1 - u * lo + turned * u) / np.sqrt(1 + u * u))))
@@ -521,7 +521,7 @@ class SpiralSegment:
         return self.curve.inward(-self.way * metres, -self.way * lo)
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``after`` for many."""
+        """Return ``after`` for many distances."""
         return self.curve.inward_many(-self.way * metres, -self.way * lo)
 
     def far_m(self, a: float, b: float) -> float:
@@ -529,7 +529,7 @@ class SpiralSegment:
         return abs(self.centre) + self.curve.b_m * max(a, b)
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the nearest place at a chord: further out, or further in."""
+        """Return the nearest position at a chord: further out, or further in."""
         (theta, low), chord = u, chord_m / self._b_m
         if direction == self.way:
             delta, spent = step(theta, chord, first_guess(theta, chord))
@@ -561,7 +561,7 @@ class SpiralSegment:
         return reach_m(self.bend, chord_m) / self.curve.b_m
 
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
-        """Return the changes of many coordinates to the next places, infinite if there is none, and evaluations."""
+        """Return the changes of many coordinates to the next positions, infinite if there is none, and evaluations."""
         if direction == self.way:
             return self.shifts_outwards(u, chord_m, past)
         chord, ahead = chord_m / self.curve.b_m, _ahead(past)
@@ -572,13 +572,13 @@ class SpiralSegment:
         return -delta, spent
 
     def shifts_outwards(self, u: Floats, chord_m: float | Floats, past: Past | None) -> tuple[Floats, int]:
-        """Return ``shifts`` to places further out, at one chord for all or at one for each."""
+        """Return ``shifts`` to positions further out, at one chord for all or at one for each."""
         chord, ahead = chord_m / self.curve.b_m, _ahead(past)
         guess = first_guesses(u, chord) if ahead is None else ahead / (u + np.sqrt(u * u + ahead) + TINY)
         return steps(u, chord, guess)
 
     def reaches_once(self, u: Floats, shift: Floats) -> bool:
-        """Return whether chords grow throughout changes of coordinates of one sign, so that no nearer place exists.
+        """Return whether chords grow throughout changes of coordinates of one sign, so no nearer position exists.
 
         Outwards they grow up to half a turn (``phi_of``), inwards up to an arc of pi / bend (``segments.reach_m``).
         """
@@ -587,13 +587,13 @@ class SpiralSegment:
         return self.bend * self.curve.b_m * float(np.max(-shift * np.sqrt(1 + u * u))) <= pi
 
     def squares(self, u: Floats, shift: Floats) -> Floats:
-        """Return the differences of squared angles of changes of coordinates."""
+        """Return the differences of squared angles for changes of coordinates."""
         out: Floats = np.abs(shift * (2 * u + shift))
         return out
 
     def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
-        """Return the coordinates of up to so many handles (this loop is the hot one: it creates no objects)."""
+        """Return the coordinates of up to ``links[0]`` handles (this is the innermost loop: it creates no objects)."""
         return self._march_out(u, links, edge) if direction == self.way else self._march_in(u, links, edge)
 
     def _march_out(self, u: DoubleDouble, links: tuple[int, float],
