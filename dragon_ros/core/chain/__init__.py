@@ -1,1 +1,1 @@
-"""The chain: benches and their handles, what leads them, and where all of them are behind their leader."""
+"""The chain: benches and their handles, the law of their leader, and the positions of all handles behind it."""

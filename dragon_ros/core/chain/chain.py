@@ -1,7 +1,8 @@
 """The chain: the positions of all handles, whichever solver placed them, and their velocities.
 
-Velocities follow from the rigid-link constraint v[i+1] cos(beta) = v[i] cos(alpha), alpha and beta the angles between a
-link and the track's tangents at its two handles: a rigid link has no speed along itself between its ends.
+Velocities follow from the rigid-link constraint v[i+1] cos(beta) = v[i] cos(alpha), where alpha and beta are the angles
+between a link and the track's tangents at its two handles: the velocity components of both handles along a rigid link
+are equal.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,11 +19,11 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 
 class PlacedLinks(Protocol):
-    """Some ``links`` of a chain behind handle ``start`` from the leader, as one solver placed them."""
+    """Consecutive ``links`` of a chain behind handle ``start`` from the leader, as one solver placed them."""
 
     @property
     def start(self) -> int:
-        """Number of the first handle, from the leader on."""
+        """Index of the first handle, counted from the leader."""
         ...
 
     @property
@@ -36,10 +37,10 @@ class PlacedLinks(Protocol):
         ...
 
     def velocities(self, chain: 'Chain', speed: Any, out: Floats) -> Any:
-        """Fill in the velocities of these handles, the first at a speed in the head's way; return that of the last.
+        """Fill in the velocities of these handles, given the first speed, positive towards the head; return the last.
 
-        ``out`` is (S, N+1, 2), and for one instant its 2 N + 2 numbers in a row. A part may leave its last handle to
-        the next one.
+        ``out`` is (S, N+1, 2), and for one instant a flat array of its 2 N + 2 numbers. A part may leave its last
+        handle to the next part.
         """
         ...
 
@@ -48,7 +49,7 @@ class PlacedLinks(Protocol):
         ...
 
     def places(self) -> Places:
-        """Return the places (..., links + 1) of these handles, the nearest to the leader first."""
+        """Return the positions (..., links + 1) of these handles, the nearest to the leader first."""
         ...
 
 
@@ -56,9 +57,9 @@ class PlacedLinks(Protocol):
 class Chain:
     """All handles at one instant (or at many: the arrays then have a leading axis).
 
-    ``p`` (..., N+1, 2) are coordinates in metres, ``links_m`` (N,) the spacing of the handles from head to tail,
+    ``p`` (..., N+1, 2) are coordinates in metres, ``links_m`` (N,) is the spacing of the handles from head to tail,
     ``evaluations`` the number of evaluations of an equation. The leader is the head if ``direction`` is BEHIND (its
-    followers lie behind), else the tail. ``parts`` are in order from the leader on.
+    followers lie behind), otherwise the tail. ``parts`` are in order from the leader on.
     """
 
     p: Floats
@@ -69,13 +70,13 @@ class Chain:
     parts: tuple[PlacedLinks, ...]
 
     def __repr__(self) -> str:
-        """Name the size and the solver; the arrays would fill screens."""
+        """Name the size and the solver, without the long arrays."""
         return f'Chain({self.links_m.size + 1} handles, solver={self.solver!r})'
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
-        """Pickle the places of the handles instead of the tables that gave them, which are a hundred times larger.
+        """Pickle the positions of the handles instead of the tables that gave them, which are a hundred times larger.
 
-        Velocities that are computed from the copy agree to rounding, but not bit for bit.
+        Velocities computed from the copy agree to rounding, but not bit for bit.
         """
         parts = tuple(MarchedLinks(part.start, part.places(), part.solver) for part in self.parts)
         return Chain, (self.p, self.links_m, self.evaluations, self.track, self.direction, parts)
@@ -116,12 +117,12 @@ class Chain:
 
     @property
     def tangents(self) -> Floats:
-        """Unit tangents against the head's direction, towards the tail, even of handles that move back for a while."""
+        """Unit tangents against the head's direction, towards the tail, even of handles that temporarily move back."""
         return read_only(-self.headings)
 
     @cached_property
     def places(self) -> Places:
-        """Places of the handles on the track from head to tail: segments and coordinates (hi, lo), (..., N+1) each."""
+        """Positions of the handles on the track from head to tail: segments, coordinates (hi, lo), (..., N+1) each."""
         shape = self.p.shape[:-1]
         segment, u, lo = np.empty(shape, dtype=np.int64), np.empty(shape), np.empty(shape)
         for part in self.parts:
@@ -132,7 +133,7 @@ class Chain:
 
     @property
     def segment(self) -> Ints:
-        """Numbers of the segments on which the handles are."""
+        """Indices of the segments on which the handles are."""
         return self.places[0]
 
     @property
@@ -146,7 +147,7 @@ class Chain:
         return self.places[2]
 
     def slice_of(self, part: PlacedLinks) -> slice:
-        """Return where the handles of a part are among those of the chain."""
+        """Return the slice of a part's handles among those of the chain."""
         start = part.start if self.direction == BEHIND else self.links_m.size - part.start - part.links
         return slice(start, start + part.links + 1)
 
@@ -167,9 +168,9 @@ class Chain:
 def conditioning(chain: Chain) -> float:
     """Return the ratio of the fastest handle's speed to the leader's, at least 1.
 
-    Close to a lock it grows without bound, and with it the effect of the last bit of the head's place on the handles: a
-    position error is promised in metres times this number. A speed is promised relative to the speed itself over cos^2
-    beta, that is, times the square of it.
+    Close to a lock it grows without bound, and with it the effect of the last bit of the head's position on the
+    handles: a position error is promised in metres times this number. A speed is promised relative to the speed itself
+    over cos^2 beta, that is, times the square of it.
     """
     v = chain.velocities(1.0)
     return max(1.0, float(np.max(np.hypot(v[..., 0], v[..., 1]))))
@@ -189,7 +190,7 @@ class MarchedLinks:
         return int(self.handles[0].shape[-1]) - 1
 
     def places(self) -> Places:
-        """Return the places."""
+        """Return the positions."""
         return self.handles
 
     def headings(self, chain: Chain, out: Floats) -> None:
@@ -198,7 +199,7 @@ class MarchedLinks:
         rows[..., chain.slice_of(self), :] = chain.track.headings(*self.handles)[..., ::-chain.direction, :]
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
-        """Fill in velocities; a link of no length carries the speed over unchanged."""
+        """Fill in velocities; a link of zero length carries the speed over unchanged."""
         some, order = chain.slice_of(self), slice(None, None, -chain.direction)
         heading = chain.track.headings(*self.handles)
         p = chain.p[..., some, :][..., order, :]
@@ -213,7 +214,7 @@ class MarchedLinks:
 
 
 class MarchedLink(NamedTuple):
-    """One link at one instant, as ``MarchedLinks`` in plain floats: the handle nearer to the leader, and the other."""
+    """One link at one instant, like ``MarchedLinks`` in plain floats: the handle nearer to the leader and the other."""
 
     start: int
     near: Place
@@ -226,12 +227,12 @@ class MarchedLink(NamedTuple):
         return 1
 
     def places(self) -> Places:
-        """Return the places."""
+        """Return the positions."""
         (k, u), (k_2, u_2) = self.near, self.far
         return np.array([k, k_2]), np.array([u.hi, u_2.hi]), np.array([u.lo, u_2.lo])
 
     def _numbers(self, chain: Chain) -> tuple[int, int]:
-        """Return where both handles begin in the numbers of a chain."""
+        """Return the indices of both handles' first coordinates in a chain's flat array."""
         if chain.direction < 0:
             return 2 * self.start, 2 * self.start + 2
         last = 2 * (chain.links_m.size - self.start)
@@ -244,7 +245,7 @@ class MarchedLink(NamedTuple):
             out[at], out[at + 1] = heading.real, heading.imag
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
-        """Fill in velocities; a link of no length carries the speed over unchanged."""
+        """Fill in velocities; a link of zero length carries the speed over unchanged."""
         at, following = self._numbers(chain)
         segments, (k, u), (k_2, u_2) = chain.track.segments, self.near, self.far
         one = segments[k].heading(*u)
@@ -264,8 +265,8 @@ class MarchedLink(NamedTuple):
 def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Chain:
     """Return the chain of a leader by forward placement: of the head (``direction`` BEHIND), or of the tail.
 
-    On a single spiral all handles are solved ``together``, elsewhere one after the other; both take as long.
-    Raises as ``forward``.
+    On a single spiral all handles are solved ``together``, elsewhere one after the other; both take equally long.
+    Raises the same errors as ``forward``.
     """
     one = np.array([leader.segment]), np.array([leader.u.hi]), np.array([leader.u.lo])
     if len(track.segments) == 1 and (found := together(track, links_m[:, None], one, direction)):
@@ -296,7 +297,7 @@ def chain_of(track: Track, links_m: Floats, direction: int, handles: Places, eva
 
 
 def join(p: Floats, links_m: Floats, direction: int) -> None:
-    """Put both handles of a link of no length on one point, since solvers round them apart."""
+    """Move both handles of a link of zero length to one point, because solvers may round them differently."""
     for link in np.flatnonzero(links_m == 0)[::-direction].tolist():
         near, far = (link, link + 1) if direction == BEHIND else (link + 1, link)
         p[..., far, :] = p[..., near, :]

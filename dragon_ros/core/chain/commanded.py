@@ -1,4 +1,4 @@
-"""A leader that is led externally: its settings, the speed that it may take next, and the law that it has walked.
+"""A leader that is commanded externally: its settings, its next possible speed, and the law that it has followed.
 
 The leader's speed changes at ticks and is linear between them. The speeds at the ticks are recorded; they determine the
 distance travelled at each tick exactly, in rational arithmetic, as with a profile of the same knots. So a recording of
@@ -20,14 +20,14 @@ from dragon_ros.core.checks import number, settle
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.exact_polynomial import ExactPolynomial
 
-SHORT_M = 0.01      # the leader stops at least so far from a lock, where speeds grow without bound, or a track's end
+SHORT_M = 0.01  # the leader stops at least this far from a lock, where speeds grow without bound, or from a track's end
 
 
 @dataclass(frozen=True)
 class Commanded:
-    """Led from outside, on topic `cmd_vel`: it comes to rest after `timeout_s` without a command, and keeps its limits.
+    """Commanded externally, on topic `cmd_vel`, within limits; the leader stops `timeout_s` after the last command.
 
-    The leader starts at rest. Its travel is known only from what was walked: from the topic `leader` of a bag.
+    The leader starts at rest. Its travel is known only from a recording: the topic `leader` of a bag.
     """
 
     lead: str = 'head'
@@ -53,34 +53,34 @@ class Commanded:
         _unknown()
 
     def speed_at_m_s(self, t_s: float) -> float:
-        """Raise FieldError, as ``travelled_m``."""
+        """Raise FieldError, like ``travelled_m``."""
         _unknown()
 
     def acceleration_at_m_s2(self, t_s: float) -> float:
-        """Raise FieldError, as ``travelled_m``."""
+        """Raise FieldError, like ``travelled_m``."""
         _unknown()
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
-        """Raise FieldError, as ``travelled_m``."""
+        """Raise FieldError, like ``travelled_m``."""
         _unknown()
 
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
-        """Return None: it stops short of every end."""
+        """Return None: the leader stops short of every end."""
         return None
 
     def extent_m(self, t_s: float) -> tuple[float, float]:
-        """Return the least and greatest distance that the leader can have travelled by ``t_s``."""
+        """Return the smallest and largest distance that the leader can have travelled by ``t_s``."""
         return -self.max_speed_m_s * t_s, self.max_speed_m_s * t_s
 
 
 def _unknown() -> NoReturn:
-    raise FieldError('head.kind', 'commanded', 'the walk of a commanded leader is known only from a recorded run',
+    raise FieldError('head.kind', 'commanded', 'the travel of a commanded leader is known only from a recorded run',
                      'give its bag, or choose another kind of head law')
 
 
 @dataclass(frozen=True)
 class Walked:
-    """The law of a led leader up to its last tick: ``knots`` are (t_s, speed_m_s), the most recent ones walked.
+    """The law of a commanded leader up to its last tick: ``knots`` are the most recent (t_s, speed_m_s).
 
     ``reached_m`` are the exact distances travelled at the knots. The leader is at rest before the first one.
     """
@@ -96,7 +96,7 @@ class Walked:
 
     @property
     def breaks_s(self) -> list[float]:
-        """Times between which the speed only grows or only falls."""
+        """Times between which the speed is monotone."""
         return [t_s for t_s, _ in self.knots]
 
     def walked_on(self, t_s: float, speed_m_s: float, keep_s: float = 0.0) -> 'Walked':
@@ -116,14 +116,14 @@ class Walked:
         return ramp(self.knots[-1:], self.reached_m[-1])
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Return the arc length that the leader has travelled at ``t_s`` (or at many), as (hi, lo)."""
+        """Return the arc length travelled by the leader at ``t_s`` (or at many), as (hi, lo)."""
         if isinstance(t_s, np.ndarray):
             gone = np.array([self.travelled_m(t) for t in t_s.tolist()], dtype=np.float64).reshape(-1, 2)
             return gone[:, 0], gone[:, 1]
         return self._ramp_at(t_s)[0].halves_at(t_s)
 
     def speed_at_m_s(self, t_s: float) -> float:
-        """Return the leader's speed at a tick, or between two ticks the speed on the ramp."""
+        """Return the leader's speed at a tick, or on the ramp between two ticks."""
         return self._ramp_at(t_s)[1].at(t_s)
 
     def acceleration_at_m_s2(self, t_s: float) -> float:
@@ -132,16 +132,16 @@ class Walked:
         return _rate(self.knots[n - 1:n + 1]) if n < len(self.knots) else 0.0
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
-        """Return the least and greatest rate of the leader's speed over all known ramps."""
+        """Return the smallest and largest rate of the leader's speed over all known ramps."""
         rates = [0.0, *map(_rate, pairwise(self.knots))]
         return min(rates), max(rates)
 
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
-        """Return None: it stops short of every end."""
+        """Return None: the leader stops short of every end."""
         return None
 
     def extent_m(self, t_s: float) -> tuple[float, float]:
-        """Return the least and greatest distance that the leader can have travelled by ``t_s``."""
+        """Return the smallest and largest distance that the leader can have travelled by ``t_s``."""
         return self.settings.extent_m(t_s)
 
 
@@ -157,7 +157,7 @@ def next_speed_m_s(settings: Commanded, speed_m_s: float, wanted_m_s: float, ste
                    left_m: tuple[float, float]) -> float:
     """Return the speed at the next tick: towards the commanded one, within the limits, short of the ends of the range.
 
-    ``left_m`` are the metres that remain back and on. From the speed v at the next tick the leader can brake within
+    ``left_m`` are the remaining metres back and on. From the speed v at the next tick the leader can brake within
 
         (speed + v) / 2 step + v^2 / (2 a) <= left - SHORT_M - a step^2,
 
@@ -178,7 +178,7 @@ def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, fl
              keep_s: float = 0.0) -> tuple[Walked, int]:
     """Return the law up to the next tick, and the end of the range before which it brakes: -1 back, 1 on, 0 none.
 
-    ``ends_m`` are the limits of travel back and on; infinite if there is none. Of the knots before the next tick those
+    ``ends_m`` are the limits of travel back and on; infinite if there is none. Of the knots before the next tick, those
     of the last ``keep_s`` are kept.
     """
     (before_s, speed), gone_m = law.knots[-1], float(law.reached_m[-1])
@@ -188,9 +188,9 @@ def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, fl
 
 
 def profile_of(settings: Commanded, walked: Iterable[tuple[float, float]]) -> Profile:
-    """Return the walked (t_s, speed_m_s) of the ticks as a profile: the same distances to the last bit.
+    """Return the (t_s, speed_m_s) of the ticks as a profile with the same distances to the last bit.
 
-    A knot between two others of the same speed is redundant and left out. Raises FieldError for too many others.
+    A knot between two others of the same speed is redundant and left out. Raises FieldError if too many knots remain.
     """
     knots = [(0.0, 0.0)]
     for t_s, speed_m_s in walked:

@@ -142,10 +142,11 @@ def _length(field: str, length_m: float, hole_inset_m: float) -> float:
 
 
 def _check_links(lengths_m: dict[str, float], hole_inset_m: float) -> None:
-    """Reject links that are too short, given the lengths of benches by their fields; those of no length are allowed.
+    """Reject links that are too short, given the lengths of benches by field; links of zero length are allowed.
 
     The axis of a bench is the difference of the positions of its handles. With position errors of 2e-12 m, the
-    direction of a link of 4e-10 m is accurate to 0.01 rad; that is 2e-10 of a classic bench, and floats scale.
+    direction of a link of 4e-10 m is accurate to 0.01 rad. That length is 2e-10 of a classic bench, and float errors
+    scale with size.
     """
     least_m = LEAST_LINK * max(lengths_m.values())
     for field, length_m in lengths_m.items():

@@ -1,8 +1,8 @@
-"""The head law: the distance that the leading handle has travelled along the track at a time, and its speed.
+"""The head law: the distance travelled by the leading handle along the track at a time, and its speed.
 
-Speeds are positive inwards, in the head's direction. If the tail leads they are positive outwards: the dragon lies
-wound in as the head's start states, the tail walks out along the track, and each handle lies where its link to the one
-nearer the tail puts it.
+Speeds are positive inwards, in the head's direction. If the tail leads they are positive outwards: the dragon is wound
+in behind the start of the head, the tail moves out along the track, and each handle is placed by its link to the next
+one nearer to the tail.
 """
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
@@ -42,11 +42,11 @@ class Head:
 
     @property
     def breaks_s(self) -> list[float]:
-        """Times between which the speed only grows or only falls, and keeps its sign."""
+        """Times between which the speed is monotone and keeps its sign."""
         return []
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Return the arc length that the leader has travelled at ``t_s`` (or at many), as (hi, lo)."""
+        """Return the arc length travelled by the leader at ``t_s`` (or at many), as (hi, lo)."""
         return product(self.speed_m_s, t_s)
 
     def speed_at_m_s(self, t_s: float) -> float:
@@ -58,28 +58,28 @@ class Head:
         return 0.0
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
-        """Return the least and greatest rate of the leader's speed between two times: 0."""
+        """Return the smallest and largest rate of the leader's speed between two times: 0."""
         return 0.0, 0.0
 
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
-        """Return the first time at which the leader has gone ``distance_m``, onwards (sense 1) or back; None if never.
+        """Return when the leader has first travelled ``distance_m``, onwards (sense 1) or back; None if never.
 
         The distance must have the sign of the sense, or be 0.
         """
         return distance_m / self.speed_m_s if sense * self.speed_m_s > 0 else None
 
     def extent_m(self, t_s: float) -> tuple[float, float]:
-        """Return the least and greatest distance that the leader has travelled by ``t_s`` (0 is among them)."""
+        """Return the smallest and largest distance travelled by the leader by ``t_s``, including 0."""
         gone = self.speed_m_s * t_s
         return min(0.0, gone), max(0.0, gone)
 
 
 @dataclass(frozen=True)
 class Profile(Settings):
-    """Speed by time: ``knots`` are (t_s, speed_m_s) in order, with ``ramps`` between them; the last speed stays.
+    """Speed by time: ``knots`` are (t_s, speed_m_s) in order, with ``ramps`` between them; the last speed continues.
 
-    A ramp is ``linear``, or ``smooth``: v0 + (v1 - v0) (3 x^2 - 2 x^3), without jumps in the sign of the acceleration.
-    Two knots at one time are a jump. Distances are the exact integrals, in rational arithmetic, rounded once.
+    A ramp is ``linear``, or ``smooth``: v0 + (v1 - v0) (3 x^2 - 2 x^3), with zero acceleration at both ends. Two knots
+    at one time are a jump. Distances are the exact integrals, in rational arithmetic, rounded once.
     """
 
     knots: tuple[tuple[float, float], ...]
@@ -113,7 +113,7 @@ class Profile(Settings):
         return bisect_right(self._times, t_s) - 1
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Return the arc length that the leader has travelled at ``t_s`` (or at many), as (hi, lo)."""
+        """Return the arc length travelled by the leader at ``t_s`` (or at many), as (hi, lo)."""
         if isinstance(t_s, np.ndarray):
             gone = np.array([self._gone(t) for t in t_s.tolist()], dtype=np.float64).reshape(-1, 2)
             return gone[:, 0], gone[:, 1]
@@ -149,10 +149,10 @@ class Profile(Settings):
         return self._polynomials_at(t_s)[2].at(t_s)
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
-        """Return the least and greatest rate of the leader's speed between two times without a knot in between."""
+        """Return the smallest and largest rate of the leader's speed between two times without a knot in between."""
         n = self._knot_before(start_s)
         ends = [Fraction(t_s) for t_s, _ in self.knots[n:n + 2]]
-        middle = (ends[0] + ends[-1]) / 2       # the steepest place of a smooth ramp
+        middle = (ends[0] + ends[-1]) / 2       # where a smooth ramp is steepest
         times: list[float | Fraction] = [start_s, stop_s]
         if start_s < middle < stop_s:
             times.append(middle)
@@ -162,7 +162,7 @@ class Profile(Settings):
 
     @cached_property
     def breaks_s(self) -> list[float]:
-        """Times between which the speed only grows or only falls, and keeps its sign: knots, and rests on ramps."""
+        """Times between which the speed is monotone and keeps its sign: knots, and rests on ramps."""
         out = list(self._times)
         for (t0, v0), (t1, v1) in pairwise(self.knots):
             if v0 * v1 < 0:
@@ -171,16 +171,16 @@ class Profile(Settings):
         return sorted(set(out))
 
     def _rest_of(self, v0: float, v1: float) -> Callable[[float], tuple[float, float]]:
-        """Return x -> (share of a ramp's change of speed less what brings it to rest, slope)."""
+        """Return x -> (fraction of a ramp's change of speed minus the fraction that brings it to rest, slope)."""
         rest = v0 / (v0 - v1)
         if self.ramps == 'linear':
             return lambda x: (x - rest, 1.0)
         return lambda x: (x * x * (3 - 2 * x) - rest, 6 * x * (1 - x))
 
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
-        """Return the first time at which the leader has gone ``distance_m``, onwards (sense 1) or back; None if never.
+        """Return when the leader has first travelled ``distance_m``, onwards (sense 1) or back; None if never.
 
-        The distance must have the sign of the sense, or be 0: then it is the time at which the leader leaves.
+        The distance must have the sign of the sense, or be 0: then the result is the time at which the leader leaves.
         """
         def beyond(t_s: float) -> tuple[float, float]:
             hi, lo = self.travelled_m(t_s)
@@ -194,19 +194,19 @@ class Profile(Settings):
         return last + left / speed if speed > 0 and isfinite(left / speed) else None
 
     def extent_m(self, t_s: float) -> tuple[float, float]:
-        """Return the least and greatest distance that the leader has travelled by ``t_s`` (0 is among them)."""
+        """Return the smallest and largest distance travelled by the leader by ``t_s``, including 0."""
         gone = [0.0, *(self.travelled_m(t)[0] for t in (*self.breaks_s, t_s) if t <= t_s)]
         return min(gone), max(gone)
 
 
 def ramp(knots: Sequence[Knot], reached_m: Fraction, smooth: bool = False) -> tuple[ExactPolynomial, ...]:
-    """Return distance, speed and acceleration by time from the first of one or two knots on, at which it is reached.
+    """Return distance, speed and acceleration by time from the first of one or two knots, at distance ``reached_m``.
 
-    After a single one, the last of a law, its speed stays.
+    With a single knot, the last of a law, its speed continues.
     """
     (t_s, speed), (end_s, then) = knots[0], knots[-1]
     length, change = Fraction(end_s) - Fraction(t_s), Fraction(then) - Fraction(speed)
-    rise: list[Fraction] = []       # of the speed, by powers of the time since the knot, from the first on
+    rise: list[Fraction] = []       # of the speed, by powers of the time since the knot, from the first power on
     if change:
         rise = [Fraction(0), 3 * change / length**2, -2 * change / length**3] if smooth else [change / length]
     speeds = [Fraction(speed), *rise]
@@ -216,7 +216,7 @@ def ramp(knots: Sequence[Knot], reached_m: Fraction, smooth: bool = False) -> tu
 
 
 def ramp_m(one: Knot, two: Knot) -> Fraction:
-    """Return the distance on a ramp between two knots: its mean speed is the mean of its ends."""
+    """Return the distance on a ramp between two knots: its mean speed is the mean of its end speeds."""
     return (Fraction(two[0]) - Fraction(one[0])) * (Fraction(one[1]) + Fraction(two[1])) / 2
 
 

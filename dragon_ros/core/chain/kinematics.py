@@ -4,9 +4,9 @@ Handle i moves along the track at the signed speed s_i, positive in the head's d
 
     q'' = s' T + s^2 kappa N,
 
-with the unit tangent T in the head's way, its left normal N and the signed curvature kappa. A link of length l and unit
-direction e, from its rear handle r to its front handle f, keeps its length: |q_f - q_r|^2 = l^2, differentiated once
-and twice, gives
+with the unit tangent T in the head's direction, its left normal N and the signed curvature kappa. A link of length l
+and unit direction e, from its rear handle r to its front handle f, has a constant length, |q_f - q_r|^2 = l^2.
+Differentiating this once and twice gives
 
     s_f (e . T_f) = s_r (e . T_r),
     s_f' (e . T_f) + s_f^2 kappa_f (e . N_f) + |q_f' - q_r'|^2 / l = s_r' (e . T_r) + s_r^2 kappa_r (e . N_r),
@@ -46,9 +46,9 @@ class RigidLinks:
     def along_track(self) -> Array:
         """Whether a link (..., N) lies along the track and passes speed and acceleration on unchanged.
 
-        This holds for links of no length. The error of the direction of a link of length l is ulp |p| / l, and that of
-        e . T, even in that angle, at least its square; treating the link as along the track gives the error (kappa
-        l)^2. Up to sqrt(ulp) |p| rounding is the larger of the two.
+        This holds for links of zero length. For a link of length l the error of its direction is ulp |p| / l, and the
+        error of e . T, which is even in that angle, is at least its square. If the link is treated as lying along the
+        track, the error is (kappa l)^2. Up to l = sqrt(ulp) |p|, rounding is the larger of the two.
         """
         size = np.max(np.abs(self.p), axis=(-2, -1), keepdims=True)[..., 0]
         out: Array = self.links_m <= np.sqrt(_ULP) * size
@@ -68,7 +68,7 @@ class RigidLinks:
         return np.where(self.along_track, 1.0, front), np.where(self.along_track, 1.0, rear)
 
     def speeds(self, leader_m_s: float | Floats) -> Floats:
-        """Return the signed speeds (..., N+1) in m/s, positive in the head's way, for speeds (...) of the leader."""
+        """Return the signed speeds (..., N+1) in m/s, positive in the head's direction, for leader speeds (...)."""
         front, rear = self.cosines
         out = np.empty(self.p.shape[:-1])
         leading = self._forward(leader_m_s)
@@ -87,9 +87,8 @@ class RigidLinks:
     def accelerations(self, speeds: Floats, curvature: Floats, leader_m_s2: float | Floats) -> Floats:
         """Return the accelerations (..., N+1, 2) in m/s^2.
 
-        ``speeds`` (..., N+1) are those of ``speeds``, ``curvature`` (..., N+1) is signed, in 1/m, positive where the
-        head's way turns left (see ``entered_curvatures`` for joints), ``leader_m_s2`` (...) the rate of the leader's
-        speed.
+        ``speeds`` (..., N+1) are those of ``speeds``, ``curvature`` (..., N+1) is signed, in 1/m, positive if the head
+        turns left (see ``entered_curvatures`` for joints), ``leader_m_s2`` (...) is the rate of the leader's speed.
         """
         side, bend = left(self.forward), speeds * speeds * curvature
         front, rear = self.cosines
@@ -129,9 +128,9 @@ def _carried(start: float, steps: Iterator[tuple[float, float]]) -> Iterator[flo
 def entered_curvatures(track: Track, segment: Ints, u: Floats, speeds: Floats, within_m: float) -> Floats:
     """Return the signed curvatures (..., N+1) in 1/m that handles are entering: the values just after this instant.
 
-    A handle that is on a joint to within ``within_m``, the possible error of its position, is taken to be on the
-    segment into which it moves. A handle at rest keeps its own segment: its curvature counts times the square of its
-    speed.
+    A handle that is on a joint to within ``within_m``, the possible error of its position, counts as being on the
+    segment into which it moves. A handle at rest keeps its own segment; its curvature is multiplied by its squared
+    speed and has no effect.
     """
     if not track.joints_m:
         return track.curvatures(segment, u)

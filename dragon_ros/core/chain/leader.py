@@ -1,4 +1,4 @@
-"""The leader of a chain: its place on the track after some distance, and its range of travel."""
+"""The leader of a chain: its position on the track after some distance, and its range of travel."""
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot, inf, sqrt
@@ -16,11 +16,11 @@ from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 
 @dataclass(frozen=True, eq=False)
 class Leader:
-    """The leader of the chain whose head lies ``start_m`` along a track when the leader has travelled 0.
+    """The leader of the chain whose head is ``start_m`` along a track when the leader has travelled 0.
 
     If the head leads, followers lie behind. If the tail leads (``direction`` AHEAD), the leader is the last handle: it
-    walks back along the track, and each handle lies ahead of the one nearer the tail, so links follow in reverse. The
-    track then ends where the head lies at the start.
+    moves back along the track, and each handle lies ahead of the one nearer to the tail, so links follow in reverse.
+    The track then ends at the initial position of the head.
     """
 
     track: Track
@@ -29,7 +29,7 @@ class Leader:
     direction: int
 
     def __post_init__(self) -> None:
-        """Reject links that could lock on a composite track, and a start without track for the whole chain."""
+        """Reject links that could lock on a composite track, and a start without enough track for the whole chain."""
         self.track.check_links(self.links_m)
         if self.least_m > self.start_m:
             raise FieldError('track.start_m', self.start_m, 'the track behind the head is too short for the dragon, '
@@ -37,7 +37,7 @@ class Leader:
 
     @cached_property
     def least_m(self) -> float:
-        """Distance of the head when the tail lies at the beginning of the track; -inf if the track is open."""
+        """Distance of the head when the tail is at the start of the track; -inf if the track is open."""
         if self.track.begin_m == -inf:
             return -inf
         try:
@@ -53,7 +53,7 @@ class Leader:
         return self.track.distance_of(_last(self.track, self.links_m, self.track.place_at(self.start_m), BEHIND))
 
     def place(self, gone_m: tuple[float, float]) -> Place:
-        """Return the place of the leader after (hi, lo) metres. Raises TrackEndError off the track."""
+        """Return the position of the leader after (hi, lo) metres. Raises TrackEndError off the track."""
         (origin, low), step = self._origin_m, -self.direction * gone_m[0]
         total = origin + step               # double_double.plus, written out
         part = total - origin
@@ -66,7 +66,7 @@ class Leader:
         return self.track.places_at(*plus(high, low, -self.direction * gone_m[1]))
 
     def gone_m(self, leader: Place) -> float:
-        """Return the distance that the leader has travelled when it is at a place."""
+        """Return the distance travelled by the leader when it is at a position."""
         high, low = plus(*self.track.distance_of(leader), -self._origin_m[0])
         return float(-self.direction * (high + (low - self._origin_m[1])))
 
@@ -77,8 +77,8 @@ class Leader:
     def turning_m(self, low_m: float, high_m: float, links: int | None = None) -> list[float]:
         """Return the leader's distances, between two, at which any handle turns back; increasing.
 
-        Between them every handle moves one way. Handles turn near the centre of a single spiral only, where links may
-        lock, and only those behind the first ``links`` if that is given.
+        Between them every handle moves in one direction. Handles turn back only near the centre of a single spiral,
+        where links may lock; if ``links`` is given, only those of the first ``links`` links count.
         """
         spiral = self.track.from_afar
         if not (self.track.may_lock and spiral):
@@ -89,7 +89,7 @@ class Leader:
 
     @cached_property
     def range_m(self) -> tuple[float, float]:
-        """The least and greatest distance that the leader can travel before a handle would leave the track."""
+        """The smallest and largest distance that the leader can travel before a handle would leave the track."""
         if self.direction == BEHIND:
             return self.least_m - self.start_m, self.track.end_m - self.start_m
         return 0.0, self._origin_m[0] - self.track.begin_m
@@ -97,7 +97,7 @@ class Leader:
     def size_m(self, extent_m: tuple[float, float]) -> float:
         """Return a bound on how far handles are from the origin while the leader moves between two distances."""
         spiral = self.track.from_afar
-        if self.track.may_lock and spiral:      # r^2 grows by at most 2 b a metre of track, and links are no longer
+        if self.track.may_lock and spiral:  # r^2 grows by at most 2 b per metre of track
             curve, length_m = spiral.curve, float(np.sum(self.links_m))
             return curve.b_m * (1 + hypot(curve.start.hi, sqrt(2 * (length_m - extent_m[0]) / curve.b_m)))
         low_m, high_m = self.span_m(extent_m)
@@ -106,7 +106,7 @@ class Leader:
     def span_m(self, extent_m: tuple[float, float]) -> tuple[float, float]:
         """Return the interval of the track on which handles are while the leader moves between two distances.
 
-        Every handle moves on as the leader moves on, so the tail's least distance is that of the leader's least.
+        Every handle moves on as the leader moves on, so the tail's smallest distance is that at the leader's smallest.
         """
         (least, most), origin, track = extent_m, self._origin_m[0], self.track
         if self.direction == BEHIND:
@@ -114,7 +114,7 @@ class Leader:
             low, high = track.distance_of(_last(track, self.links_m, first, BEHIND))[0], min(origin + most, track.end_m)
         else:
             low, high = max(origin - most, track.begin_m), self.start_m
-        return min(low, high), high     # the tail's distance is rounded, and may pass that of a leader next to it
+        return min(low, high), high     # the tail's distance is rounded, and may exceed that of a leader close to it
 
 
 def head_in_front_m(track: Track, links_m: Floats, tail_m: float) -> float:
@@ -123,5 +123,5 @@ def head_in_front_m(track: Track, links_m: Floats, tail_m: float) -> float:
 
 
 def _last(track: Track, links_m: Floats, leader: Place, direction: int) -> Place:
-    """Return the place of the last handle behind, or ahead of, a place."""
+    """Return the position of the last handle behind a position, or ahead of it."""
     return forward(track, blocks_of(links_m, direction), leader, direction).place(-1)

@@ -1,7 +1,7 @@
-"""Where a chain locks: the innermost place of the head at which every link can still place its next handle.
+"""Where a chain locks: the innermost position of the head at which every link can still be placed.
 
 As the chain moves in, the first peak of the chord equation (``spiral.first_peak``) sinks; when it reaches the link's
-length, the smallest root vanishes and the follower's speed goes to infinity.
+length, the smallest root vanishes and the follower's speed becomes infinite.
 """
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -11,7 +11,7 @@ from math import cos, inf, pi, sin, sqrt, ulp
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.tracks.spiral import chord_of, first_guess, first_peak, step
 
-_NO_TURN = 4.0  # no link turns back with its front handle this far beyond its chord: it spans below 60 degrees there
+_NO_TURN = 4.0  # no link turns back with its front handle this far beyond its chord: it spans below 60 degrees
 
 
 @lru_cache(maxsize=256)
@@ -25,11 +25,11 @@ def lock_angle(chord: float) -> float:
 
 
 def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
-    """Return (polar angle of the head where the chain first locks on its way in, link); (0, 0) if it never does.
+    """Return (polar angle of the head where the chain first locks while winding in, link); (0, 0) if it never does.
 
-    A link locks when its front handle comes in to ``lock_angle``: for each link, from the head on, that handle is
-    followed over the places of the head at which the links before still hold. Between the ``places`` it moves one way.
-    As handles lie at increasing radii, the search ends where none of the longest links could lock.
+    A link locks when its front handle reaches ``lock_angle``. For each link, from the head on, that handle is followed
+    over the positions of the head at which the links before can be placed. Between the ``places`` it moves in one
+    direction. Because handles lie at increasing radii, the search ends when none of the longest links could lock.
     """
     angle, link, top = lock_angle(chords[0]), 0, lock_angle(max(chords[1:], default=0.0))
     places = sorted({angle, *(turn for turn in turns(chords[0]) if angle < turn < top), max(angle, top)}) if top else []
@@ -46,16 +46,16 @@ def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
 
 
 def _meets(chords: Sequence[float], theta: float, low: float, high: float) -> float:
-    """Return the first place of the head in (low, high] at which the handle behind these links is not within theta."""
+    """Return the first head angle in (low, high] at which the handle behind these links is at least at theta."""
     return _bisect(lambda place: _handle(place, chords) >= theta, low, high)
 
 
 def _one_link_on(chords: Sequence[float], chord: float, places: list[float],
                  here: list[float]) -> tuple[list[float], list[float], list[float]]:
-    """Return where the head is, between some places of it, when the rear handle of one more link turns back.
+    """Return the head angles, between given ones, at which the rear handle of one more link turns back.
 
-    Its front handle, behind ``chords``, is ``here`` at the places and moves one way between them. With them come the
-    places between which the rear handle does, growing, and where it is at them.
+    Its front handle, behind ``chords``, is ``here`` at the given ``places`` and moves in one direction between them.
+    The other results are the increasing head angles between which the rear handle does so, and its own angles at them.
     """
     turning = [illinois(lambda x, turn=turn: _handle(x, chords) - turn,  # type: ignore[misc]
                         places[n], places[n + 1], here[n] - turn, here[n + 1] - turn)
@@ -67,19 +67,19 @@ def _one_link_on(chords: Sequence[float], chord: float, places: list[float],
 
 
 def _handle(theta: float, chords: Sequence[float]) -> float:
-    """Return the polar angle of the handle behind some links; infinite where there is none."""
+    """Return the polar angle of the handle behind some links; infinite if there is none."""
     for chord in chords:
         theta = follower(theta, chord)
     return theta
 
 
 def follower(theta: float, chord: float) -> float:
-    """Return the polar angle of the next handle; infinite where there is none."""
+    """Return the polar angle of the next handle; infinite if there is none."""
     return theta + step(theta, chord, first_guess(theta, chord))[0] if theta < inf else inf
 
 
 def _rear(theta: float, chord: float) -> float:
-    """Return ``follower``; at a lock itself, where rounding may leave no place, the place of the longest chord."""
+    """Return ``follower``; at a lock itself, where rounding may leave no root, the angle of the longest chord."""
     rear = follower(theta, chord)
     return rear if rear < inf else theta + first_peak(theta, pi)[0]
 
@@ -91,9 +91,9 @@ def _first_with_peak() -> float:
 
 
 def _first_at_least_0(value: Callable[[float], float], low: float, high: float) -> float:
-    """Return the smallest float in (low, high] at which a growing function is not negative; at ``high`` it must not be.
+    """Return the smallest float in (low, high] at which an increasing function is not negative; so it is at ``high``.
 
-    A bracket, at first some ulps wide, is taken next to the result of regula falsi, and bisected.
+    A bracket, initially a few ulps wide, is placed next to the result of regula falsi, and bisected.
     """
     at_low, at_high = value(low), value(high)
     if -inf < at_low < 0 < at_high:
@@ -117,11 +117,11 @@ def _bisect(holds, low: float, high: float) -> float:  # type: ignore[no-untyped
 
 
 def turning_places(chords: Sequence[float], low: float, high: float) -> list[float]:
-    """Return the increasing head angles in (low, high) at which any handle turns back: the rear one of some link.
+    """Return the increasing head angles in (low, high) at which the rear handle of any link turns back.
 
-    Between them every handle moves one way. The links are followed from the head on, until no later link turns back. If
-    all links behind the head's are equal, those behind the third handle only follow it (docs/contact.md, lemma 2): two
-    links are then enough.
+    Between them every handle moves in one direction. The links are followed from the head on, until no later link turns
+    back. If all links behind the head's are equal, those behind the third handle only follow it (docs/contact.md, lemma
+    2), so two links are enough.
     """
     longest = [*accumulate(reversed(chords), max)][::-1]
     places, here, found = [low, high], [low, high], list[float]()
@@ -135,7 +135,7 @@ def turning_places(chords: Sequence[float], low: float, high: float) -> list[flo
 
 @lru_cache(maxsize=256)
 def turns(chord: float) -> list[float]:
-    """Return where a link's rear handle turns back: once at most while it spans less than 3/4 turn, and once beyond."""
+    """Return where a link's rear handle turns back: at most once while it spans less than 3/4 turn, and once beyond."""
     far = 1.5 * pi
     apart = 0.5 * (sqrt(2 * chord * chord - far * far) - far) if chord > far else 0.0
     ends = sorted({lock_angle(chord), max(apart, lock_angle(chord)), chord + _NO_TURN})
