@@ -15,15 +15,15 @@ from dragon_ros.core.shift_map.table import Product, ShiftMap, Spot, Spots, link
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
-FEWEST = 8              # links, below which marching is faster than a table
-_MOST_MAPS = 4          # shift maps of one dragon: of the lengths of its longest blocks
-_SHORTEST_LEAD = 0.05   # of a block's link: a shorter one has a direction with too few digits for a series
-_FARTHEST = 1e300       # stands for no place: no coordinate is as large
+FEWEST = 8              # links: for fewer, marching is faster than a table
+_MOST_MAPS = 4          # shift maps of one dragon: for the lengths of its longest blocks
+_SHORTEST_LEAD = 0.05   # of a block's link: the direction of a shorter one has too few digits for a series
+_FARTHEST = 1e300       # larger than any coordinate
 _TRIES = 8              # links of a block that are marched in search of its table
 
 
 class _NextPlace(NamedTuple):
-    """The solver for the next place on a segment, the coordinates between which that place is on it, and its points."""
+    """The solver for the next position on a segment, the coordinate limits for which it applies, and the points."""
 
     next: Callable[[DoubleDouble, float, int], tuple[DoubleDouble, int]]
     low: float
@@ -53,7 +53,7 @@ class TabulatedLinks(NamedTuple):
             times(basis[:terms], places, flat[at + start:at + stop])
 
     def end(self, direction: int) -> Place:
-        """Return the place of the last handle."""
+        """Return the position of the last handle."""
         behind = self.links - 1 if self.leader else self.links
         return self.spot.tile.place_at(self.spot, self.spot.cell.row - direction * behind)
 
@@ -80,7 +80,7 @@ class TabulatedLinks(NamedTuple):
         some /= np.hypot(some[:, 0], some[:, 1])[:, None]
 
     def places(self) -> Places:
-        """Return the places."""
+        """Return the positions."""
         (tile, cell, basis), count = self.spot, self.links if self.leader else self.links + 1
         rows, basis = cell.row - self.direction * np.arange(count), basis[:tile.table.nodes]
         many = Spots(tile, rows, np.full(count, cell.part), np.broadcast_to(basis, (count, basis.size)))
@@ -124,7 +124,7 @@ class TabulatedStates:
         return out
 
     def end(self) -> Places:
-        """Return the places of the last handles."""
+        """Return the positions of the last handles."""
         return self._places_at(self.links)
 
     def _places_at(self, link: int) -> Places:
@@ -148,7 +148,7 @@ class TabulatedStates:
         some /= np.hypot(some[..., 0], some[..., 1])[..., None]
 
     def places(self) -> Places:
-        """Return the places."""
+        """Return the positions."""
         segment, u, lo = (np.stack(values, axis=-1) for values in zip(
             *(self._places_at(link) for link in range(self.links + 1)), strict=True))
         return segment, u, lo
@@ -178,12 +178,12 @@ class Placement:
 
     @cached_property
     def _plan(self) -> tuple[tuple[int, int, float, ShiftMap | None, list[_NextPlace]], ...]:
-        """The blocks as ``place`` reads them: first and last handle, link, shift map, and the steps by segment."""
+        """The blocks in the form that ``place`` reads: first and last handle, link, shift map, and steps by segment."""
         return tuple((*block, shift, [self._step(k, block.link_m) for k in range(len(self.track.segments))])
                      for block, shift in self.blocks)
 
     def _step(self, k: int, link_m: float) -> _NextPlace:
-        """Return the step on a segment: its solver, and the coordinates between which the next place is on it."""
+        """Return the step on a segment: its solver, and the coordinates between which the next position is on it."""
         segment = self.track.segments[k]
         edge = self.track.edge(k, link_m, self.direction)
         outwards = edge > (segment.last if self.direction == BEHIND else segment.first)
@@ -256,10 +256,10 @@ class Placement:
         return spent
 
     def _next(self, step: _NextPlace, here: Place, i: int, link_m: float) -> tuple[Place, int]:
-        """Return the place of the next handle, and the number of evaluations.
+        """Return the position of the next handle, and the number of evaluations.
 
-        Its bits are those of ``forward``. It exists because live ticks march single links: ``step`` holds what
-        ``forward`` would look up for each block, and no lists are made.
+        The result is bit-identical to that of ``forward``. This function exists because live ticks march single links:
+        ``step`` holds the values that ``forward`` would look up for each block, and no lists are created.
         """
         following, spent = step.next(here[1], link_m, self.direction)
         if step.low <= following[0] <= step.high:
@@ -271,7 +271,7 @@ class Placement:
 
     def _tabulated(self, flat: Floats, i: int, stop: int, spot: Spot,
                    leader: Place | None = None) -> TabulatedLinks | None:
-        """Fill in as many of links ``i`` to ``stop`` as the table of a spot has; None if it has none."""
+        """Fill in as many of links ``i`` to ``stop`` as the table of a spot has; return None if it has none."""
         (tile, cell, _), direction = spot, self.direction
         links = (tile.rows - 1 - cell.row if direction < 0 else cell.row) + (leader is not None)
         if links > stop - i:

@@ -1,4 +1,4 @@
-"""Build the table of a tile: cut the span, push it back row by row, and fit series to its images."""
+"""Build the table of a tile: cut the span into parts, map it back row by row, and fit series to its images."""
 from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 from math import ceil, floor, inf
@@ -17,26 +17,26 @@ from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, reach_m
 from dragon_ros.core.tracks.spiral import SpiralSegment
 
-NODES = 24                 # terms of a series before it is cut; parts whose series do not end in them are cut in three
-_MOST_STEPS = 40_000        # links from the joints to the span, in all
+NODES = 24            # terms of a series before truncation; parts whose series do not converge in them are cut in three
+_MOST_STEPS = 40_000        # links from the joints to the span, in total
 _MOST_BYTES = 256_000_000   # for the series of one table
-_ROUNDS = 5                 # of splitting parts in three
+_ROUNDS = 5                 # in which parts are split in three
 NOISE = 4                  # what rounding may add to the last terms, in units of the error
 _SPAN_NODES = 16            # for a whole span on a spiral, which is as smooth as a line
 _SPAN_ENDS = 2.0**-46       # of its half: rounding of hundreds of rows may leave a quarter of that in the last terms
-_HAIR = 1e-12               # relative to a distance along the track: closer places are one
+_HAIR = 1e-12               # relative to a distance along the track: closer positions count as one
 _FREE = 12_000              # multiplications per tick; they take 0.3 of the time of the calls around the product
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """R rows of S parts of a span of places, for links of one length; leaders are in L rows from ``first`` on.
+    """R rows of S parts of a span of positions, for links of one length; leaders are in L rows from ``first`` on.
 
-    Part s of row r lies on the segment ``segment[r, s]``; ``middle[r, s]`` is the segment's coordinate in the middle as
+    Part s of row r is on the segment ``segment[r, s]``; ``middle[r, s]`` is the segment's coordinate in the middle as
     (hi, lo), and a scale, with x = (coordinate - middle) * scale in [-1, 1]. Rounding may put |x| beyond 1 by ``slack``
     (L, S). ``inverse`` (L, S, K) are the coefficients of u(x), the highest power first. Series by part: ``coordinates``
     (S, K, R) of x, ``places`` and ``motions`` (S, K, 2 R) of x and y in m and of velocities for unit speed in row 0.
-    From row r on ``terms[s, r]`` terms are exact to ``error_m`` (R,); the tier allows errors of ``allowed_m`` (R,).
+    From row r on, ``terms[s, r]`` terms are accurate to ``error_m`` (R,); the tier allows errors of ``allowed_m`` (R,).
     """
 
     segment: Ints
@@ -84,7 +84,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class _SpanPart:
-    """A part of the span: its segment, and its two ends there, the foremost first."""
+    """A part of the span: its segment, and its two ends on it, the foremost first."""
 
     segment: int
     fore: Floats
@@ -99,9 +99,9 @@ class _SpanPart:
 
 @dataclass(frozen=True, eq=False)
 class _Pushed:
-    """Series of R rows of one part: of coordinates less ``origin`` (K, R), places and motions (K, R, 2).
+    """Series of R rows of one part: of coordinates minus ``origin`` (K, R), positions and motions (K, R, 2).
 
-    ``along_m`` (R, 2) are the distances along the track of its rear and front, ``far_m`` (R,) bounds from the origin.
+    ``along_m`` (R, 2) are the distances of its rear and front along the track, ``far_m`` (R,) bounds from the origin.
     """
 
     segment: Ints           # (R,)
@@ -116,12 +116,12 @@ class _Pushed:
 
 @dataclass(frozen=True)
 class _RowSeries:
-    """Series of R rows of S parts: of coordinates less ``origin`` (S, K, R), places and motions (S, K, 2 R)."""
+    """Series of R rows of S parts: of coordinates minus ``origin`` (S, K, R), positions and motions (S, K, 2 R)."""
 
     segment: Ints                     # (R, S)
     origin: tuple[Floats, Floats]     # (R, S)
     leading: slice                    # rows that can hold leaders
-    error_m: Floats                   # (R,): the error at which series are cut
+    error_m: Floats                   # (R,): the error at which series are truncated
     allowed_m: Floats                 # (R,): the error that the tier allows
     coordinates: Floats
     places: Floats
@@ -132,7 +132,8 @@ def build(track: Track, link_m: float, stretch: Stretch, tier: Tier) -> Table | 
     """Return the table for blocks of links of ``link_m`` whose leaders are on a stretch.
 
     A coarser tier gets the series of ``exact`` too, unless these do not converge or a tick would take more than 1.3
-    times as long. None if there is no table: the links have no length, it would be too large, or no series converge.
+    times as long. The result is None if there is no table: the links have zero length, it would be too large, or no
+    series converge.
     """
     if not link_m:
         return None
@@ -155,7 +156,7 @@ def build(track: Track, link_m: float, stretch: Stretch, tier: Tier) -> Table | 
 
 
 def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
-    """Return the foremost place: that of the leader, or if the tail leads, that of the head before it."""
+    """Return the foremost position: that of the leader or, if the tail leads, that of the head before it."""
     high_m = stretch.high_m
     if stretch.direction == AHEAD:
         high_m += stretch.links * reach_m(track.bend, link_m)
@@ -166,7 +167,7 @@ def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
 
 
 def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[_SpanPart]:
-    """Return the parts of the span behind ``front``, cut at every place that is whole links ahead of a joint."""
+    """Return the parts of the span behind ``front``, cut at every position that is whole links ahead of a joint."""
     rear = track.next(front, link_m, BEHIND)[0]
     here_m, back_m = track.distance_of(front)[0], track.distance_of(rear)[0]
     inside = [k for k, metres in enumerate(track.joints_m, 1) if low_m < metres < here_m]
@@ -185,7 +186,7 @@ def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[_Spa
 
 
 def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
-    """Return a place moved ahead, link by link, into the span that ends at ``back_m``."""
+    """Return a position moved ahead, link by link, into the span that ends at ``back_m``."""
     sure = floor((back_m - track.distance_of(place)[0]) / reach_m(min(track.bend, 1 / link_m), link_m))
     if sure > 0:        # links, each on an arc of at most this length
         place = forward(track, (Block(0, sure, link_m),), place, AHEAD).place(-1)
@@ -195,7 +196,7 @@ def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
 
 
 def _part(track: Track, fore: Place, rear: Place) -> _SpanPart:
-    """Return the part between two places, which lies on one segment."""
+    """Return the part between two positions, which is on one segment."""
     middle = 0.5 * (track.distance_of(fore)[0] + track.distance_of(rear)[0])
     k = fore.segment if fore.segment == rear.segment else track.place_at(middle).segment
     segment = track.segments[k]
@@ -212,9 +213,9 @@ def _thirds(part: _SpanPart) -> list[_SpanPart]:
 
 def _built(track: Track, link_m: float, first: list[tuple[_SpanPart, _Pushed]], count: int, stretch: Stretch,
            tiers: tuple[Tier, Tier]) -> Table | None:
-    """Return the table once all series converge; parts whose series do not are split in three.
+    """Return the table once all series converge; parts whose series do not converge are split in three.
 
-    The first of ``tiers`` says where series are cut; the second is that of the scene.
+    The first of ``tiers`` determines where series are truncated; the second is that of the scene.
     """
     pieces: list[tuple[_SpanPart, _Pushed | None, float]] = [(*piece, inf) for piece in first]    # with its remainder
     for _ in range(_ROUNDS):
@@ -252,7 +253,7 @@ def _inverses(pushed: list[_Pushed], x: Floats, rows: slice) -> Floats:
 
 
 def _series(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> list[_Pushed]:
-    """Push the nodes of parts back through ``count`` rows, or to the end of the track, and return their series."""
+    """Map the nodes of parts back through ``count`` rows, or to the end of the track, and return their series."""
     segment, u, lo = _pushed(track, link_m, parts, count)
     rows = segment.shape[0]
     p, heading = track.poses(segment, u, lo)
@@ -264,7 +265,7 @@ def _series(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> 
     coordinates = series_of(np.ascontiguousarray(from_origin.transpose(1, 2, 0)))
     places, motions = (series_of(np.ascontiguousarray(complex_of(values).transpose(1, 2, 0)).view(np.float64))
                        for values in (p, speed[..., None] * heading))
-    # Nodes run from the rear of a part to its front.
+    # Nodes are ordered from the rear of a part to its front.
     along, far_m = track.distances(segment, u[..., [0, -1]]), np.max(np.abs(p), axis=(2, 3))
     return [_Pushed(segment[:, n], origin[:, :, n], along[:, n], far_m[:, n], coordinates[n],
                     places[n].reshape(NODES, rows, 2), motions[n].reshape(NODES, rows, 2)) for n in range(len(parts))]
@@ -278,7 +279,7 @@ def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
     along = np.stack([one.along_m[:rows] for one in pushed], axis=1)
     reached = np.flatnonzero(np.any((along[..., 1] > low_m) & (along[..., 0] < high_m), axis=1))
     leading = slice(int(reached[0]), int(reached[-1]) + 1) if reached.size else slice(0, 0)
-    # A row near the origin is as exact as a spiral as long as the dragon, with turns one link apart.
+    # Near the origin, a row is only as accurate as a spiral as long as the dragon, with turns one link apart.
     far_m = np.max([one.far_m[:rows] for one in pushed], axis=0)
     size_m = np.maximum(far_m, link_m * np.sqrt(stretch.links))
     error_m, allowed_m = (tier.series_m(size_m) for tier in tiers)
@@ -315,7 +316,7 @@ def _pushed(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> 
 
 
 def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple[int | None, int]]:
-    """Return the steps through the rows behind a first row of nodes: a count on one segment, with its number or None.
+    """Return the steps through the rows behind a first row of nodes: the index of one segment or None, and a count.
 
     None means row by row. If the foremost and the rearmost node are on a segment, so are all others.
     """
@@ -343,7 +344,7 @@ def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple
 def _along(segment: Segment, link_m: float, first: Places, count: int) -> Places | None:
     """Return the rows (count, S K) of nodes that follow a row (S K,), all on one segment.
 
-    None if they cannot be solved all at once.
+    None if they cannot be solved simultaneously.
     """
     number, begin, begin_lo = first
     numbers = np.broadcast_to(number, (count, number.size))
@@ -381,7 +382,7 @@ def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: F
 
 
 def _together(track: Track, places: Places) -> Places:
-    """Return places of parts, each part on one segment: a node that rounding put beyond a joint moves to the joint."""
+    """Return positions with each part on one segment: a node that rounding put beyond a joint moves to the joint."""
     shape = -1, NODES
     segment, u, lo = places[0].reshape(shape), places[1].reshape(shape), places[2].reshape(shape)
     if np.all(segment == segment[:, :1]):
@@ -425,7 +426,7 @@ def _table(rows: _RowSeries, scaled: tuple[Floats, Floats, Floats], inverse: Flo
     (x, middle, scale), half, leading = scaled, _half_widths_m(rows) / rows.error_m, rows.leading
     parts, twice = rows.segment.shape[1], np.repeat(rows.error_m, 2)
     places, motions = np.abs(rows.places) / twice, np.abs(link_m * rows.motions) / twice
-    # A velocity is a product of many ratios: its rounding may exceed the error at which its series is cut.
+    # A velocity is a product of many ratios: its rounding may exceed the error at which its series is truncated.
     noise = max(1.0, 2 * float(np.max(motions[:, -2:])))
     size = np.maximum(places, np.where(motions > noise, motions, 0.0))
     terms = _enough(np.maximum(size[..., ::2], size[..., 1::2]))
@@ -440,6 +441,6 @@ def _table(rows: _RowSeries, scaled: tuple[Floats, Floats, Floats], inverse: Flo
 
 
 def _enough(size: Floats) -> Ints:
-    """Return how many terms of sizes (S, K, R), in units of the error, suffice from each row on, (S, R)."""
+    """Return how many terms of sizes (S, K, R), in units of the error, are sufficient from each row on, (S, R)."""
     needed = size.shape[1] - np.argmax(size[:, ::-1] > 1, axis=1)
     return np.maximum.accumulate(needed[:, ::-1], axis=1)[:, ::-1]

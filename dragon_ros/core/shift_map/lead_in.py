@@ -1,9 +1,9 @@
-"""One link before a block: the place of the leader if the first handle of the block is in a cell of the table.
+"""One link before a block: the position of the leader if the first handle of the block is in a cell of the table.
 
-A dragon's head link is longer than its others, so its leader lies one link before the first block, outside all rows.
-But while the first handle is in one cell, at u in [-1, 1], the leader is a smooth function of that same u. So its
-coordinate, place and motion have series in u as all rows have, and the inverse of the coordinate gives u without
-solving for the first handle: one product then fills the whole chain, including the leader.
+A dragon's head link is longer than its others, so its leader is one link before the first block, outside all rows. But
+while the first handle is in one cell, at u in [-1, 1], the leader is a smooth function of that same u. So its
+coordinate, position and motion have series in u, as all rows have, and the inverse of the coordinate gives u without
+solving for the first handle: one product then fills in the whole chain, including the leader.
 """
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -25,10 +25,10 @@ _NOWHERE = -1           # segment of a cell without a chart
 
 
 class Chart(NamedTuple):
-    """Cells (C,) by the coordinates of the places in them, in the order of rows, from ``first`` on, and parts.
+    """Cells (C,) by the coordinates of the positions in them, in the order of rows, from ``first`` on, and parts.
 
     ``middle`` (C, 3) is the segment's coordinate in the middle as (hi, lo), and a scale, with x = (coordinate - middle)
-    * scale in [-1, 1]; rounding may put |x| beyond 1 by ``slack`` (C,); ``inverse`` (C, K) are the coefficients of
+    * scale in [-1, 1]. Rounding may put |x| beyond 1 by ``slack`` (C,). ``inverse`` (C, K) are the coefficients of
     u(x), the highest power first.
     """
 
@@ -50,7 +50,7 @@ def chart_of(table: Table) -> Chart:
 class LeadIn:
     """The chart of leaders one link before each cell of a table, and their own series.
 
-    ``places`` and ``motions`` (C, K, 2) are as in the table; their first ``terms`` (C,) suffice.
+    ``places`` and ``motions`` (C, K, 2) are as in the table; their first ``terms`` (C,) are sufficient.
     """
 
     chart: Chart
@@ -59,7 +59,7 @@ class LeadIn:
     terms: Ints
 
     def leader(self, cell: int) -> tuple[Floats, Floats]:
-        """Return the series of the place and the motion of a cell's leader, (terms, 2) each."""
+        """Return the series of the position and the motion of a cell's leader, (terms, 2) each."""
         terms = self.terms[cell]
         return self.places[cell, :terms], self.motions[cell, :terms]
 
@@ -75,7 +75,7 @@ class LeadIn:
 
 
 def towards_leader(track: Track, place: Place, link_m: float, direction: int) -> Place | None:
-    """Return the place of a leader whose follower at a link in ``direction`` is at ``place``; None if there is none."""
+    """Return the position of the leader whose follower at a link in ``direction`` is at ``place``, or None."""
     tame = track.without_locks(link_m)
     if tame is None or not _has_leader(tame, track.distance_of(place)[0], link_m, direction):
         return None
@@ -106,7 +106,7 @@ def lead_in(track: Track, table: Table, links_m: tuple[float, float], direction:
 
 
 def _has_leader(track: Track, along_m: Floats | float, link_m: float, direction: int) -> Array:
-    """Return whether a place surely has a leader one link away, whatever the track between them."""
+    """Return whether a position certainly has a leader one link away, whatever the track between them."""
     reach = reach_m(track.bend, link_m)
     return np.asarray(along_m + reach <= track.end_m if direction == BEHIND else along_m - reach >= track.begin_m)
 
@@ -121,7 +121,7 @@ def _rows_on(track: Track, table: Table, stretch_m: tuple[float, float]) -> Ints
 
 
 def _followers(track: Track, table: Table, rows: Ints) -> tuple[Places, Floats, Floats]:
-    """Return the nodes of the cells of rows (C, nodes), rear first: places, coordinates (C, nodes, 2) and motions."""
+    """Return the nodes of the cells of rows (C, nodes), rear first: positions, points (C, nodes, 2) and motions."""
     count = table.nodes
     at: Floats = np.asarray(chebyshev.chebvander(transform(NODES)[0], count - 1), dtype=np.float64)     # (nodes, K)
     x = in_parts(at, table.coordinates[:, :, rows]).transpose(2, 0, 1)
@@ -138,7 +138,7 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
             longest_m: float) -> LeadIn | None:
     """Return the series of leaders at the nodes of some cells; a cell whose series do not converge gets no chart.
 
-    Series that do not converge to the digits of the table may do so to those of its tier.
+    Series that do not converge to the accuracy of the table may converge to that of its tier.
     """
     segment = leaders[0].reshape(-1, NODES)
     u, lo = (values.reshape(-1, NODES) for values in leaders[1:])
@@ -151,7 +151,7 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
     places, motions = map(series_of, (p, pace[..., None] * heading))
     half = np.hypot(places[:, 1, 0], places[:, 1, 1])
     one = np.all(segment == segment[:, :1], axis=1)
-    # All speeds are relative to the leader's motion: a short link must not make it less exact than the others.
+    # All speeds are relative to the leader's motion: a short link must not make it less accurate than the others.
     size = np.maximum(np.abs(places), longest_m * np.abs(motions)).max(axis=2)
     with np.errstate(all='ignore'):     # a cell no longer than its rounding has no scale and no inverse
         (x,), (middle,), (scale,) = scaled(series_of(from_origin.T)[None])
@@ -181,6 +181,6 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
 
 
 def _enough(size: Floats) -> Ints:
-    """Return how many terms of sizes (C, K), in units of the error, suffice."""
+    """Return how many terms of sizes (C, K), in units of the error, are sufficient."""
     out: Ints = size.shape[1] - np.argmax(size[:, ::-1] > 1, axis=1)
     return out

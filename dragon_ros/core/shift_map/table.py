@@ -1,15 +1,15 @@
-"""The shift map in tiles: find a place in the table of its tile; one matrix product then gives the handles behind it.
+"""The shift map in tiles: a position is located in the table of its tile, and one matrix product gives its followers.
 
 All links of a block have one length. So one map F on the track, from a handle to the next one behind, holds for all of
-them at all times. Let u in [-1, 1] run over one span of track, from a place a back to F(a). Row r of a table is the
+them at all times. Let u in [-1, 1] run over one span of track, from a position a back to F(a). Row r of a table is the
 r-th image of that span, G_r(u) = F^r(a + (1 + u) / 2 (F(a) - a)), as Chebyshev series in u of its coordinates and of
 its velocity. If a handle is at G_m(u), the i-th behind it is at G_(m + i)(u), and ahead of a tail the i-th is at G_(m -
 i)(u): one u gives them all. F is smooth as long as both handles stay on their segments. So the span is cut into parts
-wherever one of its images passes a joint, and each part has its own series: near a joint no case needs to be decided.
+wherever one of its images passes a joint, and each part has its own series. This avoids special cases near a joint.
 
 A tile holds the table for the leaders of blocks on one stretch of track. Tiles are aligned to the track and built on
-first use, each from the track alone: positions are bit-identical across runs and processes, whatever the order in which
-tiles are built.
+first use, each from the track alone: positions are bit-identical across runs and processes, in whatever order tiles are
+built.
 """
 from bisect import bisect_right
 from collections import OrderedDict, deque
@@ -32,21 +32,21 @@ from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
 _TERMS = 9000               # per product: BLAS splits larger ones among threads, which could change the last bits
-_BOUNDARIES = 1024          # between stretches, whose places are cached
+_BOUNDARIES = 1024          # between stretches, whose positions are cached
 _MOST_CELLS = 64            # cached by a shift map for single states, at most 144 kB each; the oldest are dropped first
 _MOST_BYTES = 512_000_000   # for the tiles of one shift map; the least recently used are dropped first
 _MOST_TILES = 4096          # per shift map, including stretches without a table
 _FEWEST_LINKS = 512         # length of a tile; a longer one is a power of two, at least as long as its blocks
-_FEWEST_JOINED = 64         # on a joined track, whose table has several parts: at least half as long as its blocks
-_STRETCH_LINKS = 64         # length of its stretches; series of the leaders' own link are fitted when leaders reach one
-_STRETCH_JOINED = 32        # the same for a joined track
+_FEWEST_JOINED = 64         # on a composite track, whose table has several parts: at least half as long as its blocks
+_STRETCH_LINKS = 64        # length of its stretches; series for the leaders' own link are fitted when leaders reach one
+_STRETCH_JOINED = 32        # the same for a composite track
 _SHORTEST = 1e-12           # relative to coordinates: floats cannot resolve the directions of shorter links
-_NEAR = 1e-9                # of a stretch and its distance: a float cannot tell on which side of a boundary a place is
-_BEFORE_LINKS = 64          # links from the beginning of a tile to the track's origin: runs begin near the origin
+_NEAR = 1e-9       # of a stretch and its distance: so close to a boundary, a float does not tell the side of a position
+_BEFORE_LINKS = 64          # links from the start of a tile to the track's origin: runs begin near the origin
 
 
 class Product(NamedTuple):
-    """One product of a fill: the function, the number of terms, series of places and motions, and the filled range."""
+    """One product of a fill: the function, number of terms, series of positions and motions, and filled range."""
 
     times: Callable[[Floats, Floats, Floats], Floats]
     terms: int
@@ -57,9 +57,9 @@ class Product(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """A row of a part that can hold places, in the form that a single state reads fastest: floats, and series by links.
+    """A row of a part that can hold positions, in the fastest form for a single state: floats and series by links.
 
-    ``before`` are the series of the leader's place and motion, (K, 2) each, if it is one link before that row.
+    ``before`` are the series of the leader's position and motion, (K, 2) each, if it is one link before that row.
     """
 
     row: int
@@ -91,7 +91,7 @@ class Spots(NamedTuple):
 
 
 class Elsewhere(Enum):
-    """Says that a place is not on a stretch."""
+    """A sentinel for a position that is not on a stretch."""
 
     ELSEWHERE = auto()
 
@@ -111,7 +111,7 @@ class _SegmentCells(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Entrance:
-    """The cells of a tile by the coordinates of its leaders on a stretch between two places.
+    """The cells of a tile by the coordinates of its leaders on a stretch between two positions.
 
     Leaders of blocks are in the rows themselves. Leaders one link before a block are in none; ``lead_in`` has series
     for them. ``chart`` has the cells in the order of rows and parts.
@@ -134,7 +134,7 @@ class Entrance:
         fore = middle[:, 0] - 1 / middle[:, 2]
         for k in range(len(self.tile.track.segments)):
             cells = np.flatnonzero(segment == k)
-            if not (cells.size and self.rear.segment <= k <= self.fore.segment):     # rows reach beyond the stretch
+            if not (cells.size and self.rear.segment <= k <= self.fore.segment):     # rows extend beyond the stretch
                 out.append(None)
                 continue
             sense = float(np.sign(middle[cells[0], 2]))
@@ -164,7 +164,7 @@ class Entrance:
         return cell
 
     def spot(self, place: Place) -> Spot | Elsewhere | None:
-        """Return the location of a place; None if the table does not cover it, ELSEWHERE if it is not on the stretch.
+        """Return the location of a position; None if the table does not cover it, ELSEWHERE if it is off the stretch.
 
         The stretch is half open: it includes its rear end.
         """
@@ -176,7 +176,7 @@ class Entrance:
         along = sense * high
         if not front < along <= rear:
             return _ELSEWHERE
-        number = cells[bisect_right(begins, along, 1) - 1]      # a place before the first one is in it or in none
+        number = cells[bisect_right(begins, along, 1) - 1]      # a position before the first cell is in it or in none
         cell = self._cells.get(number) or self._cell(number)
         _, _, slack, middle, middle_lo, scale, inverse, _, _ = cell
         x = ((high - middle) + (low - middle_lo)) * scale
@@ -191,7 +191,7 @@ class Entrance:
 
 @dataclass(frozen=True, eq=False)
 class Tile:
-    """The table for the leaders of blocks on one stretch of a track, between two places."""
+    """The table for the leaders of blocks on one stretch of a track, between two positions."""
 
     track: Track
     table: Table
@@ -221,7 +221,7 @@ class Tile:
         return Entrance(self, chart_of(self.table), self.fore, self.rear)
 
     def spots(self, places: Places) -> tuple[Spots, Array]:
-        """Return the locations of many places on the stretch, and whether the table covers each."""
+        """Return the locations of many positions on the stretch, and whether the table covers each."""
         (segment, u, lo), table = places, self.table
         cell, known = np.zeros_like(segment), np.zeros(segment.shape, dtype=bool)
         for k in self.track.present(segment):
@@ -241,14 +241,14 @@ class Tile:
         return Spots(self, table.first + row, part, basis), known
 
     def place_at(self, spot: Spot, row: int) -> Place:
-        """Return the place of the handle in another row."""
+        """Return the position of the handle in another row."""
         part = spot.cell.part
         middle, middle_lo, scale = self.table.middle[row, part].tolist()
         x = float(spot.basis[:self.table.nodes] @ self.table.coordinates[part, :, row])
         return Place(int(self.table.segment[row, part]), DoubleDouble(*plus(middle, middle_lo, x / scale)))
 
     def places_at(self, spots: Spots, row: Ints) -> Places:
-        """Return ``place_at`` for many."""
+        """Return ``place_at`` for many handles."""
         middle = self.table.middle[row, spots.part]
         x = np.einsum('sk,sk->s', spots.basis, self.table.coordinates[spots.part, :, row])
         return self.table.segment[row, spots.part], *plus(middle[:, 0], middle[:, 1], x / middle[:, 2])
@@ -256,7 +256,7 @@ class Tile:
     def products(self, cell: Cell, links: int, direction: int) -> list[Product]:
         """Return the products that give ``links`` links, from head to tail: those beyond a cell, and the one before.
 
-        A single product reads its own contiguous series by ``dot``, the fastest way; several products read views.
+        A single product reads its own contiguous series with ``dot``, which is fastest; several products read views.
         """
         table, before, size = self.table, cell.before, 2 * links + 2
         behind = links - 1 if before else links
@@ -277,7 +277,7 @@ class Tile:
         return out
 
     def fill_many(self, spots: Spots, first: Ints, out: Floats, motions: bool = False) -> None:
-        """Fill ``out`` (S, n, 2) as ``fill`` does; states in the same row and part share a product."""
+        """Fill ``out`` (S, n, 2) like ``fill``; states in the same row and part share a product."""
         flat, table, basis = out.reshape(out.shape[0], 2 * out.shape[1]), self.table, spots.basis
         series, width = table.motions if motions else table.places, flat.shape[1]
         cell = first * table.parts + spots.part
@@ -317,7 +317,7 @@ def links_of_tile(links: int, segments: int = 1) -> int:
 class ShiftMap:
     """The map from a handle to its followers, for blocks of up to ``links`` links of one length on a track.
 
-    Its tables are as exact as ``tier`` requires.
+    Its tables are as accurate as ``tier`` requires.
     """
 
     def __init__(self, track: Track, link_m: float, links: int, direction: int, tier: Tier) -> None:
@@ -344,7 +344,7 @@ class ShiftMap:
         return sum(tile.memory_bytes for tile in self.tiles)
 
     def spot(self, place: Place) -> Spot | None:
-        """Return the location of a place; None if no table covers it."""
+        """Return the location of a position; None if no table covers it."""
         found = self._last.spot(place) if self._last is not None else _ELSEWHERE
         if found is _ELSEWHERE:
             tile = self._tile(self._number(place) // self._stretches)
@@ -376,7 +376,7 @@ class ShiftMap:
         return tile.entrances[link_m, number] if tile else None
 
     def spots(self, places: Places) -> list[tuple[Ints, Spots]] | None:
-        """Return the tiles of many places, the places' indices and locations; None if a place is in no table."""
+        """Return the tiles of many positions, their indices and locations; None if a position is in no table."""
         segment, u, lo = places
         numbers = self._numbers(places)
         if numbers is None:
@@ -396,7 +396,7 @@ class ShiftMap:
         return out
 
     def _numbers(self, places: Places) -> Ints | None:
-        """Return the numbers of the stretches of many places; None so far out that floats cannot resolve links."""
+        """Return the indices of the stretches of many positions; None so far out that floats cannot resolve links."""
         share = (self.track.distances(*places[:2]) + self._before_m) / self.stretch_m
         if np.max(np.abs(share), initial=0.0) > 1 / _SHORTEST:
             return None
@@ -406,7 +406,7 @@ class ShiftMap:
         return number
 
     def _number(self, place: Place, link_m: float = 0.0) -> int:
-        """Return the number of the stretch of a place, or of its follower at a link; the boundaries decide."""
+        """Return the index of the stretch of a position, or of its follower at a link; the boundaries are decisive."""
         along_m = self.track.about_m(place) + self.direction * link_m
         number = floor((along_m + self._before_m) / self.stretch_m)
         while self._is_behind(place, number, link_m):
@@ -416,7 +416,7 @@ class ShiftMap:
         return number
 
     def _is_behind(self, place: Place, number: int, link_m: float) -> bool:
-        """Return whether a place, or its follower at a link, is behind the beginning of a stretch."""
+        """Return whether a position, or its follower at a link, is behind the start of a stretch."""
         begin = self._boundary(number)
         if begin is None:
             return self._stretch_of(number, 1)[0] >= self.track.end_m
@@ -429,7 +429,7 @@ class ShiftMap:
         return bool((place.u.hi - begin.u.hi) * self.track.segments[place.segment].rate(place.u.hi) < 0)
 
     def _leader_at(self, number: int, link_m: float) -> Place | None:
-        """Return the place, cached, of the leader whose follower is where a stretch begins; None if there is none."""
+        """Return the position, cached, of the leader whose follower is at the start of a stretch, or None."""
         key = number, link_m
         if key not in self._edges:
             if len(self._edges) >= _BOUNDARIES:
@@ -439,7 +439,7 @@ class ShiftMap:
         return self._edges[key]
 
     def _boundary(self, number: int) -> Place | None:
-        """Return the place where a stretch begins; None beyond the track."""
+        """Return the position where a stretch begins; None beyond the track."""
         return self._leader_at(number, 0.0)
 
     def _begin(self, number: int) -> Place | None:
@@ -447,7 +447,7 @@ class ShiftMap:
         return self.track.place_at(metres) if self.track.begin_m < metres < self.track.end_m else None
 
     def _stretch_of(self, number: int, stretches: int) -> tuple[float, float]:
-        """Return the first and last distance along the track of some stretches, in metres."""
+        """Return the first and last distance of some stretches along the track, in metres."""
         return number * self.stretch_m - self._before_m, (number + stretches) * self.stretch_m - self._before_m
 
     def _tile(self, number: int) -> Tile | None:
