@@ -89,6 +89,12 @@ class Browser:
     def _devtools(self, command, **parameters):
         self._call('/goog/cdp/execute', {'cmd': command, 'params': parameters})
 
+    def violations(self, axe):
+        """What axe, given as its script, finds wrong with the page: the names of rules, with elements."""
+        self.run(f'if (!window.axe) {{ {axe} }}')
+        return self.run("""return axe.run({resultTypes: ['violations']}).then(({violations}) => violations.flatMap(
+            ({id, nodes}) => nodes.map(({html}) => `${id}: ${html.slice(0, 200)}`)))""")
+
     def log(self):
         """What the console got, as (level, message)."""
         return [(entry['level'], entry['message']) for entry in self._call('/se/log', {'type': 'browser'})]

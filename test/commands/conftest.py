@@ -1,4 +1,6 @@
 """A short scene with its first contact, bags of it, and a browser."""
+from pathlib import Path
+
 import browser
 import pytest
 
@@ -59,3 +61,10 @@ def page(chromium):
     """An empty page."""
     yield chromium
     chromium.begin_anew()
+
+
+@pytest.fixture(scope='session')
+def axe():
+    """The script of axe, which checks that a page is accessible."""
+    library = pytest.importorskip('axe_core_python', reason='axe-core-python is not installed')
+    return (Path(library.__file__).parent / 'axe.min.js').read_text(encoding='utf-8')

@@ -308,7 +308,7 @@ def test_budgets_are_held_by_the_bytes_that_come_out_whatever_a_workbook_claims(
         read_book(path)
 
 
-def test_a_report_on_a_phone_scrolls_down_alone(tmp_path, page):
+def test_a_report_on_a_phone_scrolls_down_alone_and_is_accessible(tmp_path, axe, page):
     mirrored = [[name, *(-value for value in row)] for name, *row in PLACES]
     for team in ('red', 'blue'):
         (tmp_path / 'class' / team).mkdir(parents=True)
@@ -326,3 +326,4 @@ def test_a_report_on_a_phone_scrolls_down_alone(tmp_path, page):
                          'getComputedStyle(one, "::before").content)')
         assert '"result1 positions"' in heads
         assert page.run('return getComputedStyle(document.querySelector("thead")).display') == 'none'
+    assert page.violations(axe) == []

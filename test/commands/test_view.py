@@ -39,8 +39,8 @@ def serving(source):
 
 
 @contextlib.contextmanager
-def serving_of(shown):
-    with ViewServer(shown) as server:
+def serving_of(shown, lang=None):
+    with ViewServer(shown, lang=lang) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         try:

@@ -14,7 +14,9 @@ import yaml
 from test_view import serving_of
 
 from dragon_ros.__main__ import main
+from dragon_ros.commands.sources import SceneSource
 from dragon_ros.commands.view import server as server_module
+from dragon_ros.commands.view.data import ViewData
 from dragon_ros.commands.view.variants import QUESTIONS, Variants, fields_of
 from dragon_ros.core.search.bounding_box import bounding_box
 from dragon_ros.core.search.first_contact import first_contact
@@ -148,8 +150,6 @@ def test_an_answer_that_takes_too_long_says_what_to_ask(monkeypatch):
 
 
 def test_plain_view_has_none_of_it(server):
-    from dragon_ros.commands.sources import SceneSource
-    from dragon_ros.commands.view.data import ViewData
     with serving_of(ViewData(SceneSource('small', load_scene('winding', SMALL)), iter)) as plain:
         for path in ('form.json', 'answers/contact', 'scene.yaml', 'try.js'):
             with pytest.raises(urllib.error.HTTPError, match='404') as missing:
@@ -205,3 +205,19 @@ def test_values_are_changed_by_keys_alone(server, page):
     page.wait('return document.querySelectorAll("#answers progress").length === 0')
     page.press('End')       # the field's own key: the run stays where it is
     assert page.run('return document.getElementById("time").textContent') == '411.00 s'
+
+
+@pytest.mark.parametrize('each', [False, pytest.param(True, marks=pytest.mark.long)])
+def test_axe_finds_nothing_wrong_at_three_sizes_in_the_light_and_the_dark_in_both_languages(axe, page, each):
+    plain = ViewData(SceneSource('small', load_scene('winding', SMALL)), iter)
+    tried = Variants('small', 'winding', SMALL)
+    pages = [(plain, 'en', ''), (tried, 'zh', '?dragon.width_m=-1'), (plain, 'zh', ''), (tried, 'en', '')]
+    for n, (shown, lang, query) in enumerate(pages if each else pages[:2]):
+        with serving_of(shown, lang) as server:
+            page.open_view(server.url + query)
+            for m, (width, height) in enumerate(((390, 844), (820, 1180), (1400, 860))):
+                for dark in (False, True) if each else ((n + m) % 2 == 1,):
+                    page.look(width, height, dark)
+                    assert page.violations(axe) == [], (n, width, dark)
+    page.run('document.getElementById("scrub").removeAttribute("aria-label")')
+    assert [found.split(':')[0] for found in page.violations(axe)] == ['label']
