@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from dragon_ros.core.chain.forward import Handles, blocks_of, forward, row_by_row, together
+from dragon_ros.core.chain.forward import Handles, blocks_of, forward, forward_many, row_by_row, together
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import dot
 from dragon_ros.core.tracks.composite import Place, Places, Track
@@ -281,9 +281,11 @@ def marched_many(track: Track, links_m: Floats, leaders: Places, direction: int)
 
     Links are those of all (N,), or of each (M, N), as ``forward_many`` allows it.
     """
-    links = links_m[:, None] if links_m.ndim == 1 else links_m.T
-    rows, spent = together(track, links, leaders, direction) or row_by_row(
-        track, blocks_of(links_m, direction), leaders, direction)
+    if links_m.ndim == 1:
+        rows, spent = forward_many(track, blocks_of(links_m, direction), leaders, direction)
+    else:
+        rows, spent = together(track, links_m.T, leaders, direction) or row_by_row(
+            track, blocks_of(links_m, direction), leaders, direction)
     return chain_of(track, links_m, direction, (rows[0].T, rows[1].T, rows[2].T), spent)
 
 

@@ -74,6 +74,12 @@ class LinkStates:
         """Return a subset of the states."""
         return LinkStates(*(getattr(self, each.name)[index] for each in fields(self)))
 
+    def links(self, row: Ints, link: Ints) -> 'LinkStates':
+        """Return some links, each as a chain of one."""
+        handles = row[:, None], np.stack((link, link + 1), axis=1)
+        return LinkStates(self.along_m[handles], self.segment[handles], self.curvature[handles],
+                          self.near[row, link, None], self.far[row, link, None])
+
 
 def link_states(along_m: Floats, segment: Ints, curvature: Floats, headings: Floats, axis: Floats,
                 leader: int) -> LinkStates:
@@ -165,19 +171,15 @@ class LinkMotion:
         unknown = Ball(self._none.mid, np.where(self.k.rad[:, :-1] > 0, np.inf, 0.0))
         return _where(self.joined, unknown, _where(self.rigid, self._none, rate))
 
-    @cached_property
-    def v(self) -> Ball:
-        """Speeds of the handles relative to the leader's."""
-        return side_by_side([self._leader + 1.0, self.r.running_product()])
 
-    @cached_property
-    def v_rate(self) -> Ball:
-        """The rates of the logs of speeds by the leader's distance: a sum along the chain."""
-        return side_by_side([self._leader, (self.v[:, :-1] * self.g).running_sum()])
+def speeds_along(r: Ball, g: Ball) -> tuple[Ball, Ball]:
+    """Return the speeds of handles (M, N+1) relative to the leader's, and the rates of their logs by its distance.
 
-    @property
-    def _leader(self) -> Ball:
-        return Ball(np.zeros_like(self.k.mid[:, :1]), np.zeros_like(self.k.mid[:, :1]))
+    ``r`` and ``g`` (M, N) are those of ``LinkMotion``.
+    """
+    leader = Ball(np.zeros((len(r.mid), 1)), np.zeros((len(r.mid), 1)))
+    v = side_by_side([leader + 1.0, r.running_product()])
+    return v, side_by_side([leader, (v[:, :-1] * g).running_sum()])
 
 
 def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, sign: float = 1.0,
@@ -201,6 +203,24 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
         inverse_l = sign / np.where(joined, 1.0, links_m)
         near, far = _narrowed(angles, ends, k, way, rigid, inverse_l, off, passes)
         return LinkMotion(k, near.sin_cos(), far.sin_cos(), inverse_l, rigid, np.broadcast_to(joined, rigid.shape))
+
+
+def speeds_enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, sign: float) -> tuple[Ball, Ball]:
+    """Return ``LinkMotion.r`` (M, N) and the rates of the logs of speeds (M, N+1), between states as in ``enclosed``.
+
+    Only links that reach from one segment to another, or lie on a spiral, are enclosed: both ends of any other have one
+    speed, exactly. On a track of lines and arcs that leaves about two links per joint.
+    """
+    same = one.segment[:, :-1]
+    even = bends[0].diagonal() == bends[1].diagonal()
+    steady = even[same] & (same == one.segment[:, 1:]) & (same == two.segment[:, :-1]) & (same == two.segment[:, 1:])
+    row, link = np.nonzero(~(steady | (links_m == 0)))
+    moving = enclosed(one.links(row, link), two.links(row, link), links_m[link, None], bends, sign)
+    r, g = Ball(np.ones(same.shape), np.zeros(same.shape)), Ball(np.zeros(same.shape), np.zeros(same.shape))
+    with np.errstate(all='ignore'):
+        for ball, found in ((r, moving.r), (g, moving.g)):
+            ball.mid[row, link], ball.rad[row, link] = found.mid[:, 0], found.rad[:, 0]
+        return r, speeds_along(r, g)[1]
 
 
 def direction_errors(links_m: Floats, bends: Range, error_m: float) -> tuple[Floats, float]:
@@ -284,7 +304,8 @@ def kinematics(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, 
     back = slice(None) if leader == 0 else slice(None, None, -1)
     moving = enclosed(one, two, links_m[back], bends, 1.0 if leader == 0 else -1.0, error_m)
     with np.errstate(all='ignore'):
-        v, a, near = moving.v, moving.v * moving.v_rate, moving.v[:, :-1]
+        v, v_rate = speeds_along(moving.r, moving.g)
+        a, near = v * v_rate, v[:, :-1]
         w, w_rate = moving.w * near, moving.w * a[:, :-1] + moving.w_dot * near.squared()
     v, a, k, w, w_rate = (ball[:, back] for ball in (v, a, moving.k, w, w_rate))
     return Kinematics(v, a, k, w, w_rate, *direction_errors(links_m, bends, error_m), error_m)

@@ -29,7 +29,7 @@ from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.chain.kinematics import RigidLinks
 from dragon_ros.core.checks import number
 from dragon_ros.core.enclosures.ball_arithmetic import Ball, between
-from dragon_ros.core.enclosures.on_track import LinkStates, enclosed, link_states
+from dragon_ros.core.enclosures.on_track import LinkStates, link_states, speeds_enclosed
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
@@ -40,9 +40,9 @@ from dragon_ros.core.tiers import best_m
 from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND
 
-_SPACING_M = 0.1        # of the leader's distance, per first interval
+_SPACING_M = 0.2        # of the leader's distance, per first interval
 _PARTS = 4              # parts into which an interval is cut
-_AT_ONCE = 128          # intervals
+_AT_ONCE = 256          # intervals
 _SAME = 1e-12           # relative: speeds closer than this are equal
 _APART_M = 1e-9         # before the end of the segment that winds in: exactly at the end, rounding decides
 _MOST = 2_000_000       # first intervals
@@ -325,13 +325,13 @@ def states_of(chains: Chain, gone_m: Floats, way: int) -> SpeedStates:
 def bounds(a: SpeedStates, b: SpeedStates, law: LawBetween) -> Floats:
     """Return bounds (M, K+1) of the logs of speeds between states a and b; the leader is further on in b."""
     with np.errstate(all='ignore'):
-        moving = enclosed(a.links, b.links, a.links_m, a.bends, -a.way)
-        slope = -a.way * moving.v_rate + Ball(law.slope.mid[:, None], law.slope.rad[:, None])
+        r, v_rate = speeds_enclosed(a.links, b.links, a.links_m, a.bends, -a.way)
+        slope = -a.way * v_rate + Ball(law.slope.mid[:, None], law.slope.rad[:, None])
         low, high = slope.mid - slope.rad, slope.mid + slope.rad
         start, stop, step = a.log + law.start[:, None], b.log + law.stop[:, None], (b.gone_m - a.gone_m)[:, None]
         meet = start + high * (stop - start - low * step) / (high - low)
         lines = np.maximum(np.maximum(start, stop), np.where((low < 0) & (high > 0), meet, -np.inf))
-        most = np.insert(np.cumsum(np.log(moving.r.most), axis=1), 0, 0.0, axis=1)
+        most = np.insert(np.cumsum(np.log(r.most), axis=1), 0, 0.0, axis=1)
         crude = most + np.maximum(law.start, law.stop)[:, None]
     sure = np.isfinite(slope.rad) & np.isfinite(slope.mid) & np.isfinite(lines)
     out: Floats = np.fmin(np.where(sure, lines, np.inf), np.where(np.isnan(crude), np.inf, crude))

@@ -9,16 +9,16 @@ from hypothesis import strategies as st
 from dragon_ros.core.batches import states
 from dragon_ros.core.chain.chain import marched, marched_many
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.chain.forward import blocks_of, forward, forward_many, together
+from dragon_ros.core.chain.forward import blocks_of, by_segment, forward, forward_many, row_by_row, together
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.lock import follower, lock_angle, turning_places
-from dragon_ros.core.errors import ChainLockError
+from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import Place, track_of
-from dragon_ros.core.tracks.segments import BEHIND
-from dragon_ros.core.tracks.spec import Spiral, STurn
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 from dragon_ros.core.tracks.spiral import chord_of, first_guess, step
 
 CLASSIC = Scene()
@@ -82,6 +82,32 @@ def test_chains_of_any_links_that_are_placed_at_once_are_those_placed_link_by_li
         one_by_one = forward(track, blocks_of(mixed[n], BEHIND), leader, BEHIND)
         off = (u[:, n] - np.array(one_by_one.u)) + (lo[:, n] - np.array(one_by_one.lo))
         assert np.max(np.abs(off)) < 1e-12
+
+
+CURLY = track_of(Composite((Line(60.0), Arc(2.0, 170.0), Line(0.4), Arc(1.5, -100.0), SpiralArc(1.2, 2.0, 3.5, 'left'),
+                            Line(1.0), SpiralArc(1.0, 3.0, 1.5, 'right'), Line(40.0)), start_m=60.0))
+WINDING_IN = track_of(STurn())
+
+
+@pytest.mark.parametrize('links', [np.array([2.86, *(1.65,) * 30]), np.array([1.1, *(0.0,) * 9, 2.2, *(0.5,) * 20])])
+@pytest.mark.parametrize(('track', 'low_m', 'high_m', 'direction'), [
+    (CURLY, 10.0, 165.0, BEHIND), (CURLY, -20.0, 95.0, AHEAD), (WINDING_IN, -30.0, 60.0, BEHIND),
+    (WINDING_IN, -40.0, 10.0, AHEAD)], ids=['curly', 'curly ahead', 'turn', 'turn ahead'])
+def test_handles_that_are_placed_segment_by_segment_are_those_placed_row_by_row(track, low_m, high_m, direction, links):
+    metres = np.random.default_rng(7).uniform(low_m, high_m, 80)
+    leaders, blocks = track.places_at(metres, np.zeros(80)), blocks_of(links, direction)
+    found, _ = by_segment(track, blocks, leaders, direction)
+    expected, _ = row_by_row(track, blocks, leaders, direction)
+    np.testing.assert_allclose(track.points(*found), track.points(*expected), rtol=0, atol=1e-13)
+    # At a joint itself rounding decides on which side of it a handle lies.
+    apart = np.abs(track.distances(*found[:2]) - track.distances(*expected[:2]))
+    assert np.max(apart) < 1e-12
+
+
+def test_where_the_track_ends_handles_that_are_placed_segment_by_segment_say_so():
+    leaders = CURLY.places_at(np.array([100.0, 140.0]), np.zeros(2))
+    with pytest.raises(TrackEndError, match='1.65 m does not fit'):
+        by_segment(CURLY, blocks_of(np.full(90, 1.65), AHEAD), leaders, AHEAD)
 
 
 def test_only_where_handles_almost_turn_back_are_they_placed_link_by_link():

@@ -11,6 +11,8 @@ from dragon_ros.core.enclosures.on_track import (
     enclosed,
     kinematics,
     link_states,
+    speeds_along,
+    speeds_enclosed,
     swing_rad,
 )
 from dragon_ros.core.geometry.rectangles import axes_of
@@ -98,7 +100,7 @@ def test_next_to_a_lock_ratios_and_slopes_are_enclosed_where_no_handle_turns_bac
     ends = states.rows(np.arange(low.size)), states.rows(np.arange(low.size) + low.size * (COUNT - 1))
     with np.errstate(all='ignore'):
         moving = enclosed(*ends, links, leader.track.bends, passes=passes)
-        r, rate = moving.r, moving.v_rate
+        r, rate = moving.r, speeds_along(moving.r, moving.g)[1]
     ratio = np.where(links > 0, np.cos(states.near) / np.cos(states.far), 1.0).reshape(COUNT, low.size, -1)
     assert holds(r, ratio, 1e-9 * np.max(np.abs(ratio)) ** 3)
     log = np.log(np.abs(np.cumprod(ratio, axis=-1)))
@@ -175,3 +177,21 @@ def test_schurs_bound_says_nothing_of_a_link_that_is_longer_than_the_tightest_ci
     moving = enclosed(*ends, np.array([1.65]), (np.array([[2.0]]), np.array([[2.0]])), passes=0)
     for ball in (*moving.near, *moving.far):    # the track turns by 10 rad, the link by 6 at most
         assert ball.rad[0, 0] > 0.5 * 8.0**2
+
+
+@pytest.mark.parametrize('name', TRACKS)
+def test_ratios_of_speeds_that_are_enclosed_only_where_they_change_are_within_those_of_all_links(name):
+    track, start_m, way = TRACKS[name]
+    low = np.random.default_rng(8).uniform(0, 30, 30)
+    _, states, _ = sampled(Leader(track, LINKS, start_m, way), np.concatenate((low, low + 0.2)))
+    links = LINKS[::-way]
+    one, two = states.rows(np.arange(30)), states.rows(np.arange(30, 60))
+    r, v_rate = speeds_enclosed(one, two, links, track.bends, float(-way))
+    every = enclosed(one, two, links, track.bends, float(-way))
+    for some, whole in ((r, every.r), (v_rate, speeds_along(every.r, every.g)[1])):
+        known = np.isfinite(whole.rad)
+        assert np.all((np.abs(some.mid - whole.mid) <= whole.rad)[known])
+        assert np.all(some.rad[known] <= whole.rad[known] * (1 + 1e-9))
+    steady = (r.mid == 1) & (r.rad == 0)
+    assert 0 < np.mean(steady) < 1
+    assert np.all(np.abs(every.r.mid - 1)[steady] < 1e-9)
