@@ -31,12 +31,11 @@ def report_markers(report: Report) -> bytes:
 
 
 def clearance_marker(report: Report) -> bytes:
-    """Return the clearance as text above the point between the closest benches; DELETE if there are none."""
+    """Return the clearance as text; DELETE if no benches are near, and in contact, which has its own label."""
     spec = deleted('clearance')
-    if report.closest:
-        x, y = witness(report.observation.benches, *report.closest).point_m
-        spec = MarkerSpec('clearance', 0, TEXT_VIEW_FACING, (0.0, 0.0, _TEXT_M), BLACK,
-                          place=(x, y - 2 * _TEXT_M, -_TEXT_M), text=f'{report.clearance_m * 1e3:.2f} mm')
+    if report.closest and not report.touching:
+        point_m = witness(report.observation.benches, *report.closest).point_m
+        spec = _text('clearance', point_m, f'{report.clearance_m * 1e3:.2f} mm')
     return single_marker(report.observation.t_ns, report.observation.frame_id, spec)
 
 
@@ -62,5 +61,11 @@ def _point_and_label(report: Report) -> list[MarkerSpec]:
     seen = witness(report.observation.benches, i, j)
     (x, y), more = seen.point_m, f' (+{report.count - 1})' if report.count > 1 else ''
     return [MarkerSpec('point', 0, SPHERE, (_POINT_M, _POINT_M, _POINT_M), BLACK, place=(x, y, BENCH_HEIGHT_M)),
-            MarkerSpec('label', 0, TEXT_VIEW_FACING, (0.0, 0.0, _TEXT_M), BLACK, place=(x, y, 2 * _TEXT_M),
-                       text=f'{i} x {j}: {seen.gap_m * 1e3:.2f} mm{more}')]
+            _text('label', seen.point_m, f'{i} x {j}: {seen.gap_m * 1e3:.2f} mm{more}')]
+
+
+def _text(namespace: str, point_m: tuple[float, float], text: str) -> MarkerSpec:
+    """Return a text beside a point, above the benches: seen from above, nothing covers it, and it covers no contact."""
+    x, y = point_m
+    return MarkerSpec(namespace, 0, TEXT_VIEW_FACING, (0.0, 0.0, _TEXT_M), BLACK,
+                      place=(x, y - 2 * _TEXT_M, 2 * _TEXT_M), text=text)

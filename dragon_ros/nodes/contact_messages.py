@@ -75,9 +75,10 @@ def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: 
     if report is None:
         return _status(level, name, 'waiting for handles and benches', {'dropped': str(dropped)}, dragon)
     pair = ' and '.join(map(str, report.closest or ()))
+    pairs = 'pair is' if report.count == 1 else 'pairs are'
     message = {DiagnosticStatus.OK: f'clearance {report.clearance_m:.6f} m',
                DiagnosticStatus.WARN: f'benches {pair} are {report.clearance_m:.6f} m apart',
-               DiagnosticStatus.ERROR: f'{report.count} pairs in contact, the deepest is {pair}'}[level]
+               DiagnosticStatus.ERROR: f'{report.count} {pairs} in contact, the deepest is {pair}'}[level]
     return _status(level, name, message, {
         't_s': '{}.{:09d}'.format(*stamp_of(report.observation.t_ns)), 'clearance_m': f'{report.clearance_m:.12f}',
         'closest': pair, 'warn_below_m': f'{warn_below_m:g}', 'in_contact': str(report.count),

@@ -128,7 +128,7 @@ class Monitor(DragonNode):
 
     def _report(self, report: Report) -> None:
         """Publish the result of one tick, each topic only if it changes or has subscribers."""
-        active = self._last is not None and self._last.count > 0
+        changed = (self._last is not None and self._last.count > 0) != (report.count > 0)
         self._last = report
         self.seen += 1
         if self.topic_publishers[_STAMPED].get_subscription_count():    # first: recorders take the tick from it
@@ -136,16 +136,16 @@ class Monitor(DragonNode):
         if self.topic_publishers['clearance'].get_subscription_count():
             self.topic_publishers['clearance'].publish(float64_of(report.clearance_m))
         self._publish_vector(report)
-        self._show_clearance(report)
+        self._show_clearance(report, at_once=changed)
         if message := messages.collision_of(report):
             self.topic_publishers['collision'].publish(message)
             self._log(message)
-        if active != (report.count > 0):
+        if changed:
             self.topic_publishers['collision/active'].publish(Bool(data=report.count > 0))
         for event in report.begins:
             self.topic_publishers['collision/point'].publish(messages.point_of(event))
         markers = self.topic_publishers['collision/markers']
-        if message or active != (report.count > 0) or (report.count and markers.get_subscription_count()):
+        if message or changed or (report.count and markers.get_subscription_count()):
             markers.publish(report_markers(report))
         self._publish_health()
 
@@ -155,10 +155,10 @@ class Monitor(DragonNode):
         if vector and report.closest and vector.get_subscription_count():
             vector.publish(vector_of(report))
 
-    def _show_clearance(self, report: Report) -> None:
-        """Publish the clearance as a marker, no more often than a person can read."""
+    def _show_clearance(self, report: Report, at_once: bool) -> None:
+        """Publish the clearance as a marker, no more often than a person can read unless ``at_once``."""
         marker, now = self.topic_publishers['clearance/marker'], time.monotonic()
-        if marker.get_subscription_count() and now - self._shown >= _MARKER_S:
+        if marker.get_subscription_count() and (at_once or now - self._shown >= _MARKER_S):
             self._shown = now
             marker.publish(clearance_marker(report))
 

@@ -8,6 +8,7 @@ from dragon_ros.core.geometry.tracker import ContactTracker, Report
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.decode import read_marker_array
+from dragon_ros.messages.markers import BENCH_HEIGHT_M
 from dragon_ros.messages.monitor_markers import clearance_marker, report_markers, vector_of
 
 
@@ -42,6 +43,7 @@ def test_benches_in_contact_are_red_and_stand_where_they_are_with_a_point_and_a_
     assert {marker.color.a for marker in (*red, point, label)} == {1.0}
     assert max(marker.pose.position.z + 0.5 * marker.scale.z for marker in red) < point.pose.position.z
     assert point.pose.position.z < label.pose.position.z
+    assert label.pose.position.y + 2 * label.scale.z == pytest.approx(point.pose.position.y)
     again = serialization.serialize_message(message)
     assert serialization.deserialize_message(again, MarkerArray) == message
 
@@ -60,15 +62,17 @@ def test_the_clearance_stands_as_a_text_beside_the_point_between_the_closest_ben
     middle = 0.5 * (one + other)
     assert message.pose.position.x == pytest.approx(middle[0], abs=0.02)
     assert message.pose.position.y + 2 * message.scale.z == pytest.approx(middle[1], abs=0.02)
+    assert message.pose.position.z - message.scale.z > 0.5 * BENCH_HEIGHT_M         # benches do not cover it
     vector = serialization.deserialize_message(vector_of(report), Vector3Stamped).vector
     assert report.closest == (0, 8)
     assert (vector.x, vector.y, vector.z) == pytest.approx((*(other - one), 0.0), abs=1e-9)
 
 
-def test_a_dragon_without_pairs_has_no_clearance_to_show():
+@pytest.mark.parametrize('report', [Report(report_at(412.0).observation, np.inf, None), report_at(412.48)],
+                         ids=['without pairs', 'in contact'])
+def test_a_dragon_without_pairs_or_in_contact_has_no_clearance_to_show(report):
     serialization = pytest.importorskip('rclpy.serialization')
     from visualization_msgs.msg import Marker
-    report = Report(report_at(412.0).observation, np.inf, None)
     message = serialization.deserialize_message(clearance_marker(report), Marker)
     assert (message.action, message.ns) == (Marker.DELETE, 'clearance')
 

@@ -66,6 +66,7 @@ def test_contact_is_an_error_and_a_clearance_below_the_limit_a_warning(count, cl
     report = Report(SEEN, clearance_m, (3, 11), count=count)
     status = messages.health_of('dragon', report, 0.05, 4)
     assert messages.level_of(report, 0.05) == status.level == level
+    assert [words in status.message for words in ('1 pair is in', '2 pairs are in')] == [count == 1, count == 2]
     found = values(status)
     assert (float(found['t_s']), float(found['clearance_m'])) == (412.480000001, clearance_m)
     assert (found['closest'], found['warn_below_m']) == ('3 and 11', '0.05')
