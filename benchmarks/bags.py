@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.figures import PAGE_IN, TEXT_PT
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
@@ -121,17 +122,18 @@ def csv_text(rows: list[Written]) -> str:
 
 def picture(rows: list[Written]) -> Figure:
     """Return throughput against size, one point per writer and compression."""
-    figure = Figure(figsize=(8, 5), layout='constrained')
+    figure = Figure(figsize=(PAGE_IN, 5.4), layout='constrained')
     axes = figure.subplots()
     for row in rows:
         own = row.writer == _OWN
         axes.plot(100 * row.share, row.mb_s, 'o' if own else 's', color='#0072B2' if own else '#E69F00', markersize=9)
         on_left = own and row.compression == 'zstd'         # lz4 is to the right of it, and nearly as high
         axes.annotate(f'{row.writer}, {row.compression}', (100 * row.share, row.mb_s), textcoords='offset points',
-                      xytext=(-8 if on_left else 8, 4 if own else -12), ha='right' if on_left else 'left', fontsize=8)
+                      xytext=(-8 if on_left else 8, 4 if own else -12), ha='right' if on_left else 'left',
+                      fontsize=TEXT_PT)
     axes.set(xlabel='size of the bag (% of its messages)', ylabel='throughput (MB/s of messages)', xlim=(0, 140),
              title=f'Writing bags of {_SCENE.dragon.benches} benches')
     axes.set_ylim(0, 1.1 * max(row.mb_s for row in rows))
     axes.grid(True, linewidth=0.4)
-    figure.supxlabel(circumstances(), fontsize=7)
+    figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure

@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 from benchmarks.growth import SIZES, Check, check_table, checks_of, panel
 from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.figures import PAGE_IN, TEXT_PT
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.geometry.broad_phase import candidates
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
@@ -141,13 +142,13 @@ def csv_text(rows: Measured) -> str:
 
 def picture(rows: Measured) -> Figure:
     """Return two panels: error of the contact time against the time it takes, and growth with the number of benches."""
-    figure = Figure(figsize=(13, 6), layout='constrained')
-    left, right = figure.subplots(1, 2)
-    _search_panel(left, rows)
-    panel(right, rows.checks)
-    for axes in (left, right):
+    figure = Figure(figsize=(PAGE_IN, 11), layout='constrained')
+    above, below = figure.subplots(2, 1)
+    _search_panel(above, rows)
+    panel(below, rows.checks)
+    for axes in (above, below):
         axes.grid(True, which='major', linewidth=0.4)
-    figure.supxlabel(circumstances(), fontsize=7)
+    figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure
 
 
@@ -161,10 +162,10 @@ def _search_panel(axes: Axes, rows: Measured) -> None:
         axes.loglog(row.spent_s, error, 'o' if own else 's', markersize=9 if own else 7, color=colour)
         axes.annotate(f'{row.solver}{" (wrong)" if wrong else ""}: {row.states:,} states', (row.spent_s, error),
                       xytext=(-8 if row.spent_s == longest_s else 8, shift.get(row.solver, 4)),
-                      ha='right' if row.spent_s == longest_s else 'left', textcoords='offset points', fontsize=8)
+                      ha='right' if row.spent_s == longest_s else 'left', textcoords='offset points', fontsize=TEXT_PT)
     axes.set(xlabel='time of the search (s)', ylabel='error of the reported contact time (s)', ylim=(3e-15, 30),
              title='First contact of the classic run, searched from 0 s')
     axes.set_xlim(0.5 * min(row.spent_s for row in rows.searches), 15 * longest_s)
     axes.axhline(_KNOWN_S, color='black', linewidth=0.6, linestyle=':')
     axes.annotate('t* is known to this', (12 * longest_s, _KNOWN_S), xytext=(0, 3), textcoords='offset points',
-                  fontsize=7, ha='right')
+                  fontsize=TEXT_PT, ha='right')

@@ -7,7 +7,7 @@ from tqdm import tqdm
 
 from benchmarks.wholes import Whole, wholes
 from dragon_ros.cli.command_line import csv_of
-from dragon_ros.cli.figures import legend_below
+from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.configuration import scene_names
 from dragon_ros.core.flags import known
 from dragon_ros.cost.effects import ALONE, Price, price
@@ -62,11 +62,11 @@ def csv_text(rows: Measured) -> str:
 
 def picture(rows: Measured) -> Figure:
     """Return a figure of two panels: the cost of each effect, and whole ticks."""
-    figure = Figure(figsize=(13, 5.8), layout='constrained')
-    left, right = figure.subplots(1, 2, width_ratios=(3, 2))
-    _price_panel(left, rows.prices)
-    _whole_panel(right, rows.wholes)
-    figure.supxlabel(circumstances(), fontsize=7)
+    figure = Figure(figsize=(PAGE_IN, 9), layout='constrained')
+    above, below = figure.subplots(2, 1, height_ratios=(3, 2))
+    _price_panel(above, rows.prices)
+    _whole_panel(below, rows.wholes)
+    figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure
 
 
@@ -83,12 +83,12 @@ def _price_panel(axes: Axes, prices: list[Price]) -> None:
             axes.barh(n + shift, us, 0.36, color=colour, label=scene if n == 0 else None)
             size = f', {row.size:,} bytes' if scene == ALONE else ''
             axes.annotate(f'{us:.3g} µs{size}', (max(us, 0.0), n + shift), xytext=(4, 0), textcoords='offset points',
-                          va='center', fontsize=8)
+                          va='center', fontsize=TEXT_PT)
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
     axes.set(xlabel='added to a tick, computed and encoded (µs)', title='What each effect adds')
     axes.set_xlim(right=1.25 * axes.get_xlim()[1])
-    legend_below(axes, fontsize=9)
+    legend_below(axes, fontsize=TEXT_PT)
 
 
 def _whole_panel(axes: Axes, rows: list[Whole]) -> None:
@@ -96,7 +96,7 @@ def _whole_panel(axes: Axes, rows: list[Whole]) -> None:
     for n, row in enumerate(shown.values()):
         us = row.timing.median_s * 1e6
         axes.barh(n, us, 0.6, color='#009E73')
-        axes.annotate(f'{us:.0f} µs', (us, n), xytext=(4, 0), textcoords='offset points', va='center', fontsize=9)
+        axes.annotate(f'{us:.0f} µs', (us, n), xytext=(4, 0), textcoords='offset points', va='center', fontsize=TEXT_PT)
     axes.set_yticks(range(len(shown)), list(shown))
     axes.invert_yaxis()
     axes.set(xlabel='a whole tick, computed and encoded (µs)', title='Whole ticks of the classic dragon')

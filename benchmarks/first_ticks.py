@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
-from dragon_ros.cli.figures import legend_below
+from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import state
@@ -96,7 +96,7 @@ def csv_text(rows: list[Row]) -> str:
 
 def picture(rows: list[Row]) -> Figure:
     """Return a figure with one line per scene: its first tick and a later one, by map and by march."""
-    figure = Figure(figsize=(11, 0.34 * len(rows) + 2.4), layout='constrained')
+    figure = Figure(figsize=(PAGE_IN, 0.34 * len(rows) + 2.4), layout='constrained')
     axes, at = figure.subplots(), np.arange(len(rows))
     for name, (colour, marker) in _STYLES.items():
         axes.plot([row.timings[name].median_s * 1e3 for row in rows], at, marker, color=colour, markersize=9,
@@ -112,5 +112,5 @@ def picture(rows: list[Row]) -> Figure:
     axes.grid(True, axis='x', linewidth=0.4)
     axes.set_axisbelow(True)
     legend_below(axes, len(CALLS))
-    figure.supxlabel(circumstances(), fontsize=7)
+    figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure

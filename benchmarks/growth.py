@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from benchmarks.stages import ticks_from
-from dragon_ros.cli.figures import legend_below
+from dragon_ros.cli.figures import TEXT_PT, legend_below
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.geometry.broad_phase import box_pairs, candidates, default_reach_m
 from dragon_ros.core.geometry.contacts import Observation
@@ -121,4 +121,4 @@ def panel(axes: Axes, checks: list[Check]) -> None:
                     label=f'{method}: grows as N^{exponent(checks, method):.2f}')
     axes.set(xlabel='benches N', ylabel='time of one check (ms): candidates and gaps',
              title='One check of all benches for contact')
-    legend_below(axes, 1, fontsize=9)
+    legend_below(axes, 1, fontsize=TEXT_PT)

@@ -19,7 +19,7 @@ from benchmarks.stages import ticks_from
 from dragon_ros.bags.write.mcap import compressor
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.cli.command_line import csv_of
-from dragon_ros.cli.figures import LINES
+from dragon_ros.cli.figures import LINES, PAGE_IN, TEXT_PT
 from dragon_ros.core.batches import batches, velocity_of
 from dragon_ros.core.geometry.near_pairs import NearPairs
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
@@ -183,14 +183,14 @@ def csv_text(rows: Measured) -> str:
 
 def picture(rows: Measured) -> Figure:
     """Return a figure with a bar for each stage: its time relative to the limit of the machine."""
-    figure = Figure(figsize=(9, 0.5 * len(rows.stages) + 1.8), layout='constrained')
+    figure = Figure(figsize=(PAGE_IN, 0.5 * len(rows.stages) + 1.8), layout='constrained')
     axes = figure.subplots()
     kinds = [*_RATES]
     for y, stage in enumerate(reversed(rows.stages)):
         limit_s, rate = stage.limit(rows.rates)
         times = stage.timing.median_s / limit_s
         axes.barh(y, times, color=LINES[kinds.index(rate)], label=rate, height=0.6)
-        axes.annotate(f' {times:.1f} times {1e6 * limit_s:.3g} µs', (max(times, 1.0), y), va='center', fontsize=9)
+        axes.annotate(f' {times:.1f} times {1e6 * limit_s:.3g} µs', (max(times, 1.0), y), va='center', fontsize=TEXT_PT)
     axes.set_yticks(range(len(rows.stages)), [stage.name for stage in reversed(rows.stages)])
     axes.axvline(1.0, color='black', linewidth=1.0)
     axes.set(xscale='log', xlabel='times as long as the machine needs (1: nothing is left)',
@@ -200,5 +200,5 @@ def picture(rows: Measured) -> Figure:
     axes.grid(visible=False, axis='y')
     seen = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
     axes.legend(seen.values(), seen.keys(), title='bound by', loc='lower right')
-    figure.supxlabel(circumstances(), fontsize=7)
+    figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure

@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from benchmarks.live import Start, alive, ended, processes
 from dragon_ros.bags.write.mcap import packed_bytes
-from dragon_ros.cli.figures import legend_below
+from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.cost.measure import circumstances
 
 _BENCHES, _RATE_HZ, _TOPICS = 223, 100, ('handles', 'benches', 'velocities')
@@ -138,7 +138,7 @@ def csv_text(row: Recorded) -> str:
 
 def picture(row: Recorded) -> Figure:
     """Return resident memory against time, with the fitted growth."""
-    figure = Figure(figsize=(8, 4.4), layout='constrained')
+    figure = Figure(figsize=(PAGE_IN, 4.4), layout='constrained')
     axes = figure.subplots()
     axes.plot(*zip(*row.samples, strict=True), '.', color='#0072B2', label='resident')
     slope, start = row.fit
@@ -149,5 +149,5 @@ def picture(row: Recorded) -> Figure:
     axes.set_ylim(0, 1.15 * max(mb for _, mb in row.samples))
     axes.grid(True, linewidth=0.4)
     legend_below(axes)
-    figure.supxlabel(circumstances(), fontsize=7)
+    figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure

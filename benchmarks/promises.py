@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
-from dragon_ros.cli.figures import legend_below
+from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, Group, Mixed
@@ -174,7 +174,7 @@ def summary(found: Measured) -> str:
 
 def picture(found: Measured) -> Figure:
     """Return a figure of the share of chains whose error exceeds a share of its promise, for positions and speeds."""
-    figure = Figure(figsize=(11, 5.3), layout='constrained')
+    figure = Figure(figsize=(PAGE_IN, 5), layout='constrained')
     for k, (axes, what) in enumerate(zip(figure.subplots(1, 2, sharey=True), WHAT, strict=True)):
         for n, tier in enumerate(PROMISING):
             worst = np.sort(np.max(found.shares[found.tiers == n, :, k], axis=1))
@@ -186,9 +186,9 @@ def picture(found: Measured) -> Figure:
         axes.axvline(1.0, color='black', linewidth=1)
         axes.set(title=what.capitalize(), xlabel='error / promise, the worst of state, states and tick')
         axes.grid(True, which='major', linewidth=0.4)
-        legend_below(axes, 4, fontsize=9)
+        legend_below(axes, 4, fontsize=TEXT_PT)
     figure.supylabel('share of chains with a larger error', fontsize=10)
-    figure.supxlabel(f'{len(found.shares):,} chains; {circumstances()}', fontsize=7)
+    figure.supxlabel(f'{len(found.shares):,} chains; {circumstances()}', fontsize=TEXT_PT)
     return figure
 
 

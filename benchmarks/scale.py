@@ -13,7 +13,7 @@ from benchmarks.live import RATES_HZ, ROLES, Live, highest, run
 from benchmarks.solvers import CHAIN_SOLVERS
 from benchmarks.stages import STAGES, stages_of
 from dragon_ros.cli.command_line import csv_of
-from dragon_ros.cli.figures import legend_below
+from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
@@ -181,15 +181,15 @@ def csv_text(rows: Measured) -> str:
 
 def picture(rows: Measured) -> Figure:
     """Return a figure of three panels: time and memory of the stages against N, and the sustained rates."""
-    figure = Figure(figsize=(16, 7), layout='constrained')
-    time_axes, memory, rates = figure.subplots(1, 3)
+    figure = Figure(figsize=(PAGE_IN, 17), layout='constrained')
+    time_axes, memory, rates = figure.subplots(3, 1)
     _growth(time_axes, rows.stages, _milliseconds, 'time (ms)', 'Time of each stage')
     _growth(memory, rows.stages, _megabytes, 'memory at once (MB)', 'Memory of each stage')
     _rates(rates, rows)
     for axes in (time_axes, memory, rates):
         axes.grid(True, which='major', linewidth=0.4)
         axes.set_xlabel('benches N')
-    figure.supxlabel(circumstances(), fontsize=7)
+    figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure
 
 
@@ -202,7 +202,7 @@ def _growth(axes: Axes, rows: list[Stage], value: Callable[[Stage], float], unit
             axes.loglog([row.benches for row in mine], [value(row) for row in mine], f'o{style}', markersize=4,
                         color=_COLOURS[stage], label=f'{name}: N^{exponent(mine, value):.2f}')
     axes.set(ylabel=unit, title=title)
-    legend_below(axes, fontsize=8)
+    legend_below(axes, fontsize=TEXT_PT)
 
 
 def _rates(axes: Axes, rows: Measured) -> None:
@@ -215,4 +215,4 @@ def _rates(axes: Axes, rows: Measured) -> None:
     axes.plot([], [], 'x', color='#D55E00', label='not held')
     axes.set(xscale='log', yscale='log', ylabel='ticks per second', ylim=(0.5 * RATES_HZ[0], 2 * RATES_HZ[-1]),
              title='Sim, monitor and recorder over DDS')
-    legend_below(axes, 1, fontsize=8)
+    legend_below(axes, 1, fontsize=TEXT_PT)

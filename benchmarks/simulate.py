@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from matplotlib.figure import Figure
 
 from dragon_ros.cli.command_line import csv_of
-from dragon_ros.cli.figures import LINES
+from dragon_ros.cli.figures import LINES, PAGE_IN, TEXT_PT
 from dragon_ros.cli.pool import workers_of
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cost.measure import circumstances
@@ -98,10 +98,10 @@ def csv_text(rows: list[Written]) -> str:
 def picture(rows: list[Written]) -> Figure:
     """Return the speed of each number of workers, relative to real time; copying would hide what differs."""
     rows = [row for row in rows if row.workers is not None]
-    figure = Figure(figsize=(8, 4.4), layout='constrained')
+    figure = Figure(figsize=(PAGE_IN, 4.4), layout='constrained')
     axes = figure.subplots()
     axes.barh([row.name for row in rows], [row.run_s / row.wall_s for row in rows], color=LINES[0])
     axes.invert_yaxis()
     axes.set(xlabel='times real time', title='The bag of a run')
-    figure.supxlabel(circumstances(), fontsize=7)
+    figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.figures import PAGE_IN, TEXT_PT
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 
 _MODULE = '-m', 'dragon_ros'
@@ -103,17 +104,17 @@ def csv_text(rows: list[Start]) -> str:
 
 def picture(rows: list[Start]) -> Figure:
     """Return bars of all starts; the floors are grey, help is blue, uses are orange."""
-    figure = Figure(figsize=(9, 0.28 * len(rows) + 1.2), layout='constrained')
+    figure = Figure(figsize=(PAGE_IN, 0.28 * len(rows) + 1.2), layout='constrained')
     axes = figure.subplots()
     for n, row in enumerate(rows):
         colour = '#999999' if row.name in FLOORS else '#0072B2' if row.arguments == HELP else '#E69F00'
         axes.barh(n, row.timing.median_s * 1e3, 0.7, color=colour)
         axes.annotate(_ms(row), (row.timing.median_s * 1e3, n), xytext=(4, 0), textcoords='offset points', va='center',
-                      fontsize=8)
+                      fontsize=TEXT_PT)
     axes.set_yticks(range(len(rows)), [row.name if row.name in FLOORS else f'{row.name} {HELP}' if row.arguments == HELP
-                                       else row.arguments for row in rows], fontsize=8)
+                                       else row.arguments for row in rows], fontsize=TEXT_PT)
     axes.invert_yaxis()
     axes.set(xlabel='time (ms)', title='From the start of a process to its end')
     axes.margins(x=0.1)
-    figure.supxlabel(circumstances(), fontsize=7)
+    figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure

@@ -10,7 +10,7 @@ from distributed import Client
 from matplotlib.figure import Figure
 
 from dragon_ros.cli.command_line import csv_of
-from dragon_ros.cli.figures import LINES
+from dragon_ros.cli.figures import LINES, PAGE_IN, TEXT_PT
 from dragon_ros.cli.progress import Progress
 from dragon_ros.core.scene import Scene
 from dragon_ros.cost.measure import circumstances
@@ -153,11 +153,11 @@ def csv_text(rows: list[Row]) -> str:
 
 def picture(rows: list[Row]) -> Figure:
     """Return the rows a second over the number of workers, a panel for each study."""
-    figure = Figure(figsize=(11, 4.4), layout='constrained')
+    figure = Figure(figsize=(PAGE_IN, 4.4), layout='constrained')
     for axes, name in zip(figure.subplots(1, len(TASKS)), TASKS, strict=True):
         own = [row for row in rows if row.task == name]
         labels = [f'{row.workers} on Dask' if row.workers else 'no Dask' for row in own]
         axes.bar(labels, [row.rate for row in own], color=[LINES[0] if row.workers else '#999999' for row in own])
         axes.set(ylabel='rows a second', title=name)
-    figure.supxlabel(circumstances(), fontsize=7)
+    figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure

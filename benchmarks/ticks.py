@@ -15,6 +15,7 @@ from benchmarks.solvers import CHAIN_SOLVERS
 from benchmarks.stages import STAGES, stages_of
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.dds_domain import free_domain, local_environment
+from dragon_ros.cli.figures import PAGE_IN, TEXT_PT
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tiers import EXACT, PAPER, TIERS
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
@@ -111,15 +112,15 @@ def csv_text(rows: list[Row]) -> str:
 
 def picture(rows: list[Row]) -> Figure:
     """Return a figure of stacked bars: before and after, and the latter again on its own scale."""
-    figure = Figure(figsize=(13, 0.55 * len(rows) + 2.6), layout='constrained')
-    before, after = figure.subplots(1, 2)
+    figure = Figure(figsize=(PAGE_IN, 0.8 * len(rows) + 3.2), layout='constrained')
+    before, after = figure.subplots(2, 1)
     _bars(before, rows)
     _bars(after, [row for row in rows if row.messages == _BYTES])
     before.set_title('One tick of 223 benches, before and after')
     after.set_title('After: messages are bytes')
     handles, labels = before.get_legend_handles_labels()
-    figure.legend(handles, labels, loc='outside upper center', ncols=len(_ALL), fontsize=9)
-    figure.supxlabel(circumstances(), fontsize=7)
+    figure.legend(handles, labels, loc='outside upper center', ncols=len(_ALL), fontsize=TEXT_PT)
+    figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure
 
 
@@ -130,7 +131,8 @@ def _bars(axes: Axes, rows: list[Row]) -> None:
         axes.barh(names, width, left=left, color=colour, label=stage)
         left = [start + more for start, more in zip(left, width, strict=True)]
     for row, end in enumerate(left):
-        axes.annotate(f'{end:,.0f}', (end, row), xytext=(4, 0), textcoords='offset points', va='center', fontsize=9)
+        axes.annotate(f'{end:,.0f}', (end, row), xytext=(4, 0), textcoords='offset points', va='center',
+                      fontsize=TEXT_PT)
     axes.invert_yaxis()
     axes.margins(x=0.12)
     axes.set_xlabel('time (µs)')

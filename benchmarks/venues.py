@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
-from dragon_ros.cli.figures import legend_below
+from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
@@ -104,7 +104,7 @@ def csv_text(rows: list[Row]) -> str:
 
 def picture(rows: list[Row]) -> Figure:
     """Return a panel for each ladder, with a line for each answer."""
-    figure = Figure(figsize=(11, 4.4), layout='constrained')
+    figure = Figure(figsize=(PAGE_IN, 4.4), layout='constrained')
     panels = figure.subplots(1, len(_LADDERS), sharey=True)
     for axes, varied in zip(panels, _LADDERS, strict=True):
         some = [row for row in rows if row.varied == varied]
@@ -116,5 +116,5 @@ def picture(rows: list[Row]) -> Figure:
     panels[0].set_ylabel('time (s)')
     panels[1].set_title('Answers in a town')
     legend_below(panels[1], len(CALLS))
-    figure.supxlabel(circumstances(), fontsize=7)
+    figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure

@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from benchmarks.baselines import SOLVERS, euler_steps
 from dragon_ros.cli.command_line import csv_of
-from dragon_ros.cli.figures import legend_below
+from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.errors import FieldError, ModelEnd
@@ -239,8 +239,8 @@ def csv_text(rows: list[Row]) -> str:
 
 def picture(rows: list[Row]) -> Figure:
     """Return the work-precision diagram: the classic scene, and the tiers on all hard cases."""
-    figure = Figure(figsize=(13, 8), layout='constrained')
-    classic, hard = figure.subplots(1, 2)
+    figure = Figure(figsize=(PAGE_IN, 16), layout='constrained')
+    classic, hard = figure.subplots(2, 1, height_ratios=(4, 5))
     mine = [row for row in rows if row.problem == 'classic' and row.timing and np.isfinite(row.error_m)]
     labels = _labels(mine)
     for row in mine:
@@ -250,14 +250,14 @@ def picture(rows: list[Row]) -> Figure:
         colour = '#0072B2' if own else '#D55E00' if row.verdict == 'WRONG' else '#E69F00'
         classic.loglog(row.timing.median_s * 1e6, row.error_m, 'o' if own else 's', markersize=8, color=colour)
         classic.annotate(labels[row.solver], (row.timing.median_s * 1e6, row.error_m), xytext=(x, y),
-                         textcoords='offset points', ha=side, fontsize=8)
+                         textcoords='offset points', ha=side, fontsize=TEXT_PT)
     classic.set(xlabel='time per tick (µs): positions of 224 handles', ylabel='largest error (m)',
                 title='Classic scene: dragon_ros tiers (circles) and others (squares)')
     _hard_panel(hard, rows)
     for axes in (classic, hard):
         axes.grid(True, which='major', linewidth=0.4)
     classic.margins(x=0.18, y=0.08)
-    figure.supxlabel(circumstances(), fontsize=7)
+    figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure
 
 
@@ -282,7 +282,7 @@ def _hard_panel(axes: Axes, rows: list[Row]) -> None:
         axes.semilogx(shares, [names.index(name) for name in mine], marker, color=colour,
                       label=tier, markersize=5, alpha=0.9)
     axes.axvline(1.0, color='black', linewidth=1)
-    axes.set_yticks(range(len(names)), names, fontsize=7)
+    axes.set_yticks(range(len(names)), names, fontsize=TEXT_PT)
     axes.invert_yaxis()
     axes.set(xlabel='largest error / promise (1 is the limit)', title='Hard cases')
-    legend_below(axes, 4, fontsize=8)
+    legend_below(axes, 4, fontsize=TEXT_PT)

@@ -5,6 +5,8 @@ from shapely.affinity import rotate
 from shapely.geometry import LineString, MultiPoint, box
 from shapely.strtree import STRtree
 
+from dragon_ros.cli.figures import PAGE_IN, TEXT_PT
+
 _HAIR = 0.75        # pixels at 100 dots per inch
 
 
@@ -27,6 +29,11 @@ class Picture:
         pairs = STRtree(shapes).query(shapes, predicate='intersects').T.tolist()
         return [(self._texts[one][0], self._texts[other][0]) for one, other in pairs if one < other]
 
+    def small(self):
+        """The texts that are smaller than the least size, on a page that shows wider figures at its own width."""
+        shown = min(1.0, PAGE_IN / self._figure.get_figwidth())
+        return [text.get_text() for text in _drawn(self._figure) if text.get_fontsize() * shown < TEXT_PT - 1e-9]
+
     def hidden(self):
         """The curves that a legend lies on."""
         found = []
@@ -40,13 +47,17 @@ class Picture:
 
 def _texts(figure):
     """Every drawn text of a figure with its box in pixels, turned as the text is."""
+    return ((text.get_text(), _box(text)) for text in _drawn(figure))
+
+
+def _drawn(figure):
     axes = [axis for each in figure.axes for axis in (each.xaxis, each.yaxis)]
     labels = {label for axis in axes for tick in (*axis.majorTicks, *axis.minorTicks)
               for label in (tick.label1, tick.label2)}
     drawn = {label for axis in axes for tick in axis._update_ticks() for label in (tick.label1, tick.label2)}
     for text in figure.findobj(Text):
         if text.get_text().strip() and text.get_visible() and text not in labels - drawn:
-            yield text.get_text(), _box(text)
+            yield text
 
 
 def _path(line):
@@ -84,6 +95,6 @@ def readable(save):
     """A function that saves the figure of a cost page, whose titles, axes and legends must be readable."""
     def saved(figure, stem):
         seen = Picture(figure)
-        assert (seen.cropped(), seen.hidden()) == ([], [])
+        assert (seen.cropped(), seen.hidden(), seen.small()) == ([], [], [])
         return save(figure, stem)
     return saved

@@ -16,13 +16,15 @@ DASHES: tuple[Any, ...] = ('solid', (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 
 QUIET = '#555555'       # colour of notes and guide lines
 OBSTACLE = '#DDD8CE'    # colours of a venue's obstacles and of everything outside its boundary
 
+PAGE_IN, TEXT_PT = 9.1, 9     # width of a page, some 880 pixels, on which a text of this size is still that large
+
 _STYLE = {
     'figure.constrained_layout.use': True, 'figure.constrained_layout.h_pad': 0.1,
     'figure.constrained_layout.w_pad': 0.08, 'font.family': ['DejaVu Sans', 'sans-serif'], 'font.size': 10,
     'axes.titlesize': 11, 'axes.titlelocation': 'left', 'axes.spines.top': False, 'axes.spines.right': False,
     'axes.edgecolor': QUIET, 'axes.axisbelow': True, 'axes.grid': True, 'grid.color': '#E6E6E6', 'grid.linewidth': 0.6,
-    'lines.linewidth': 1.6,
-    'legend.frameon': False, 'legend.fontsize': 9, 'svg.hashsalt': 'dragon_ros', 'axes.formatter.useoffset': False,
+    'lines.linewidth': 1.6, 'legend.frameon': False, 'legend.fontsize': TEXT_PT,
+    'svg.hashsalt': 'dragon_ros', 'axes.formatter.useoffset': False,
     'figure.titlesize': 12, 'hatch.linewidth': 0.5, 'svg.fonttype': 'none', 'pdf.fonttype': 42,
 }
 _LONGEST_NAME = 40          # characters of a name in a title
@@ -32,7 +34,7 @@ _UNDATED: dict[str, dict[str, Any]] = {'.png': {'Software': None}, '.svg': {'Dat
 FORMATS = tuple(_UNDATED)
 TRACK_ID = 'track'      # id of the track in a picture and in its SVG
 _SVG_DPI = 72
-_CAPTION_IN, _CAPTION_PT, _LEGEND_IN = 0.24, 8, 0.3      # room for a caption below a figure
+_CAPTION_IN, _LEGEND_IN = 0.26, 0.3      # room for a caption below a figure
 _CAPTION_ID = 'caption'
 # Files of Chinese fonts on Linux, Windows and macOS.
 _CHINESE_FONTS = ('notosanscjk-regular', 'notosanssc-regular', 'notosanscjksc-regular', 'sourcehansanssc-regular',
@@ -130,7 +132,7 @@ def _add_caption(figure: Any, caption: str) -> None:
     for legend in figure.legends:
         legend.set_bbox_to_anchor((0, below, 1, 1 - below), figure.transFigure)
     figure.text(0.1 / width, 0.08 / height, f'{caption}; dragon_ros {__version__}', gid=_CAPTION_ID,
-                fontsize=_CAPTION_PT, color=QUIET, va='bottom', in_layout=False)
+                fontsize=TEXT_PT, color=QUIET, va='bottom', in_layout=False)
 
 
 def _in_metres(figure: Any) -> dict[str, str]:

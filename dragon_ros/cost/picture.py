@@ -3,7 +3,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dragon_ros.cli.figures import LINES, QUIET, short
+from dragon_ros.cli.figures import LINES, PAGE_IN, QUIET, TEXT_PT, short
 from dragon_ros.core.tiers import TIERS
 from dragon_ros.cost.accuracy import MARCHED
 from dragon_ros.cost.costs import Costs
@@ -18,14 +18,14 @@ _IN_SCENE, _OTHER = LINES[0], '#BBBBBB'
 def picture(costs: Costs) -> 'Figure':
     """Return four panels."""
     from matplotlib.figure import Figure
-    figure = Figure(figsize=(13, 9))
-    (errors, effects), (whole, bags) = figure.subplots(2, 2)
+    figure = Figure(figsize=(PAGE_IN, 15))
+    errors, effects, whole, bags = figure.subplots(4, 1)
     _errors(errors, costs)
     _effects(effects, costs)
     _whole(whole, costs)
     _bags(bags, costs)
     figure.suptitle(f'{short(costs.scene)}: {costs.benches:,} benches, {costs.ticks:,} ticks')
-    figure.supxlabel(costs.machine, fontsize=7, color=QUIET)
+    figure.supxlabel(costs.machine, fontsize=TEXT_PT, color=QUIET)
     return figure
 
 
@@ -42,8 +42,8 @@ def _errors(axes: Any, costs: Costs) -> None:
     for place, names in _labels(costs).items():
         together = len(names) > 1       # below the point, away from others
         text = f'{names[0]} to {names[-1]}' if names == list(TIERS)[1:] else ', '.join(names)
-        axes.annotate(text, place, xytext=(0, -14) if together else (7, -3), textcoords='offset points', fontsize=8,
-                      ha='center' if together else 'left')
+        axes.annotate(text, place, xytext=(0, -14) if together else (7, -3), textcoords='offset points',
+                      fontsize=TEXT_PT, ha='center' if together else 'left')
     axes.margins(x=0.3, y=0.12)
     axes.set(xlabel='time per tick (µs): positions of all handles', ylabel='largest error (m)',
              title='Cost of accuracy')
@@ -76,7 +76,7 @@ def _effects(axes: Any, costs: Costs) -> None:
         us, on = row.timing.median_s * 1e6, row.effect in costs.effects
         axes.barh(n, us, 0.7, color=_IN_SCENE if on else _OTHER)
         axes.annotate(f'{us:,.3g} µs, {row.size:,} bytes', (us, n), xytext=(4, 0), textcoords='offset points',
-                      va='center', fontsize=8)
+                      va='center', fontsize=TEXT_PT)
     axes.set_yticks(range(len(rows)), [row.effect for row in rows])
     axes.invert_yaxis()
     axes.grid(visible=False, axis='y')
@@ -99,7 +99,7 @@ def _whole(axes: Any, costs: Costs) -> None:
     for n, (label, seconds) in enumerate(bars.items()):
         axes.barh(n, seconds, 0.7, color=LINES[2] if label.startswith('first') else LINES[0])
         axes.annotate(f'{seconds:,.3g} s', (seconds, n), xytext=(4, 0), textcoords='offset points', va='center',
-                      fontsize=8)
+                      fontsize=TEXT_PT)
     axes.set_yticks(range(len(bars)), list(bars))
     axes.invert_yaxis()
     axes.grid(visible=False, axis='y')
@@ -114,7 +114,7 @@ def _bags(axes: Any, costs: Costs) -> None:
         size_kb = row.bytes_per_tick / 1000
         axes.bar(n, size_kb, 0.6, color=LINES[4])
         axes.annotate(f'{size_kb:,.3g} kB\n{row.ticks_per_s:,.0f} ticks/s', (n, size_kb), xytext=(0, 3),
-                      textcoords='offset points', ha='center', fontsize=8)
+                      textcoords='offset points', ha='center', fontsize=TEXT_PT)
     axes.set_xticks(range(len(costs.bags)), [row.compression for row in costs.bags])
     axes.grid(visible=False, axis='x')
     axes.set(ylabel='size (kB per tick)', title='Size of a bag')
