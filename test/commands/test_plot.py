@@ -218,7 +218,7 @@ def test_the_pictures_of_the_docs_are_those_that_their_commands_make():
     text = (folder / 'README.md').read_text()
     commands = [line.split()[2:] for line in text.splitlines() if line.startswith('    ./dragon plot')]
     made = {path for words in commands for path in options().parse_args(words).output}
-    drawn = {'README.md', 'view.png', 'try.png'}
+    drawn = {'README.md', 'view.png', 'try.png', 'lichtblick.png'}
     assert {path.name for path in made} | drawn == {path.name for path in folder.iterdir()}
     assert {path.parent.as_posix() for path in made} == {'docs/pictures'}
     assert all(path.stat().st_size < 1_200_000 for path in folder.iterdir())
