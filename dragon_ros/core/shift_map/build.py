@@ -397,7 +397,7 @@ def _together(track: Track, places: Places) -> Places:
 
 def scaled(coordinates: Floats) -> tuple[Floats, Floats, Floats]:
     """Return series (S, K, R) scaled to x in [-1, 1], with the subtracted middle and the scale, (S, R) each."""
-    sign = np.where(np.arange(NODES) % 2, -1.0, 1.0)[:, None]
+    sign = np.where(np.arange(coordinates.shape[1]) % 2, -1.0, 1.0)[:, None]
     fore, rear = np.sum(sign * coordinates, axis=1), np.sum(coordinates, axis=1)
     middle, scale = 0.5 * (fore + rear), 2 / (rear - fore)
     x = coordinates * scale[:, None]

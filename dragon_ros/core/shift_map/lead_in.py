@@ -4,6 +4,10 @@ A dragon's head link is longer than its others, so its leader is one link before
 while the first handle is in one cell, at u in [-1, 1], the leader is a smooth function of that same u. So its
 coordinate, position and motion have series in u, as all rows have, and the inverse of the coordinate gives u without
 solving for the first handle: one product then fills in the whole chain, including the leader.
+
+If the leader passes a joint while the handle is in one cell, no such series converges. But lines, arcs and spirals go
+on beyond their ends: on each segment extended in that way the leader is a smooth function of u again. So the cell has
+a chart for each of these segments, which is used while the leader itself is on that segment.
 """
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -21,18 +25,23 @@ from dragon_ros.core.shift_map.build import NODES, NOISE, Table, scaled
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND, reach_m
 
-_NOWHERE = -1           # segment of a cell without a chart
+_MORE_NODES = 36        # next to a joint: a longer link converges slowly where the block's own just does
+_NEWTON_STEPS = 12      # on an extended segment, from the place at the same distance along it
+_SOLVED = 1e-14         # relative to the link: a last step this short leaves no error
+_SAME = 1e-9            # relative to the link: solutions further apart are different ones
 
 
 class Chart(NamedTuple):
-    """Cells (C,) by the coordinates of the positions in them, in the order of rows, from ``first`` on, and parts.
+    """Charts (C,) of cells by the coordinates of the positions in them, the foremost first.
 
+    ``cell`` (C,) are their cells, numbered by rows, from ``first`` on, and parts; a cell may have several charts.
     ``middle`` (C, 3) is the segment's coordinate in the middle as (hi, lo), and a scale, with x = (coordinate - middle)
     * scale in [-1, 1]. Rounding may put |x| beyond 1 by ``slack`` (C,). ``inverse`` (C, K) are the coefficients of
     u(x), the highest power first.
     """
 
     first: int
+    cell: Ints
     segment: Ints
     middle: Floats
     slack: Floats
@@ -42,13 +51,13 @@ class Chart(NamedTuple):
 def chart_of(table: Table) -> Chart:
     """Return the chart of the rows that can hold leaders of blocks."""
     rows, cells = slice(table.first, table.first + len(table.slack)), table.slack.size
-    return Chart(table.first, table.segment[rows].reshape(-1), table.middle[rows].reshape(cells, 3),
+    return Chart(table.first, np.arange(cells), table.segment[rows].reshape(-1), table.middle[rows].reshape(cells, 3),
                  table.slack.reshape(-1), table.inverse.reshape(cells, -1))
 
 
 @dataclass(frozen=True, eq=False)
 class LeadIn:
-    """The chart of leaders one link before each cell of a table, and their own series.
+    """The charts of leaders one link before the cells of a table, and their own series.
 
     ``places`` and ``motions`` (C, K, 2) are as in the table; their first ``terms`` (C,) are sufficient.
     """
@@ -58,10 +67,10 @@ class LeadIn:
     motions: Floats
     terms: Ints
 
-    def leader(self, cell: int) -> tuple[Floats, Floats]:
-        """Return the series of the position and the motion of a cell's leader, (terms, 2) each."""
-        terms = self.terms[cell]
-        return self.places[cell, :terms], self.motions[cell, :terms]
+    def leader(self, chart: int) -> tuple[Floats, Floats]:
+        """Return the series of the position and the motion of a chart's leader, (terms, 2) each."""
+        terms = self.terms[chart]
+        return self.places[chart, :terms], self.motions[chart, :terms]
 
     @property
     def nodes(self) -> int:
@@ -92,17 +101,72 @@ def lead_in(track: Track, table: Table, links_m: tuple[float, float], direction:
     tame, rows = track.without_locks(link_m), _rows_on(track, table, stretch_m)
     if tame is None or not rows.size:
         return None
-    followers, p, motion = _followers(track, table, rows)
+    followers, p, motion = _followers(track, table, rows, NODES)
     along = track.distances(followers[0][:, [0, -1]], followers[1][:, [0, -1]])     # from rear to front
-    found = _has_leader(tame, along[:, 1 if direction == BEHIND else 0], link_m, direction)
-    if not np.any(found):
+    found = np.flatnonzero(_has_leader(tame, along[:, 1 if direction == BEHIND else 0], link_m, direction))
+    leaders = _leaders(tame, followers, found, link_m, direction)
+    if leaders is None:
         return None
-    flat: Places = tuple(values[found].reshape(-1) for values in followers)     # type: ignore[assignment]
+    one = np.all(leaders[0] == leaders[0][:, :1], axis=1)
+    some, longest_m = found[one], max(links_m)
+    parts = [_fitted(track, table, rows, some, _some(leaders, one), (p[some], motion[some]), longest_m)]
+    if not np.all(one):
+        parts += _next_to_joints(track, table, rows, found[~one], links_m, direction)
+    return _joined([part for part in parts if part])
+
+
+def _some(places: Places, which: Array) -> Places:
+    return places[0][which], places[1][which], places[2][which]
+
+
+def _leaders(track: Track, followers: Places, cells: Ints, link_m: float, direction: int) -> Places | None:
+    """Return the leaders (C, nodes) of the followers in some cells; None if there are none."""
+    if not cells.size:
+        return None
+    segment, u, lo = _some(followers, cells)
     try:
-        leaders, _, _ = next_places(tame, flat, link_m, -direction)
+        found, _, _ = next_places(track, (segment.reshape(-1), u.reshape(-1), lo.reshape(-1)), link_m, -direction)
     except (TrackEndError, ChainLockError):
         return None
-    return _fitted(track, table, rows, np.flatnonzero(found), leaders, (p[found], motion[found]), max(links_m))
+    return found[0].reshape(u.shape), found[1].reshape(u.shape), found[2].reshape(u.shape)
+
+
+def _next_to_joints(track: Track, table: Table, rows: Ints, cells: Ints, links_m: tuple[float, float],
+                    direction: int) -> list[LeadIn | None]:
+    """Return the charts of cells in which the leader passes a joint, one for each segment that it is on."""
+    followers, p, motion = _followers(track, table, rows, _MORE_NODES)
+    leaders = _leaders(track, followers, cells, links_m[0], direction)
+    if leaders is None:
+        return []
+    parts = list[LeadIn | None]()
+    for k in track.present(leaders[0]):
+        near = np.any(leaders[0] == k, axis=1)
+        some = cells[near]
+        on_k = _on_extended(track, k, _some(leaders, near), p[some], links_m[0])
+        parts.append(_fitted(track, table, rows, some, on_k, (p[some], motion[some]), max(links_m)))
+    return parts
+
+
+def _on_extended(track: Track, k: int, leaders: Places, followers: Floats, link_m: float) -> Places:
+    """Return the leaders (C, nodes) of followers (C, nodes, 2) on segment k, extended beyond its ends.
+
+    Not a number for cells without a smooth solution that is the leader wherever that is on the segment itself.
+    """
+    segment, (number, own, own_lo) = track.segments[k], leaders
+    point = followers[..., 0] + 1j * followers[..., 1]
+    with np.errstate(all='ignore'):
+        u, lo = segment.after_many(track.distances(number, own) - track.origins_m[k], np.zeros_like(own))
+        for _ in range(_NEWTON_STEPS):
+            here, heading = segment.poses(u, lo)
+            link = here - point
+            slope = (link.conjugate() * heading).real * segment.rate(u)
+            change = 0.5 * (link.real * link.real + link.imag * link.imag - link_m * link_m) / slope
+            u, lo = plus(u, lo, -change)
+            if np.all(np.abs(change * segment.rate(u)) <= _SOLVED * link_m):
+                break
+        off = np.abs(((u - own) + (lo - own_lo)) * segment.rate(u))
+        is_one = np.all(np.isfinite(u) & ((number != k) | (off <= _SAME * link_m)), axis=1)[:, None]
+    return np.full_like(number, k), np.where(is_one, u, np.nan), np.where(is_one, lo, np.nan)
 
 
 def _has_leader(track: Track, along_m: Floats | float, link_m: float, direction: int) -> Array:
@@ -120,64 +184,75 @@ def _rows_on(track: Track, table: Table, stretch_m: tuple[float, float]) -> Ints
     return out
 
 
-def _followers(track: Track, table: Table, rows: Ints) -> tuple[Places, Floats, Floats]:
+def _followers(track: Track, table: Table, rows: Ints, nodes: int) -> tuple[Places, Floats, Floats]:
     """Return the nodes of the cells of rows (C, nodes), rear first: positions, points (C, nodes, 2) and motions."""
     count = table.nodes
-    at: Floats = np.asarray(chebyshev.chebvander(transform(NODES)[0], count - 1), dtype=np.float64)     # (nodes, K)
+    at: Floats = np.asarray(chebyshev.chebvander(transform(nodes)[0], count - 1), dtype=np.float64)     # (nodes, K)
     x = in_parts(at, table.coordinates[:, :, rows]).transpose(2, 0, 1)
     middle = table.middle[rows]
-    segment = np.repeat(table.segment[rows][..., None], NODES, axis=-1).reshape(-1, NODES)
+    segment = np.repeat(table.segment[rows][..., None], nodes, axis=-1).reshape(-1, nodes)
     high, low = plus(middle[..., :1], middle[..., 1:2], x / middle[..., 2:])
-    places = segment, high.reshape(-1, NODES), low.reshape(-1, NODES)
+    places = segment, high.reshape(-1, nodes), low.reshape(-1, nodes)
     series = table.motions[:, :, 2 * rows[0]:2 * rows[-1] + 2]
-    motion = in_parts(at, series).reshape(table.parts, NODES, -1, 2).transpose(2, 0, 1, 3).reshape(-1, NODES, 2)
+    motion = in_parts(at, series).reshape(table.parts, nodes, -1, 2).transpose(2, 0, 1, 3).reshape(-1, nodes, 2)
     return places, track.points(*places), motion
 
 
 def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places, followers: tuple[Floats, Floats],
             longest_m: float) -> LeadIn | None:
-    """Return the series of leaders at the nodes of some cells; a cell whose series do not converge gets no chart.
+    """Return the series of leaders at the nodes of some cells, each on one segment; only of those that converge.
 
     Series that do not converge to the accuracy of the table may converge to that of its tier.
     """
-    segment = leaders[0].reshape(-1, NODES)
-    u, lo = (values.reshape(-1, NODES) for values in leaders[1:])
-    p, heading = track.poses(segment, u, lo)
-    axis = p - followers[0]
-    pace = dot(axis, followers[1]) / dot(axis, heading)
-    centre = NODES // 2
+    segment, u, lo = leaders
+    centre = u.shape[1] // 2
     origin = u[:, centre], lo[:, centre]
-    from_origin = (u - origin[0][:, None]) + (lo - origin[1][:, None])
-    places, motions = map(series_of, (p, pace[..., None] * heading))
-    half = np.hypot(places[:, 1, 0], places[:, 1, 1])
-    one = np.all(segment == segment[:, :1], axis=1)
-    # All speeds are relative to the leader's motion: a short link must not make it less accurate than the others.
-    size = np.maximum(np.abs(places), longest_m * np.abs(motions)).max(axis=2)
     with np.errstate(all='ignore'):     # a cell no longer than its rounding has no scale and no inverse
+        p, heading = track.poses(segment, u, lo)
+        axis = p - followers[0]
+        pace = dot(axis, followers[1]) / dot(axis, heading)
+        from_origin = (u - origin[0][:, None]) + (lo - origin[1][:, None])
+        places, motions = map(series_of, (p, pace[..., None] * heading))
+        half = np.hypot(places[:, 1, 0], places[:, 1, 1])
+        # All speeds are relative to the leader's motion: a short link must not make it less accurate than the others.
+        size = np.maximum(np.abs(places), longest_m * np.abs(motions)).max(axis=2)
         (x,), (middle,), (scale,) = scaled(series_of(from_origin.T)[None])
-        inverse = np.zeros_like(x)
-        inverse[:, one] = inverse_series(x[:, one])
+        inverse = inverse_series(x)
         charts = (half * np.maximum(np.abs(inverse), np.abs(x))).T
         last = np.maximum(size, charts)[:, -2:].max(axis=1)
         row = rows[cells // table.parts]
         error_m = np.where(last <= NOISE * table.error_m[row], table.error_m[row], table.allowed_m[row])
-        served = one & (last <= NOISE * error_m)
+        on = np.flatnonzero(last <= NOISE * error_m)
         half, size, charts = half / error_m, size / error_m[:, None], charts / error_m[:, None]
-    if not np.any(served):
+    if not on.size:
         return None
     terms = _enough(size)
-    nodes = max(table.nodes, int(np.max(np.maximum(terms, _enough(charts))[served])))
-    numbers, count, on = cells[served], rows.size * table.parts, np.flatnonzero(served)
-
-    def of_all(values: Array, empty: float = 0.0) -> Array:
-        out = np.full((count, *values.shape[1:]), empty, dtype=values.dtype)
-        out[numbers] = values
-        return read_only(out)
-
+    nodes = max(table.nodes, int(np.max(np.maximum(terms, _enough(charts))[on])))
     coordinates = np.stack((*plus(*origin, middle), scale), axis=-1)
-    chart = Chart(int(rows[0]), of_all(segment[on, 0], _NOWHERE), of_all(coordinates[on], 1.0),
-                  of_all(NOISE / half[on]), of_all(powers_of(inverse[:nodes, on])))
-    return LeadIn(chart, of_all(places[on, :nodes]), of_all(motions[on, :nodes]), of_all(terms[on]))
+    chart = Chart(int(rows[0]), cells[on], segment[on, 0], coordinates[on], NOISE / half[on],
+                  powers_of(inverse[:nodes, on]))
+    return LeadIn(chart, places[on, :nodes], motions[on, :nodes], terms[on])
+
+
+def _joined(parts: list[LeadIn]) -> LeadIn | None:
+    """Return several as one, the foremost chart first; series with fewer terms are filled up with zeros."""
+    if not parts:
+        return None
+    nodes = max(part.nodes for part in parts)
+    order = np.argsort(np.concatenate([part.chart.cell for part in parts]), kind='stable')
+
+    def of_all(values: list[Array]) -> Array:
+        return read_only(np.concatenate(values)[order])
+
+    def filled_up(values: Floats, before: bool = False) -> Floats:
+        room = (0, 0), (nodes - values.shape[1], 0) if before else (0, nodes - values.shape[1])
+        return np.pad(values, room + ((0, 0),) * (values.ndim - 2))
+    charts = [part.chart for part in parts]
+    chart = Chart(charts[0].first, of_all([one.cell for one in charts]), of_all([one.segment for one in charts]),
+                  of_all([one.middle for one in charts]), of_all([one.slack for one in charts]),
+                  of_all([filled_up(one.inverse, before=True) for one in charts]))
+    return LeadIn(chart, of_all([filled_up(part.places) for part in parts]),
+                  of_all([filled_up(part.motions) for part in parts]), of_all([part.terms for part in parts]))
 
 
 def _enough(size: Floats) -> Ints:

@@ -114,7 +114,7 @@ class Entrance:
     """The cells of a tile by the coordinates of its leaders on a stretch between two positions.
 
     Leaders of blocks are in the rows themselves. Leaders one link before a block are in none; ``lead_in`` has series
-    for them. ``chart`` has the cells in the order of rows and parts.
+    for them. ``chart`` has the charts of the cells.
     """
 
     tile: 'Tile'
@@ -130,7 +130,7 @@ class Entrance:
     @cached_property
     def sides(self) -> list[_SegmentCells | None]:
         """The cells by segment."""
-        (_, segment, middle, _, _), out = self.chart, list[_SegmentCells | None]()
+        (_, _, segment, middle, _, _), out = self.chart, list[_SegmentCells | None]()
         fore = middle[:, 0] - 1 / middle[:, 2]
         for k in range(len(self.tile.track.segments)):
             cells = np.flatnonzero(segment == k)
@@ -148,9 +148,9 @@ class Entrance:
         return {}
 
     def _cell(self, number: int) -> Cell:
-        """Return a cell in floats."""
-        first, _, middle, slack, inverse = self.chart
-        row, part = divmod(number, self.tile.table.parts)
+        """Return the cell of a chart in floats."""
+        first, cell_of, _, middle, slack, inverse = self.chart
+        row, part = divmod(cell_of.item(number), self.tile.table.parts)
         before = self.lead_in.leader(number) if self.lead_in else None
         high, low, scale = middle[number].tolist()
         powers = inverse[number].tolist()

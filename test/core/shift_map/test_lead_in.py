@@ -12,7 +12,8 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import Place, spiral_track
 from dragon_ros.core.tracks.segments import BEHIND
-from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral
+from hard_cases.dances import dances
 
 LINKS_M = np.array([2.86] + [1.65] * 222)
 
@@ -44,11 +45,24 @@ def test_a_tail_before_a_block_is_in_its_product_too():
     assert (part.start, part.links) == (0, 41)
 
 
-def test_only_leaders_whose_series_would_cross_a_joint_are_marched():
-    model, simulation = compile_scene(TURNING).model, compile_scene(TURNING)
-    chains = [hold(model, gone_m) for gone_m in np.linspace(*simulation.extent_m, 150)]
-    alone = sum(parts[0].links == 1 for parts in chains)
-    assert 0 < alone < 0.2 * len(chains)
+CASES = {problem.name: problem.scene for problem in dances()}
+BACK = Scene(Mixed((Group(2.2, 20), Group(3.41))), Composite((Line(40.0), Arc(4.0, 100.0), Arc(3.0, -80.0), Line(30.0)),
+                                                             start_m=70.0), Head(1.0, 'tail'), Run(0, 25))
+
+
+@pytest.mark.parametrize(('scene', 'alone'), [
+    (CASES['equal-arcs'], 0), (CASES['joint-at-handles'], 0), (CASES['circle'], 0), (BACK, 0), (TURNING, 0.01),
+    (CASES['wiggle'], 0.06)], ids=['arcs', 'handles', 'circle', 'tail', 'turn', 'wiggle'])
+def test_leaders_next_to_a_joint_are_in_the_product_of_their_block_too(scene, alone):
+    simulation = compile_scene(scene)
+    chains = [hold(simulation.model, gone_m) for gone_m in np.linspace(*simulation.extent_m, 201)]
+    assert sum(parts[0].links == 1 for parts in chains) <= alone * len(chains)
+
+
+def test_leaders_whose_series_beyond_a_joint_would_not_converge_are_marched():
+    simulation = compile_scene(CASES['hairpin'])        # on its arc the head link could hardly be longer
+    chains = [hold(simulation.model, gone_m) for gone_m in np.linspace(5.2, 8.0, 57)]
+    assert 0 < sum(parts[0].links == 1 for parts in chains) < len(chains)
 
 
 @pytest.mark.parametrize('tile', [0, -1])
