@@ -125,13 +125,9 @@ def operators() -> dict[str, Operator]:
 
 
 def mutants_of(path: str, source: str, known: dict[str, Operator]) -> Iterator[Mutant]:
-    """Yield every mutant of a file but those of annotations, which nothing computes with."""
+    """Yield every mutant of a file but those where nothing is computed: see ``_unused``."""
     nodes = list(ast_nodes(get_ast(source)))
-    inside = [(node.start_pos, node.end_pos) for node in nodes if node.type in ('annassign', 'tfpdef')]
-    inside += [(function.annotation.start_pos, function.annotation.end_pos) for function in nodes
-               if function.type == 'funcdef' and function.annotation is not None]
-    inside += [(a.start_pos, b.start_pos) for a, b in ((node.children[0], node.children[1]) for node in nodes
-                                                      if node.type == 'decorated')]
+    inside = [(part.start_pos, part.end_pos) for node in nodes for part in _unused(node)]
     for name, operator in known.items():
         number = 0
         for node in nodes:
@@ -139,6 +135,22 @@ def mutants_of(path: str, source: str, known: dict[str, Operator]) -> Iterator[M
                 if not any(a <= start < b for a, b in inside):
                     yield Mutant(path, name, number, start[0])
                 number += 1
+
+
+def _unused(node: parso.tree.NodeOrLeaf) -> Iterator[parso.tree.NodeOrLeaf]:
+    """Yield the parts of a node that compute nothing: annotations, decorators, texts of errors, ``strict`` of zip."""
+    if node.type == 'annassign':
+        yield node.children[1]
+    elif node.type == 'tfpdef':
+        yield node
+    elif node.type == 'funcdef' and node.annotation is not None:
+        yield node.annotation
+    elif node.type == 'decorated':
+        yield node.children[0]
+    elif node.type == 'raise_stmt':
+        yield from (part for part in ast_nodes(node) if part.type == 'fstring')
+    elif node.type == 'argument' and node.children[0].type == 'name' and node.children[0].value == 'strict':
+        yield node
 
 
 def copied(room: str) -> Path:

@@ -24,6 +24,19 @@ def test_annotations_are_left_alone():
     assert all('a: int | None, b: float) -> float' in code for name in mutants.operators() for code in changed(name))
 
 
+@pytest.mark.parametrize(('source', 'left_alone', 'changed'), [
+    ('a: list[int | None] = [3]\n', 'int | None', '[6]'),
+    ('@cache(7)\ndef f():\n    return 3\n', '@cache(7)', 'return 4'),
+    ('if 3:\n    raise ValueError(f"{1e3 * a} is above {MOST - 1}")\n', 'f"{1e3 * a} is above {MOST - 1}"', 'if 4:'),
+    ('f(zip(a, 3, strict=True))\n', 'strict=True', '4')])
+def test_what_computes_nothing_is_left_alone_and_what_stands_beside_it_is_not(source, left_alone, changed):
+    known = mutants.operators()
+    codes = [mutants.mutate_code(source, known[one.operator], one.occurrence)
+             for one in mutants.mutants_of('a.py', source, known)]
+    assert all(left_alone in code for code in codes)
+    assert any(changed in code for code in codes)
+
+
 def test_each_mutant_is_one_change_of_the_line_that_it_names():
     known = mutants.operators()
     for one in mutants.mutants_of('reach.py', SOURCE, known):
