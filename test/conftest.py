@@ -1,4 +1,5 @@
 """What all tests share: floating-point errors raise, properties are repeatable, the longest tests come first."""
+import gc
 import os
 import re
 import signal
@@ -58,16 +59,23 @@ LONGEST = ('test_types_hold_strictly', 'test_no_scene_on_the_topic_ends_or_blind
 
 def pytest_collection_modifyitems(config, items):
     if not config.getoption('--long'):
-        left_out = [item for item in items if item.get_closest_marker('long')]
-        config.hook.pytest_deselected(items=left_out)
-        items[:] = [item for item in items if item not in set(left_out)]
+        long = {item for item in items if item.get_closest_marker('long')}
+        config.hook.pytest_deselected(items=[item for item in items if item in long])
+        items[:] = [item for item in items if item not in long]
     items.sort(key=lambda item: not item.name.startswith(LONGEST))
+
+
+def pytest_collection_finish():
+    """Spare the garbage collector what stays to the end: thousands of tests, and the libraries."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers():
-    """Half as many again as there are processors, since tests of nodes and clusters wait for half of their time."""
-    return (3 * len(os.sched_getaffinity(0)) + 1) // 2
+    """Two a processor, since tests of nodes, browsers and clusters wait for most of their time."""
+    return 2 * len(os.sched_getaffinity(0))
 
 
 settings.register_profile('repeatable', derandomize=True, deadline=None, database=None, max_examples=40,

@@ -1,12 +1,14 @@
 """A writer that is killed at any moment leaves a bag of which all that is on disk is recovered, in every form."""
 import pytest
 from crash import FORMS, kill
+from properties import thinned
 
 from dragon_ros.bags.write import COMPRESSIONS
 
 
-@pytest.mark.parametrize('compression', COMPRESSIONS)
-@pytest.mark.parametrize('form', FORMS)
+@pytest.mark.parametrize(('form', 'compression'), thinned(
+    [(form, compression) for form in FORMS for compression in COMPRESSIONS],
+    lambda case: case[0] == next(iter(FORMS)) or case[1] == list(COMPRESSIONS)[-1]))
 def test_all_that_a_killed_writer_left_on_disk_is_recovered(tmp_path, form, compression):
     left = kill(tmp_path, form, compression, 0.05)
     assert left.saved >= left.flushed

@@ -91,7 +91,7 @@ def test_an_effort_that_is_too_small_says_so(honest):
 
 
 @pytest.mark.parametrize(('dragon', 'track'), [
-    ({'benches': 100_000}, {'start_turns': 1e6}),
+    pytest.param({'benches': 100_000}, {'start_turns': 1e6}, marks=pytest.mark.long),
     ({'benches': 100_000, 'body_length_m': 1e-3, 'hole_inset_m': 0.0, 'width_m': 1e-4}, {}),
     ({'benches': 100_000, 'body_length_m': 1e9}, {}),
 ])

@@ -13,7 +13,7 @@ import shapely
 from flint import arb
 from hypothesis import given
 from hypothesis import strategies as st
-from properties import examples
+from properties import examples, thinned
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
@@ -338,7 +338,7 @@ def test_distances_and_slopes_of_a_box_hold_those_of_its_points(seed, wide):
 
 
 @pytest.mark.parametrize('rows', [*((row,) for row in range(5)), (0, 1), (2, 3, 4), (0, 1, 2, 3, 4)], ids=str)
-@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize('seed', thinned(range(3), lambda seed: seed == 0))
 def test_a_box_is_cleared_while_its_benches_are_apart_and_no_longer(rows, seed):
     """A box that is widened from a small gap: what the mean value theorem loses is of second order."""
     draw, over = random.Random(seed), 0.2

@@ -214,8 +214,9 @@ def _draw_track(axes: Axes, track: Floats) -> None:
     line = Path(track[::-1])
     line.should_simplify = False
     known = any(one.get_gid() == figures.TRACK_ID for other in axes.figure.axes for one in other.patches)
-    axes.add_patch(PathPatch(line, fill=False, edgecolor=TRACK, linewidth=0.7, joinstyle='round', zorder=1,
-                             gid=None if known else figures.TRACK_ID))
+    # Not add_patch, which looks for the limits of thousands of lines one by one: the window is known.
+    axes.add_artist(PathPatch(line, fill=False, edgecolor=TRACK, linewidth=0.7, joinstyle='round', zorder=1,
+                              gid=None if known else figures.TRACK_ID))
 
 
 def _frame(axes: Axes, seen: Floats) -> None:
