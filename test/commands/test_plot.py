@@ -271,11 +271,12 @@ def figures_of(source):
         yield 'film', AnimatedFigure(source, np.linspace(first, last, 3), around, around is not None, (640, 360)).figure
 
 
-def test_no_text_of_a_picture_is_cropped_or_lies_on_another_and_no_legend_on_a_curve(source):
+def test_no_text_of_a_picture_is_small_cropped_or_on_another_and_no_legend_lies_on_a_curve(source):
     with style():
         for kind, figure in figures_of(source):
             seen = pictures.Picture(figure)
             assert (kind, seen.cropped(), seen.overlapping(), seen.hidden()) == (kind, [], [], [])
+            assert kind == 'film' or (kind, seen.small()) == (kind, [])
 
 
 def test_a_picture_shows_the_whole_dragon_with_its_track_around_it_wherever_it_is(source):

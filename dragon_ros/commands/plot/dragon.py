@@ -14,7 +14,7 @@ from matplotlib.patches import ConnectionPatch, Patch, PathPatch
 from matplotlib.path import Path
 
 from dragon_ros.cli import figures
-from dragon_ros.cli.figures import BODY, HATCH, HEAD, OBSTACLE, POINT, QUIET, TOUCHED, TRACK
+from dragon_ros.cli.figures import BODY, HATCH, HEAD, OBSTACLE, PAGE_IN, POINT, QUIET, TEXT_PT, TOUCHED, TRACK
 from dragon_ros.commands.plot.zoom import INSET_WIDTH, Inset, Zoom, contact_of
 from dragon_ros.commands.sources import Moment, Source, Touch, moment, window
 from dragon_ros.core.errors import InputError
@@ -27,8 +27,10 @@ _ROUNDING_M = 1e-9          # a shallower overlap is a contact
 _CLOSE_LENGTHS = 0.62       # half the side of the close-up, in bench lengths
 RING: dict[str, Any] = {'linestyle': 'none', 'marker': 'o', 'markersize': 12, 'markerfacecolor': 'none',
                         'markeredgecolor': POINT, 'markeredgewidth': 1.4}
+_LARGEST_IN = 6.4           # longest side of axes
 _LEAST_IN = np.array((2.7, 1.6))            # room around axes, for a title and for ticks
 _DECORATION_IN = np.array((0.85, 0.85))     # title, labels and ticks around axes
+_TICKS_PER_INCH = 1.3       # labels of places far from the origin are long
 _LEGEND_IN = 5.0, 0.7       # width and height, including the figure's title
 
 
@@ -41,11 +43,12 @@ def dragon_picture(source: Source, times_s: list[float], zoom: Zoom | None = Non
     if len(times_s) > _MOST_PANELS:
         raise InputError(f'--time: {len(times_s)} times; a picture has room for {_MOST_PANELS}')
     shown, point_m = [moment(source, t_s) for t_s in times_s], contact_of(zoom, source)
-    columns = min(len(shown), 3 if zoom is None else 2)
+    columns = min(len(shown), 2)
     rows = -(-len(shown) // columns)
     whole = window(source.track, shown)
-    inches, seen = panel(whole if zoom is None else zoom.window(shown[0], point_m), 4.8 if columns > 1 else 6.4)
     widths = (1.0,) if zoom is None else (1.0, INSET_WIDTH)
+    longest_in = min(_LARGEST_IN, (PAGE_IN / columns - _DECORATION_IN[0]) / sum(widths))
+    inches, seen = panel(whole if zoom is None else zoom.window(shown[0], point_m), longest_in)
     figure = Figure(figsize=sheet(inches * (sum(widths) * columns, rows), (columns, rows)))
     panels = figure.subplots(rows, columns * len(widths), squeeze=False, width_ratios=widths * columns).ravel().tolist()
     overlapping = False
@@ -54,6 +57,7 @@ def dragon_picture(source: Source, times_s: list[float], zoom: Zoom | None = Non
         seen = seen if zoom is None else zoom.window(one, point_m)
         areas = overlaps(one)
         draw(axes, seen, source.track, one, areas.benches, source.venue).show(one, areas)
+        axes.locator_params(axis='x', nbins=max(2, int(_TICKS_PER_INCH * inches[0])))
         if zoom is not None:
             Inset(panels.pop(0), whole, source.track).show(one, seen)
         overlapping |= bool(areas.benches)
@@ -98,9 +102,10 @@ def overlaps(one: Moment) -> Overlaps:
 def contact_picture(source: Source, touch: Touch) -> Figure:
     """Return a figure of the whole dragon at the contact and a close-up (figure 8 of the paper)."""
     one = moment(source, touch.t_s)
-    inches, seen = panel(window(source.track, [one]), 5.4)
-    figure = Figure(figsize=sheet(np.array((inches[0] + 5.4, max(inches[1], 5.4))), (2, 1)))
-    whole, close = figure.subplots(1, 2, gridspec_kw={'width_ratios': (inches[0], 5.4)})
+    side_in = 0.5 * PAGE_IN - _DECORATION_IN[0]
+    inches, seen = panel(window(source.track, [one]), side_in)
+    figure = Figure(figsize=sheet(np.array((inches[0] + side_in, max(inches[1], side_in))), (2, 1)))
+    whole, close = figure.subplots(1, 2, gridspec_kw={'width_ratios': (inches[0], side_in)})
     draw(whole, seen, source.track, one, touch.benches, source.venue)
     _look_closer(close, source, one, touch)
     whole.indicate_inset_zoom(close, edgecolor=POINT, alpha=0.8, linewidth=0.8)
@@ -108,7 +113,7 @@ def contact_picture(source: Source, touch: Touch) -> Figure:
         if isinstance(part, ConnectionPatch):       # before Matplotlib 3.10, layouts reserved room for these lines
             part.set_in_layout(False)
     whole.set_title(figures.titled(source.name, f'first contact at {touch.t_s:.6f} s', inches[0]))
-    close.set_title(_meeting(touch))
+    close.set_title('\nmeets '.join(_meeting(touch).split(' meets ')))
     _legend(figure, source.track is not None, True)
     return figure
 
@@ -214,9 +219,8 @@ def _draw_track(axes: Axes, track: Floats) -> None:
     line = Path(track[::-1])
     line.should_simplify = False
     known = any(one.get_gid() == figures.TRACK_ID for other in axes.figure.axes for one in other.patches)
-    # Not add_patch, which looks for the limits of thousands of lines one by one: the window is known.
-    axes.add_artist(PathPatch(line, fill=False, edgecolor=TRACK, linewidth=0.7, joinstyle='round', zorder=1,
-                              gid=None if known else figures.TRACK_ID))
+    axes.add_patch(PathPatch(line, fill=False, edgecolor=TRACK, linewidth=0.7, joinstyle='round', zorder=1,
+                             gid=None if known else figures.TRACK_ID))
 
 
 def _frame(axes: Axes, seen: Floats) -> None:
@@ -242,7 +246,7 @@ def _look_closer(axes: Axes, source: Source, one: Moment, touch: Touch) -> None:
     for bench in inside.tolist():
         angle = float(np.degrees(benches.yaw_rad[bench]))
         middle_x, middle_y = benches.centre[bench].tolist()
-        axes.text(middle_x, middle_y, f'bench {bench}', ha='center', va='center', fontsize=8.5, zorder=4,
+        axes.text(middle_x, middle_y, f'bench {bench}', ha='center', va='center', fontsize=TEXT_PT, zorder=4,
                   rotation=(angle + 90) % 180 - 90, rotation_mode='anchor')
     at_x, at_y = _emptiest_corner((benches.centre[inside] - (x, y)) / (2 * reach) + 0.5)
     point = ', '.join(f'{value:.{touch.decimals}f}' for value in touch.point_m)

@@ -4,7 +4,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dragon_ros.cli import figures
-from dragon_ros.cli.figures import DASHES, HEAD, LINES, POINT, QUIET
+from dragon_ros.cli.figures import DASHES, HEAD, LINES, PAGE_IN, POINT, QUIET
 from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_times, clearances, thinned
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
@@ -12,7 +12,7 @@ from dragon_ros.core.numerics.types import Floats
 MOST_POINTS = 1500          # points per curve; more than a screen resolves
 _CLOSE_S = 15.0             # shown before the contact
 _MOST_LABELS = 20           # text size of times beside lines
-_WIDE_IN, _NARROW_IN = 7.4, 4.6     # size of panels
+_WIDE_IN, _NARROW_IN = 7.4, 3.6     # size of panels
 
 
 def clearance_picture(source: Source, progress: Progress) -> Figure:
@@ -21,7 +21,7 @@ def clearance_picture(source: Source, progress: Progress) -> Figure:
     first, last = source.span_s
     start = first if touch is None else max(first, touch.t_s - _CLOSE_S)
     stop = last if touch is None else min(last, touch.t_s + 0.1 * _CLOSE_S)
-    figure = Figure(figsize=(11, 4.4))
+    figure = Figure(figsize=(PAGE_IN, 4.2))
     spans = [(first, last)] if touch is None or stop - start > 0.8 * (last - first) else [(first, last), (start, stop)]
     panels = figure.subplots(1, len(spans), squeeze=False).flat
     for axes, span in zip(panels, spans, strict=True):

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from dragon_ros.cli.figures import BODY, HEAD, LINES, QUIET, legend_below, style
+from dragon_ros.cli.figures import BODY, HEAD, LINES, QUIET, TEXT_PT, legend_below, style
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.studies.answers import SAFE, main_answers, numbers
@@ -82,7 +82,8 @@ def _curve(data: DataSet, table: pa.Table, key: str, name: str) -> Figure:
 def _note_missing(axes: Axes, values: Floats) -> None:
     missing = int(np.sum(np.isnan(values)))
     if missing:
-        axes.text(0.01, 0.01, f'{missing:,} rows have no answer', transform=axes.transAxes, color=QUIET, fontsize=8)
+        axes.text(0.01, 0.01, f'{missing:,} rows have no answer', transform=axes.transAxes, color=QUIET,
+                  fontsize=TEXT_PT)
 
 
 def _map(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Figure:
@@ -92,13 +93,13 @@ def _map(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Fi
     """
     grid = _on_grid(data, table, keys, name)
     pairs = _PAIRS.get(name)
-    figure = Figure(figsize=(13 if pairs else 7.4, 5.4))
-    panels = figure.subplots(1, 2 if pairs else 1, squeeze=False)[0]
+    figure = Figure(figsize=(7.4, 10.4 if pairs else 5.4))
+    panels = figure.subplots(2 if pairs else 1, 1, squeeze=False)[:, 0]
     x, y = (_levels(data, key) for key in keys)
     shown = panels[0].pcolormesh(x, y, grid.T, shading='nearest', cmap='viridis')
     if min(grid.shape) > 1 and not np.any(np.isnan(grid)) and np.ptp(grid) > 0:
         lines = panels[0].contour(x, y, grid.T, levels=_CONTOURS, colors='white', linewidths=0.8)
-        panels[0].clabel(lines, fontsize=7)
+        panels[0].clabel(lines, fontsize=TEXT_PT)
     figure.colorbar(shown, ax=panels[0], label=_label(name))
     panels[0].set_title(f'{data.folder.name}: {_label(name)}, {_rows_text(data, len(table))}')
     if pairs:
@@ -145,27 +146,27 @@ def _pairs_panel(figure: Figure, axes: Axes, at: tuple[list[float], list[float]]
 
 def _spread(data: DataSet, values: Floats, name: str) -> Figure:
     """Return a figure of the histogram and the distribution with its band, and of the 1-in-1000 quantile."""
-    figure = Figure(figsize=(13, 5))
-    left, right = figure.subplots(1, 2)
-    left.hist(values, bins=max(8, min(60, int(2 * values.size ** 0.5))), color=BODY, edgecolor='white', linewidth=0.4)
-    left.set(xlabel=_label(name), ylabel='rows')
-    left.set_title(f'{data.folder.name}: {_label(name)}, {_rows_text(data, values.size)}')
+    figure = Figure(figsize=(8.4, 10))
+    above, below = figure.subplots(2, 1)
+    above.hist(values, bins=max(8, min(60, int(2 * values.size ** 0.5))), color=BODY, edgecolor='white', linewidth=0.4)
+    above.set(xlabel=_label(name), ylabel='rows')
+    above.set_title(f'{data.folder.name}: {_label(name)}, {_rows_text(data, values.size)}')
     ordered, steps, half = distribution(values)
-    right.step(ordered, steps, where='post', color=LINES[0], label='share of dragons below')
-    right.fill_between(ordered, np.clip(steps - half, 0, 1), np.clip(steps + half, 0, 1), step='post', color=LINES[0],
+    below.step(ordered, steps, where='post', color=LINES[0], label='share of dragons below')
+    below.fill_between(ordered, np.clip(steps - half, 0, 1), np.clip(steps + half, 0, 1), step='post', color=LINES[0],
                        alpha=0.18, linewidth=0, label='95 % band')
     middle = quantile(values, 0.5)
-    right.axvline(middle.value, color=QUIET, linewidth=0.8, label=f'median {middle.value:.6g}')
+    below.axvline(middle.value, color=QUIET, linewidth=0.8, label=f'median {middle.value:.6g}')
     bound = upper_bound(values, SAFE)
     if np.isfinite(bound):
-        right.axvline(bound, color=HEAD, label=f'{SAFE:.1%} are below {bound:.6g} (95 % sure)')
+        below.axvline(bound, color=HEAD, label=f'{SAFE:.1%} are below {bound:.6g} (95 % sure)')
     elif may_be_normal(values):
         normal = normal_upper_bound(values, SAFE)
-        right.axvline(normal, color=HEAD, linestyle='--', label=f'{SAFE:.1%} are below {normal:.6g} if they are\n'
+        below.axvline(normal, color=HEAD, linestyle='--', label=f'{SAFE:.1%} are below {normal:.6g} if they are\n'
                       f'normally distributed; a bound needs {safe_rows(SAFE):,} rows')
-    right.set(xlabel=_label(name), ylabel='share of dragons', ylim=(0, 1.02))
-    legend_below(right)
-    right.set_title('distribution')
+    below.set(xlabel=_label(name), ylabel='share of dragons', ylim=(0, 1.02))
+    legend_below(below)
+    below.set_title('distribution')
     return figure
 
 

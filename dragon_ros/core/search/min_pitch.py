@@ -46,6 +46,7 @@ from dragon_ros.core.tracks.spiral import SpiralCurve
 
 _WAY_RAD, _STEP = 0.8, 0.1  # largest cell: the leading handle's turn about the centre; fraction of pitch
 _AT_ONCE, _MOST = 256, 100_000      # cells
+_TINY = 1e-2            # side of the smallest boxes, relative to the bracket
 _OUTWARDS = 1 + 2.0**-50    # for a pitch, which is the quotient of a rounded number and a scale
 _SAME = 1e-15               # relative to a pitch, which is the inverse of a scale, rounded twice
 _UNIT = track_of(Spiral(2 * pi, 1.0), BEHIND)   # in units of b
@@ -270,10 +271,17 @@ class _Descending:
                               f'after {self._done} cells; some benches may almost touch at every pitch')
         self._done += boxes.size
         unclear, axis = self._unclear(np.stack((boxes.low[0], boxes.high[0], boxes.low[1], boxes.high[1])))
-        near = 2 * pi / boxes.low[1] - 2 * pi / self._best <= self.task.within_m
+        near = (2 * pi / boxes.low[1] - 2 * pi / self._best <= self.task.within_m) | self._tiny(boxes)
         self._limit = min(self._limit, self._best, float(np.min(boxes.low[1, unclear & near], initial=np.inf)))
         left = unclear & ~near
         return boxes.some(left).cut(2, axis[left])
+
+    def _tiny(self, boxes: Boxes) -> Array:
+        """Return which boxes are so small that their gap is within position errors: cutting cannot clear them."""
+        within_m = _TINY * self.task.within_m
+        out: Array = ((boxes.high[0] - boxes.low[0] <= within_m)
+                      & (2 * pi / boxes.low[1] - 2 * pi / boxes.high[1] <= within_m))
+        return out
 
     def _grid(self) -> Floats:
         """Return the first cells: strips of pitch, each as long as the track that the larger of its pitches needs.
@@ -315,14 +323,21 @@ class _Descending:
         return low[each, pair, edge] <= self._tolerance_m * cells[3], (place < scale).astype(np.int64)
 
     def _windings(self, radius_m: Floats, scale: Floats) -> BenchSamples:
-        """Return a little more than one turn of the chain behind each position."""
+        """Return a little more than one turn of the chain behind each position, or more if benches are wide."""
         self.states += scale.size
         self._tell(scale.size)
         dragon = self.task.dragon
         around = 2 * pi * (float(np.max(radius_m)) + 2 * pi / float(np.min(scale)))
         link = max(float(dragon.link_lengths_m[-1]), 1e-3 * around)
-        follow = min(dragon.benches - self.first, 8 + ceil(1.2 * around / link))
+        follow = min(dragon.benches - self.first, 8 + ceil(self._turns(radius_m, scale) * around / link))
         return windings(dragon, self.first, follow, radius_m, scale)
+
+    def _turns(self, radius_m: Floats, scale: Floats) -> float:
+        """Return after how many turns a bench is clear of the leading one, roughly; ``_check_rest`` decides."""
+        dragon, pitch_m = self.task.dragon, 2 * pi / float(np.max(scale))
+        overhang_m = 0.5 * float(dragon.bench_lengths_m[self.first] - dragon.link_lengths_m[self.first])
+        sag_m = float(dragon.link_lengths_m[-1]) ** 2 / (8 * float(np.min(radius_m)))
+        return max(1.2, 0.1 + (hypot(overhang_m, 0.5 * dragon.width_m) + 0.5 * dragon.width_m + sag_m) / pitch_m)
 
     def _sags(self, cells: Floats, placed: BenchSamples, ends: Ints) -> Floats:
         """Return bounds on the sag of corners in cells, by radius and by scale, for eight edges, (n, K, 8, 2)."""
