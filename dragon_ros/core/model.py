@@ -6,7 +6,6 @@ only map a tick to a distance. Positions are therefore bit-identical across runs
 in law, run or effects share one model.
 """
 from collections import OrderedDict
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
@@ -37,7 +36,7 @@ from dragon_ros.core.tracks.spec import STurn, TrackSpec
 
 _LAST_FLOAT = 1.7976931348623157e308    # stands for no end
 _MOST_SIMULATIONS = 64              # compiled simulations kept
-_MOST_BYTES_AHEAD = 128_000_000     # for the shift maps of a model that are built in advance
+_MOST_BYTES_AHEAD = 256_000_000     # for the shift maps of a model that are built in advance
 _MOST_BYTES = 1_000_000_000         # for the shift maps of all kept models; the least recently used are dropped first
 
 
@@ -324,10 +323,11 @@ class Simulation:
         ends = [chain.track.distances(*chain.places[:2]) for chain in chains]
         return float(np.min(ends)), float(np.max(ends))
 
-    def build_tables(self, enough: Callable[[], bool]) -> None:
-        """Build the shift maps of the run from its start, until ``enough()`` is true or the memory limit is reached.
+    def build_tables(self) -> None:
+        """Build the shift maps of the run from its start until the memory limit is reached.
 
-        The rest is built when the leader gets there; positions are bit-identical either way.
+        Another thread may place chains meanwhile. What is not built yet is built when the leader gets there; positions
+        are bit-identical either way.
         """
         maps = self.model.placement.maps.values()
         if not maps or self.tier is PAPER:
@@ -338,7 +338,7 @@ class Simulation:
             for n in count():
                 gone_m = here + sense * n * step
                 beyond = sense * (gone_m - end) >= 0
-                if enough() or self.model.memory_bytes > _MOST_BYTES_AHEAD:
+                if self.model.memory_bytes > _MOST_BYTES_AHEAD:
                     return
                 try:
                     self.model.place((end if beyond else gone_m, 0.0))

@@ -1,5 +1,5 @@
 """The frames of a run in order, with a current position: its ticks, then the contact's frame if the run ends there."""
-from time import monotonic
+from threading import Thread
 
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.frame import Frame
@@ -8,13 +8,15 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.search.certificate import Contact
 from dragon_ros.core.step import contact_frame, tick, ticks_before
 
-_AHEAD_S = 1.0      # at most before the first frame, since tables of a run along hundreds of joints take seconds
 
+def build_tables(simulation: Simulation) -> Thread:
+    """Start to build the tables of a run on a thread of its own: along hundreds of joints that takes seconds.
 
-def build_tables(simulation: Simulation) -> None:
-    """Build the tables of a run ahead of its frames, for at most a second."""
-    latest_s = monotonic() + _AHEAD_S
-    simulation.build_tables(lambda: monotonic() > latest_s)
+    A frame waits for its own table if that is not built yet, so its bits do not depend on the thread.
+    """
+    thread = Thread(target=simulation.build_tables, name='tables', daemon=True)
+    thread.start()
+    return thread
 
 
 class Frames:
@@ -31,9 +33,9 @@ class Frames:
         self._ahead: tuple[int, Frame] | None = None
 
     def prepare(self) -> None:
-        """Compute the next frame in advance, and the tables of the run, which may take several ticks."""
+        """Compute the next frame in advance, and start to build the tables of the run."""
         self._ahead = self.k, self._frame(self.k)
-        build_tables(compile_scene(self._scene))
+        self.tables = build_tables(compile_scene(self._scene))
 
     def next_ns(self) -> int | None:
         """Return the time of the next frame; None at the end."""

@@ -99,9 +99,9 @@ class LedFrames:
         self._stopped, self._brakes = '', False
 
     def prepare(self) -> None:
-        """Build the tables before the first frame, since they may take several ticks."""
+        """Build the tables of the first frame, and start to build those of the run."""
         led_tick(self._simulation, walked_from(self._settings, self._scene.run.time_ns(0) / NS), 0)
-        build_tables(self._simulation)
+        self.tables = build_tables(self._simulation)
 
     def next_ns(self) -> int | None:
         """Return the time of the next frame; None at the end, and after a contact that stops it."""

@@ -1,5 +1,7 @@
 """The frames of a run: the first one is there before its time, and none depends on it."""
+import sys
 from dataclasses import replace
+from threading import Event
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from dragon_ros.core.chain.commanded import Commanded
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.step import tick
 from dragon_ros.nodes.frames import Frames
 from dragon_ros.nodes.led import LedFrames
@@ -46,11 +49,11 @@ def nothing_built(monkeypatch):
 
 
 @pytest.mark.parametrize('name', ['winding', 'turning', 'wiggle', 'mixed-by-the-tail', 'spirals', 'unwinding'])
-def test_no_frame_of_a_run_waits_for_a_table(name, nothing_built, monkeypatch):
-    monkeypatch.setattr('dragon_ros.nodes.frames._AHEAD_S', 60.0)      # whatever else this machine does
+def test_no_frame_of_a_run_waits_for_a_table_once_all_are_built(name, nothing_built):
     scene = {case.name: case.scene for case in dances()}.get(name) or load_scene(name)
     frames = Frames(scene)
     frames.prepare()
+    frames.tables.join()
     before = built(scene)
     assert before
     for k in np.linspace(0, frames.count - 1, 500).astype(int).tolist():
@@ -59,26 +62,55 @@ def test_no_frame_of_a_run_waits_for_a_table(name, nothing_built, monkeypatch):
     assert built(scene) == before
 
 
-def test_no_frame_of_a_led_run_waits_for_a_table_ahead_or_behind(nothing_built, monkeypatch):
-    monkeypatch.setattr('dragon_ros.nodes.frames._AHEAD_S', 60.0)
+def test_no_frame_of_a_led_run_waits_for_a_table_ahead_or_behind_once_all_are_built(nothing_built):
     scene = replace(load_scene('turning'), head=Commanded(), run=Run(0, 60))
-    LedFrames(scene, lambda: 1.0, 'stop', print, 1.0).prepare()
+    frames = LedFrames(scene, lambda: 1.0, 'stop', print, 1.0)
+    frames.prepare()
+    frames.tables.join()
     before = built(scene)
     for gone_m in np.linspace(*compile_scene(scene).extent_m, 50).tolist():
         compile_scene(scene).model.place((gone_m, 0.0))
     assert built(scene) == before
 
 
-def test_tables_that_take_too_long_wait_until_a_frame_needs_them(nothing_built, monkeypatch):
-    scene = load_scene('turning')
-    monkeypatch.setattr('dragon_ros.nodes.frames._AHEAD_S', 0.0)
+def test_nobody_waits_for_the_tables_of_a_run_and_one_is_built_once(nothing_built, monkeypatch):
+    scene, go, begun = replace(load_scene('turning'), dragon=Dragon(20)), Event(), list[int]()
+    whole = ShiftMap._built
+
+    def slowly(self, number):
+        """Build the tile; those after the first one wait to be told."""
+        begun.append(number)
+        assert len(begun) == 1 or go.wait(60)
+        return whole(self, number)
+
+    monkeypatch.setattr(ShiftMap, '_built', slowly)
     frames = Frames(scene)
     frames.prepare()
-    before = built(scene)
-    assert before
+    assert frames.take().k == 0
+    assert frames.tables.is_alive()
+    go.set()
     frames.k = frames.count - 1
     frames.take()
-    assert built(scene) != before
+    frames.tables.join()
+    assert len(begun) == len(set(begun)) > 1
+
+
+def test_frames_have_the_same_bits_while_tables_are_built(nothing_built, monkeypatch):
+    scene = replace(load_scene('turning'), dragon=Dragon(20))
+    ticks = range(0, 10_000, 201)
+    expected = [tick(scene, k).chain.p.tobytes() for k in ticks]
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        for _ in range(3):
+            monkeypatch.setattr(model, '_COMPILED', model._Compiled())
+            frames = Frames(scene)
+            frames.prepare()
+            found = [tick(scene, k).chain.p.tobytes() for k in reversed(ticks)]
+            frames.tables.join()
+            assert found[::-1] == expected
+    finally:
+        sys.setswitchinterval(interval)
 
 
 def test_frames_that_were_prepared_are_those_of_the_run_wherever_it_goes_on():

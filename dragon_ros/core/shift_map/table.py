@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from functools import cached_property
 from math import acos, floor, inf
+from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
@@ -203,7 +204,7 @@ class Tile:
     @property
     def memory_bytes(self) -> int:
         """The size of its arrays."""
-        return self.table.memory_bytes + sum(one.lead_in.memory_bytes for one in self.entrances.values()
+        return self.table.memory_bytes + sum(one.lead_in.memory_bytes for one in list(self.entrances.values())
                                              if one and one.lead_in)
 
     @cached_property
@@ -332,11 +333,12 @@ class ShiftMap:
         self._last: Entrance | None = None
         self._last_before: Entrance | None = None
         self._edges: dict[tuple[int, float], Place | None] = {}
+        self._building = Lock()     # a tile may be built ahead on another thread; who needs it waits for that one
 
     @property
     def tiles(self) -> list[Tile]:
         """The tiles built so far."""
-        return [tile for tile in self._tiles.values() if tile]
+        return [tile for tile in list(self._tiles.values()) if tile]
 
     @property
     def memory_bytes(self) -> int:
@@ -345,18 +347,20 @@ class ShiftMap:
 
     def spot(self, place: Place) -> Spot | None:
         """Return the location of a position; None if no table covers it."""
-        found = self._last.spot(place) if self._last is not None else _ELSEWHERE
+        last = self._last       # another thread may replace it
+        found = last.spot(place) if last is not None else _ELSEWHERE
         if found is _ELSEWHERE:
             tile = self._tile(self._number(place) // self._stretches)
             if tile is None:
                 return None
-            self._last = tile.entrance
-            found = self._last.spot(place)
+            self._last = entrance = tile.entrance
+            found = entrance.spot(place)
         return None if found is _ELSEWHERE else found       # a segment too short for a part
 
     def spot_behind(self, leader: Place, link_m: float) -> Spot | None:
         """Return the location of the follower of a leader at a link of another length; None if no series covers it."""
-        found = self._last_before.spot(leader) if self._last_before is not None else _ELSEWHERE
+        last = self._last_before
+        found = last.spot(leader) if last is not None else _ELSEWHERE
         if found is _ELSEWHERE:
             entrance = self._entrance_before(self._number(leader, link_m), link_m)
             if entrance is None:
@@ -431,12 +435,16 @@ class ShiftMap:
     def _leader_at(self, number: int, link_m: float) -> Place | None:
         """Return the position, cached, of the leader whose follower is at the start of a stretch, or None."""
         key = number, link_m
-        if key not in self._edges:
-            if len(self._edges) >= _BOUNDARIES:
-                self._edges.clear()
-            begin = self._boundary(number) if link_m else self._begin(number)
-            self._edges[key] = towards_leader(self.track, begin, link_m, self.direction) if begin and link_m else begin
-        return self._edges[key]
+        try:
+            return self._edges[key]
+        except KeyError:
+            pass
+        begin = self._boundary(number) if link_m else self._begin(number)
+        place = towards_leader(self.track, begin, link_m, self.direction) if begin and link_m else begin
+        if len(self._edges) >= _BOUNDARIES:
+            self._edges.clear()
+        self._edges[key] = place
+        return place
 
     def _boundary(self, number: int) -> Place | None:
         """Return the position where a stretch begins; None beyond the track."""
@@ -452,16 +460,21 @@ class ShiftMap:
 
     def _tile(self, number: int) -> Tile | None:
         """Return a tile, built on first use; None if it has no table."""
-        if number in self._tiles:
+        try:
             self._tiles.move_to_end(number)
             return self._tiles[number]
-        tile = self._tiles[number] = self._built(number)
-        while len(self._tiles) > 1 and (self.memory_bytes > _MOST_BYTES or len(self._tiles) > _MOST_TILES):
-            _, gone = self._tiles.popitem(last=False)
-            stay = [one for one in self._kept if one[0].tile is not gone]
-            self._kept.clear()
-            self._kept.extend(stay)
-        return tile
+        except KeyError:        # not built yet, or dropped
+            pass
+        with self._building:
+            if number in self._tiles:
+                return self._tiles[number]
+            tile = self._tiles[number] = self._built(number)
+            while len(self._tiles) > 1 and (self.memory_bytes > _MOST_BYTES or len(self._tiles) > _MOST_TILES):
+                _, gone = self._tiles.popitem(last=False)
+                stay = [one for one in self._kept if one[0].tile is not gone]
+                self._kept.clear()
+                self._kept.extend(stay)
+            return tile
 
     def _built(self, number: int) -> Tile | None:
         track, first = self.track, number * self._stretches
