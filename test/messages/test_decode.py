@@ -1,5 +1,6 @@
 """The general decoder against the real rmw serialiser: every message type, alignment and byte order."""
 import struct
+import sys
 
 import numpy as np
 import pytest
@@ -255,3 +256,22 @@ def test_markers_that_change_their_layout_without_end_are_refused():
     assert len(read_marker_array(message(MARKER_RUNS)).runs) == MARKER_RUNS
     with pytest.raises(MessageError, match=f'more than {MARKER_RUNS} layouts'):
         read_marker_array(message(MARKER_RUNS + 8))
+
+
+def test_the_stamp_of_a_message_stands_where_it_is_looked_for():
+    scene = Scene(dragon=Dragon(3), run=Run(7, 9))
+    frame, wanted = tick(scene, 11), 0
+    for name, encode in encoders(scene).items():
+        at = decoder.stamp_at_of(channels()[name].type)
+        if at is not None:
+            seconds, rest = struct.unpack_from('<iI', bytes(encode(frame)), at)
+            assert seconds * 10**9 + rest == frame.t_ns, name
+            wanted += 1
+    assert wanted >= 2
+
+
+@pytest.mark.parametrize('letter', 'a\u00e9\u9f99\U0001f409')
+def test_the_name_of_a_frame_counts_with_all_that_it_takes_as_text_and_as_bytes(letter):
+    one, bare = (decoder.Poses(0, name, np.zeros((2, 7))) for name in (letter * 1000, ''))
+    assert one.size_bytes - bare.size_bytes >= sys.getsizeof(letter * 1000) - sys.getsizeof('') - 100 + len(
+        (letter * 1000).encode())

@@ -166,3 +166,18 @@ def test_handles_without_a_direction_between_them_are_refused():
     handles = PoseArrayTemplate(3, 'dragon').encode(0, np.array([[0.0, 0], [1, 0], [1, 0]]), np.array([[1.0, 0]] * 2))
     with pytest.raises(MessageError, match='handles: 1 and the next'):
         BenchesFromHandles().encode(handles)
+
+
+@pytest.mark.parametrize('quaternion', [(0.5, 0.5, 0.5, 0.5), (0.1, -0.7, 0.3, 0.5), (-0.6, 0.2, 0.5, -0.4)])
+def test_a_list_that_lies_across_its_own_frame_is_turned_into_the_plane(quaternion):
+    *axis, w = np.array(quaternion) / np.linalg.norm(quaternion)
+
+    def change(message):
+        faces = message.markers[0]
+        for name, value in zip('xyzw', (*axis, w), strict=True):
+            setattr(faces.pose.orientation, name, float(value))
+        for point in faces.points:      # turned back, by the formula of Rodrigues
+            here = np.array((point.x, point.y, point.z))
+            aside = np.cross(axis, here)
+            point.x, point.y, point.z = (here - 2 * w * aside + 2 * np.cross(axis, aside)).tolist()
+    assert_shows(*edited(change))

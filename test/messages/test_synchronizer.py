@@ -211,3 +211,17 @@ def test_a_publisher_that_seeks_is_told_by_its_number_up_to_a_thousand_lost_mess
         streams.take(k, k * step, alone=True)
     streams.adopt(5 * step)
     assert streams.take(6 + lost, 10**12, alone=False) == known
+
+
+def test_a_message_that_waits_with_a_later_stamp_than_its_successors_pair_is_given_up():
+    pairs = Synchronizer()
+    pairs.add_handles(poses(5), 0.0)
+    pairs.add_handles(early := poses(3), 0.1)
+    assert pairs.add_benches(benches := shown(3), 0.2) == (early, benches)
+    assert pairs.take_unmatched() == [('handles', 5)]
+
+
+def test_a_waiting_message_is_held_against_the_budget_with_more_than_its_values():
+    pairs, one = Synchronizer(), poses(1)
+    pairs.add_handles(one, 0.0)
+    assert one.size_bytes < pairs.held_bytes < one.size_bytes + 10_000

@@ -93,3 +93,16 @@ def test_a_bag_with_joints_and_path_is_checked_to_its_last_message(capsys, tmp_p
     assert main(['simulate', '--set', 'run.stop_s=0.1', '--set', 'effects=[joints, path]', '--output', path]) == 0
     assert main(['inspect', path, '--check']) == 0
     assert 'unchecked' not in capsys.readouterr().out
+
+
+def test_the_inertia_of_every_bench_is_that_of_points_spread_evenly_over_its_box():
+    robot = ElementTree.fromstring(urdf_of(SCENES['mixed']))
+    unit = (np.arange(60) + 0.5) / 60 - 0.5     # of each edge
+    for link in list(robot.iter('link'))[:2]:
+        size = np.array(numbers(link.find('visual/geometry/box').get('size')))
+        mass = float(link.find('inertial/mass').get('value'))
+        x, y, z = (mass * np.mean((unit * edge) ** 2) for edge in size)
+        found = {name: float(value) for name, value in link.find('inertial/inertia').attrib.items()}
+        assert found == pytest.approx({'ixx': y + z, 'iyy': x + z, 'izz': x + y, 'ixy': 0, 'ixz': 0, 'iyz': 0},
+                                      rel=1e-3)
+        assert link.find('inertial/origin').attrib == link.find('visual/origin').attrib

@@ -51,7 +51,8 @@ ROOMS = {
     'messages': (['dragon_ros/messages'], ['test/messages']),
     'monitor': (['dragon_ros/nodes/monitor.py', 'dragon_ros/nodes/contact_messages.py', f'{CORE}/geometry/tracker.py'],
                 [f'{TEST}/geometry/test_tracker.py', 'test/nodes/test_contact_messages.py',
-                 'test/nodes/test_monitor_topics.py', 'test/messages/test_monitor_markers.py']),
+                 'test/nodes/test_monitor_topics.py', 'test/nodes/test_overload.py',
+                 'test/messages/test_monitor_markers.py']),
 }
 # Of the operators on two operands those that look like a slip: others, such as a shift for a sum, any test finds.
 _SLIPS = {'Add_Sub', 'Sub_Add', 'Mul_Div', 'Div_Mul', 'FloorDiv_Mul', 'Mod_FloorDiv', 'Pow_Mul', 'BitAnd_BitOr',

@@ -25,6 +25,7 @@ def test_the_start_of_a_contact_has_its_benches_bracket_time_point_gap_and_appro
     found = values(status)
     assert (status.level, found['phase'], found['bracket']) == (ERROR, 'begin', 'closed')
     assert 'more' not in found
+    assert status.message == 'contact of benches 3 and 11 at 412.473838 s, at (1.2500, -2.5000) m'
     assert (found['inner'], found['outer']) == ('3', '11')
     assert {name: float(found[name]) for name in found if name.endswith(('_s', '_m'))} == {
         't_before_s': 412.46, 't_after_s': 412.480000001, 't_contact_s': 412.473837682, 'x_m': 1.25, 'y_m': -2.5,

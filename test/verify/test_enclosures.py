@@ -31,11 +31,11 @@ from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, SpiralArc, STurn
 from dragon_ros.verify import segments
 from dragon_ros.verify.balls import above, below, direction, exact, hypot_above, precise, size, up
-from dragon_ros.verify.cover import Way, _middle, repeated
+from dragon_ros.verify.cover import Way, _middle, repeated, ways
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.interval import Interval
 from dragon_ros.verify.law import Law
-from dragon_ros.verify.motion import spiral_slopes
+from dragon_ros.verify.motion import furthest, spiral_slopes
 from dragon_ros.verify.posture import AXES, Bench, Pose, about, overlap, separation
 from dragon_ros.verify.proof import _Proof
 from dragon_ros.verify.ranges import _image, _ratio, ranges
@@ -625,3 +625,24 @@ def test_sums_of_floats_are_raised_beyond_their_rounding_and_hardly_more(x, y):
     squares = Fraction(x)**2 + Fraction(y)**2
     assert squares <= Fraction(hypot_above(x, y))**2 <= squares * (1 + Fraction(1, 10**12))
     assert Fraction(x) + Fraction(y) < Fraction(up(x + y)) < (Fraction(x) + Fraction(y)) * (1 + Fraction(1, 10**12))
+
+
+@examples(60)
+@given(st.floats(-5, 5), st.floats(0.1, 4), st.floats(0, 1), st.floats(0, 1))
+def test_no_position_is_further_from_two_others_than_is_said_and_one_is_as_far(low, wide, one, other):
+    precise(80)
+    here, there = low + wide * one, low + wide * other
+    said = furthest(exact(low), exact(low + wide), exact(here) + exact(there))
+    gone = [abs(at - here) + abs(at - there) for at in (low + wide * k / 20 for k in range(21))]
+    assert max(gone) <= said * (1 + 1e-12)
+    assert said <= max(gone) * (1 + 1e-9) + 1e-12
+
+
+@pytest.mark.parametrize('lengths', [(3.0,) * 9, (3.0, 2.0, 2.0, 2.0), (3.0, 2.0, 1.0, 2.0, 1.0, 2.0, 1.0)])
+def test_every_bench_with_two_behind_it_is_in_one_class_and_no_other_is(lengths):
+    found = ways(SimpleNamespace(lengths_m=lengths), [(n, n) for n in range(len(lengths))])
+    assert sorted(bench for way in found for bench, _ in way.members) == list(range(len(lengths) - 2))
+    for way in found:
+        for bench, place in way.members:
+            assert place == (bench, bench)
+            assert lengths[bench:] == lengths[way.lead:][:len(lengths) - bench]

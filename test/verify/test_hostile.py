@@ -108,6 +108,7 @@ def hostile(**sections):
     (hostile(head={'speed_m_s': -1e9}, run={'stop_s': 2e9}), 'within the budget'),
     (hostile(head={'kind': 'profile', 'ramps': 'smooth', 'lead': 'head', 'knots': [[0.0, 1.0]] * 20_000}),
      'list of 1 to 10000'),
+    (hostile(head={'kind': 'profile', 'ramps': 'linear', 'lead': 'head', 'knots': [[0.0]]}), 'list of 2'),
     (hostile(track={'kind': 'joined', 'start_m': 0.0, 'pieces': [{'kind': 'line', 'length_m': 1.0}] * 2000}),
      'list of 1 to 1000'),
     (hostile(track={'kind': 'joined', 'start_m': 3.0, 'pieces': [{'kind': 'line', 'length_m': 1e-9}] * 1000}),

@@ -1,7 +1,10 @@
 """Velocities of all handles: rigid links, and the rate of the positions."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 
@@ -30,3 +33,13 @@ def test_velocities_are_the_rate_of_the_positions(t_s):
 def test_a_head_that_moves_out_moves_every_handle_back():
     chain = state(CLASSIC, 100.0)
     np.testing.assert_array_equal(chain.velocities(-1.0), -chain.velocities(1.0))
+
+
+@pytest.mark.parametrize('link', [0, 3, 8])
+def test_the_worst_link_is_the_one_that_misses_its_length_by_most(link):
+    chain = state(Scene(dragon=Dragon(9)), 10.0)
+    p = chain.p.copy()
+    p[link + 1:] += 0.25 * (p[link + 1] - p[link]) / np.hypot(*(p[link + 1] - p[link]))
+    off_m, worst = replace(chain, p=p).worst
+    assert worst == link
+    assert off_m == pytest.approx(0.25)

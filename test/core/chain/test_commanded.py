@@ -163,3 +163,8 @@ def test_limits_that_are_none_are_refused(settings):
 
 def test_a_led_scene_always_has_its_leader():
     assert Effect.LEADER in Scene(head=LED, run=Run(0, 5), effects=Effect.NONE).effects
+
+
+def test_at_the_start_a_walked_law_has_the_rate_of_its_first_ramp():
+    law = Walked(LED, ((0.0, 0.0), (0.5, 1.0), (1.0, 1.0), (1.5, 0.5)))
+    assert [law.acceleration_at_m_s2(t_s) for t_s in (0.0, 0.2, 0.5, 0.7, 1.5, 2.0)] == [2, 2, 2, 0, -1, 0]

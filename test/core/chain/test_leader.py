@@ -99,3 +99,10 @@ def test_led_by_the_tail_from_far_off_there_is_a_state_at_the_very_end(turns, st
     for scene in led:
         last = state(scene, compile_scene(scene).end.t_s)
         assert last.p[-1] == pytest.approx((0.0, 0.0), abs=2 * np.spacing(track_of(track).end_m))
+
+
+@pytest.mark.parametrize('lead', ['head', 'tail'])
+def test_the_low_part_of_what_the_leader_has_travelled_counts_in_the_same_sense(lead):
+    model = compile_scene(Scene(Dragon(5), head=Head(1.0, lead), run=Run(0, 1), solver='march')).model
+    places = np.array([model.place(gone_m).p for gone_m in ((1.25, 0.0), (1.25 - 1e-6, 1e-6), (1.25 + 1e-6, -1e-6))])
+    assert np.max(np.ptp(places, axis=0)) < 1e-11

@@ -292,3 +292,16 @@ def test_a_watch_of_the_whole_run_never_grows():
     assert len(tracker._seen) == 3
     assert tracker._open.key.size <= 2
     assert len(tracker._buffer._times) <= 8
+
+
+def test_a_repeated_tick_among_late_ones_makes_no_restart():
+    once, again = ([20, 21, 22, 23, 24, 25, *late, 26, 27] for late in ((), (23, 24, 25)))
+    assert told(reports(SCENE, again)) == told(reports(SCENE, once)) == [('begin', (0, 8))]
+
+
+@pytest.mark.parametrize(('back_s', 'restarts'), [(0.99, False), (1.01, True)])
+def test_an_observation_restarts_time_if_it_is_more_than_a_second_back(back_s, restarts):
+    rows = [(10.0 + 0.5 * n, 1.0) for n in range(4)]
+    found = reports_of([*rows, (11.5 - back_s, -0.1)])
+    assert [report.observation.t_ns for report in found if report.begins] == [
+        round((11.5 - back_s) * 1e9)] * restarts

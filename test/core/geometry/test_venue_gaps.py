@@ -79,3 +79,10 @@ def test_edges_are_kept_as_long_as_their_venue():
     del venue, around
     gc.collect()
     assert kept() is None
+
+
+@pytest.mark.parametrize('name', ['a', 'inside the wall', 'zaun'])
+def test_a_venue_has_an_inside_only_if_it_says_so_whatever_its_obstacles_are_called(name):
+    wall = LineObstacle(name, ((10.0, 0.0), (10.0, 5.0)))
+    assert surroundings_of(Venue((wall,))).inside is None
+    assert surroundings_of(Venue((wall,), VENUE.inside)).inside == 1
