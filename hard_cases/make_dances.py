@@ -57,7 +57,7 @@ class Straight:
 
 @dataclass
 class Round:
-    """An arc; u is metres from its start, ``side`` 1 turns left."""
+    """An arc; u is metres from its start; it turns left if ``side`` is 1."""
 
     start: Number
     direction: Number

@@ -79,7 +79,7 @@ def handles_at(problem: Problem, t_s: float, digits: int) -> list[Handle]:
 
 
 def place(b: Number, theta: Number, speed: Number) -> Handle:
-    """Return the handle at a polar angle; coordinates that consist of rounding alone become 0."""
+    """Return the handle at a polar angle; coordinates that are only rounding errors become 0."""
     cos, sin = mp.cos_sin(theta)
     x, y = (value if abs(value) > mp.mpf(10) ** -DIGITS else mp.zero for value in (cos, sin))
     return Handle(b * theta * x, b * theta * y, speed)
@@ -217,7 +217,7 @@ def check_agreement(coarse: list[Handle], fine: list[Handle]) -> None:
 
 
 def check_known_values(found: dict[str, list[list[Handle]]]) -> None:
-    """Assert the check values of the recipe, to half a unit of their last digit."""
+    """Assert the known check values to half a unit of their last digit."""
     (start, *_), late = found['classic'], found['classic'][5]
     known = [(start[1].x, '8.363823851'), (start[1].y, '2.826543891'), (start[1].speed, '0.999971038'),
              (late[0].x, '4.420274'), (late[0].y, '2.320429'), (late[223].x, '1.785033'), (late[223].y, '9.301164')]

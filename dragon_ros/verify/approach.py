@@ -17,7 +17,7 @@ _HALVINGS = 80          # for times that are only reported
 
 @dataclass(frozen=True)
 class Approach:
-    """The leg of the law on which the leader reaches a contact at ``gone_m``, or rests there from the start on.
+    """The leg of the law on which the leader reaches a contact at ``gone_m``, or on which it rests there.
 
     ``earlier`` is the range of the leader's earlier positions in the run, if any.
     """

@@ -57,7 +57,7 @@ def _proved(path: Path, effort: float) -> str:
 
 
 class _Progress:
-    """Prints progress to stderr: the cleared part of the track, the remaining time, and if the budget is too small."""
+    """Prints progress to stderr: the cleared track, the remaining time, and a hint if the budget is too small."""
 
     def __init__(self) -> None:
         self._begun_s = time.monotonic()

@@ -26,8 +26,8 @@ _NOTHING = 1e-9         # of the track: less allows no extrapolation, because th
 _MANY = 200             # intervals: for fewer, no estimate is made, because the proof takes a second or two
 _SAMPLES, _LEAST = 12, 4        # intervals sampled for an estimate, at most and at least; it takes at most ...
 _PILOT = 0.1            # ... of the budget
-_SPARE = 2              # times the effort that the current rate requires is suggested, because rates change
-_HOPELESS = 3           # a proof that would take this many budgets is given up early; valid ones take at most 1.8
+_SPARE = 2              # factor on the suggested effort, because the rate of a proof changes
+_HOPELESS = 3           # times the budget: a proof that would take more is given up early; valid ones take at most 1.8
 Progress = Callable[[float, float, str], object]    # metres cleared, metres in total, advice on the budget
 
 
@@ -36,7 +36,7 @@ class Budget:
     """The budget in steps (links placed and pairs of benches tested), ``effort`` times the usual one.
 
     ``spent`` steps are used and ``intervals`` intervals are proved; ``share`` of the track has been cleared since step
-    ``since``. A few sampled intervals let ``expected`` steps be expected in total.
+    ``since``. ``expected`` is the total number of steps, estimated from a few sampled intervals.
     """
 
     steps: int
@@ -104,7 +104,7 @@ class Way:
     members: tuple[tuple[int, Range], ...]
 
     def most(self, low: arb, high: arb) -> int | None:
-        """Return the first bench that moves between two positions, which has most benches behind it; None if none does.
+        """Return the first bench, with the most behind it, that moves between two positions; None if none does.
 
         A bench that only reaches the boundary between two intervals belongs to the other interval.
         """
@@ -115,7 +115,7 @@ class Way:
         return None if (last <= low if low < high else last < low) else bench
 
     def _first(self, holds: Callable[[Range], bool]) -> int:
-        """Return the index of the first member that meets a condition which all later members meet too."""
+        """Return the index of the first member to meet a condition that all later members meet too."""
         first, after = 0, len(self.members)
         while first < after:
             n = (first + after) // 2
@@ -222,7 +222,7 @@ class Cover:
         self.budget.steps += self.budget.spent - spent
 
     def _clear(self, way: Way, low: arb, high: arb, cuts: list[float]) -> Iterator[float]:
-        """Clear the interval between two positions, in parts as long as can be proved; yield the metres of each."""
+        """Clear the interval between two positions, in parts as long as can be proved; yield their lengths in metres."""
         begin, stack = self._posture(way, low), [(low, high, self._posture(way, high))]
         while stack:
             low, high, end = stack.pop()
@@ -269,7 +269,7 @@ class Cover:
 
 @dataclass(frozen=True)
 class Stuck:
-    """Why an interval is not proved clear; ``absent`` if the reason may concern benches that are not there."""
+    """Why an interval is not proved clear; ``absent`` if the reason may concern benches that do not exist."""
 
     why: str
     absent: bool = False

@@ -3,7 +3,7 @@
 In units of b = pitch / 2 pi the spiral is r = theta. A box consists of five intervals of floats: the polar angle of the
 front handle of a bench, the angle by which the front handle of another bench is ahead of it, 1 / b, and the links of
 both in metres. It is halved until one edge separates the benches everywhere in it, or until nothing in it occurs: the
-head would have travelled too far, or no number of links leads from one bench to the other. docs/contact.md has the
+head would have travelled too far, or no number of links joins one bench to the other. docs/contact.md has the
 proof.
 """
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ from dragon_ros.verify.law import Law
 from dragon_ros.verify.reading import FamilyClaims, Spiral
 from dragon_ros.verify.segments import about_span
 
-_BOXES = 60_000         # a family that can be proved needs some ten thousand
+_BOXES = 60_000         # a family with a proof needs some ten thousand
 _LINKS = 100            # placed links count as one box
 _FIRST_RAD = 2.0        # angle of the first boxes about the centre
 _LEAST = 1e-9           # of a variable: the narrowest box
 _BENT = Fraction(109, 100)      # the curvature of any spiral is at most 1.09 / r
 _NEAR = 1e-11           # relative to a span: how close a bound is tried first
-_PASSES = 6             # iterations that bound the head from the handle behind it
+_PASSES = 6             # iterations to bound the head, given the handle behind it
 _HALF = Fraction(1, 2)
 
 Interval = tuple[float, float]
@@ -363,7 +363,7 @@ class _Pair:
 
     @staticmethod
     def _beyond(side: int, place: acb, scale: arb, chord: arb, half_m: float, over_m: float) -> arb:
-        """Return how far a point, in a bench's frame at its front handle, is beyond an edge; linear in all of it."""
+        """Return how far a point, relative to a bench's front handle, is beyond an edge; linear in all arguments."""
         if side < 2:
             return (place.imag if side == 0 else -place.imag) - scale * half_m
         return place.real - scale * over_m if side == 2 else -place.real - chord - scale * over_m

@@ -2,9 +2,9 @@
 
 There are three bounds (docs/contact.md). If the track is nearly straight, benches are apart wherever they are. By the
 second-order bound, the corners of one bench, as seen from another, deviate from the straight lines between their
-positions at both ends by at most B h^2 / 8; so an edge line that separates the benches at both ends by more than that
-separates them in between. By the first-order bound, gaps shrink at most by the benches' motion; it also holds close to
-a lock, where B does not exist.
+positions at both ends by at most B h^2 / 8; so an edge line that separates the benches by more than that at both ends
+also separates them in between. By the first-order bound, gaps shrink at most by the benches' motion; it also holds
+close to a lock, where B does not exist.
 """
 from functools import cached_property
 from math import asin, inf
@@ -58,7 +58,7 @@ class Interval:
         self.tested = 1
 
     def clear(self, first: int, last: int) -> int | None:
-        """Return how far behind the leading bench the nearest one is that is not proved clear of it; None if all are.
+        """Return the offset of the nearest bench behind that is not proved clear of the leading one; None if all are.
 
         Benches from ``first`` to ``last`` behind count, up to the first from which all are out of reach. Raises Overlap
         if benches overlap at an end, and Refused if a handle cannot be placed.
@@ -110,7 +110,7 @@ class Interval:
     def _straight(self, n: int) -> bool:
         """Return whether the track bends so little that the links between two benches lead away from the leading one.
 
-        The directions of two links differ at most by the angle that all of them turn on the tightest bend
+        The directions of two links differ by at most the total angle of the links in between on the tightest bend
         (docs/contact.md).
         """
         turned = self._turned(n)
@@ -133,7 +133,8 @@ class Interval:
     def _tightest(self) -> float:
         """The largest curvature on which the leading bench and those behind it are; infinite if they may turn back.
 
-        On an inward spiral that begins the track, it is that at the front handle, from which curvature falls.
+        If the track begins with an inward spiral, it is the curvature at the front handle, because curvature falls
+        towards the tail.
         """
         handle, bend = self._handle(0), inf if self._bend is None else self._bend
         segment = self._track.segments[0]
@@ -144,7 +145,7 @@ class Interval:
     def _out_of_reach(self, n: int) -> bool:
         """Return whether the n-th bench and all behind it lie outside a circle that contains the leading one.
 
-        This needs handles that lie further and further out on a spiral first segment: no point of a link is closer to
+        This requires that handles lie ever further out on a spiral first segment: no point of a link is closer to
         the centre than the root of r^2 - l^2 / 4, where r is the distance of its front handle.
         """
         handle, spiral = self._handle(n), self._track.segments[0]
@@ -230,7 +231,7 @@ class Interval:
         return size_of(seen)
 
     def _middle(self, n: int) -> acb:
-        """Return the ball of a bench's middle, which stays within half of its handles' travel of the point half way."""
+        """Return the ball of a bench's middle, which stays within half its handles' travel of its mean position."""
         one, two = (end.pose(n).middle for end in self._ends)
         unit = arb(0, up(0.25 * (self._handle(n).moved_m + self._handle(n + 1).moved_m)))
         return HALF * (one + two) + acb(unit, unit)

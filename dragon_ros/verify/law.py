@@ -129,7 +129,7 @@ class Law:
         return min(gone) - more, max(gone) + more
 
     def pieces(self, end_s: Fraction | None) -> Iterator[tuple[Mark, Mark]]:
-        """Yield the pieces from 0 s on in which the leader moves in one direction, except an endless last one."""
+        """Yield the pieces from 0 s on in which the leader moves in one direction, except a last one without end."""
         for before, after in pairwise(self.marks):
             if end_s is not None and after.t_s >= end_s:
                 break
@@ -150,7 +150,7 @@ def _sign(value: Fraction) -> int:
 def _smooth_turn(share: Fraction) -> tuple[Fraction, Fraction]:
     """Return x just below the root of 3 x^2 - 2 x^3 = share in (0, 1), and a bound on the difference.
 
-    The root comes from floats, by the third of an angle; its bracket is checked exactly.
+    The root is computed in floats, by trisecting an angle; its bracket is checked exactly.
     """
     about, width = Fraction(0.5 - sin(asin(1 - 2 * float(share)) / 3)), _NEAR
     while True:

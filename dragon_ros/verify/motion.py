@@ -38,7 +38,7 @@ class Handle:
 
     ``ends`` are the indices of the interval ends at which it is at these bounds (None: at neither). ``moved_m`` bounds
     the distance along the track from one end to any position in between and on to the other end. ``slopes`` are those
-    of the link to the handle in front of it, if they were needed.
+    of the link to the handle in front of it, if they were computed.
     """
 
     track: Track
@@ -157,7 +157,7 @@ def _bounded(track: Track, one: Place, two: Place) -> Handle:
 
 
 def _that_may_turn(front: Handle, ends: Postures, n: int, link: Link) -> Handle:
-    """Return the handle further out on a spiral that winds in: from spans, which only fall (lemma 1), and slopes."""
+    """Return the handle further out on an inward spiral, from the spans, which only fall (lemma 1), and slopes."""
     segment = front.on
     assert isinstance(segment, SpiralSegment)
     low, high = (u + segment.span(u, link) if end is None else ends[end].place(n + 1).u
@@ -224,7 +224,7 @@ def _outwards(front: Motion, handle: Handle, segment: SpiralSegment, link: Link)
 
 
 def _inwards(front: Motion, handle: Handle, segment: SpiralSegment, link: Link) -> tuple[Motion, Turning]:
-    """Return the motion of the handle further in, on a spiral that winds out: the one in front determines it."""
+    """Return the motion of the handle further in, on a spiral that winds out, and of the link."""
     ahead = front.handle
     slopes = spiral_slopes(segment, handle.u, (ahead.low - handle.low).union(ahead.high - handle.high), link)
     inverse = ONE / (ONE + slopes.delta_1)
@@ -264,7 +264,7 @@ def _axis(ahead: Handle, handle: Handle, ends: Postures, n: int, inverse: arb) -
 
 
 def _settled(handle: Handle, speeds: Speeds) -> Motion:
-    """Return a motion along the track by the coordinate of the handle's segment, if it stays on one."""
+    """Convert a motion along the track to the coordinate of the handle's segment, if it stays on one."""
     if handle.segment is None:
         return Motion(handle, NAN, NAN, speeds)
     segment, u, rate = handle.on, handle.u, speeds.rate

@@ -1,4 +1,4 @@
-"""A dragon's benches in the plane, in balls, for one front handle position; and how far apart two of them are."""
+"""A dragon's benches in the plane, in balls, for one position of a front handle; and the separation of two benches."""
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate

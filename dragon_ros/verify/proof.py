@@ -18,7 +18,7 @@ from dragon_ros.verify.track import Track, track_of
 from dragon_ros.verify.venue import Edges, ObstacleCover, check_sides, ways_by_length
 
 _SLACK = 1e-9               # relative to 1 m of the leader's travel, or to the longest bench if it is shorter
-_WIDEST = 1e-6              # likewise: the widest slack, however slowly benches come together
+_WIDEST = 1e-6              # likewise: the widest slack, even if benches meet very slowly
 _GRAZING = 1e-7             # likewise: the slack of a grazing, and how close benches come to each other at it
 _PROMISE_M = 2e-12          # a solver's position error up to 20 m from the origin; ...
 _PROMISED_M = 20.0          # ... further out it grows in proportion, as float spacing does
@@ -142,9 +142,9 @@ class _Proof:
         return run
 
     def _slack_m(self, contact: Contact, gone: arb) -> float:
-        """Return the distance before a contact up to which absence of contact is proved: as small as floats allow.
+        """Return how long before a contact, in leader travel, its absence is proved: as close as floats allow.
 
-        It is a nanometre of leader travel, with two exceptions: the leader is so fast that the contact's time does not
+        It is a nanometre, with two exceptions: the leader is so fast that the contact's time does not
         determine its position, or the benches touch there to within position errors and approach so slowly that these
         errors amount to more travel.
         """
@@ -222,7 +222,7 @@ class _Proof:
         return ranges(self._track, self._dragon, low.lower(), high.upper())
 
     def _last_alike(self, bench: int) -> int:
-        """Return the last bench that a row of a given one covers: the lengths behind both are equal."""
+        """Return the last bench covered by a row for a given bench: the lengths behind both are equal."""
         count = len(self._dragon.benches)
         self._budget.spend(1 + count // _SHARE)
         return next(count - m for m in range(1, count - bench + 1) if self._repeated[count - bench - m] >= m)
@@ -266,7 +266,7 @@ def _up_to(part: Range, way: Approach, slack_m: Fraction) -> Range | None:
 
 
 def _far(scene: Scene) -> float:
-    """Return approximately how many links long the track is, or how many turns it has: both cost bits."""
+    """Return the approximate length of the track in links, or its number of turns: both cost bits."""
     track = scene.track
     if isinstance(track, Spiral):
         return track.start_turns

@@ -2,8 +2,8 @@
 
 If the curvature rules out locks, all handles move in the same direction as the head, and the limits of the head's range
 determine the limits of all ranges. On a spiral to its centre handles may turn back, and links may lock. There each
-link's range is halved until the direction of the next handle is proved, and that the chord grows up to its span
-throughout.
+link's range is halved until it is proved in which direction the next handle moves, and that the chord grows throughout,
+up to its span.
 """
 from functools import reduce
 
@@ -63,7 +63,7 @@ def _image(segment: SpiralSegment, low: arb, high: arb, link: Link) -> Range:
         ratio, stands = _ratio(segment, left, right, from_left, from_right, link)
         if stands and (ratio > 0 or ratio < 0):
             pair = (from_left, from_right) if ratio > 0 else (from_right, from_left)
-        elif stands and right - left < _NARROW * from_right:    # it turns back in this part: its span bounds how far
+        elif stands and right - left < _NARROW * from_right:    # it turns back in here; its span bounds how far
             pair = left + (from_right - right), right + (from_left - left)
         elif halvings:
             middle = (HALF * (left + right)).mid()

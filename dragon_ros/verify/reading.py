@@ -29,7 +29,7 @@ _INSIDE = 'inside'      # the name of the outline that benches must not leave
 MOST_KNOTS = 10_000
 MOST_GROUPS = 10_000
 _LEAST_LINK = 2e-10     # relative to the longest bench: the direction of a shorter link is lost in rounding
-_DIGITS = 400           # of a whole number: the largest float has 309
+_DIGITS = 400           # of a whole number; the largest float has 309
 _LATEST_S = 2.0**31
 
 

@@ -7,7 +7,7 @@ from dragon_ros.verify.balls import UNIT, size
 from dragon_ros.verify.errors import Refused
 
 _GOOD = 1e-13           # relative to a root: a guess in floats is usually closer
-_CLOSE = 1e-8         # relative to a root, for a Newton step: the error of the next is about its square
+_CLOSE = 1e-8         # relative to a root: after such a Newton step, the next error is about its square
 _FINE = 2.0**-112       # relative to a root: the narrowest ball that is searched
 _TRIES = 12
 

@@ -21,7 +21,7 @@ from dragon_ros.verify.segments import HALF, TWO, Link, SpiralSegment, about_spa
 from dragon_ros.verify.track import Place, Track
 
 _SAMPLES = 4000         # positions at which a lock is searched for
-_HALVINGS = 80          # of times and positions that are only reported, or proved later
+_HALVINGS = 80          # of times and positions that are only reported or are proved later
 _SHARE = 10             # links in floats that count as one step of the budget
 
 
@@ -88,9 +88,9 @@ class Leader:
         return back, None if end is None else Limit(end - track.start, slack_m, 'the head leaves the track')
 
     def _lock(self, slack_m: float, furthest: arb | None) -> Limit:
-        """Return the first lock on a spiral to its centre, or the centre.
+        """Return the first lock on a spiral that leads to its centre, or the centre.
 
-        This proves that the chain does not exist a slack further in; its existence before is proved later.
+        This proves that the chain does not exist one slack further in; its existence up to there is proved later.
         """
         track, segment = self._track, self._track.segments[0]
         assert isinstance(segment, SpiralSegment)
@@ -146,7 +146,7 @@ class _Locks:
         return high
 
     def _stands(self, theta: float) -> bool:
-        """Return whether all links can apparently be placed, in floats."""
+        """Return whether all links can be placed, judging by floats."""
         for number, (chord, most) in enumerate(zip(self._chords, self._longest, strict=True)):
             if number % _SHARE == 0:
                 self._budget.spend(1)
@@ -162,8 +162,9 @@ class _Locks:
 def never_reaches(segment: SpiralSegment, theta: arb, link: Link) -> bool:
     """Return whether the chord from a handle provably decreases before it reaches a link's length.
 
-    It does if it is shorter up to a span at which it shrinks; up to pi it grows. Close to its peak it hardly grows, and
-    the mean value theorem bounds it.
+    It grows up to a span of pi. So the claim holds if the chord shrinks at some larger span and is shorter than the
+    link at all spans from pi up to there. Close to the peak, where the chord hardly grows, the mean value theorem
+    bounds it.
     """
     half_square, near = segment.chord(link).half_square, segment.chord(link).near
     at, delta = float(theta), pi

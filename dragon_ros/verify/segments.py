@@ -18,7 +18,7 @@ from dragon_ros.verify.roots import bracketed, certified
 
 ONE, TWO, HALF, ZERO = arb(1), arb(2), arb(0.5), arb(0)
 EYE = acb(0, 1)
-_HALVINGS = 40      # of spans, to prove that the chord grows close to its peak
+_HALVINGS = 40      # of spans, for the proof that the chord grows even close to its peak
 
 
 class Locked(Refused):
@@ -320,7 +320,7 @@ def arc(u: arb) -> arb:
 
 
 def furthest_m(bend: float, length_m: float) -> float:
-    """Return about how far along a track the next handle is at most: as on a circle of the largest curvature."""
+    """Return the approximate upper bound of a link's arc: that on a circle of the largest curvature."""
     half_turned = 0.5 * bend * length_m
     return 2 * asin(min(half_turned, 1.0)) / bend if half_turned > 1e-8 else length_m
 
@@ -357,7 +357,7 @@ def rises(theta: arb, low: arb, high: arb) -> bool:
 
 
 def about_span(theta: float, chord: float) -> float | None:
-    """Return the approximate smallest span of a chord (in units of b); None if it apparently has none."""
+    """Return the approximate smallest span of a chord (in units of b); None if it seems to have none."""
     if chord <= 2 * theta + pi:
         return bracketed(lambda delta: _excess(theta, chord, delta), 0.0, pi,
                          2 * asin(min(1.0, chord / (2 * theta + chord / (theta + 1)))))

@@ -112,7 +112,7 @@ class Track:
         edge = segment.last if way > 0 else segment.first
         is_inwards = isinstance(segment, SpiralSegment) and way != segment.sense
         if is_inwards and edge is not None and self._is_beyond(place, edge, link) and 0 <= k + way < len(self.segments):
-            return self._across(place, link, way)       # the spiral itself may end before
+            return self._across(place, link, way)       # the spiral may not extend this far
         u = segment.next(place.u, link, way)
         if edge is None:
             return Place(k, u)
@@ -130,7 +130,7 @@ class Track:
         certainly(gone * self.bend < half_turn(), 'a link could have two positions: the track bends too tightly for it')
 
     def _is_beyond(self, place: Place, edge: arb, link: Link) -> bool:
-        """Return whether the next handle is apparently beyond the inner end of a spiral."""
+        """Return whether the next handle seems to be beyond the inner end of a spiral."""
         segment = self.segments[place.segment]
         return (abs(segment.near(float(edge)) - segment.near(float(place.u))) < _SHORTER * link.near
                 and abs(segment.metres(edge) - segment.metres(place.u)) < furthest_m(self.bend, link.near))
@@ -162,7 +162,7 @@ class Track:
         assert near is not None
         sense = segment.sense * way
         begin, point, length = float(near), complex(here), link.near
-        # On a circle of the largest curvature the chord takes longest to reach the link's length.
+        # On a circle of the largest curvature, the arc to a link's length is the longest.
         most_m = max(furthest_m(self.bend, length) - float(gone), 1e-9 * length)
         if far is not None:
             most_m = min(most_m, float(abs(segment.metres(far) - segment.metres(near))))

@@ -1,10 +1,10 @@
 """The obstacles of a venue in balls: benches stay clear of their edges, and the dragon starts on the right side.
 
 An edge is a rectangle of zero width. The same bounds that separate two benches separate a bench and an edge at rest
-(``interval``). Seen from the edge, the acceleration of the bench's corners is that of its middle and its turning; seen
-from the bench, that of the edge's ends is that of a point at rest. Only the part of an edge that the bench can reach
-counts; the rest is further away than the bench moves. Benches are linked, so if none meets an edge, all stay on one
-side of every outline.
+(``interval``). In the frame of the edge, the corners of the bench accelerate with its middle and its turning; in the
+frame of the bench, the ends of the edge accelerate like points at rest. Only the part of an edge that the bench can
+reach counts; the rest is further away than the bench moves. Benches are linked, so if none meets an edge, all stay on
+one side of every outline.
 """
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ _ROUNDED = 1e-12    # of coordinates: more than the error of a dozen float opera
 _CELL = 4.0         # times the longest bench: the side of a cell of the index
 _MOST_CELLS = 1000  # along an edge; longer edges are always checked
 _REACH = 2.0        # times the longest bench: intervals over which a bench moves further are cut without a check
-_NEAR_M = 1e-5      # times how coarse floats are: a bench may touch the edges of an obstacle within this distance
+_NEAR_M = 1e-5      # times the coarseness of floats: a bench may touch the edges of an obstacle within this distance
 _INSIDE_HEAD = [(0.0, 0.0), (0.37, 0.21), (-0.41, 0.33), (0.19, -0.57), (-0.23, -0.47), (0.61, 0.71)]
                     # fractions of half a length and half a width: points of a bench, some of them level with no corner
 
@@ -41,7 +41,7 @@ class Edge:
     def near(self, point: complex, reach_m: float) -> Pose | None:
         """Return a part of the edge with all that may be within a distance of a point; None if there is none.
 
-        A point of the edge is at least as far away as its distance along the edge from the foot of the perpendicular.
+        The distance of a point on the edge is at least its distance from the foot of the perpendicular.
         """
         way, seen = self.stop - self.start, point - self.start
         length = abs(way)
@@ -139,7 +139,7 @@ class SweptBench(Interval):
         return None
 
     def _parts(self, part: Pose) -> bool:
-        """Return whether an edge line separates them at both ends by more than corners deviate from straight lines."""
+        """Return whether an edge line separates bench and edge at both ends by more than the corners' deviation."""
         ends = [(end.pose(0), part) for end in self._ends]
         rough = [min(both) for both in zip(*(about(*pair) for pair in ends), strict=True)]
         half = len(AXES) // 2
@@ -183,12 +183,12 @@ class Met(Refused):
 
 
 class ObstacleCover(Cover):
-    """Clears all benches, those of one length together, of the edges of a venue."""
+    """Clears all benches of the edges of a venue, those of one length together."""
 
     edges: Edges
 
     def _stuck(self, way: Way, low: arb, high: arb, begin: Posture, end: Posture) -> Stuck | None:
-        """Return the obstacle that benches of a length are not proved clear of between two positions."""
+        """Return the obstacle from which benches of one length are not proved clear between two positions."""
         placed = begin.placed + end.placed
         interval = SweptBench(self._track, self._dragon, way.lead, (begin, end), self._bend)
         try:
@@ -231,7 +231,7 @@ def check_sides(venue: Venue, head: Pose) -> None:
 
 
 def _covers(area: Obstacle, point: acb) -> bool | None:
-    """Return whether a point lies within an odd number of an area's rings; None if its ball does not decide."""
+    """Return whether a point lies within an odd number of an area's rings; None if its ball leaves it open."""
     odd = False
     for line in area.lines:
         for one, two in _pairs(line):
@@ -249,6 +249,6 @@ def _covers(area: Obstacle, point: acb) -> bool | None:
 
 
 def _over(end: complex, point: acb) -> bool | None:
-    """Return whether a corner is above a point; None if its ball does not decide."""
+    """Return whether a corner is above a point; None if its ball leaves it open."""
     y = exact(end.imag)
     return True if y > point.imag else False if y < point.imag else None

@@ -91,7 +91,7 @@ class BoundingBox:
 
 
 def fits(bounds_m: tuple[float, float], side_m: float) -> bool | None:
-    """Return whether a square with a side between bounds fits into another; None if the bounds do not decide it."""
+    """Return whether a square with a side between bounds fits into another; None if the bounds leave it open."""
     return True if bounds_m[1] <= side_m else False if bounds_m[0] > side_m else None
 
 
@@ -193,7 +193,7 @@ class _Reaching(InOrder):
 
 
 def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Reaching, side: int) -> Reach:
-    """Return the result on a side, with a bench that reaches it, and when."""
+    """Return the result on a side, with a bench that reaches it and the time."""
     kind, along_m, corner = search.where[side]
     low, high = ranges.ranges_m[:, kinds[kind]]
     bench = int(kinds[kind][np.argmax(np.minimum(along_m - low, high - along_m))])
@@ -280,7 +280,7 @@ class SweptBench:
         return out
 
     def slopes(self, a: BenchStates, b: BenchStates) -> tuple[Ball, Floats]:
-        """Return enclosures of the coordinates' derivatives by the front handle's distance, and largest changes."""
+        """Return enclosures of the coordinates' derivatives by the front handle's distance, and the largest changes."""
         with np.errstate(all='ignore'):
             moving = enclosed(a.link, b.link, np.array([self.link_m]), self.track.bends, passes=0)
             front_m, rear_m = np.abs(b.link.along_m - a.link.along_m).T

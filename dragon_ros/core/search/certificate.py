@@ -56,10 +56,10 @@ class Contact:
     """A first contact: its time, the benches (the inner one first), the corner and edge that meet, and its uncertainty.
 
     For a contact with an obstacle, ``benches`` has one element and ``obstacle`` says what it touches. ``grazing_m``
-    bounds the smallest gap if that gap is zero to within the position error, so that contact cannot be decided;
-    otherwise it is None. ``simultaneous`` lists the other pairs, of two benches or of a bench and an obstacle's name,
-    that touch within the uncertainty, which is the position error of the exact tier divided by the approach speed.
-    ``states`` is the number of states evaluated.
+    bounds the smallest gap if that gap is zero to within the position error, so contact is undecided; otherwise it is
+    None. ``simultaneous`` lists the other pairs, of two benches or of a bench and an obstacle's name, that touch within
+    the uncertainty, which is the position error of the exact tier divided by the approach speed. ``states`` is the
+    number of states evaluated.
     """
 
     t_s: float

@@ -10,8 +10,8 @@ parts at most half as long, until it is as short as requested or as floats allow
 ``clear`` clears intervals of the search domain of a contact. A domain is sampled at positions. Between two of them a
 bound (``on_spiral`` for a bench on a spiral segment, ``conservative_advancement`` for the whole chain) says how close
 benches can come. If its bound does not exceed the position error, an interval is cut at once into as many parts as the
-bound suggests, until each part is cleared or as short as requested. So an interval of length L takes at most log2(L /
-finest) rounds. Adjacent intervals share the samples at their ends, because states are expensive.
+bound suggests, and so on until each part is cleared or as short as requested. So an interval of length L takes at most
+log2(L / finest) rounds. Adjacent intervals share the samples at their ends, because states are expensive.
 """
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar
@@ -57,7 +57,7 @@ class Search(Protocol[C]):
         ...
 
     def order(self, cells: C) -> Floats:
-        """Return the order of cells, the smallest number first."""
+        """Return sort keys of the cells, the smallest first."""
         ...
 
     def judge(self, cells: C) -> C:
@@ -134,7 +134,7 @@ class Samples(Protocol):
 
 @dataclass(frozen=True)
 class Judgement:
-    """For M intervals: lower bounds of the gaps, whether benches touch at either end (2, M), and the numbers of parts.
+    """For M intervals: lower bounds of the gaps, whether benches touch at each end (2, M), and the numbers of parts.
 
     ``group`` (M,) is the group with which the parts are judged: a space may omit pairs settled for the whole interval.
     """

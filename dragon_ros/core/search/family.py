@@ -44,15 +44,15 @@ from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve, arc_between
 
 TOLERANCES = ('dragon.width_m', 'dragon.head_length_m', 'dragon.body_length_m', 'dragon.hole_inset_m', 'track.pitch_m')
-_WITHIN = 0.01          # of a metre of leader travel, or of the longest link if that is shorter: a proof ends this
-                        # far before a dragon that touches
+_WITHIN = 0.01          # of a metre of leader travel, or of the longest link if that is shorter: the distance before a
+                        # dragon that touches at which a proof ends
 _AT_ONCE, _MOST = 1000, 200_000     # boxes
 _FIRST_RAD = 2.0        # turn about the centre of the inner bench in a first box
 _MOST_FIRST = 10_000    # first boxes
 _DOWN, _UP = 1 - 2.0**-51, 1 + 2.0**-51     # for a sum of two positive numbers: more than its rounding
 _OUT = 1 + 2.0**-40     # more than the rounding of a dozen sums and products of positive numbers
 _BENT = 1.09            # the curvature of any spiral is at most 1.09 / r (``min_pitch``)
-_INNER_STEPS = 6        # iterations that bound the position of the head from that of the next bench
+_INNER_STEPS = 6        # iterations to bound the position of the head, given that of the next bench
 _HEAD, _BODY = 0, 1     # the inner bench of a pair
 
 
@@ -60,8 +60,8 @@ _HEAD, _BODY = 0, 1     # the inner bench of a pair
 class FamilyProof:
     """No dragon of the family touches itself from the start of the run to ``proved_s``.
 
-    ``why`` says what ends the proof: 'contact' (some dragons may touch from ``limit_s`` on, with ``benches`` for
-    example), 'run' (the run of the nominal dragon ends), 'bend' (closer to the centre the order of handles is not
+    ``why`` says what ends the proof: 'contact' (some dragons may touch from ``limit_s`` on, for example at
+    ``benches``), 'run' (the run of the nominal dragon ends), 'bend' (closer to the centre the order of handles is not
     proved) or 'effort'. ``nominal`` is the first contact of the scene itself; ``states`` is the number of boxes.
     """
 
@@ -99,7 +99,7 @@ class Family:
 
     @property
     def within_m(self) -> float:
-        """The distance before a dragon that touches at which a proof may end."""
+        """How far before a touching dragon a proof may end."""
         return _WITHIN * min(1.0, self.head_link_m[1], self.body_link_m[1])
 
     @property
@@ -188,7 +188,7 @@ def _covered(scene: Scene) -> tuple[Dragon, Spiral]:
 
 
 def _around(key: str, value: float, within: Mapping[str, float], zero: bool = False) -> tuple[float, float]:
-    """Return the interval of a value. Raises FieldError if it contains 0 (with ``zero``: if it reaches below 0)."""
+    """Return the interval of a value. Raises FieldError if it contains 0 (with ``zero``: a negative number)."""
     tolerance = within.get(key, 0.0)
     if tolerance and (tolerance > value if zero else tolerance >= value):
         raise FieldError(f'--within {key}', tolerance, f'the value itself is {value:g} m', 'give a smaller tolerance')
@@ -212,7 +212,7 @@ def _travel(scene: Scene, nominal: Contact | NoContact) -> RangeOfTravel:
 
 
 def _time_to(travel: RangeOfTravel, gone_m: float) -> float:
-    """Return a time by which the leader has not travelled further."""
+    """Return a time by which the leader has not travelled further than a distance."""
     t_s = travel.arrival_s(gone_m, 1)
     while travel.gone_m(t_s) > gone_m:
         t_s = nextafter(t_s, -np.inf)
@@ -236,7 +236,7 @@ def _search(scene: Scene, family: Family, nominal: Contact | NoContact,
 
 
 def _blame(scene: Scene, within: Mapping[str, float], nominal: Contact | NoContact) -> str:
-    """Return how much would be proved without the tolerance whose absence helps most, in words."""
+    """Return a sentence about the tolerance to blame: the one whose removal extends the proof most."""
     best: tuple[float, str] | None = None
     for key in within:
         family = family_of(scene, {**within, key: 0.0})
@@ -327,8 +327,8 @@ class _FamilySearch:
     def _reached(self, low: Floats, high: Floats, inner: Ints) -> _PairBoxes:
         """Return boxes with the least distance that the leader has travelled when the inner bench is there.
 
-        For a body bench, the earliest is bench 1. The head is at least the shortest link further in, whose span is
-        smallest when the head is furthest out: each iteration moves the head further in.
+        Of the body benches, bench 1 gets there first. The head is further in by at least the shortest link, whose span
+        is smallest when the head is furthest out; each iteration moves the bound further in.
         """
         body = inner == _BODY
         rear, chord = high[THETA, body], low[SCALE, body] * self.family.head_link_m[0] / _OUT
@@ -365,7 +365,7 @@ class _FamilySearch:
         return lower + self._reached(low, boxes.high, boxes.inner)
 
     def _near(self, boxes: _PairBoxes) -> _PairBoxes:
-        """Return boxes without positions of the other bench that are impossible or too far out to touch.
+        """Return boxes restricted to the positions of the other bench that are possible and close enough to touch.
 
         If the front handle of its link is at theta, the link comes no nearer to the centre than sqrt(theta^2 - c^2 / 4)
         (docs/contact.md). All of the inner bench is within the radius of its rear handle, and both benches overhang.
@@ -385,8 +385,8 @@ class _FamilySearch:
     def _strips(self, low: Floats, high: Floats, inner: Ints) -> tuple[Floats, Floats, Ints]:
         """Return the ends of the range in which the other bench may be ahead, within a box, and the nearest such bench.
 
-        The angle from a handle to the one a given number of links behind falls as theta grows and grows with each link,
-        as every span does (lemma 1). An empty range is returned with its first end larger than its last.
+        Like every span (lemma 1), the angle from a handle to the one a given number of links behind falls as theta
+        grows, and grows with each link. An empty range is returned with its first end larger than its last.
         """
         family, out = self.family, _OUT
         last_bench = np.where(inner == _HEAD, family.benches - 1, family.benches - 2)
@@ -408,7 +408,7 @@ class _FamilySearch:
         return first, last, nearest
 
     def _note(self, boxes: _PairBoxes, found: Separations) -> None:
-        """Record the first leader position at which a pair overlaps: in the corner of a box that looks worst.
+        """Record the first leader position at which a pair overlaps, tested at the worst corner of each box.
 
         This only limits how far a proof can reach; no proof depends on it, so plain floats are enough.
         """

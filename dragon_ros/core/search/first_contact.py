@@ -3,8 +3,8 @@
 The leader's range of travel is searched in each direction. ``leading_benches`` clears pairs whose inner bench lies on a
 spiral first segment, once along the track for all benches with identical remaining link sequences; ``WholeChain``
 clears all others, state by state. ``obstacle_contact`` clears the obstacles of a venue, once along the track for all
-benches of one length. In the first interval that cannot be cleared, the zero of the gap is solved for, and everything
-is cleared up to there.
+benches of one length. In the first interval that cannot be cleared, the search solves for the zero of the gap, and
+everything is cleared up to there.
 """
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -35,10 +35,10 @@ from dragon_ros.core.tiers import EXACT
 
 _BEFORE_M = 1e-9        # of leader travel, or of the longest bench if shorter: clearing stops this far before a contact
 _TOLD_APART = 4         # gaps there are at least this many times the error that a bound must exceed
-_AHEAD_M = 1e-8         # doubled each time: how far beyond a position that cannot be cleared a contact is searched for
+_AHEAD_M = 1e-8         # doubled each time: the search for a contact just beyond a position that cannot be cleared
 _AHEAD = 24             # doublings, so up to 8 cm
-_STEADY = 4             # times the closing distance at the last rate: a gap that takes longer to close is another one
-_ASIDE = 1e3   # times that, to either side of a contact: the step over which the checker measures how fast a gap closes
+_STEADY = 4             # times the closing distance at the final rate: a gap that takes longer is another approach
+_ASIDE = 1e3            # times that, to either side of a contact: the checker's step for the rate of a closing gap
 _LAST_PLACES = 4        # ulps of a contact's time, times the leader's speed: the rounding error of the position
 _WIDEST_M = 1e-6        # of leader travel, or of the longest bench if it is shorter: the largest slack
 _GRAZING_M = 1e-7       # likewise: benches that graze come this close to each other
@@ -72,10 +72,10 @@ class BenchPairs(Protocol):
 def first_contact(scene: Scene, progress: Callable[[int], object] = lambda states: None) -> Contact | NoContact:
     """Return the first contact of the scene's run, at the exact tier, or how the run ended without one.
 
-    ``progress(states)`` is called with each number of states just evaluated. In a venue the first touch of an obstacle
-    counts too. Raises FieldError, with the time to stop at, if no contact occurs before the position beyond which none
-    can be ruled out (docs/contact.md, limits of the search), or if the dragon does not start inside its venue and clear
-    of obstacles.
+    ``progress(states)`` is called with the number of states evaluated since the last call. In a venue the first touch
+    of an obstacle counts too. Raises FieldError, with the time to stop at, if no contact occurs before the position
+    beyond which none can be ruled out (docs/contact.md, limits of the search), or if the dragon does not start inside
+    its venue and clear of obstacles.
     """
     if scene.venue is not None:
         from dragon_ros.core.search.venue import check_sides
@@ -212,7 +212,7 @@ class _ContactSearch:
         return _Claim(domain, pair, gone_m), [], gap_m
 
     def _ahead(self, bracket: Bracket) -> list[tuple[float, Pair]]:
-        """Return where pairs begin to touch just beyond a bracket, in order; none if far or in another approach."""
+        """Return where pairs begin to touch just beyond a bracket, in order; empty if far or a separate approach."""
         domain = self._domain
         for power in range(_AHEAD):
             ahead = bracket.other_m + domain.sense * _AHEAD_M * 2**power
@@ -254,7 +254,7 @@ class _ContactSearch:
         return place, (i, j), (min(low, least) - error, least + error)
 
     def _prove(self, clear_m: float, claim: '_Claim', most_m: float) -> tuple[float, Bracket | None]:
-        """Clear up to a nanometre before a contact, or as close as its gap differs from zero, or to a grazing.
+        """Clear up to a nanometre before a contact, or up to where its gap is distinct from zero, or up to a grazing.
 
         Clearing ends at most ``most_m`` before it. Return the position up to which all is clear, and the first bracket
         that is not clear.
@@ -276,8 +276,8 @@ class _ContactSearch:
 class _Claim:
     """A claim that a pair of benches touches or grazes at a leader position, and whether it can be proved.
 
-    It is proved if no benches touch until a slack before it, and if the pair overlaps a slack after it or, for a
-    grazing, is close together at it (docs/contact.md, what the checker proves).
+    It is proved if no benches touch up to one slack before it, and if the pair overlaps one slack after it or, for a
+    grazing, is close together there (docs/contact.md, what the checker proves).
     """
 
     domain: SearchDomain
@@ -332,7 +332,7 @@ class _Claim:
         steepest = self._closing(step_m)
         if wide_m <= step_m or steepest == inf:
             return steepest
-        # For benches of kilometres the position error exceeds their motion over a step of a micrometre.
+        # For benches several kilometres long, the position error exceeds their motion over a step of a micrometre.
         wide, wider = self._closing(wide_m), self._closing(4 * wide_m)
         return steepest if wider == inf else min(steepest, wide + abs(wider - wide))
 
@@ -351,12 +351,12 @@ class _Claim:
 
     @cached_property
     def overlaps(self) -> bool:
-        """Whether the pair certainly overlaps a slack further on, or where the leader turns back before that."""
+        """Whether the pair certainly overlaps one slack further on, or at the leader's reversal if that comes first."""
         after_m = min(self.slack_m, self.onwards_m)
         return self.domain.gap(self.pair, self._told_m + self.domain.sense * after_m) < -self._rounding_m
 
     def touches(self, cleared_m: float, as_asked: bool) -> bool:
-        """Return whether a contact is proved if all is clear up to a position; ``as_asked`` if that was requested."""
+        """Return whether a contact is proved if all is clear up to a position; ``as_asked``: the requested one."""
         return self.overlaps and (as_asked or self._within(cleared_m, self.slack_m))
 
     def grazes(self, cleared_m: float) -> bool:

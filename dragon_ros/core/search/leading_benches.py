@@ -28,7 +28,7 @@ _FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: 
 _MOST_PLACES = 50_000   # first samples of one window, to limit memory
 _MOST_RAD = 2e6         # of a domain: a million first samples
 _TOGETHER, _USUAL = 2**20, 256      # handles at the first samples of windows that are cleared together, to limit
-                        # memory, counting at most so many benches behind each lead: more rarely matter
+                        # memory; at most so many benches behind each lead are counted: more rarely matter
 _POINT = 1e-6           # of the longest link: both handles of a shorter link may round to the same position
 _IN_CACHE = 2**14       # pairs that are bounded together
 _CLOSER = 20            # halvings of a domain, to a millionth of it, to find how far the proof can reach
@@ -186,7 +186,7 @@ class LeadingBenches:
         self._rows = [row for row in clipped if row.start_rad != row.stop_rad]
 
     def _on_spiral(self, gone_m: float) -> Floats:
-        """Return the polar angles of the handles (N+1,) on the spiral; beyond it, that of its end."""
+        """Return the polar angles of the handles (N+1,) on the spiral; handles beyond it get that of its end."""
         chain = self._domain.chain(gone_m)
         return np.where(chain.segment == 0, chain.u, self._domain.track.segments[0].last)
 
@@ -198,7 +198,7 @@ class LeadingBenches:
         return [start_m, *turns, stop_m], [ends[0], *(self._on_spiral(place) for place in turns), ends[1]]
 
     def all_come_in(self, stop_m: float) -> bool:
-        """Return whether all links from the third on come in with their front handles up to a leader position."""
+        """Return whether, up to a leader position, all links from the third on follow their front handles inwards."""
         links = self._domain.dragon.link_lengths_m[2:]
         for theta in self.phases(stop_m)[1]:
             front, span = theta[2:], np.diff(theta[2:])
@@ -349,8 +349,8 @@ def provable_m(domain: SearchDomain) -> float:
     """Return the leader position up to which no handle behind the third turns back and each moves in one direction.
 
     If links cannot lock or are equal, none turns back, and the result is the end of the domain. Otherwise, a link that
-    spans at most half a turn and comes in when its front handle is nearest to the centre comes in everywhere
-    (docs/contact.md, lemmas 1 and 2).
+    spans at most half a turn, and whose rear handle moves inwards when its front handle is nearest to the centre,
+    behaves like that everywhere (docs/contact.md, lemmas 1 and 2).
     """
     if not domain.track.may_lock or is_even(domain.dragon.link_lengths_m):
         return domain.stop_m

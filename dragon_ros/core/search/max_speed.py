@@ -2,7 +2,7 @@
 
 Speeds relative to the leader's depend on the leader's position and not on time. So branch and bound searches intervals
 of time in which the leader moves in one direction, and cuts those whose bound exceeds the largest speed found so far.
-If handles are equally fast at many positions, as on a circle, that would never end. So the allowed excess of a bound
+If handles are equally fast at many positions, as on a circle, this would never end. So the allowed excess of a bound
 grows with the number of intervals that would be cut.
 
 The bound of an interval: ``enclosures.on_track`` bounds the slope of log |v| of each handle by the leader's distance
@@ -52,11 +52,12 @@ _SURE = 1.98            # curvature times link below which a link spans an arc t
 
 @dataclass(frozen=True)
 class MaxSpeed:
-    """The largest speed of any handle in a run over the leader's largest: the handle (the first if equal), and where.
+    """The ratio of the largest speed of any handle in a run to the leader's largest, with the handle and its position.
 
     ``gone_m`` is the leader's distance since t = 0 at that time, ``along_m`` its distance along the track (for a turn:
-    from the entry). No handle exceeds ``bound`` times the leader's largest speed anywhere in the run; this is proved,
-    including the rounding of speeds. ``looks`` is the number of states evaluated.
+    from the entry). Of equally fast handles the first is given. No handle exceeds ``bound`` times the leader's largest
+    speed anywhere in the run; this is proved, including the rounding of speeds. ``looks`` is the number of states
+    evaluated.
 
     A profile is scaled as a whole: all its speeds by one factor and all its times by the inverse, so the leader passes
     the same positions. If the leader rests for the whole run, the ratio is that at its position.
@@ -98,7 +99,7 @@ def max_speed(scene: Scene, progress: Callable[[int], object] = lambda looks: No
 class _Speeding(InOrder):
     """A search over times. The best result so far: log of the largest speed, when, and of which handle."""
 
-    at_once = _MOST     # all: bounds cut most once the best of all states is known
+    at_once = _MOST     # all: bounds exclude most once the best of all states is known
 
     def __init__(self, scene: Scene, progress: Callable[[int], object]) -> None:
         self._scene, self._leader, self._law = scene, compile_scene(scene).model.leader, _law_of(scene)
@@ -155,7 +156,7 @@ class _Speeding(InOrder):
     def _count(self, low_s: float, high_s: float) -> int:
         ends = [self._gone_m(t_s) for t_s in (low_s, high_s)]
         if not self._links(max(ends)):
-            return 1        # there the leader is the fastest
+            return 1        # the leader is the fastest there
         return max(1, ceil(abs(ends[1] - ends[0]) / _SPACING_M))
 
     def _gone_m(self, t_s: float) -> float:

@@ -12,8 +12,8 @@ is ``scale`` = 1 / b times as large: a smaller pitch means a larger dragon. A st
 radius in metres of the leading handle; a *winding* is a little more than one turn of the chain behind it.
 
 All this requires that the benches behind the head are equal. For mixed benches a bracket of two given pitches is
-bisected. The result is a proved contact at its lower end and a proved absence of contact at its upper end, but not that
-no larger pitch has one.
+bisected. The result is a proved contact at its lower end and a proved absence of contact at its upper end; larger
+pitches are not proved.
 
 Bounds are rounded outwards as for the first contact: balls by their arithmetic, separations by
 ``signed_distance.rounding_m``, polar angles by the position error.
@@ -260,7 +260,7 @@ class _Descending:
         return out
 
     def order(self, boxes: Boxes) -> Floats:
-        """Return the order by decreasing pitch."""
+        """Return sort keys by decreasing pitch."""
         out: Floats = boxes.low[1]
         return out
 
@@ -299,7 +299,7 @@ class _Descending:
         return np.concatenate(strips, axis=1)
 
     def _unclear(self, cells: Floats) -> tuple[Array, Ints]:
-        """Evaluate the corners of cells (4, n), rows radius from, to and scale from, to; return which are not clear.
+        """Evaluate the corners of cells (4, n), with radius and scale from, to; return which are not clear.
 
         The second result is the axis along which to cut each cell: the one along which it varies more.
         """

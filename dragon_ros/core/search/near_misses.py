@@ -34,7 +34,7 @@ if TYPE_CHECKING:       # scenes without a venue import none of it
 MOST = 1000             # near misses listed, the nearest first; the others are only counted
 _COARSE_M = 1.0         # between positions for the coarse search of obstacles
 _SPACING_M = 0.02       # between samples along the track: a corner that passes a bench makes dips some decimetres wide
-_LIPSCHITZ = 2.0    # of a gap per metre of leader travel, roughly: how far above the threshold a sample of a dip may be
+_LIPSCHITZ = 2.0    # of a gap by leader travel, roughly: limits how far a sample of a dip may be above the threshold
 _SHALLOW_M = 1e-9       # far above the error of gaps: shallower dips are indistinguishable from a constant gap
 _AT_ONCE = 64           # samples that are evaluated together
 _GOLDEN = 0.5 * (5**0.5 - 1)

@@ -3,7 +3,7 @@
 The pose of a bench depends on its length and on the position of its front handle, so an interval of the track
 represents all benches of one length that pass it. The larger of two bounds counts. Both hold over the whole interval,
 if the rear handle moves in one direction. *By motion:* no point of the bench moves further than its farthest corner, M,
-so the gap is at least half of the sum of its values at the ends less M. *By a direction d*, the best one at an end: a
+so the gap is at least half of (the sum of its values at the ends less M). *By a direction d*, the best one at an end: a
 corner's coordinate along d has its derivative in the ball of ``SweptBench.slopes``, so it changes by at most V and is
 nowhere below the mean of its values at the ends less V / 2. The smallest of the corners' bounds, less the larger
 coordinate of the edge's ends, bounds the gap. V shrinks to the corner's motion along d, with the square of the

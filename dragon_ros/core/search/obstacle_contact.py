@@ -30,7 +30,7 @@ _FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: 
 _SHORTEST = 0.1    # of the error that a gap must exceed: steps to a contact, where gaps are some times that, are longer
 _FAR = 0.05             # of the longest bench: edges that stay further away are not examined
 _PARTS = 3              # parts into which an interval is cut
-_LONG = 6.0             # times the longest bench: over a longer move the bound is not worth its many edges
+_LONG = 6.0             # times the longest bench: over a longer move the bound would need too many edges
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class Obstacles:
         return self._hit
 
     def intervals(self) -> Iterator[Interval]:
-        """Yield nothing: a checker finds where obstacles are near without it."""
+        """Yield nothing: a checker finds nearby obstacles by itself."""
         return iter(())
 
     def _first(self, stop_m: float, finest_m: tuple[float, ...]) -> Bracket | None:

@@ -1,8 +1,8 @@
 """The space of a contact search: the leader's range of travel, and the chains while the leader moves in one direction.
 
 Handle positions depend on how far the leader has travelled and not on time. So the search runs over leader positions,
-always further on or further back than all before. A position in the domain is the distance travelled by the leader, in
-metres. Positions of handles are distances along the track.
+in increasing or in decreasing order. A position in the domain is the distance travelled by the leader, in metres.
+Positions of handles are distances along the track.
 
 A pair that can touch is two benches, or a bench and an edge of the venue's obstacles. Edges are numbered after the
 benches and are rectangles of zero width.
@@ -34,13 +34,13 @@ from dragon_ros.core.tracks.segments import BEHIND
 if TYPE_CHECKING:       # scenes without a venue import none of it
     from dragon_ros.core.geometry.venue import Surroundings
 
-_LOCK_RAD = 1e-9  # of 1 + polar angle: margin before a lock or the centre, where the model ends and speeds are infinite
+_LOCK_RAD = 1e-9        # of 1 + polar angle: margin before a lock or the centre, where speeds are infinite
 _FLOATS = 1e-13         # of the largest coordinate: the promise of the exact tier far out, and kept near the centre too
 _SLOPE = 1e-6  # to either side, for a slope, with links of 1 m to 2 m: gap errors of 1e-11 m make a slope error of 1e-5
 _COARSEST = 0.05        # of the longest bench: with larger position errors, benches cannot be told apart
 _KEPT = 6               # chains: the ends of domains and phases are used repeatedly
-_FEW = 12               # chains: so few are placed faster one by one than together
-_MANY = 30              # chains: for more, tables are built, which later ones use too
+_FEW = 12               # chains: up to this number, one by one is faster than together
+_MANY = 30              # chains: above this number tables are built, which later chains use too
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class RangeOfTravel:
         return out
 
     def passages_s(self, places_m: Sequence[float]) -> list[list[float]]:
-        """Return, for each position, all times at which the leader passes it strictly between possible reversals."""
+        """Return, for each position, the times at which the leader passes it, except at its possible reversals."""
         ways = [(before, after, self.gone_m(before), self.gone_m(after)) for before, after in pairwise(self._times)]
         return [[self._passage_s(place, way) for way in ways if min(way[2:]) <= place <= max(way[2:]) and
                  way[2] != place != way[3]] for place in places_m]
@@ -145,7 +145,7 @@ class SearchDomain:
         longest_m = float(np.max(self.dragon.bench_lengths_m))
         self.unit = min(1.0, longest_m)
         self.rounding_m = _FLOATS * simulation.size_m
-        self.error_m = max(EXACT.promise_m * self.unit, self.rounding_m)    # tiny dragons are placed as exactly
+        self.error_m = max(EXACT.promise_m * self.unit, self.rounding_m)    # relative to the bench for tiny dragons
         if self.error_m > _COARSEST * longest_m:
             raise InputError(f'track: {simulation.size_m:.3g} m from the origin, positions err by up to '
                              f'{self.error_m:.2g} m, but benches can be told apart only up to '
@@ -312,5 +312,5 @@ class SearchDomain:
         return sense * (limit.gone_m - gone_m) if limit else inf
 
     def place(self, along_m: float) -> Place:
-        """Return the place at a distance along the track."""
+        """Return the position at a distance along the track."""
         return self.track.place_at(along_m)

@@ -20,7 +20,7 @@ from dragon_ros.core.tracks.composite import Track
 
 STEP_M = 0.1            # spacing of the front handle's positions
 _ENDS = ((0, 3), (1, 2))     # the corners at the front and at the rear
-_MOST_PLACES = 40_000   # positions; for more, the step grows
+_MOST_PLACES = 40_000   # positions; if more are needed, the step is larger
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ def swept_area(scene: Scene) -> SweptArea:
 
 
 def _placed(ranges: HandleRanges, bench: int, span: Floats, step_m: float) -> tuple[Floats, Any]:
-    """Return the distances of front handles, a step apart, and the bench at each, with the areas between ends."""
+    """Return the distances of front handles, one step apart, and the bench at each with the areas between ends."""
     at_m, placed = [], []
     for low, high in span.T.tolist():
         along = np.linspace(low, high, 2 + ceil((high - low) / step_m))

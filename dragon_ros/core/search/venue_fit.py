@@ -59,7 +59,7 @@ class VenueFit:
 
     @property
     def fits(self) -> bool | None:
-        """Whether all gaps are at least the margin and none is touched; None if the bounds do not decide it."""
+        """Whether all gaps are at least the margin and no obstacle is touched; None if the bounds leave it open."""
         if self.lacking:
             return False
         return True if all(one.low_m >= self.margin_m and one.low_m > 0 for one in self.gaps) else None
@@ -156,7 +156,7 @@ class _Nearing(InOrder):
             least = np.min(np.minimum.reduceat(away, firsts, axis=1), axis=0)
             nearest[owner[firsts]] = np.minimum(nearest[owner[firsts]], least)
             low = 0.5 * (away[at[0]] + away[at[1]] - way[rows, None]) - arm
-            row, edge = np.nonzero(low <= nearest[owner])       # nearest so far: later rounds leave out more
+            row, edge = np.nonzero(low <= nearest[owner])       # nearest so far: later rounds exclude more
             kept.append((rows[row], edge, low[row, edge]))
         cells = list[_EdgeIntervals]()
         for rows, edge, low in kept:
@@ -197,7 +197,7 @@ class _Nearing(InOrder):
 
 
 def _gaps(ranges: HandleRanges, kinds: list[Ints], search: '_Nearing') -> list[ObstacleGap]:
-    """Return the result for each obstacle, with a bench that is there, and when."""
+    """Return the result for each obstacle, with a bench that is there and the time."""
     scene, around = ranges.scene, search._around
     size_m = compile_scene(scene).size_m
     error_m = EXACT.promise_for_m(size_m) + float(rounding_m(max(size_m, around.far_m), float(np.max(
