@@ -1,4 +1,4 @@
-"""Many ticks or instants per call, which avoids numpy's overhead per call: it would exceed the arithmetic."""
+"""Many ticks or instants per call, because numpy's overhead per call would exceed the arithmetic."""
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of
 from dragon_ros.core.tiers import PAPER
 
-_BATCH_HANDLES = 2**18      # handles per batch: 8 MB with velocities; below, calls cost more than arithmetic
+_BATCH_HANDLES = 2**18      # handles per batch: 8 MB with velocities; with fewer, calls cost more than arithmetic
 _TICK_HANDLES = 2**12       # handles per group of consecutive ticks, whose frames stay in the cache
 
 

@@ -1,4 +1,4 @@
-"""Errors that a person can act on: each states the value, the limit and the cure, and stores them as fields."""
+"""Errors with a cure: each states the value, the limit and what to do, and stores them as fields."""
 from collections.abc import Iterable
 from typing import Any
 
@@ -16,7 +16,7 @@ def shown(value: object) -> str:
 
 
 def did_you_mean(word: object, known: Iterable[str], otherwise: str, alike: float = _NEAR) -> str:
-    """Return a question with the name most similar to a word; ``otherwise`` if no name reaches the ratio ``alike``."""
+    """Ask about the name most similar to a word; return ``otherwise`` if no name reaches the ratio ``alike``."""
     from difflib import get_close_matches  # rarely needed
     names = {name.lower(): name for name in known}
     near = get_close_matches(str(word).lower(), names, n=1, cutoff=alike)

@@ -87,7 +87,7 @@ def known() -> dict[str, Effect]:
 
 @lru_cache(maxsize=256)
 def switches(effects: Effect) -> SimpleNamespace:
-    """Return whether each effect is on, by name; each tick queries them one by one, for which a Flag is too slow."""
+    """Return whether each effect is on, by name; each tick queries them one by one, and a Flag is too slow for that."""
     return SimpleNamespace(**{name: effect in effects for name, effect in known().items()})
 
 

@@ -91,8 +91,8 @@ class Model:
         """The solver that places the handles: shift maps for blocks of equal links, or the march.
 
         Links are solved to the last digit for all tiers, which takes at most one more Newton step. Tiers differ only in
-        the series of the maps, if those of ``exact`` do not terminate or take longer. On a spiral they do not differ
-        there either: its series are short, and close to a lock any error grows along the chain.
+        the series of the maps: coarser ones are used if those of ``exact`` do not converge or take longer. On a spiral
+        they do not differ there either: its series are short, and close to a lock any error grows along the chain.
         """
         lengths = {} if self.solver == 'march' else lengths_with_maps(self.links_m)
         tier = EXACT if self.track.may_lock else self.tier
@@ -212,7 +212,7 @@ class Simulation:
 
     @cached_property
     def limit(self) -> End | None:
-        """The end of the model itself: the chain locks or a handle reaches the end of the track; None if never."""
+        """The end of the model itself, where the chain locks or a handle reaches the end of the track, or None."""
         law = self.scene.head
         ends = [(t_s, limit) for limit, sense in zip(self.model.limits, (-1, 1), strict=True)
                 if limit and (t_s := law.passage_s(limit.gone_m, sense)) is not None]
@@ -279,7 +279,7 @@ class Simulation:
         return _LAST_FLOAT if self.limit is None else self.limit.t_s
 
     def check_times(self, times_s: Floats) -> None:
-        """Raise as ``check_time`` does for the first time without a state."""
+        """Raise the error of ``check_time`` for the first time without a state."""
         if not np.all((times_s >= 0) & (times_s <= self._sure_s)):
             for t_s in times_s[~((times_s >= 0) & (times_s <= self._last_s))][:1].tolist():
                 self.check_time(t_s)
@@ -375,7 +375,7 @@ class _Compiled:
     """A cache of simulations and models, the most recently used last, limited in number and bytes."""
 
     def __init__(self) -> None:
-        self._simulations: OrderedDict[int, Simulation] = OrderedDict()     # each keeps its scene and so its id
+        self._simulations: OrderedDict[int, Simulation] = OrderedDict()     # each keeps its scene, so ids are unique
         self._models: OrderedDict[tuple[AnyDragon, TrackSpec, str, str, Tier], Model] = OrderedDict()
         self._latest: Simulation | None = None
         self._lock = Lock()

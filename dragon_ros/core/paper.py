@@ -1,4 +1,4 @@
-"""The paper's method, reconstructed: it reproduces every printed digit and every error.
+"""A reconstruction of the paper's method, which reproduces every printed digit and every error.
 
 Head: explicit Euler steps of 0.01 s, without the radial term; the printed point has the radius before the last step and
 the angle after it. Links: the angle grows in steps of 0.01 rad until the chord is within 0.1 m of the link; the last

@@ -222,7 +222,7 @@ class Cover:
         self.budget.steps += self.budget.spent - spent
 
     def _clear(self, way: Way, low: arb, high: arb, cuts: list[float]) -> Iterator[float]:
-        """Clear the interval between two positions, in parts as long as can be proved; yield their lengths in metres."""
+        """Clear the interval between two positions, in parts as long as can be proved; yield their lengths in m."""
         begin, stack = self._posture(way, low), [(low, high, self._posture(way, high))]
         while stack:
             low, high, end = stack.pop()

@@ -37,7 +37,7 @@ class PlacedLinks(Protocol):
         ...
 
     def velocities(self, chain: 'Chain', speed: Any, out: Floats) -> Any:
-        """Fill in the velocities of these handles, given the first speed, positive towards the head; return the last.
+        """Fill in the velocities of these handles, given the first one's speed towards the head; return the last one's.
 
         ``out`` is (S, N+1, 2), and for one instant a flat array of its 2 N + 2 numbers. A part may leave its last
         handle to the next part.
@@ -74,7 +74,7 @@ class Chain:
         return f'Chain({self.links_m.size + 1} handles, solver={self.solver!r})'
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
-        """Pickle the positions of the handles instead of the tables that gave them, which are a hundred times larger.
+        """Pickle the positions of the handles instead of the tables behind them, which are a hundred times larger.
 
         Velocities computed from the copy agree to rounding, but not bit for bit.
         """
@@ -279,7 +279,7 @@ def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Cha
 def marched_many(track: Track, links_m: Floats, leaders: Places, direction: int) -> Chain:
     """Return the chains of many leaders in one, as ``marched`` does for one, equal to the last digits.
 
-    Links are those of all (N,), or of each (M, N), as ``forward_many`` allows it.
+    Links are common to all (N,), or one row for each (M, N) where ``forward_many`` allows it.
     """
     if links_m.ndim == 1:
         rows, spent = forward_many(track, blocks_of(links_m, direction), leaders, direction)

@@ -20,7 +20,7 @@ from dragon_ros.core.checks import number, settle
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.exact_polynomial import ExactPolynomial
 
-SHORT_M = 0.01  # the leader stops at least this far from a lock, where speeds grow without bound, or from a track's end
+SHORT_M = 0.01  # the leader stops this far or more before a lock, where speeds grow without bound, or a track's end
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, fl
 
 
 def profile_of(settings: Commanded, walked: Iterable[tuple[float, float]]) -> Profile:
-    """Return the (t_s, speed_m_s) of the ticks as a profile with the same distances to the last bit.
+    """Return a profile with the (t_s, speed_m_s) of the ticks and the same distances to the last bit.
 
     A knot between two others of the same speed is redundant and left out. Raises FieldError if too many knots remain.
     """

@@ -129,8 +129,8 @@ def entered_curvatures(track: Track, segment: Ints, u: Floats, speeds: Floats, w
     """Return the signed curvatures (..., N+1) in 1/m that handles are entering: the values just after this instant.
 
     A handle that is on a joint to within ``within_m``, the possible error of its position, counts as being on the
-    segment into which it moves. A handle at rest keeps its own segment; its curvature is multiplied by its squared
-    speed and has no effect.
+    segment into which it moves. A handle at rest keeps its own segment; its curvature has no effect, because it is
+    multiplied by the squared speed.
     """
     if not track.joints_m:
         return track.curvatures(segment, u)

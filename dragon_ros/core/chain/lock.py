@@ -91,9 +91,10 @@ def _first_with_peak() -> float:
 
 
 def _first_at_least_0(value: Callable[[float], float], low: float, high: float) -> float:
-    """Return the smallest float in (low, high] at which an increasing function is not negative; so it is at ``high``.
+    """Return the smallest float in (low, high] at which an increasing function is not negative.
 
-    A bracket, initially a few ulps wide, is placed next to the result of regula falsi, and bisected.
+    It must not be negative at ``high``. A bracket, initially a few ulps wide, is placed next to the result of regula
+    falsi, and bisected.
     """
     at_low, at_high = value(low), value(high)
     if -inf < at_low < 0 < at_high:

@@ -37,7 +37,7 @@ def tensions(chain: Chain, a: Floats) -> Floats:
     front, rear = links.cosines
     along = dot(a, links.forward)
     none = np.zeros(())
-    if links.leader == 0:    # link i - 1 from link i, divided by its component along the track at handle i
+    if links.leader == 0:    # link i - 1 follows from link i: divide by its component along the track at handle i
         ratio = np.append(front[1:], 0.0) / rear
         return read_only(carried(none, ratio[::-1], (along[1:] / rear)[::-1])[:0:-1].copy())
     ratio = np.append(0.0, rear[:-1]) / front

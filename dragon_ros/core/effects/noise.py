@@ -1,4 +1,4 @@
-"""Handles as a noisy sensor would observe them: a function of (seed, tick), computed in any order."""
+"""Handles as observed by a noisy sensor: a function of (seed, tick), so ticks can be computed in any order."""
 import numpy as np
 
 from dragon_ros.core.flags import Noise

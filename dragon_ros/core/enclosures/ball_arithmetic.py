@@ -4,10 +4,10 @@ Ball arithmetic (van der Hoeven 2010): the error of a product is |m| s + |n| r +
 outwards by one factor per operation. No ball made here has a radius below LEAST = 2^-36 of its number: ``between``
 starts with that, sums and products of such balls keep it, and functions and operations with exact numbers add as much.
 Rounding moves the middle of a sum by at most u (|m| + |n|), u = 2^-53, that of a product by u |m n|, and so on: by at
-most 4 u / LEAST = 2^-15 of the radius, which is at least LEAST times the same. Radii are sums and products of positive
-numbers (and of one difference of two floats, in ``inverse``), so their eight roundings reduce them by at most 2^-50.
-Each radius is therefore multiplied by 1 + 2^-14. For a sum of K numbers, whose middle is off by u K sum |m|, the factor
-is larger by K u / LEAST. Numbers below 1e-150, where floats lose digits, do not occur; 0 is exact.
+most 4 u / LEAST = 2^-15 of the radius, which is at least LEAST times the same quantity. Radii are sums and products of
+positive numbers (and of one difference of two floats, in ``inverse``), so their eight roundings reduce them by at most
+2^-50. Each radius is therefore multiplied by 1 + 2^-14. For a sum of K numbers, whose middle is off by u K sum |m|, the
+factor is larger by K u / LEAST. Numbers below 1e-150, where floats lose digits, do not occur; 0 is exact.
 """
 from dataclasses import dataclass
 from typing import Any, Union

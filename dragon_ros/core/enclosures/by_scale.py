@@ -18,11 +18,11 @@ where nothing large cancels because c^2 was replaced by 2 F. The link's directio
 
 Handles turn by p = theta_0 plus the sum of delta' before them; theta_0 is common to all and cancels in differences.
 
-Ranges of theta and delta: let all curvature times each link be below 2, so that 1 + d1 > 0 and delta < pi. Each theta
-grows with r and with the scale (p_next = (1 + d1) p + c^2 / F_delta). m >= 0 by the formula above, so delta grows with
-the scale; it falls as r grows (docs/contact.md, lemma 1). So over a rectangle of r and scale, theta is smallest where
-both are smallest and largest where both are largest; delta is smallest at the largest r and smallest scale, and largest
-at the opposite corner.
+Ranges of theta and delta: assume that every curvature times every link is below 2, so 1 + d1 > 0 and delta < pi. Each
+theta grows with r and with the scale (p_next = (1 + d1) p + c^2 / F_delta). m >= 0 by the formula above, so delta grows
+with the scale; it falls as r grows (docs/contact.md, lemma 1). So over a rectangle of r and scale, theta is smallest
+where both are smallest and largest where both are largest; delta is smallest at the largest r and smallest scale, and
+largest at the opposite corner.
 """
 from dataclasses import dataclass
 

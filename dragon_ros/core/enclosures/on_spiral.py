@@ -8,7 +8,7 @@ that smaller value exceeds B h^2 / 8.
 
 Close to a lock there is no such B, and the bound is the distance that the handles of both benches move. Benches further
 out are cleared by a circle about the centre that separates them. All this assumes that handles move in one direction on
-an interval: it must not contain a position at which one turns back.
+an interval: it must not contain a position at which a handle turns back.
 
 B follows from the polar angles of the handles at the two ends of the interval; docs/contact.md has the proofs. A prime
 is a derivative by the polar angle of the leading handle. A link of chord c (in units of b) from a handle at theta spans
@@ -25,9 +25,9 @@ In the frame of a bench that turns at w, the handle b theta exp(i theta) has the
 
     b (a - theta v^2)  outwards,     b (2 p v + theta v')  across.
 
-Benches of adjacent layers turn at almost the same rate, so v is small and nothing large cancels. delta lies between its
-values at the ends, and so does theta on either side of the position where the follower turns back. So every formula is
-evaluated once, for all values in these ranges, widened by the position error.
+Benches of adjacent layers turn at almost the same rate, so v is small and nothing large cancels. The span delta lies
+between its values at the ends, and so does theta on either side of the position where the follower turns back. So every
+formula is evaluated once, for all values in these ranges, widened by the position error.
 
 Everything is rounded outwards: balls by their arithmetic (``ball_arithmetic``), separations by
 ``signed_distance.rounding_m``, and formulas that combine bounds, sums and products of a few dozen positive numbers, by
@@ -56,7 +56,7 @@ from dragon_ros.core.tracks.segments import BEHIND
 ABOVE = 1 + 2.0**-40    # for bounds: covers more than eight thousand roundings of positive numbers
 _SETTLED = 0.5      # relative to a gap: a first-order bound this close to it is sufficient
 _SURE = 8           # times the position error: more than any tolerance
-_STILL = 1e-9  # relative to the follower's turning position: closer to it nothing moves by more than the position error
+_STILL = 1e-9  # margin about the follower's turning position: closer to it, motion is below the position error
 _COMPLEX = np.array([1, 1j])
 _AT_ONCE = 512  # positions, so that intermediate results fit into the cache
 _FEW = 64       # followers tried first: more than two layers of the classic dragon near the centre
@@ -196,7 +196,7 @@ class BenchSampler:
                      0.5 * d.width_m, np.array(longest_m))
 
     def reaching(self, theta: Floats, lead: Ints | None = None) -> 'BenchSampler':
-        """Return a sampler of only the followers that can come within reach at any given position, if these are few."""
+        """Return a sampler of only the followers that can come within reach at given positions, if these are few."""
         follow, most = _FEW, self.dragon.benches - np.array(self.leads)
         while follow < self.follow:
             fewer = replace(self, follow=follow)
@@ -494,11 +494,12 @@ def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints)
 
 
 def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
-    """Return how far corners of pairs (M, K-2) move at most in metres, both together: the smaller of two bounds.
+    """Return an upper bound on the summed motion, in metres, of the corners of both benches of pairs (M, K-2).
 
-    A corner moves at most as far as a handle, times the bench's lever. Handles move along their track. In a frame that
-    turns about the centre with the leading handle, they move inwards by b times the change of their angle, and around
-    by the sum of the changes of all spans from the leading one on. Each of these changes is monotone.
+    It is the smaller of two bounds. A corner moves at most as far as a handle, times the bench's lever. Handles move
+    along their track. In a frame that turns about the centre with the leading handle, they move inwards by b times the
+    change of their angle, and around by the sum of the changes of all spans from the leading one on. Each of these
+    changes is monotone.
     """
     outer = np.maximum(a.theta, b.theta)
     inwards = sizes.b_m * np.abs(a.theta - b.theta)

@@ -5,9 +5,9 @@ and their changes) and the bounding box (the motion of one bench). Between the s
 to another and every handle moves in one direction. The exception is a follower that turns back, near the centre of a
 single spiral; ``Leader.turning_m`` returns where intervals must be cut for it.
 
-A prime is a derivative by the leader's distance, a dot one by a handle's own. For each link let A be the handle nearer
-to the leader and B the other one, e its unit vector in the direction of the track, and alpha and beta the angles from e
-to the track at A and B. The length l is constant, so with speeds v and curvatures k
+A prime denotes a derivative by the leader's distance, a dot one by a handle's own distance. For each link let A be the
+handle nearer to the leader and B the other one, e its unit vector in the direction of the track, and alpha and beta the
+angles from e to the track at A and B. The length l is constant, so with speeds v and curvatures k
 
     v_B = r v_A,  r = cos alpha / cos beta,      omega = w v_A,  w = (sin alpha - r sin beta) / l,
     alpha. = k_A - w,      beta. = r k_B - w,      r. = r g,  g = tan beta beta. - tan alpha alpha.,
@@ -17,10 +17,10 @@ to the track at A and B. The length l is constant, so with speeds v and curvatur
 (behind a leading tail, e points away from A, so w, w. and the prime have the opposite sign).
 
 Ranges of angles between two states: a quantity with a total variation of at most L lies within L / 2 of the mean of its
-two values, or between these if that is more. The turning of a link, and of the track under its handles, bounds the
-change of angles (``swing_rad``). If k l < 2 for the largest curvature k in between, the directions of a chord and of
-the track at its ends always differ by at most asin(k l / 2) (Schur). Then each pass bounds the rates of angles, and
-from these the angles; if both handles stay on one line or arc, angles are constant.
+two values, or between these if they are further apart. The turning of a link, and of the track under its handles,
+bounds the change of angles (``swing_rad``). If k l < 2 for the largest curvature k in between, the directions of a
+chord and of the track at its ends always differ by at most asin(k l / 2) (Schur). Then each pass bounds the rates of
+angles, and from these the angles; if both handles stay on one line or arc, angles are constant.
 
 For two benches let x be the middle of the second in the frame of the first, from its middle and along its axis, and tau
 the angles of the handles' tracks in that frame:
@@ -49,9 +49,9 @@ from dragon_ros.core.enclosures.on_spiral import ABOVE
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 
 _ROUNDED_RAD = 2.0**-46 # error of an angle between unit vectors
-_PASSES = 8     # at most; each shrinks the part beyond the ends by about the motion over twice the link's length
-_WORTH = 0.9    # of a radius: the last pass is the one that leaves more than this of nearly all radii
-_FEW = 0.02     # of the radii may still shrink by more
+_PASSES = 8     # at most; each shrinks the part beyond the ends to about motion / (2 link length)
+_WORTH = 0.9    # of a radius: passes end when nearly all radii keep more than this
+_FEW = 0.02     # of the radii: so many may still shrink by more
 
 Range = tuple[Floats, Floats]
 
@@ -111,7 +111,7 @@ def curvature_range(bends: Range, segments: Sequence[Ints], curvatures: Sequence
 
 
 def swing_rad(most: Floats, link_m: float | Floats, moved_m: Floats) -> Floats:
-    """Return the largest total angle by which a link turns while its two handles move by ``moved_m`` in sum.
+    """Return the largest total angle by which a link turns while its two handles together move by ``moved_m``.
 
     ``most`` is the largest curvature in 1/m between the rear handle's first position and the front handle's last. A
     link turns at (v_rear sin beta - v_front sin alpha) / link. No sine exceeds 1 or, if most * link < 2, half of that
@@ -268,7 +268,7 @@ def _narrowed(angles: list[Ball], ends: list[Ball], k: Ball, way: Floats, rigid:
 
 
 def _settled(before: Sequence[Ball], now: Sequence[Ball]) -> bool:
-    """Return whether a pass has left most of nearly all radii."""
+    """Return whether a pass has hardly changed nearly all radii."""
     return not any(np.count_nonzero(b.rad < _WORTH * a.rad) > _FEW * b.rad.size
                    for a, b in zip(before, now, strict=True))
 

@@ -9,7 +9,7 @@ gap of two benches depends on five variables, the rows of a box:
     LINK    distance in metres between the handles of the bench further in
     OTHER   the same distance for the other bench
 
-The number and the lengths of the benches between the two only decide which angles AHEAD occur. A bench extends
+The number and the lengths of the benches between the two matter only for the angles AHEAD that occur. A bench extends
 ``overhang`` metres beyond its handles and half its width to either side.
 
 A link of chord c from theta spans delta, the root of F(theta, delta) = c^2 / 2 (docs/contact.md). Up to delta = pi
@@ -28,7 +28,7 @@ from dragon_ros.core.tracks.spiral import first_guesses, steps
 
 THETA, AHEAD, SCALE, LINK, OTHER = range(5)
 _WIDER = 2.0**-30       # relative to a span: Newton's method in floats is more accurate, and balls (2^-36) can prove it
-_ABOVE = 1 + 2.0**-40   # for a sum of positive numbers: more than its roundings reduce it
+_ABOVE = 1 + 2.0**-40   # covers the rounding of a sum of positive numbers
 
 
 class Separations(NamedTuple):
@@ -87,7 +87,7 @@ def _proved_span(theta: Floats, chord: Floats, factor: float, sense: int) -> Flo
 
 
 def _edges(low: Floats, high: Floats, half_width_m: float, overhang_m: float) -> list[list[Graded]]:
-    """Return how far the four corners of either bench are beyond each of four edges of the other, in units of b.
+    """Return how far the four corners of each bench are beyond each of the four edges of the other, in units of b.
 
     Polar angles are measured from the front handle further in.
     """

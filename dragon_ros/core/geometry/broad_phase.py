@@ -4,7 +4,8 @@ For each bench, the paper intersects the lines from the centre through its two h
 + 2 pi (it prints theta - 2 pi; docs/errata.md), and takes the three benches nearest to each of the two points. That is
 complete only if a bench reaches no further than its neighbours on the next layer, and no bench meets its own layer or
 the next but one. ``candidates`` instead finds the benches that share a direction and a distance from the origin, turn
-by turn. This is complete for any positions of the benches, and yields the same few benches if the paper is right.
+by turn. This is complete for any positions of the benches, and yields the same few benches whenever the paper's choice
+is complete.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -7,7 +7,7 @@ from dragon_ros.core.numerics.types import Floats, Ints
 
 @dataclass(frozen=True)
 class Closeness:
-    """The smallest signed gap in metres of all benches that are not neighbours, ``closest``, and all pairs that touch.
+    """The smallest signed gap in metres of benches that are not neighbours, its pair, and all pairs that touch.
 
     In a venue obstacles count too: in a pair (i, j) they are numbered after the benches, in the order of its names.
 

@@ -8,10 +8,10 @@ The method uses three bounds. The signed gap of two convex figures is the larges
 directions n, where h are their support functions, and a support function changes by at most the displacement of the
 farthest-moving point. So
 
-1. The gap of a pair is at least its separation along any one direction. A listed pair stores one direction: the axis of
-one of its two benches that separated them best when the list was measured; it turns with its bench. Benches of
-neighbouring layers slide along each other, which does not change that separation. It quickly rules out most pairs that
-are not the closest.
+1. The gap of a pair is at least its separation along any one direction. A listed pair stores one direction: the axis,
+of either bench, that separated them best when the list was measured. It turns with its bench. Benches of neighbouring
+layers slide along each other, which does not change that separation. It quickly rules out most pairs that are not the
+closest.
 2. The gap of a pair changes by at most the displacement of its points, in any frame, including that of a third bench k:
 with centres c and turns w since then (unit complex numbers), the points of a bench with half diagonal r move by at most
 m = |(c - c_k) conj(w_k) - (c' - c_k')| + r |w - w_k|, and a gap changes by at most 2 max m. If all benches move as one,
@@ -40,12 +40,12 @@ from dragon_ros.core.geometry.signed_distance import PartedPairs, gap_of, gaps, 
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 
 TOUCH_M = 1e-10         # positions are accurate to 2e-12 m: a smaller gap counts as contact
-_SKIN = 0.45            # relative to the mean half length: a longer list lasts longer, and takes longer
+_SKIN = 0.45            # relative to the mean half length: with more, a list lasts longer and takes longer
 _HAIR = 2.0**-40        # relative to coordinates and sizes
 _MOST_EACH = 32         # listed pairs per bench: with more, a crowd is searched from scratch
 _FEW = 8                # pairs that are computed one by one; more are computed as arrays
 _FIRST_PART = 512       # benches of the innermost part; each further part reaches twice as far
-_OVERLAP = 2.5          # benches of all parts with those that follow, per bench: more is not worthwhile
+_OVERLAP = 2.5          # benches of all parts and those that follow, per bench: with more, the dragon is not split
 _WORTH = 0.02           # relative to the skin: a part this close to the closest pair is measured at each sample
 
 _NONE: Ints = np.empty(0, dtype=np.int64)
@@ -295,9 +295,9 @@ class NearPairs:
         return found
 
     def _again(self, kept: _Kept, p: Floats, benches: Benches) -> Closeness | None:
-        """Return the result of a sample by use of the last state; None if that does not help."""
+        """Return the result of a sample, computed from the last state; None if that does not help."""
         above_m, bodies = gap_of(benches, *kept.closest), _bodies(benches, kept.far)
-        size_m = sqrt(np.vdot(bodies.centre, bodies.centre).real)   # at least the largest, in a single call
+        size_m = sqrt(np.vdot(bodies.centre, bodies.centre).real)   # an upper bound of the largest, in a single call
         limit_m = max(above_m, TOUCH_M) + _HAIR * (size_m + kept.skin_m)
         if not (above_m <= max(kept.clearance_m, 0.0) + kept.skin_m and kept.across_m(bodies) > limit_m):
             return None

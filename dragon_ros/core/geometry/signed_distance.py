@@ -68,7 +68,7 @@ class RelativePoses:
 
         The distance is that of A from the nearer of B's two leading corners. With B reflected so that its centre has x,
         y >= 0, those are the corners with the smallest x and with the smallest y. The edge between them hides the other
-        two, which can be as near as a point of that edge but not nearer than all of it.
+        two corners: some point of it is always at least as near.
         """
         x, y, c, s = np.abs(self.x), np.abs(self.y), np.abs(self.cos), np.abs(self.sin)
         (a_x, a_y), (half, side) = self.a, self.b
@@ -272,7 +272,7 @@ class Witnesses:
 
 @dataclass(frozen=True)
 class _CornersOnEdges:
-    """Corners of the owners at edges of the others: separation, how far past the edge's ends, and their indices."""
+    """Corners of the owners at edges of the others: the separation, distance past the edge's ends, and indices."""
 
     separation: Floats
     past: Floats
@@ -331,7 +331,7 @@ def _side(benches: Benches, owner: Ints, other: Ints, gap: Floats) -> _CornersOn
 
 
 def _apart(corners: Floats, size: Floats) -> tuple[Array, ...]:
-    """Return distance, 0, corner, edge and the middle x, y for corners (2, 4, M) and half sizes (2, M)."""
+    """Return the distance, 0, corner, edge and the middle x, y for corners (2, 4, M) and half sizes (2, M)."""
     outside = np.abs(corners) - size[:, None]
     distance = np.hypot(*np.maximum(outside, 0))
     corner = np.argmin(distance, axis=0)
@@ -343,7 +343,7 @@ def _apart(corners: Floats, size: Floats) -> tuple[Array, ...]:
 
 
 def _overlapping(corners: Floats, size: Floats, centre: Floats) -> tuple[Array, ...]:
-    """Return separation (negative), how far past the edge, corner, edge and the middle x, y; shapes as in _apart."""
+    """Return the separation (negative), distance past the edge, corner, edge and middle x, y, shaped as in _apart."""
     sign = np.where(centre < 0, -1.0, 1.0)
     depth = sign[:, None] * corners - size[:, None]
     deepest = depth.min(axis=1)

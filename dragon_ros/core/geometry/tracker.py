@@ -1,8 +1,8 @@
 """Track the contacts of a dragon tick by tick, each with its bracket: the pure part of the monitor.
 
 A tracker receives only ticks. It reports the last tick without contact, the first one with contact, and the time
-between them at which the signed gap, interpolated through the last ticks, vanishes. The episodes of each pair have a
-begin, a deepest gap and an end.
+between them at which the signed gap, interpolated through the last ticks, vanishes. Each episode of a pair has a start,
+a deepest gap and an end.
 
 Observations may arrive late, repeatedly or from a restarted run: ``ReorderBuffer`` passes them on in order.
 ``Episodes`` holds the open contacts of all pairs, as arrays: which pairs touch, how deep and when, and which were
@@ -27,10 +27,10 @@ NS = 10**9
 NEAR_M = 0.02           # a smaller clearance triggers a warning
 MOST_REPORTED = 32      # episodes reported at one time; the deepest come first
 _SHOWN = 8
-_UNEVEN = 4             # the largest ratio of the steps between ticks that are interpolated together
+_UNEVEN = 4             # the largest ratio of time steps between ticks that are interpolated together
 
 Pair = tuple[int, int]
-_LAST = 8           # an observation that is not older than this many before may just be late
+_LAST = 8           # an observation that is not older than the last so many may just be late
 _LATE_NS = 10**9    # by at most this
 _IN_A_ROW = 3       # this many late observations in a row indicate a restarted run
 
@@ -39,7 +39,7 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Event:
-    """The begin of a contact: benches (inner first), bracket in ns, interpolated time, point, and gap in m.
+    """The start of a contact: benches (inner first), bracket in ns, interpolated time, point, and gap in m.
 
     ``before_ns`` is None if the first observed tick already had the contact. ``gap_m`` is the signed gap at
     ``after_ns``, negative for overlap. ``approach_m_s`` is how fast the gap shrank at the contact; nan if unknown.
@@ -141,7 +141,7 @@ class ReorderBuffer(Generic[T]):
 
 @dataclass(frozen=True)
 class Episodes:
-    """Pairs that touch, by increasing ``key`` (M,); the deepest gap in m, its time in ns; if it was reported."""
+    """Pairs that touch, by increasing ``key`` (M,); deepest gap in m, its time in ns, and whether it was reported."""
 
     key: Ints
     deepest_m: Floats
@@ -173,7 +173,7 @@ def no_episodes() -> Episodes:
 
 
 class ContactTracker:
-    """Examines observations in order of time, and reports the begin and the end of each pair's contacts."""
+    """Examines observations in order of time, and reports the start and the end of each pair's contacts."""
 
     def __init__(self) -> None:
         """Start without observations."""
@@ -263,7 +263,7 @@ class ContactTracker:
         return origin / NS + root, float(curve.deriv()(root))
 
     def _even(self, observation: Observation) -> list[Observation]:
-        """Return the last observations whose spacing in time is about that between the last one and this one."""
+        """Return the last observations with about the same spacing in time as the last one and this one."""
         out, step = [self._seen[-1]], observation.t_ns - self._seen[-1].t_ns
         for one in reversed(self._seen[:-1]):
             if not step <= _UNEVEN * (out[0].t_ns - one.t_ns) <= _UNEVEN**2 * step:

@@ -2,7 +2,7 @@
 
 An edge is a rectangle of zero width, so ``signed_distance`` gives its gap to a bench: their distance or, if they
 overlap, minus the shortest move that separates them. A bench that starts outside an obstacle and never meets one of its
-edges stays outside, and one that starts within the inside and never meets its edges stays within. So edges alone
+edges stays outside, and one that starts within the inside and never meets its edges stays within. So the edges alone
 determine contact.
 """
 from dataclasses import dataclass, replace
@@ -76,7 +76,7 @@ class Surroundings:
                        np.append(benches.half_length[one], self.half_m[edge]), np.append(benches.half_width[one], 0.0))
 
     def touch(self, benches: Benches, bench: int, edge: int) -> tuple[ObstacleTouch, Witness]:
-        """Return the touch of a bench and an edge, and its witness, in which the obstacle has the index OBSTACLE."""
+        """Return the contact of a bench with an edge, and its witness, in which the obstacle has the index OBSTACLE."""
         seen = witness(self.rectangle(benches, bench, edge), 0, 1)
         start, stop = ((float(end[edge].real), float(end[edge].imag)) for end in (self.start, self.stop))
         numbers = [bench, OBSTACLE]

@@ -1,4 +1,4 @@
-"""Chebyshev series of many functions at once: from values at the nodes, their inverses, and as power series."""
+"""Chebyshev series of many functions at once: fits to values at the nodes, inverses, and powers of the variable."""
 from functools import lru_cache
 
 import numpy as np
@@ -9,8 +9,8 @@ from dragon_ros.core.numerics.types import Floats
 _ENOUGH = 1e-12        # a Newton step, relative to the interval: the next error is smaller by at least four digits
 _NOTHING = 5e-16       # relative to the interval: about the rounding error of series values at the nodes
 _NEWTON_STEPS = 6       # from within a tenth of the interval: three steps reach the last digit
-_WORK = 200_000         # multiplications per product: BLAS splits larger ones among threads, and on a busy machine
-                        # their synchronisation takes longer than one thread alone
+_WORK = 200_000         # multiplications per product: BLAS splits larger products among threads, and on a busy machine
+                        # their synchronisation takes longer than a single thread
 
 
 @lru_cache(maxsize=64)

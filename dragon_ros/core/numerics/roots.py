@@ -10,8 +10,8 @@ def bracketed_newton(function: Callable[[float], tuple[float, float]], low: floa
     """Return the root of an increasing function in [low, high] and the number of evaluations.
 
     ``function(x)`` gives (value, slope). The function must change sign once in the bracket, from minus to plus. The
-    result has converged when a Newton step is at most ``tolerance`` times |x|, or any step is one ulp. A step that
-    leaves the bracket, or shrinks too slowly, is replaced by bisection; the next step may then be as long.
+    result has converged when a Newton step is at most ``tolerance`` times |x|, or any step is at most one ulp. A step
+    that leaves the bracket, or shrinks too slowly, is replaced by bisection; the next step may then be as long.
     """
     x = min(max(start, low), high)
     last = high - low

@@ -21,11 +21,11 @@ NODES = 24            # terms of a series before truncation; parts whose series 
 _MOST_STEPS = 40_000        # links from the joints to the span, in total
 _MOST_BYTES = 256_000_000   # for the series of one table
 _ROUNDS = 5                 # in which parts are split in three
-NOISE = 4                  # what rounding may add to the last terms, in units of the error
+NOISE = 4                  # the largest effect of rounding on the last terms, in units of the error
 _SPAN_NODES = 16            # for a whole span on a spiral, which is as smooth as a line
-_SPAN_ENDS = 2.0**-46       # of its half: rounding of hundreds of rows may leave a quarter of that in the last terms
+_SPAN_ENDS = 2.0**-46       # of half its length: rounding in hundreds of rows may leave a quarter in the last terms
 _HAIR = 1e-12               # relative to a distance along the track: closer positions count as one
-_FREE = 12_000              # multiplications per tick; they take 0.3 of the time of the calls around the product
+_FREE = 12_000              # multiplications per tick, which take 0.3 of the time of the calls around the product
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +205,7 @@ def _part(track: Track, fore: Place, rear: Place) -> _SpanPart:
 
 
 def _thirds(part: _SpanPart) -> list[_SpanPart]:
-    """Return the thirds of a part: halves would need another round more often, which costs more than a third part."""
+    """Return the thirds of a part: halves would more often need another round, which costs more than one more part."""
     third = (part.rear[0] - part.fore[0]) / 3
     cuts = [np.array(plus(part.fore[0], part.fore[1], n * third)) for n in (1, 2)]
     return [_SpanPart(part.segment, *ends) for ends in pairwise((part.fore, *cuts, part.rear))]

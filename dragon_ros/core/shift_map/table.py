@@ -33,7 +33,7 @@ from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
 _TERMS = 9000               # per product: BLAS splits larger ones among threads, which could change the last bits
-_BOUNDARIES = 1024          # between stretches, whose positions are cached
+_BOUNDARIES = 1024          # boundaries of stretches whose positions are cached
 _MOST_CELLS = 64            # cached by a shift map for single states, at most 144 kB each; the oldest are dropped first
 _MOST_BYTES = 512_000_000   # for the tiles of one shift map; the least recently used are dropped first
 _MOST_TILES = 4096          # per shift map, including stretches without a table
@@ -42,7 +42,7 @@ _FEWEST_JOINED = 64         # on a composite track, whose table has several part
 _STRETCH_LINKS = 64        # length of its stretches; series for the leaders' own link are fitted when leaders reach one
 _STRETCH_JOINED = 32        # the same for a composite track
 _SHORTEST = 1e-12           # relative to coordinates: floats cannot resolve the directions of shorter links
-_NEAR = 1e-9       # of a stretch and its distance: so close to a boundary, a float does not tell the side of a position
+_NEAR = 1e-9       # of a stretch and its distance: closer to a boundary, floats do not tell the side of a position
 _BEFORE_LINKS = 64          # links from the start of a tile to the track's origin: runs begin near the origin
 
 
@@ -177,7 +177,7 @@ class Entrance:
         along = sense * high
         if not front < along <= rear:
             return _ELSEWHERE
-        number = cells[bisect_right(begins, along, 1) - 1]      # a position before the first cell is in it or in none
+        number = cells[bisect_right(begins, along, 1) - 1]      # before the first cell: in it or in none
         cell = self._cells.get(number) or self._cell(number)
         _, _, slack, middle, middle_lo, scale, inverse, _, _ = cell
         x = ((high - middle) + (low - middle_lo)) * scale
@@ -410,7 +410,7 @@ class ShiftMap:
         return number
 
     def _number(self, place: Place, link_m: float = 0.0) -> int:
-        """Return the index of the stretch of a position, or of its follower at a link; the boundaries are decisive."""
+        """Return the index of the stretch of a position, or of its follower at a link, relative to the boundaries."""
         along_m = self.track.about_m(place) + self.direction * link_m
         number = floor((along_m + self._before_m) / self.stretch_m)
         while self._is_behind(place, number, link_m):
@@ -497,6 +497,6 @@ class ShiftMap:
 
     @staticmethod
     def _beyond(segment: object, u: float, side: int) -> float:
-        """Return a change of coordinate that excludes nothing at a closed end."""
+        """Return a change of coordinate large enough to exclude nothing at a closed end."""
         rate = segment.rate(u)      # type: ignore[attr-defined]
         return float(side * (1.0 if rate > 0 else -1.0) * (1 + abs(u)))

@@ -27,13 +27,13 @@ _FINE = 0.002           # relative to the tolerance: deviation of samples of a p
 _THINNED = 0.05         # relative to the tolerance: limit for the thinning of points
 _EASED = (0.0, 0.25, 0.5, 0.75)     # relative to the tolerance: limits of smoothing, tried in order
 _TAUBIN, _PASSES, _TINY_M = (0.5, -0.53), 300, 1e-300
-_KINK_RAD = 0.05        # up to this angle a curve is bent to meet its neighbour; above it is a corner
+_KINK_RAD = 0.05        # up to this angle a curve is bent to meet its neighbour; a larger angle is a corner
 _SAME = 1e-9            # relative to a length
 _ALIKE = 1e-7           # relative to a radius: arcs that agree are merged
 _MEASURED = 1e-5        # relative to its radius: deviation of samples of a blend when its distance is measured
 _ROUNDS = 12             # of the search for bends that are too tight
 _DECIMALS = 11          # of metres and degrees in a scene file
-_GROWTH, _CLOSE = 1.2, 1e-6     # of a blend, until its radius suffices, and the precision of its size
+_GROWTH, _CLOSE = 1.2, 1e-6     # of a blend: its growth until its radius is sufficient, and the precision of its size
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ def _stretch(points: Complexes, headings: Complexes) -> SmoothPart:
 
 @dataclass(frozen=True)
 class Change:
-    """A deliberate deviation of a track from the drawing: position, radius there, and the largest deviation."""
+    """A deliberate deviation of a track from the drawing: its position and radius, and the largest distance."""
 
     place_m: tuple[float, float]
     radius_m: float
@@ -364,7 +364,7 @@ def _blends(drawn: _SmoothLine, corners: list[tuple[float, float]], radius_m: fl
 
 
 def _shares(gaps: list[float], wide: list[float | None], slim: list[float | None]) -> list[float | None]:
-    """Return how much of the room between slim and wide blends each gap has, from 0 to 1; None if below 0."""
+    """Return the fraction, 0 to 1, of the room between slim and wide blends that each gap has; None if below 0."""
     out: list[float | None] = []
     for gap, big, small in zip(gaps, pairwise([0.0, *wide, 0.0]), pairwise([0.0, *slim, 0.0]), strict=True):
         least = sum(one or 0.0 for one in small)
@@ -413,7 +413,7 @@ def _tangent_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) 
 
 
 def _bent(drawn: _SmoothLine, place: tuple[float, float], reach_m: float, radius_m: float) -> tuple[Bow, Bow] | None:
-    """Return the biarc from before to behind a corner if its radii suffice and no arc turns by half a turn."""
+    """Return the biarc around a corner if its radii are large enough and no arc turns by half a turn."""
     low, high = _ends(drawn, place, reach_m)
     found = biarc(*drawn.pose(low, False), *drawn.pose(high, True))
     if found is None or any(bow.radius_m < radius_m * (1 - _SAME) or abs(bow.angle_rad) > pi for bow in found):

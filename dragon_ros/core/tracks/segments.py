@@ -89,7 +89,7 @@ class Segment(Protocol):
         ...
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the nearest position at a chord, even beyond the segment's ends, and evaluations; infinite if none."""
+        """Return the nearest position at a chord, even off the segment (infinite if none exists), and evaluations."""
         ...
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:

@@ -38,7 +38,7 @@ class Spiral:
 
     @property
     def start_m(self) -> float:
-        """Distance of the head along the track at t = 0, from the zero of distances."""
+        """Distance of the head along the track at t = 0; distances are measured from there."""
         return 0.0
 
 

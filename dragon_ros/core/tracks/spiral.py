@@ -36,7 +36,7 @@ _NEAR_RAD = 1e-6        # a Newton step towards an angle: the next error is smal
 _SMOOTH_RAD = 10.0      # from here on, one Newton step from the asymptotic series is accurate to 1e-9
 TIGHT = 1e-8            # a Newton step relative to the angle: half its square is below the resolution of floats
 _TAME_RAD = 1.5         # smaller spans are solved by plain Newton, which converges from any of the guesses here
-_CHORD_STEPS = 12      # more than Newton's method ever takes for these; beyond it the bracketed solver takes over
+_CHORD_STEPS = 12      # more than Newton's method needs for these; then the bracketed solver takes over
 _NOWHERE_OUT, _NOWHERE_IN = DoubleDouble(inf, 0.0), DoubleDouble(-inf, 0.0)
 
 
@@ -129,7 +129,7 @@ class SpiralCurve:
         return float(self.b_m * arc_between(self.start.hi, self.start.hi - theta))
 
     def distance_of(self, theta: float, lo: float) -> tuple[float, float]:
-        """Return the arc length from the start inwards to polar angle theta + lo in metres, as (hi, lo): ``inward``."""
+        """Return the arc length from the start inwards to polar angle theta + lo as (hi, lo); see ``inward``."""
         (start, start_lo), (w_outer, rest), (b_m, b_lo_m) = self.start, self._outer, per_radian(self.pitch_m)
         w_inner = sqrt(1 + theta * theta)
         turned, turned_lo = plus(start, start_lo - lo, -theta)
