@@ -1,8 +1,8 @@
 """Forward placement: handle after handle along a track, block of equal links by block, at one instant or at many.
 
-There is one for each shape of the question, and each says why it exists: ``forward`` for one instant,
-``forward_many`` for many leaders, and in it ``together`` for some tens of chains on a spiral and ``by_segment`` for
-tracks of several segments.
+There is one function per case, and each gives its reason: ``forward`` for one instant, ``forward_many`` for many
+leaders and, called by it, ``together`` for tens of chains on a spiral and ``by_segment`` for tracks of several
+segments.
 """
 from collections.abc import Callable
 from itertools import pairwise
@@ -19,15 +19,15 @@ from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Past
 from dragon_ros.core.tracks.spiral import TIGHT, SpiralSegment, corrections
 
 FEWEST_ROWS = 8        # of handles that are placed simultaneously
-_AT_ONCE = 2**14        # handles, so that intermediate results fit the cache
-_MOST_LEADERS = 512     # for more leaders, row after row is as fast
+_AT_ONCE = 2**14        # handles, so that intermediate results fit into the cache
+_MOST_LEADERS = 512     # for more leaders, placing row after row is as fast
 _FAR_RAD = 2.0          # initial guesses of all rows start here
 _NEWTON_STEPS = 8       # on all rows simultaneously
-_STEEP = 0.05           # least slope from row to row: below it, a follower almost turns back
+_STEEP = 0.05           # smallest slope from row to row: below it, a follower almost turns back
 
 
 class Block(NamedTuple):
-    """Links ``start`` to ``stop`` from the leader on, all of one length: of many chains, of one each (M,)."""
+    """Links ``start`` to ``stop`` from the leader on, all of one length; for many chains, one length each (M,)."""
 
     start: int
     stop: int
@@ -43,12 +43,12 @@ class Handles(NamedTuple):
     evaluations: int
 
     def place(self, n: int) -> Place:
-        """Return the place of one handle."""
+        """Return the position of one handle."""
         return Place(self.segment[n], DoubleDouble(self.u[n], self.lo[n]))
 
 
 def blocks_of(links_m: Floats, direction: int) -> tuple[Block, ...]:
-    """Return the blocks of equal links (N,) or (M, N), given from head to tail, from the leader on."""
+    """Return the blocks of equal links, from the leader on; links (N,) or (M, N) are given from head to tail."""
     links = links_m.T if direction == BEHIND else links_m.T[::-1]
     if not links.size:
         return ()
@@ -60,9 +60,9 @@ def blocks_of(links_m: Floats, direction: int) -> tuple[Block, ...]:
 def forward(track: Track, blocks: tuple[Block, ...], leader: Place, direction: int) -> Handles:
     """Return the handles of blocks of links from a leader on, the leader first.
 
-    It exists for one instant: plain floats take 0.9 us per handle, where arrays of one number take 30 us.
+    This is for one instant: plain floats take 0.9 us per handle, whereas arrays of one number take 30 us.
 
-    Raises ChainLockError if a link cannot be placed near a spiral's centre, TrackEndError if there is no track.
+    Raises ChainLockError if a link cannot be placed near a spiral's centre, TrackEndError if the track is too short.
     """
     k, (high, low) = leader
     segments, us, lows, spent = [k], [high], [low], 0
@@ -91,7 +91,7 @@ def forward(track: Track, blocks: tuple[Block, ...], leader: Place, direction: i
 
 
 def locked(track: Track, link: int, theta: float, link_m: float) -> ChainLockError:
-    """Return the error that names the link without a place, its front handle at a polar angle of the first segment."""
+    """Return the error for a link that cannot be placed; its front handle is at an angle on the first segment."""
     spiral = track.from_afar
     assert spiral
     radius = spiral.curve.b_m * theta
@@ -105,10 +105,10 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
                  settle: Callable[[Places], Places] | None = None) -> tuple[Places, int]:
     """Return the handles behind many leaders (M,) as arrays (links + 1, M), and evaluations.
 
-    It exists for many instants: an array per row takes 0.16 us per handle at 300 leaders. Handles agree with
-    ``forward`` to the last digits, but not bit for bit. Chains with links of their own lie outwards on
-    a first segment that winds in from afar. With ``settle``, which may put each row in order, rows end where the track
-    does. Raises as ``forward`` does.
+    This is for many instants: an array per row takes 0.16 us per handle at 300 leaders. Handles agree with ``forward``
+    to the last digits, but not bit for bit. Chains with different links are only possible outwards on a first segment
+    that winds in from afar. With ``settle``, which may adjust each row, rows end where the track ends. Raises the same
+    errors as ``forward``.
     """
     if not settle and blocks and (found := together(track, _links_of(blocks), leaders, direction)):
         return found
@@ -125,7 +125,7 @@ def _links_of(blocks: tuple[Block, ...]) -> Floats:
 
 def row_by_row(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int,
                settle: Callable[[Places], Places] | None = None) -> tuple[Places, int]:
-    """Return ``forward_many`` from handle to handle, each row an array."""
+    """Return ``forward_many`` from handle to handle, with an array per row."""
     rows, spent = [leaders], 0
     for block in blocks:
         past: list[Floats] = []
@@ -148,11 +148,11 @@ def row_by_row(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
 
 
 def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int) -> tuple[Places, int]:
-    """Return ``forward_many`` from segment to segment, each with all handles of a block on it.
+    """Return ``forward_many`` from segment to segment, with all handles of a block on each at once.
 
-    It exists for tracks of several segments, where a row of handles lies on many: 500 leaders with 223 links on 50
-    lines and arcs take a fifth of the time of ``row_by_row``. On a line or an arc all links span the same arc, so all
-    handles there are known at once.
+    This is for tracks of several segments, where the handles of a row are on many of them: 500 leaders with 223 links
+    on 50 lines and arcs take a fifth of the time of ``row_by_row``. On a line or an arc all links span the same arc, so
+    all handles on it follow directly.
     """
     size, (first, stop) = leaders[1].size, (blocks[0].start, blocks[-1].stop) if blocks else (0, 0)
     rows: Places = np.empty((stop + 1, size), dtype=np.int64), *np.empty((2, stop + 1, size))    # from ``first`` on
@@ -171,7 +171,7 @@ def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
 def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
     """Place the handles of leaders ``on`` a line or an arc, and the first of each beyond it; return evaluations.
 
-    ``at`` (M,) are the rows of the last handles placed so far; they are moved on.
+    ``at`` (M,) are the rows of the last handles placed so far, and is advanced.
     """
     u, lo = rows[1][at[on], on], rows[2][at[on], on]
     edge, left = track.edge(k, block.link_m, direction), block.stop - at[on]
@@ -183,7 +183,7 @@ def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
         for part in product(steps, step):
             high, low = plus(high, low, part)
         stays = (steps <= left) & (np.minimum(u, edge) <= high) & (high <= np.maximum(u, edge))
-    else:       # all handles of links without length coincide
+    else:       # all handles of links of zero length coincide
         stays = np.arange(int(np.max(left)))[:, None] < left
         high, low = (np.broadcast_to(values, stays.shape) for values in (u, lo))
     row, column = np.nonzero(stays)
@@ -194,7 +194,7 @@ def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
 
 
 def _on_curve(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
-    """Place handles on a spiral as ``_evenly`` does elsewhere, link by link."""
+    """Place handles on a spiral link by link, as ``_evenly`` does elsewhere at once."""
     spent, past = 0, list[Floats]()
     while on.size:
         here = rows[0][at[on], on], rows[1][at[on], on], rows[2][at[on], on]
@@ -214,7 +214,7 @@ def _on_curve(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Blo
 
 
 def _across(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
-    """Place one handle of leaders ``on`` segment k beyond the segment."""
+    """Place one handle beyond segment k for each leader ``on`` it."""
     if not on.size:
         return 0
     found, spent = track.across_many(k, (rows[1][at[on], on], rows[2][at[on], on]), block.link_m, direction)
@@ -227,9 +227,9 @@ def _across(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
 def together(track: Track, links_m: Floats, leaders: Places, direction: int) -> tuple[Places, int] | None:
     """Return ``forward_many`` by a simultaneous solver for all handles; None if they must be placed row by row.
 
-    It exists for few leaders of long chains, for which a row is too short an array: 30 chains of 223 links take a
-    fifth of the time of ``row_by_row``, and one takes as long as ``forward``. It works behind leaders on a spiral from
-    afar, unless handles almost turn back. Links are from the leader on, (N, 1), or those of each chain, (N, M).
+    This is for few leaders of long chains, for which an array per row would be too short: 30 chains of 223 links take a
+    fifth of the time of ``row_by_row``, and one takes as long as ``forward``. It works behind leaders on an inward
+    spiral from afar, unless handles almost turn back. Links are from the leader on, (N, 1), or per chain, (N, M).
     """
     (number, begin, begin_lo), spiral = leaders, track.from_afar
     if direction != BEHIND or not spiral or np.any(number):
@@ -243,8 +243,8 @@ def together(track: Track, links_m: Floats, leaders: Places, direction: int) -> 
 def placed(spiral: SpiralSegment, begin: tuple[Floats, Floats], chords: Floats) -> tuple[Floats, Floats, int] | None:
     """Return the handles (L+1, M) behind the first ones (M,) on a spiral, (hi, lo), simultaneously, and evaluations.
 
-    Chords (L, M), or (L, 1) for all, are in units of b. Rows are solved in groups whose intermediate results fit the
-    cache. None if handles must be placed row by row.
+    Chords (L, M), or (L, 1) for all, are in units of b. Rows are solved in groups whose intermediate results fit into
+    the cache. None if handles must be placed row by row.
     """
     sign, some = 1.0 if spiral.way == BEHIND else -1.0, max(FEWEST_ROWS, _AT_ONCE // begin[0].size)
     (u, lo), spent, rows = begin, 0, [begin]
@@ -263,7 +263,7 @@ def _guessed(begin: Floats, begin_lo: Floats, chords: Floats, sign: float) -> tu
     """Return approximate handles (L+1, M) at chords from the first ones (M,), outwards (1.0) or inwards (-1.0).
 
     The arc from one to the next is about chord + chord^3 / 24 r^2, and the squares of polar angles grow by twice the
-    arcs, less the logarithm of the ratio of the radii. None if they would be at the centre.
+    arcs, less the logarithm of the ratio of the radii. None if the handles would be too close to the centre.
     """
     squares, grown = begin * begin, sign * 2 * np.cumsum(chords, axis=0)
     if np.min(begin) < _FAR_RAD or np.min(squares + grown) < _FAR_RAD**2:
@@ -276,11 +276,11 @@ def _guessed(begin: Floats, begin_lo: Floats, chords: Floats, sign: float) -> tu
 
 
 def _refined(spiral: SpiralSegment, u: Floats, lo: Floats, chords: Floats) -> tuple[Floats, Floats, int] | None:
-    """Return guessed rows of handles (R+1, M), as (hi, lo), at chords (R, M) in units of b; and evaluations.
+    """Return guessed rows of handles (R+1, M), as (hi, lo), refined to chords (R, M) in units of b; and evaluations.
 
-    Row after row leaves little work for arrays, so Newton's method is applied to all rows at once. With its steps e for
-    each link and slopes a of the map from row to row, errors satisfy d' = a d + e, which is a product and a sum. None
-    if it does not converge, leaves the spiral, or does not find the nearest places.
+    A single row is little work for arrays, so Newton's method is applied to all rows at once. With its step e for each
+    link and the slope a of the map from row to row, errors satisfy d' = a d + e, which is solved by a product and a
+    sum. None if it does not converge, leaves the spiral, or does not find the nearest positions.
     """
     low, high = min(spiral.first, spiral.last), max(spiral.first, spiral.last)
     for rounds in range(1, _NEWTON_STEPS):
@@ -312,10 +312,10 @@ def _stacked(rows: list[Places]) -> Places:
 
 def next_places(track: Track, places: Places, chord_m: float, direction: int,
                 past: Past | None = None) -> tuple[Places, Floats | None, int]:
-    """Return the next places behind or ahead of many, the predictor's state, and evaluations.
+    """Return the next positions behind or ahead of many, the predictor's state, and evaluations.
 
-    The second is None unless all stayed on one segment. Raises TrackEndError if any finds no track, ChainLockError with
-    its ``theta_rad`` if any locks.
+    The state is None unless all stayed on one segment. Raises TrackEndError if the track is too short for any, and
+    ChainLockError with its ``theta_rad`` if any locks.
     """
     number, u, lo = places
     if not number.size:
@@ -334,7 +334,7 @@ def next_places(track: Track, places: Places, chord_m: float, direction: int,
 
 def _next_on_one(track: Track, k: int, places: Places, chord_m: float, direction: int,
                  past: Past | None) -> tuple[Places, Floats | None, int]:
-    """Return ``next_places`` of places on one segment."""
+    """Return ``next_places`` for positions on one segment."""
     number, u, lo = places
     (high, low), stays, square, spent = _stepped(track, k, places, chord_m, direction, past)
     if np.all(stays):
@@ -346,9 +346,9 @@ def _next_on_one(track: Track, k: int, places: Places, chord_m: float, direction
 
 def _stepped(track: Track, k: int, places: Places, chord_m: float, direction: int,
              past: Past | None) -> tuple[tuple[Floats, Floats], Array, Floats, int]:
-    """Return the next places on segment k, (hi, lo), which of them are on it, the predictor's state, and evaluations.
+    """Return the next positions on segment k, (hi, lo), which are on it, the predictor's state, and evaluations.
 
-    A place beyond the segment is replaced by its front.
+    Where none is found, the position itself is returned.
     """
     segment, (_, u, lo), edge = track.segments[k], places, track.edge(k, chord_m, direction)
     shift, spent = segment.shifts(u, chord_m, direction, past)

@@ -75,7 +75,7 @@ class LinkStates:
         return LinkStates(*(getattr(self, each.name)[index] for each in fields(self)))
 
     def links(self, row: Ints, link: Ints) -> 'LinkStates':
-        """Return some links, each as a chain of one."""
+        """Return a subset of the links, each as a chain of one link."""
         handles = row[:, None], np.stack((link, link + 1), axis=1)
         return LinkStates(self.along_m[handles], self.segment[handles], self.curvature[handles],
                           self.near[row, link, None], self.far[row, link, None])
@@ -173,9 +173,9 @@ class LinkMotion:
 
 
 def speeds_along(r: Ball, g: Ball) -> tuple[Ball, Ball]:
-    """Return the speeds of handles (M, N+1) relative to the leader's, and the rates of their logs by its distance.
+    """Return handle speeds (M, N+1) relative to the leader's, and the rates of their logs by the leader's distance.
 
-    ``r`` and ``g`` (M, N) are those of ``LinkMotion``.
+    ``r`` and ``g`` (M, N) are as in ``LinkMotion``.
     """
     leader = Ball(np.zeros((len(r.mid), 1)), np.zeros((len(r.mid), 1)))
     v = side_by_side([leader + 1.0, r.running_product()])
@@ -208,8 +208,8 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
 def speeds_enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, sign: float) -> tuple[Ball, Ball]:
     """Return ``LinkMotion.r`` (M, N) and the rates of the logs of speeds (M, N+1), between states as in ``enclosed``.
 
-    Only links that reach from one segment to another, or lie on a spiral, are enclosed: both ends of any other have one
-    speed, exactly. On a track of lines and arcs that leaves about two links per joint.
+    Only links that span several segments, or lie on a spiral, are enclosed: both ends of any other link have exactly
+    the same speed. On a track of lines and arcs this leaves about two links per joint.
     """
     same = one.segment[:, :-1]
     even = bends[0].diagonal() == bends[1].diagonal()
