@@ -81,7 +81,7 @@ class Scene:
     venue: Venue | None = None
 
     def __post_init__(self) -> None:
-        """Reject an invalid accuracy, unknown choices, effects without those they need, and scenes beyond the paper.
+        """Reject a wrong accuracy, unknown choices, effects without those they need, and scenes beyond ``paper``.
 
         The speeds of a commanded dragon's leader are part of every run.
         """

@@ -107,7 +107,7 @@ class Leader:
         return Limit(gone, slack_m, f'the chain locks at link {self._locking(segment, gone + exact(slack_m))}')
 
     def _locking(self, segment: SpiralSegment, gone: arb) -> int:
-        """Return the first link that provably cannot be placed at a distance travelled."""
+        """Return the first link that provably cannot be placed after the leader has travelled a distance."""
         u = self._track.place_at(self._track.start + gone).u
         for number, bench in enumerate(self._dragon.benches):
             try:

@@ -27,8 +27,8 @@ _MOST_PLACES = 40_000   # positions; if more are needed, the step is larger
 class SweptArea:
     """The area that the head and the body sweep, in m, and the parts (n,) that it consists of.
 
-    ``at_m`` (n,) increases: the distances of the front handles along the track. ``long_m`` is the length of the longest
-    bench.
+    ``at_m`` (n,) are the distances of the front handles along the track, in increasing order. ``long_m`` is the length
+    of the longest bench.
     """
 
     head_parts: Any

@@ -346,7 +346,7 @@ class Track:
         return _vectors_of(out)
 
     def _parts(self, segment: Ints) -> Iterator[tuple[int, Any]]:
-        """Yield the segments on which some of many positions are, and the indices of these."""
+        """Yield the segments that occur among many positions, each with the indices of its positions."""
         for k in self.present(segment):
             yield k, ... if len(self.segments) == 1 else segment == k
 
