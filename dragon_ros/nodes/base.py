@@ -19,19 +19,19 @@ from dragon_ros.nodes.params import NAMES, Parameter
 
 
 def given_to(node: Node) -> dict[str, Any]:
-    """Return the values that the command line, files and ``parameter_overrides`` give to a node's parameters, by name.
+    """Return the values given to a node's parameters by the command line, files and ``parameter_overrides``, by name.
 
-    rclpy has no public list of them: it either declares all of them itself, and fails at an empty list, which has no
-    type, or returns those requested by name. So this function, and no other, reads rclpy's own list and changes
-    nothing.
+    rclpy has no public list of them: it either declares all of them itself (and fails at an empty list, which has no
+    type) or returns those requested by name. Therefore this function, and no other, reads rclpy's internal list,
+    without changing it.
     """
     return {name: [] if given.value is None else given.value for name, given in node._parameter_overrides.items()}
 
 
 def declare(node: Node, parameter: Parameter, given: dict[str, Any]) -> Any:
-    """Declare a parameter and return its value: the given one, otherwise the default.
+    """Declare a parameter and return its value: the given one or the default.
 
-    Raises InputError that names it, the value and the limits.
+    Raises InputError, which names the parameter, the value and the limits.
     """
     default, value = parameter.default, widened(parameter, given.get(parameter.name, parameter.default))
     if value == [] and isinstance(default, list):
@@ -48,9 +48,9 @@ def declare(node: Node, parameter: Parameter, given: dict[str, Any]) -> Any:
 
 
 def check(parameter: Parameter, value: Any) -> None:
-    """Raise InputError if the value is not one of the choices, or is just beyond a limit.
+    """Raise InputError if the value is not one of the choices, or only just exceeds a limit.
 
-    ROS checks types and ranges, but accepts a value that exceeds a limit only by rounding.
+    ROS checks types and ranges, but accepts values that exceed a limit by a rounding error.
     """
     if parameter.choices and value not in parameter.choices:
         raise InputError(f'parameter {parameter.name}: {shown(value)} is not one of {", ".join(parameter.choices)}; '
@@ -85,8 +85,8 @@ _NO_CLOCK_S = 3.0
 _QOS = 'qos_overrides.'         # prefix of parameters that override the QoS of a topic, as everywhere in ROS 2
 _POLICIES = ('history', 'depth', 'reliability', 'durability', 'deadline', 'lifespan', 'liveliness',
              'liveliness_lease_duration')
-_WAITING = {'history': 'keep_all', 'reliability': 'reliable', 'lifespan': None}     # what a waiting publisher needs
-_MISSPELT = 0.85                # of difflib: rate_hx is rate_hz (0.86), publish_rate of others is not publish_tf (0.82)
+_WAITING = {'history': 'keep_all', 'reliability': 'reliable', 'lifespan': None}     # required by a waiting publisher
+_MISSPELT = 0.85                # difflib ratio: rate_hx is rate_hz (0.86), publish_rate is not publish_tf (0.82)
 
 
 class DragonNode(Node):
@@ -96,12 +96,12 @@ class DragonNode(Node):
     ``changed``.
     """
 
-    _given: Mapping[str, Any] = MappingProxyType({})        # rclpy creates its own topics before the values are known
+    _given: Mapping[str, Any] = MappingProxyType({})        # rclpy creates its own topics before values are known
 
     def __init__(self, name: str, table: tuple[Parameter, ...] = (), overrides: dict[str, Any] | None = None) -> None:
         """Declare the parameters of the table.
 
-        ``overrides`` take precedence over the command line, except that lists are appended to its lists. Raises
+        ``overrides`` take precedence over the command line, but lists are appended to the command line's lists. Raises
         InputError for an invalid value and for a misspelt name.
         """
         lists = {key: value for key, value in (overrides or {}).items() if isinstance(value, list)}
@@ -110,7 +110,7 @@ class DragonNode(Node):
         given = given_to(self)
         for key, value in lists.items():
             known = given.setdefault(key, [])
-            given[key] = [*known, *value] if isinstance(known, list) else known     # which is refused as it is
+            given[key] = [*known, *value] if isinstance(known, list) else known     # anything else is rejected later
         self._table = {parameter.name: parameter for parameter in table}
         self.setting = {parameter.name: declare(self, parameter, given) for parameter in table}
         self._check_names(given)
@@ -124,7 +124,7 @@ class DragonNode(Node):
         self._patience = self.create_timer(_NO_CLOCK_S, self._check_clock, clock=STEADY)
 
     def destroy_node(self) -> None:
-        """Destroy the node, and first what rclpy would leave behind."""
+        """Destroy the node, but first the objects that rclpy would leave behind."""
         while self.closing:
             self.closing.pop()()
         super().destroy_node()
@@ -138,12 +138,12 @@ class DragonNode(Node):
         for name in given:
             if self.has_parameter(name) or name.startswith(_QOS):
                 continue
-            unknown = f'parameter {name}: {self.get_name()} has none of that name'
+            unknown = f'parameter {name}: {self.get_name()} has no such parameter'
             if name not in NAMES and (meant := did_you_mean(name, self._table, '', _MISSPELT)):
-                raise InputError(f'{unknown}; {meant} What is for another node belongs below its name, not below /**')
-            known = f'it has {", ".join(self._table)}' if self._table else 'it has none of its own'
+                raise InputError(f'{unknown}; {meant} Put parameters of other nodes below their names, not below /**')
+            known = f'it has {", ".join(self._table)}' if self._table else 'it has no parameters of its own'
             hint = known if name in NAMES else did_you_mean(name, self._table, known)
-            self.get_logger().warning(f'{unknown}, it is ignored; {hint}')
+            self.get_logger().warning(f'{unknown}; it is ignored; {hint}')
 
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any, **options: Any) -> Publisher:
         """Create a publisher as rclpy does, with the overrides of its QoS. Raises InputError if they are invalid."""
@@ -164,11 +164,12 @@ class DragonNode(Node):
             return create(*arguments, **options)
         for policy in policies:
             if policy not in _POLICIES:
-                raise InputError(f'parameter {prefix}{policy}: is no policy; they are {", ".join(_POLICIES)}')
+                raise InputError(f'parameter {prefix}{policy}: is not a policy; the policies are '
+                                 f'{", ".join(_POLICIES)}')
             if kind == 'publisher' and qos.waits(arguments[-1]) and self._given[prefix + policy] != _WAITING.get(
                     policy, self._given[prefix + policy]):
-                raise InputError(f'parameter {prefix}{policy}: a run as fast as its readers follow loses nothing, and '
-                                 'therefore keeps this policy; leave it out, or set time_scale above 0')
+                raise InputError(f'parameter {prefix}{policy}: a run as fast as its readers can follow must lose '
+                                 'nothing, so this policy is fixed; omit it, or set time_scale above 0')
         try:
             return create(*arguments, **options, qos_overriding_options=QoSOverridingOptions(
                 [QoSPolicyKind[policy.upper()] for policy in policies]))
@@ -176,12 +177,12 @@ class DragonNode(Node):
             raise InputError(f'parameters {prefix}*: {" ".join(str(error).split())}') from None
 
     def _check_overrides(self) -> None:
-        """When all topics exist, warn about QoS overrides that match none of them."""
+        """Once all topics exist, warn about QoS overrides that match none of them."""
         self._created.cancel()
         for name in self._given:
             if name.startswith(_QOS) and not self.has_parameter(name):
                 self.get_logger().warning(
-                    f'parameter {name}: {self.get_name()} has no such topic, it is ignored; write '
+                    f'parameter {name}: {self.get_name()} has no such topic; it is ignored; write '
                     f'{_QOS}TOPIC.publisher.POLICY or {_QOS}TOPIC.subscription.POLICY with the full name of the topic')
 
     def refuse(self, name: str, value: Any) -> None:
@@ -197,7 +198,7 @@ class DragonNode(Node):
     def _on_set(self, given: list[RosParameter]) -> SetParametersResult:
         try:
             for one in given:
-                if not one.name:        # rclpy mistakes it for a known parameter
+                if not one.name:        # rclpy mistakes an empty name for a known parameter
                     raise InputError('a parameter needs a name')
                 if one.name in self._table:
                     check(self._table[one.name], one.value)

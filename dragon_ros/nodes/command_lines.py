@@ -1,4 +1,4 @@
-"""The command lines of the nodes. They import ROS only after reading the arguments, to keep ``--help`` quick."""
+"""The command lines of the nodes. They import ROS only after parsing the arguments, so that ``--help`` is fast."""
 import argparse
 import threading
 from datetime import datetime
@@ -51,8 +51,9 @@ def record(argv: list[str]) -> int:
     _add_bag_options(options)
     options.add_argument('--trust', action='store_true', help='read scenes from the topic even if they exceed the '
                          'budgets for untrusted input (docs/limits.md)')
-    options.add_argument('--flush-s', type=float, default=1.0, metavar='S', help='seconds of messages that are lost at '
-                         'most if the recorder is killed (%(default)g)')
+    options.add_argument('--flush-s', type=float, default=1.0, metavar='S', help='how many seconds of messages may be '
+                                                                                 'lost if the recorder is killed '
+                                                                                 '(%(default)g)')
     options.add_argument('--queue-mb', type=float, default=256.0, metavar='MB',
                          help='largest size of the write queue (%(default)g)')
     arguments = _parse(options, argv)
@@ -69,10 +70,10 @@ def replay(argv: list[str]) -> int:
                       'replay run.mcap --rate 2 --start 5')
     command_line.add_bag(options, 'MCAP file, or rosbag2 directory', required=True)
     options.add_argument('--rate', type=float, metavar='FACTOR',
-                         help='speed factor; 0 is as fast as the readers follow (1)')
+                         help='speed factor; 0: as fast as the readers can follow (1)')
     options.add_argument('--start', type=float, default=0.0, metavar='S',
                          help='seconds of the bag to skip (%(default)g)')
-    options.add_argument('--end', type=float, metavar='S', help='second of the bag to stop at (its end)')
+    options.add_argument('--end', type=float, metavar='S', help='second of the bag at which to stop (its end)')
     options.add_argument('--loop', action='store_true', help='start again at the end')
     options.add_argument('--clock', action='store_true', help='publish the time of the bag on /clock')
     options.add_argument('--topics', type=_names, metavar='NAME,...', help='publish only these topics: full '
@@ -94,7 +95,7 @@ def _parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
 
 
 def _parse(options: argparse.ArgumentParser, argv: list[str]) -> argparse.Namespace:
-    """Parse the arguments that are not for ROS (``--ros-args ...``); exit with code 2 if any is wrong."""
+    """Parse the arguments before ROS's own (``--ros-args ...``); exit with code 2 if any is wrong."""
     if '--help' in argv or '-h' in argv:
         _help(options)
     from rclpy.utilities import remove_ros_args
@@ -134,7 +135,7 @@ def _record(arguments: argparse.Namespace, stop: threading.Event) -> int:
     path = arguments.output or Path(f'dragon_{datetime.now().astimezone():%Y%m%d_%H%M%S}.mcap')
     bag = BagWriter(path, arguments.force, BagOptions(
         arguments.compression, arguments.split_size_mb, arguments.split_duration_s, arguments.max_size_mb,
-        arguments.fsync), threaded=False)        # the recorder has a thread for it
+        arguments.fsync), threaded=False)        # the recorder has its own writer thread
     return run(bag, arguments.keep_going, flush_s, queue_mb, arguments.trust, stop)
 
 

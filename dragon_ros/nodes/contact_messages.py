@@ -28,7 +28,7 @@ def collision_of(report: Report) -> DiagnosticArray | None:
 
 
 def status_of(event: Event, more: int = 0) -> DiagnosticStatus:
-    """Return the start of a contact as a diagnostic status with all its numbers; ``more`` counts pairs not reported."""
+    """Return the start of a contact as a diagnostic status with all numbers; ``more`` counts further pairs."""
     before = event.after_ns if event.before_ns is None else event.before_ns
     values = {
         'phase': 'begin', 'inner': str(event.benches[0]), 'outer': str(event.benches[1]),
@@ -90,11 +90,11 @@ class Pace:
 
     def __init__(self) -> None:
         """Start without any missed tick."""
-        self.skipped = 0        # unseen ticks that were skipped because more arrive than are read
+        self.skipped = 0        # unseen ticks that were skipped because more arrive than can be read
         self._unseen, self._step_ns = 0, 0
-        self._since_s = self._told_s = -inf         # times of the last event to report and of the last report
+        self._since_s = self._told_s = -inf         # times of the last reportable event and of the last report
         self._last: tuple[int, int] | None = None       # stamp and number of the last seen tick
-        self.before = 0         # ticks that were published before the first one that was seen
+        self.before = 0         # ticks published before the first one seen
 
     def see(self, t_ns: int, number: int, now_s: float) -> bool:
         """Record the next seen tick and the number of its handles; return whether to report now."""
@@ -123,7 +123,7 @@ class Pace:
             return ''
         missed = f': a contact of less than {self._step_ns / NS:.9f} s may be missed' if self._step_ns else ''
         return (f'{max(self._unseen, self.skipped)} ticks are not seen, {self.skipped} of them skipped because more '
-                f'arrive than are read{missed}')
+                f'arrive than can be read{missed}')
 
     def warnings(self, dragon: str, now_s: float) -> list[DiagnosticStatus]:
         """Return a WARN while ticks are not seen, and for a few seconds after that."""

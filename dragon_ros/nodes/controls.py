@@ -1,7 +1,7 @@
 """Playback of frames in simulation time: pause, resume, reset, step, seek and speed, in any executor.
 
-A steady timer, set to the due time of the next frame, plays it. The services are named after the node, like those of a
-rosbag2 player (``/dragon/sim/pause``), so that a sim and a replay in one namespace do not collide.
+A steady timer, set to the due time of the next frame, plays that frame. The services are named after the node, like
+those of a rosbag2 player (``/dragon/sim/pause``), so that a sim and a replay in one namespace do not collide.
 """
 import time
 from collections.abc import Callable
@@ -15,9 +15,9 @@ from dragon_ros.nodes import logs
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.pacer import Pacer
 
-STANDARD = 'simulation_interfaces'      # package of the standard services; if it is installed, they are offered, too
-_POLL_NS = 20_000_000       # interval between checks of whether it may start
-_SLICE_S = 0.005            # longest time of playback before the executor serves other callbacks
+STANDARD = 'simulation_interfaces'      # package of the standard services, which are also offered if it is installed
+_POLL_NS = 20_000_000       # interval between checks whether it may start
+_SLICE_S = 0.005            # longest playback before the executor serves other callbacks
 _PROGRESS_S = 1.0               # interval of progress messages
 
 
@@ -34,7 +34,7 @@ class PlaySource(Protocol):
         """Publish the next frame and advance."""
 
     def flush(self) -> bool:
-        """Publish the messages that slow readers held back; return whether none are held back now."""
+        """Publish messages held back by slow readers; return whether none remain."""
 
     def rewind(self) -> None:
         """Move to the first frame."""
@@ -46,7 +46,7 @@ class PlaySource(Protocol):
         """Return the position of the last frame shown, as text."""
 
     def ending(self) -> str:
-        """Return the reason why there is no next frame, as text."""
+        """Return why there is no next frame, as text."""
 
 
 def _nothing() -> None:
@@ -54,10 +54,10 @@ def _nothing() -> None:
 
 
 class Steps:
-    """Frames to show at once: ``shown`` and ``left`` count them; ``ended`` when no more of them follow."""
+    """Frames to show at once: ``shown`` and ``left`` count them; ``ended`` is true when no more will be shown."""
 
     def __init__(self, frames: int, each: Callable[[], None] = _nothing, end: Callable[[], None] = _nothing) -> None:
-        """``each`` is called after each frame, ``end`` once when no more of them follow."""
+        """``each`` is called after each frame, ``end`` once when no more will be shown."""
         self.shown, self.left, self.ended = 0, frames, frames == 0
         self._each, self._end = each, end
 
@@ -69,16 +69,16 @@ class Steps:
             self.finish()
 
     def finish(self) -> None:
-        """Show no more of them."""
+        """Abandon the remaining frames."""
         if not self.ended:
             self.ended = True
             self._end()
 
 
 class Player:
-    """Plays a source on a node with the parameters ``CONTROLS``; ``done`` when it has ended for good.
+    """Plays a source on a node with the parameters ``CONTROLS``; ``done`` is true after the final end.
 
-    ``stopped`` is a pause before the start: nothing has moved since ``stop``.
+    ``stopped`` is a pause before the start: nothing has been played since ``stop``.
     """
 
     def __init__(self, node: DragonNode, source: PlaySource, time_scale: float, ready: Callable[[], bool]) -> None:
@@ -97,7 +97,7 @@ class Player:
         return f'paused {self._source.place()}'
 
     def resume(self) -> str:
-        """Resume; the next frame is due one tick from now. Raises DragonError if it holds at the end."""
+        """Resume; the next frame is due one tick from now. Raises DragonError when holding at the end."""
         if self._node.setting['at_end'] == 'hold':
             self._check_next()
         self.paused = self.stopped = False
@@ -116,7 +116,7 @@ class Player:
         return self._show_now(self._node.setting['step_ticks'])
 
     def advance(self, steps: Steps) -> None:
-        """Pause, then show frames, a few milliseconds of them at a time. Raises DragonError if none follow.
+        """Pause, then show frames, for a few milliseconds at a time. Raises DragonError if no frames follow.
 
         Any other action that shows a frame ends the steps early.
         """
@@ -140,7 +140,7 @@ class Player:
         return self._show_now(1)
 
     def quit(self) -> None:
-        """End for good after the last frame shown."""
+        """End finally after the last frame shown."""
         self.pause()
         self.done = True
 
@@ -154,7 +154,7 @@ class Player:
         return self._waiting or self.paused or self.done
 
     def is_stepping(self) -> bool:
-        """Return whether frames that were asked for at once are still to be shown."""
+        """Return whether frames requested at once remain to be shown."""
         return not self._owed.ended
 
     def _service(self, act: Callable[[], str]) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
@@ -168,7 +168,7 @@ class Player:
         return serve
 
     def _show_now(self, frames: int) -> str:
-        """Show this many frames at once, or as soon as slow readers catch up."""
+        """Show a number of frames at once, or as soon as slow readers catch up."""
         self._owe(Steps(frames))
         while self.is_stepping() and self._play_owed():
             pass
@@ -182,7 +182,7 @@ class Player:
             raise DragonError(f'{self._source.ending()}: nothing follows; reset or seek first')
 
     def _owe(self, steps: Steps) -> None:
-        """Replace the frames still to be shown at once."""
+        """Replace the frames that remain to be shown at once."""
         before, self._owed, self.done = self._owed, steps, False
         before.finish()
 
@@ -213,7 +213,7 @@ class Player:
             self._wake(delay_ns)
 
     def _play(self) -> int | None:
-        """Play the due frames; return the wall time until the next action, None if only a service call leads to one."""
+        """Play the due frames; return the wall time until the next action, None if only a service call causes one."""
         if self._waiting and not self.is_stepping():
             if not self._ready():
                 return _POLL_NS
@@ -265,7 +265,7 @@ class Player:
             self._node.get_logger().info(f'{self._source.ending()}{then}')
 
     def _log_progress(self) -> None:
-        """Log the progress every second if somebody reads it."""
+        """Log the progress every second if somebody reads the log."""
         if time.monotonic() - self._logged_s >= _PROGRESS_S and logs.progress_wanted() and not self.stands():
             pacer, left_s = self.pacer, self._left_s()
             left = '' if left_s is None else f', {left_s:.0f} s left'

@@ -16,7 +16,7 @@ from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.messages.decode import MessageError, Poses, read_multi_array
 from dragon_ros.messages.observation import observation_of, placed, read_benches, read_handles
 
-TOPICS = ('handles', 'benches', 'velocities', 'accelerations')     # that tell the state of a dragon
+TOPICS = ('handles', 'benches', 'velocities', 'accelerations')     # topics that give the state of a dragon
 
 
 @dataclass(frozen=True)
@@ -74,9 +74,9 @@ def bodies_of_frame(frame: Frame, dragon: AnyDragon, frame_id: str) -> Bodies:
 
 
 def bodies_of_messages(last: Mapping[str, Message]) -> Bodies | None:
-    """Return the bodies that the last messages tell, by topic; None without handles. Raises MessageError.
+    """Return the bodies described by the last messages, by topic; None without handles. Raises MessageError.
 
-    Benches need the stamp of the handles, numbers without a stamp their log time.
+    Benches must have the stamp of the handles; topics without stamps must have their log time.
     """
     if 'handles' not in last:
         return None
@@ -129,14 +129,14 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 
 class Region(NamedTuple):
-    """The points of the plane within a distance in metres of a shape of shapely."""
+    """The points of the plane within a distance in metres of a shapely geometry."""
 
     shape: Any
     within_m: float = 0.0
 
 
 def sphere(points: Floats) -> Region:
-    """Return where the plane cuts a sphere: ``points`` (2, 3) are its centre, and its radius as x of the second."""
+    """Return the plane's section of a sphere: ``points`` (2, 3) has its centre, and its radius as the second x."""
     _check(len(points) == 2 and points[1, 0] >= 0, points, 'a sphere has a centre and a radius of at least 0 m in x')
     from shapely import Point
     (x, y, z), radius = points[0].tolist(), float(points[1, 0])
@@ -144,7 +144,7 @@ def sphere(points: Floats) -> Region:
 
 
 def box(points: Floats) -> Region:
-    """Return where the plane cuts a box between two corners (2, 3)."""
+    """Return the plane's section of a box between two corners (2, 3)."""
     _check(len(points) == 2, points, 'a box has two corners')
     import shapely
     low, high = points.min(axis=0), points.max(axis=0)
@@ -152,7 +152,7 @@ def box(points: Floats) -> Region:
 
 
 def convex_hull(points: Floats) -> Region:
-    """Return where the plane cuts the convex hull of at least three points (n, 3) that are not on one line."""
+    """Return the plane's section of the convex hull of at least three points (n, 3) that are not collinear."""
     _check(3 <= len(points) <= FILTER_POINTS, points, f'a hull has 3 to {FILTER_POINTS} points')
     _check(np.linalg.matrix_rank(points - points[0]) > 1, points, 'the points lie on one line')
     from shapely import MultiPoint
@@ -190,7 +190,7 @@ def _overlapping(bodies: Bodies, region: Region) -> Array:
 
 
 def _matching(pattern: str, names: Sequence[str], found: Sequence[int]) -> list[int]:
-    """Return the entities whose whole name matches; the time for it is limited, unlike that of Python's re."""
+    """Return the entities whose whole name matches; unlike with Python's re, the time is limited."""
     import regex
     if len(pattern) > FILTER_CHARACTERS:
         raise InputError(f'filter: {len(pattern)} characters; it may have {FILTER_CHARACTERS}')
@@ -199,14 +199,14 @@ def _matching(pattern: str, names: Sequence[str], found: Sequence[int]) -> list[
         matches = regex.compile(pattern).fullmatch
         return [i for i in found if matches(names[i], timeout=_left_s(end_s))]
     except regex.error as error:
-        limit, cure = f'it is no regular expression: {error}', 'escape special characters'
+        limit, cure = f'it is not a regular expression: {error}', 'escape special characters'
     except TimeoutError:
         limit, cure = f'it takes more than {FILTER_S:g} s to match', 'use a simpler one'
     raise FieldError('filter', pattern, limit, cure)
 
 
 def _left_s(end_s: float) -> float:
-    """Return the time that is left. Raises TimeoutError if there is none."""
+    """Return the remaining time. Raises TimeoutError if there is none."""
     left_s = end_s - time.monotonic()
     if left_s <= 0:
         raise TimeoutError

@@ -1,4 +1,4 @@
-"""The frames of a run in order, with a current position: its ticks, then the contact's frame if the run ends there."""
+"""The frames of a run in order, with a current position: its ticks, then the frame of a contact that ends it."""
 from threading import Thread
 
 from dragon_ros.core.errors import FieldError
@@ -10,7 +10,7 @@ from dragon_ros.core.step import contact_frame, tick, ticks_before
 
 
 def build_tables(simulation: Simulation) -> Thread:
-    """Start to build the tables of a run on a thread of its own: along hundreds of joints that takes seconds.
+    """Start to build the tables of a run on a separate thread: along hundreds of joints this takes seconds.
 
     A frame waits for its own table if that is not built yet, so its bits do not depend on the thread.
     """
@@ -20,7 +20,7 @@ def build_tables(simulation: Simulation) -> Thread:
 
 
 class Frames:
-    """Ticks 0, 1, 2, ... of a scene; with a contact, the ticks before it and then the frame at exactly its time."""
+    """Ticks 0, 1, 2, ... of a scene; with a contact, the ticks before it and then the frame at exactly that time."""
 
     def __init__(self, scene: Scene, contact: Contact | None = None) -> None:
         """Start before the first frame."""
@@ -80,7 +80,7 @@ class Frames:
         return f'at {self._time_ns(k) / NS:.3f} s, tick {k} of {self.count}'
 
     def ending(self) -> str:
-        """Return the reason why there is no next frame, as text."""
+        """Return why there is no next frame, as text."""
         if self._contact:
             return f'the run ends in the contact of {self._contact.between} at {self._contact.t_s:.9f} s'
         end = compile_scene(self._scene).end

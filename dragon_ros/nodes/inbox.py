@@ -1,4 +1,4 @@
-"""The messages that have arrived at a node and wait to be read, within a budget."""
+"""Messages that have arrived at a node and wait to be read, within a budget."""
 import time
 from collections import deque
 from collections.abc import Callable
@@ -11,13 +11,14 @@ from dragon_ros.nodes import raw_subscription
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.publishers import Publishers
 
-_SLICE_S = 0.01     # longest time of reading before new messages are taken
+_SLICE_S = 0.01     # longest reading before new messages are taken
 
 
 class Inbox:
-    """Takes messages as they arrive, so that the middleware drops none, and has them read in order.
+    """Takes messages as they arrive, so that the middleware drops none, and passes them on in order.
 
-    A node that falls behind skips whole ticks evenly; if a publisher waits for its readers, it reads first instead.
+    A node that falls behind skips whole ticks evenly. If a publisher waits for its readers, the node skips nothing and
+    reads first.
     """
 
     def __init__(self, node: DragonNode, sources: dict[str, Publishers], read: Callable[[str, bytes, Any], None],

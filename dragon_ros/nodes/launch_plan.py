@@ -1,4 +1,4 @@
-"""The executables, with parameters, that ``dragon.launch.py`` starts for its arguments, without the launch library."""
+"""The executables and parameters that ``dragon.launch.py`` starts for its arguments, without the launch library."""
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,12 +13,12 @@ from dragon_ros.nodes.params import DISCOVERY_S
 from dragon_ros.scenes.load import load_scene
 
 _WATCHED = ('handles', 'benches')
-_ARGUMENT_OF = {'rate_hz': 'rate', 'warn_below_m': 'warn_below', 'publish_clock': 'use_sim_time'}     # of a parameter
+_ARGUMENT_OF = {'rate_hz': 'rate', 'warn_below_m': 'warn_below', 'publish_clock': 'use_sim_time'}  # if names differ
 YES_NO = ('true', 'false')
 
 
 class Argument(NamedTuple):
-    """One argument of the launch file: name, default, meaning, choices, and the only executable to which it applies."""
+    """One argument of the launch file: name, default, meaning, choices, and the executable to which it is limited."""
 
     name: str
     default: str
@@ -34,9 +34,9 @@ ARGUMENTS = (
     Argument('rate', '', 'ticks per second of simulation; empty: that of the scene', concerns='sim'),
     Argument('start_s', '', 'first tick in seconds of simulation, also of a replay; empty: that of the scene or bag'),
     Argument('stop_s', '', 'end in seconds of simulation, also of a replay; empty: that of the scene or bag'),
-    Argument('time_scale', '1.0', 'seconds of simulation per second, also of a replay; 0: as fast as the readers '
-             'follow'),
-    Argument('discovery_s', f'{DISCOVERY_S:g}', 'seconds that the first tick waits for readers to be found'),
+    Argument('time_scale', '1.0', 'seconds of simulation per second, also of a replay; 0: as fast as the readers can '
+                                  'follow'),
+    Argument('discovery_s', f'{DISCOVERY_S:g}', 'seconds that the first tick waits for readers to be discovered'),
     Argument('at_end', '', 'at the end of the run: stop (everything), hold (the sim stays for control) or loop; empty: '
              'hold, but stop with on_contact:=stop', ('', 'stop', 'hold', 'loop')),
     Argument('on_contact', 'continue', 'at the first contact: continue, hold or stop there',
@@ -46,12 +46,12 @@ ARGUMENTS = (
     Argument('params_file', '', 'YAML file with parameters of the nodes; arguments that are given take precedence'),
     Argument('use_sim_time', 'false', 'the sim or replay publishes /clock, which the other nodes follow', YES_NO),
     Argument('publish_tf', 'false', 'head and tail on /tf', YES_NO, concerns='sim'),
-    Argument('monitor', 'true', 'report contacts and clearance, where there are benches', YES_NO),
+    Argument('monitor', 'true', 'report contacts and clearance, if benches are published', YES_NO),
     Argument('warn_below', '0.02', 'clearance in m below which the monitor warns', concerns='monitor'),
     Argument('clearance_vector', 'false', 'publish the shortest vector between the closest benches', YES_NO,
              concerns='monitor'),
     Argument('record', '', 'bag to write (.mcap); empty: none'),
-    Argument('replay', '', 'bag to replay in place of a sim; empty: none'),
+    Argument('replay', '', 'bag to replay instead of a sim; empty: none'),
     Argument('rviz', 'true', 'show it in RViz', YES_NO),
     Argument('headless', 'false', 'open no window, even with rviz:=true', YES_NO),
     Argument('json', 'false', 'log as JSON, for machines', YES_NO),
@@ -62,7 +62,7 @@ ARGUMENTS = (
 class LaunchedNode:
     """One executable of the package, with its arguments and ROS parameters.
 
-    A parameter ``file`` of the user takes precedence over all parameters except those in ``asked``, which come from
+    The user's parameter ``file`` takes precedence over all parameters except those in ``asked``, which were given as
     launch arguments.
     """
 
@@ -75,9 +75,9 @@ class LaunchedNode:
 
 @dataclass(frozen=True)
 class LaunchPlan:
-    """The executables to start: the readers (the recorder last), then the source; and the dragon's namespace and frame.
+    """The executables to start: the readers (the recorder last) and the source; and the dragon's namespace and frame.
 
-    ``notes`` say what is omitted, and why.
+    ``notes`` name omitted parts, with reasons.
     """
 
     namespace: str
@@ -102,14 +102,14 @@ class _ObservedNode:
 
 
 def plan(given: Mapping[str, str]) -> LaunchPlan:
-    """Return the plan for the arguments of the launch file, all as text. Raises InputError that names one."""
+    """Return the plan for the arguments of the launch file, all given as text. Raises InputError, which names one."""
     namespace = '/' + given['namespace'].strip('/')
     watching = _on(given, 'monitor')
     source = _replay(given, namespace, watching) if given['replay'] else _sim(given, namespace, watching)
     notes = []
     if watching and source.seen is False:
         watching = False
-        notes.append('there are no benches to see, so no monitor is started: '
+        notes.append('no monitor is started, because no benches are published: '
                      + ('the bag has none' if given['replay'] else 'switch on the effect benches of the scene'))
     watch = {'clearance_vector': _on(given, 'clearance_vector'), 'warn_below_m': _number(given, 'warn_below')}
     readers = [LaunchedNode('monitor', [], watch)] if watching else []
@@ -126,12 +126,12 @@ def _is_given(given: Mapping[str, str], name: str) -> bool:
 
 
 def _refuse_idle(given: Mapping[str, str], started: list[str], notes: list[str]) -> None:
-    """Raise InputError for an argument that applies to nothing that is started."""
+    """Raise InputError for an argument that applies to no started executable."""
     for one in ARGUMENTS:
         if one.concerns and one.concerns not in started and _is_given(given, one.name):
-            why = 'replay:= stands in its place' if one.concerns == 'sim' else notes[0] if notes else 'monitor:=false'
-            raise InputError(f'launch argument {one.name}:={given[one.name]}: concerns {one.concerns} alone, which is '
-                             f'not started ({why}); leave it out', field=one.name)
+            why = 'replay:= replaces it' if one.concerns == 'sim' else notes[0] if notes else 'monitor:=false'
+            raise InputError(f'launch argument {one.name}:={given[one.name]}: applies only to {one.concerns}, which '
+                             f'is not started ({why}); omit it', field=one.name)
 
 
 def _common(given: Mapping[str, str], one: LaunchedNode) -> LaunchedNode:
@@ -145,7 +145,7 @@ def _common(given: Mapping[str, str], one: LaunchedNode) -> LaunchedNode:
 
 
 def _on(given: Mapping[str, str], name: str) -> bool:
-    """Return whether a yes-or-no argument is on."""
+    """Return whether a boolean argument is true."""
     return given[name] == 'true'
 
 
@@ -164,15 +164,15 @@ def _wanted(given: Mapping[str, str], row: Channel, watching: bool) -> int:
 
 
 def _at_end(given: Mapping[str, str]) -> str:
-    """Return the action at the end: a run that stops at a contact ends there."""
+    """Return the action at the end; a run that stops at a contact also ends there."""
     return given['at_end'] or ('stop' if given['on_contact'] == 'stop' else 'hold')
 
 
 def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _ObservedNode:
     """Return the simulator.
 
-    It starts when the monitor and the recorder have subscribed and all nodes had time to discover each other, since the
-    recorder records the monitor, and other recorders may be running.
+    It starts when the monitor and the recorder have subscribed and all nodes have had time to discover each other: the
+    recorder also records the monitor, and other recorders may be running.
     """
     optional = {key: _number(given, name) for key, name in (
         ('rate_hz', 'rate'), ('start_s', 'start_s'), ('stop_s', 'stop_s')) if given[name]}
@@ -181,7 +181,7 @@ def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _ObservedN
     try:
         topics = live(load_scene(given['scene'], changes).effects)
     except DragonError:
-        pass            # the sim reports errors in the scene
+        pass            # errors in the scene are reported by the sim
     else:
         if not given['params_file']:        # the file may name another scene
             seen = set(_WATCHED) <= {row.name for row in topics}
@@ -207,7 +207,7 @@ def _replay(given: Mapping[str, str], namespace: str, watching: bool) -> _Observ
             root, names = namespace_of(bag), [topic.name for topic in bag.topics if topic.messages]
             frame_id, span_ns = frame_of_bag(bag, root), (bag.start_ns, bag.end_ns)
     except DragonError:
-        pass                # the replay reports errors in the bag
+        pass                # errors in the bag are reported by the replay
     else:
         rows = {name if name.startswith('/') else f'{root}/{name}': row for name, row in channels().items()}
         seen = {f'{root}/{name}' for name in _WATCHED} <= set(names)
@@ -221,7 +221,7 @@ def _replay(given: Mapping[str, str], namespace: str, watching: bool) -> _Observ
 
 
 def _part(given: Mapping[str, str], start_ns: int, end_ns: int) -> list[str]:
-    """Return the replay options for the part of a bag to play, in seconds from its start. Raises InputError."""
+    """Return the replay options for the part of a bag to play, in seconds from the bag's start. Raises InputError."""
     options = []
     for name, option in (('start_s', '--start'), ('stop_s', '--end')):
         if given[name]:

@@ -24,7 +24,7 @@ _KINDS = {True: 'geometry_msgs/msg/TwistStamped', False: 'geometry_msgs/msg/Twis
 
 
 class Commands:
-    """The last commanded speed, while it is valid; unusable commands are dropped and counted."""
+    """The last commanded speed while it is valid. Unusable commands are dropped and counted."""
 
     def __init__(self, node: DragonNode, timeout_s: float, stamped: bool) -> None:
         """Subscribe to geometry_msgs/TwistStamped, or to Twist, which many tools still send."""
@@ -41,7 +41,7 @@ class Commands:
         return self._speed_m_s if time.monotonic() < self._until_s else 0.0
 
     def _look(self) -> None:
-        """Warn once about each node that publishes commands of the other type, since none of them arrive."""
+        """Warn once about each node that publishes commands of the other type, since these do not arrive."""
         topic = self._node.resolve_topic_name(TOPIC)
         for one in self._node.get_publishers_info_by_topic(topic):
             name = f'{one.node_namespace.rstrip("/")}/{one.node_name}'
@@ -49,17 +49,17 @@ class Commands:
                 self._named.add(name)
                 stamped = self._type == _KINDS[True]
                 self._node.get_logger().warning(
-                    f'{topic}: {name} publishes {one.topic_type}, and this sim takes {self._type} alone: it hears '
-                    f'nothing of it; start the sim with cmd_vel_stamped:={str(not stamped).lower()}, or have {name} '
+                    f'{topic}: {name} publishes {one.topic_type}, but this sim accepts only {self._type}; start the '
+                    f'sim with cmd_vel_stamped:={str(not stamped).lower()}, or have {name} '
                     f'publish {self._type}' + (' (teleop_twist_keyboard: -p stamped:=true)' if stamped else ''))
 
     def summary(self) -> str:
         """Return how many commands were accepted and dropped."""
         why = ', '.join(f'{count} {what}' for what, count in self.dropped.items())
-        return f'commands: {self.taken} taken, {self.dropped.total()} dropped' + (f' ({why})' if why else '')
+        return f'commands: {self.taken} accepted, {self.dropped.total()} dropped' + (f' ({why})' if why else '')
 
     def _on_stamped(self, message: TwistStamped) -> None:
-        """Accept a command whose stamp is 0 or current; a command older than another one is stale, too."""
+        """Accept a command whose stamp is 0 or current; a command older than the last one is also stale."""
         stamp_ns = message.header.stamp.sec * NS + message.header.stamp.nanosec
         off_s = (self._node.get_clock().now().nanoseconds - stamp_ns) / NS
         if stamp_ns and (abs(off_s) > self._timeout_s or stamp_ns < self._stamp_ns):
@@ -84,11 +84,11 @@ class Commands:
 
 
 class LedFrames:
-    """Ticks 0, 1, 2, ... of a led scene, each computed from the speed that is commanded when it is due."""
+    """Ticks 0, 1, 2, ... of a led scene, each computed from the speed commanded when it is due."""
 
     def __init__(self, scene: Scene, wanted_m_s: Callable[[], float], on_contact: str, say: Callable[[str], None],
                  keep_s: float) -> None:
-        """Start at rest; ``say`` receives a line when it brakes before an end, and when it stops at a contact."""
+        """Start at rest; ``say`` receives a line when the dragon brakes before an end or stops at a contact."""
         assert isinstance(scene.head, Commanded)
         self._settings, self._simulation = scene.head, compile_scene(scene)
         self._scene, self._wanted_m_s, self._say, self._keep_s = scene, wanted_m_s, say, keep_s
@@ -104,7 +104,7 @@ class LedFrames:
         self.tables = build_tables(self._simulation)
 
     def next_ns(self) -> int | None:
-        """Return the time of the next frame; None at the end, and after a contact that stops it."""
+        """Return the time of the next frame; None at the end, and after a contact that stops the run."""
         return None if self._stopped or self.k >= self.count else self._scene.run.time_ns(self.k)
 
     def last_ns(self) -> int:
@@ -132,7 +132,7 @@ class LedFrames:
         return law
 
     def _mind(self, limit: TravelEnd | None) -> None:
-        """Report once that it brakes before an end."""
+        """Report once that the dragon brakes before an end."""
         if limit and not self._brakes:
             what = f'the chain would lock at link {limit.link}' if limit.reason == 'lock' else 'the track ends'
             self._say(f'brakes: {what} when the leader has gone {limit.gone_m:.6f} m')
@@ -157,5 +157,5 @@ class LedFrames:
         return f'at {self._scene.run.time_ns(k) / NS:.3f} s, tick {k}, {gone_m:.3f} m walked'
 
     def ending(self) -> str:
-        """Return the reason why there is no next frame, as text."""
+        """Return why there is no next frame, as text."""
         return self._stopped or f'the run ends after {self.count} ticks'

@@ -12,7 +12,7 @@ _mode = {'json': False}
 
 
 class Logger(rcutils_logger.RcutilsLogger):
-    """ROS's logger; in JSON mode, what passes its filters is also written as JSON, plus the keys of ``data``."""
+    """ROS's logger; in JSON mode, it also writes messages that pass its filters as JSON, with the keys of ``data``."""
 
     def log(self, message: str, severity: int, data: dict[str, Any] | None = None, **filters: Any) -> bool:
         """Log a message unless its severity or a filter suppresses it; return whether it was logged."""
@@ -22,8 +22,8 @@ class Logger(rcutils_logger.RcutilsLogger):
         return passed
 
 
-# The log names the first line outside these files, and applies filters such as throttle_duration_sec to it. rclpy
-# keeps files that others add, but has no public name for the list, which is used only here.
+# The log names the first line outside these files as the caller and applies filters such as throttle_duration_sec to
+# it. rclpy respects files added to this list, but the list has no public name; it is used only here.
 rcutils_logger._internal_callers.append(__file__)
 
 
@@ -40,7 +40,7 @@ def speak_json() -> list[str]:
 
 
 def progress_wanted() -> bool:
-    """Return whether somebody reads the log: a person at a terminal, or a program that reads JSON."""
+    """Return whether somebody reads the log: a person at a terminal, or a program that parses JSON."""
     return _mode['json'] or sys.stderr.isatty()
 
 

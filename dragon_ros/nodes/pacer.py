@@ -3,21 +3,21 @@ import time
 
 from dragon_ros.core.errors import FieldError
 
-_AT_ONCE_NS = 50_000_000            # delay up to which ticks follow immediately until it is recovered
-_ON_TIME_NS = 5_000_000             # of a delay: a run that is no later can go faster
-_FASTER = 0.1                       # than the pace, while a longer one is made up for
-_LONGEST_NS = 3_600_000_000_000     # of a wait: what is due later is asked for again (a timer takes 2^63 ns at most)
-_FOREVER_NS = 1e18                  # 30 years; a smaller scale is no slower
-_MOST_BEHIND_NS = 1_000_000_000     # that is made up for: a machine that is too slow does not end in a long race
+_AT_ONCE_NS = 50_000_000            # up to this delay, ticks follow immediately until it is recovered
+_ON_TIME_NS = 5_000_000             # delay up to which a run counts as on time and may go faster
+_FASTER = 0.1                       # by how much it goes faster to recover a longer delay
+_LONGEST_NS = 3_600_000_000_000     # longest wait; later ticks are requested again (a timer supports at most 2^63 ns)
+_FOREVER_NS = 1e18                  # 30 years; a smaller scale makes it no slower
+_MOST_BEHIND_NS = 1_000_000_000     # longest delay that is recovered: no long race on a slow machine
 
 
 class Pacer:
     """Gives the due time of each simulation time; ``scale`` 0 means immediately.
 
     After a late tick the next ones follow immediately until they are on time again, so that a short stall does not
-    lower the rate. A tick that starts after its successor was due, and more than 50 ms late, is an overrun. It is
-    counted, and pacing continues from there without a burst: a tenth faster where ticks are on time then, until up to a
-    second is made up for.
+    lower the rate. A tick that starts more than 50 ms late, and after its successor was due, is an overrun. It is
+    counted, and pacing continues from there without a burst; if ticks are then on time, it runs a tenth faster until up
+    to a second has been recovered.
     """
 
     def __init__(self, scale: float) -> None:
@@ -42,7 +42,7 @@ class Pacer:
             self._origin = (now, self._origin[1] + round((now - self._origin[0]) * old)) if old and scale else None
 
     def rest(self) -> None:
-        """Reset the pace: the next tick is due one step after the last one, counted from the first request for it."""
+        """Reset the pace: the next tick is due one step after the last one, counted from its first request."""
         self._origin, self._behind_ns = None, 0
 
     def delay_ns(self, t_ns: int) -> int:

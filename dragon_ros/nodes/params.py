@@ -1,10 +1,10 @@
-"""Parameters of the nodes, each declared once: name, default, limits and text. Few imports, to keep --help quick."""
+"""Parameters of the nodes, each declared once: name, default, limits and text. It imports little, so --help is fast."""
 from typing import Any, NamedTuple
 
-# A test checks that these equal those of core.scene and core.geometry.tracker, which are slow to import.
+# A test checks that these equal the values in core.scene and core.geometry.tracker, which are slow to import.
 LATEST_S = 2**31 - 1
 NEAR_M = 0.02
-DISCOVERY_S = 4.0       # nodes/publisher_queue.py explains why
+DISCOVERY_S = 4.0       # explained in nodes/publisher_queue.py
 _AS_SCENE = -1.0
 
 
@@ -43,8 +43,8 @@ SIM = (
     Parameter('start_s', _AS_SCENE, 'First tick, in seconds of the scene; negative: as the scene says', -1.0, LATEST_S),
     Parameter('stop_s', _AS_SCENE, 'End of the run, in seconds of the scene; negative: its own', -1.0, LATEST_S),
     Parameter('rate_hz', _AS_SCENE, 'Ticks per second of simulation; negative: as the scene says', -1.0, 1e6),
-    Parameter('time_scale', 1.0, 'Seconds of simulation per second; 0 (at the start only): as fast as the readers '
-              'follow', 0.0, 1e6, live=True),
+    Parameter('time_scale', 1.0, 'Seconds of simulation per second; 0 (at the start only): as fast as the readers can '
+                                 'follow', 0.0, 1e6, live=True),
     Parameter('wait_subscribers', [''], 'Start as soon as topics have this many subscribers, e.g. [handles=2, '
               'velocities=1]'),
     _DISCOVERY,
@@ -59,8 +59,8 @@ SIM = (
     Parameter('frame_id', 'dragon', 'Frame of all messages'),
 )
 REPLAY = (
-    Parameter('time_scale', 1.0, 'Seconds of the bag per second; 0 (at the start only): as fast as the readers '
-              'follow', 0.0, 1e6, live=True),
+    Parameter('time_scale', 1.0, 'Seconds of the bag per second; 0 (at the start only): as fast as the readers can '
+                                 'follow', 0.0, 1e6, live=True),
     _DISCOVERY,
     *CONTROLS,
 )

@@ -22,9 +22,9 @@ from dragon_ros.nodes.params import DISCOVERY_S
 
 _COUNT = re.compile('[0-9]{1,9}')
 _GIVE_UP = 20       # consecutive failures, 0.1 s each, without any subscriber
-_SETTLED_S = 0.5     # a reader's topics are discovered one after the other
+_SETTLED_S = 0.5     # a reader's topics are discovered one by one
 _ACKED_S = 4.0      # acknowledgements follow the heartbeat of the middleware, every 3 s with Fast DDS;
-_ALL_ACKED_S = 20.0     # at the end of a run a reader may have to read everything that a lossless publisher keeps
+_ALL_ACKED_S = 20.0     # at the end of a run, a reader may still have to read all kept messages
 _LOOK_S = 0.02
 
 
@@ -41,11 +41,11 @@ def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) ->
 
 
 class StartGate:
-    """Decides when the first message may be sent to the awaited readers and to those that discovery finds.
+    """Decides when the first message may be sent, so that awaited and discovered readers receive it.
 
-    An existing reader is not known at once. With Fast DDS a participant announces itself every 3 s, and repeats its
-    subscriptions every second. A new participant that misses both at first (the older one answers before the new one
-    can identify it) finds the reader 1 s to 4 s later.
+    Existing readers are not discovered at once. With Fast DDS a participant announces itself every 3 s, and repeats its
+    subscriptions every second. A new participant that misses both at first (because the older one answers before the
+    new one can identify it) finds the reader 1 s to 4 s later.
     """
 
     def __init__(self, publishers: Mapping[str, Publisher], texts: Iterable[str], discovery_s: float) -> None:
@@ -58,7 +58,7 @@ class StartGate:
         self._settled_s = min(_SETTLED_S, discovery_s)
 
     def is_open(self) -> bool:
-        """Return whether all wanted readers are present, and discovery had its time and has settled."""
+        """Return whether all awaited readers are present and discovery has had its time and has settled."""
         now, found = time.monotonic(), sum(publisher.get_subscription_count() for publisher in self._publishers)
         if found != self._found:
             self._found, self._changed_s = found, now
@@ -67,7 +67,7 @@ class StartGate:
 
 
 class PublisherQueue:
-    """Outgoing messages in order; readers slower than a lossless publisher hold them back."""
+    """Outgoing messages in order; they wait while readers are slower than a lossless publisher."""
 
     def __init__(self, warn: Callable[[str], object] = lambda line: None) -> None:
         """Start empty; ``warn`` is called once per topic with a message that cannot be published."""
@@ -98,7 +98,7 @@ class PublisherQueue:
         return True
 
     def _leave_out(self, publisher: Publisher, size: int) -> None:
-        """Count the first message, which its type cannot hold, and report its topic once."""
+        """Drop and count the first message, which its type cannot hold, and report its topic once."""
         topic = publisher.topic_name
         if not self.left_out[topic]:
             self._warn(f'{topic}: messages that their type cannot hold are left out; the first has {size} bytes')
@@ -107,9 +107,9 @@ class PublisherQueue:
 
 
 def can_hold(kind: Any, size: int) -> bool:
-    """Return whether messages of a type can have ``size`` serialised bytes.
+    """Return whether messages of a type can be ``size`` bytes long.
 
-    An error of the middleware does not distinguish a full reader from a message that is too long for its type.
+    The middleware's error does not tell a full reader from a message that is too long for its type.
     """
     most = _largest(kind)
     return most is None or size <= most
@@ -153,7 +153,7 @@ class EncodedTopic:
 
 
 def drain(publishers: Iterable[Publisher], stop: threading.Event) -> None:
-    """Wait until readers have everything, or unsent messages are lost with their publisher. A signal shortens it."""
+    """Wait until readers have everything: unsent messages are lost with their publisher. A signal shortens it."""
     begin = time.monotonic()
     for publisher in publishers:
         while publisher.get_subscription_count() and not publisher.wait_for_all_acked(Duration()):

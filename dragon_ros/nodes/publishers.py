@@ -1,4 +1,4 @@
-"""The publishers of a topic. A topic has one dragon: if there are several publishers, one is kept and all are named."""
+"""The publishers of a topic. A topic belongs to one dragon: of several publishers, one is kept and all are named."""
 import time
 from collections import Counter
 from collections.abc import Iterable
@@ -9,15 +9,15 @@ from dragon_ros.messages.synchronizer import Streams
 from dragon_ros.nodes import qos
 from dragon_ros.nodes.base import DragonNode
 
-_UNNAMED = '_NODE_NAME_UNKNOWN_'     # of a publisher that discovery found just before its node, or that has none
-_NAMED_S = 3.0      # longest wait for its name
+_UNNAMED = '_NODE_NAME_UNKNOWN_'     # name of a publisher that was discovered before its node, or has no node
+_NAMED_S = 3.0      # longest wait for a name
 _ASKED_S = 1.0      # time for which the answer is assumed valid
 
 
 class Publishers:
-    """The publishers of one topic. A node that stays with one of them asks ``keeps`` for every message.
+    """The publishers of one topic. A node that follows one of them calls ``keeps`` for every message.
 
-    The node must call ``look`` now and then to notice publishers that left, and ``arrived`` for each message.
+    The node must call ``look`` periodically, to notice publishers that have left, and ``arrived`` for each message.
     """
 
     def __init__(self, node: DragonNode, topic: str) -> None:
@@ -26,7 +26,7 @@ class Publishers:
         self._node = node
         self._there: dict[bytes, str] = {}
         self._since_s: dict[bytes, float] = {}
-        self._known: bytes | None = None        # None while it is unknown which of several it is
+        self._known: bytes | None = None        # None while several are possible
         self._last, self._waits, self._asked_s = 0, False, 0.0
 
     def look(self) -> list[str]:
@@ -60,28 +60,28 @@ class Publishers:
         return self._waits
 
     def keeps(self, sequence: int, t_ns: int) -> bool:
-        """Return whether a message with this number and stamp is from the publisher that the node keeps, if any."""
+        """Return whether a message with this number and stamp is from the kept publisher, if any."""
         return self.streams.take(sequence, t_ns, len(self._there) < 2)
 
 
 def _distinct(there: dict[bytes, str]) -> list[str]:
-    """Return names in order; equal ones with their GID, as ``ros2 topic info --verbose`` shows it."""
+    """Return names in order; equal names get their GIDs, as shown by ``ros2 topic info --verbose``."""
     times = Counter(there.values())
     return sorted(name if times[name] == 1 else f'{name} ({gid.hex(".")})' for gid, name in there.items())
 
 
 def warnings_of(name: str, several: dict[str, list[str]]) -> list[DiagnosticStatus]:
-    """Return a WARN that names the topics with several publishers, and these publishers; nothing if there are none."""
+    """Return a WARN that names topics with several publishers, and these publishers; empty without such topics."""
     if not several:
         return []
     return [DiagnosticStatus(
         level=DiagnosticStatus.WARN, name=f'{name}: publishers', hardware_id='dragon',
-        message=f'several publish on {" and ".join(several)}: one dragon a topic; give each a namespace of its own',
+        message=f'several publish on {" and ".join(several)}: give each dragon its own namespace',
         values=[KeyValue(key=topic, value=', '.join(names)) for topic, names in several.items()])]
 
 
 def several_of(node: DragonNode, each: Iterable[Publishers], before: dict[str, list[str]]) -> dict[str, list[str]]:
-    """Return the publishers' names of topics with several publishers; log them unless they equal ``before``."""
+    """Return the publishers of topics with several publishers, and log them unless they equal ``before``."""
     found = {one.topic: names for one in each if (names := one.look())}
     if found and found != before:
         node.get_logger().warning('several publish on one topic: ' + '; '.join(

@@ -22,9 +22,9 @@ def of_channel(channel: Channel) -> QoSProfile:
 
 
 def lossless(qos: QoSProfile) -> QoSProfile:
-    """Return the profile with unbounded history: a full queue blocks a lossless publisher, so that nothing is dropped.
+    """Return the profile with unbounded history: a full queue blocks a lossless publisher, so nothing is dropped.
 
-    Then the limit of the middleware applies instead of the depth (5,000 messages with Fast DDS).
+    The middleware's limit then applies instead of the depth (5,000 messages with Fast DDS).
     """
     qos.history = HistoryPolicy.KEEP_ALL
     return qos
@@ -33,8 +33,8 @@ def lossless(qos: QoSProfile) -> QoSProfile:
 def waiting(qos: QoSProfile) -> QoSProfile:
     """Return the lossless profile of a publisher that waits for its readers.
 
-    Discovery does not tell how much history a publisher keeps. So the publisher announces a lifespan of its messages of
-    31 years, from which readers know that nothing is lost while they make it wait.
+    Discovery does not tell how much history a publisher keeps. Therefore the publisher announces a message lifespan of
+    31 years, which tells readers that it waits for them and loses nothing meanwhile.
     """
     qos.lifespan = Duration(nanoseconds=_WAITS_NS)
     return lossless(qos)
@@ -46,7 +46,7 @@ def waits(announced: QoSProfile) -> bool:
 
 
 def of_bag(qos: dict[str, Any]) -> QoSProfile:
-    """Return the profile that a bag stores for a topic; reliable and volatile if it stores none.
+    """Return the profile in a bag for a topic; reliable and volatile if it has none.
 
     Older versions of rosbag2 store numbers instead of names.
     """

@@ -7,7 +7,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-_AT_ONCE = 64       # most messages before timers and other topics are served
+_AT_ONCE = 64       # most messages taken before timers and other topics are served
 
 
 class _Callback:
@@ -23,7 +23,7 @@ class _Callback:
         self.take_all()
 
     def take_all(self) -> None:
-        """Take the messages that have arrived, unless the subscription was destroyed meanwhile."""
+        """Take the messages that have arrived, unless the subscription has been destroyed."""
         self._take_some()
         self._then()
 
@@ -42,21 +42,21 @@ class _Callback:
 
 def subscribe_raw(node: Node, kind: Any, name: str, take: Callable[[bytes, Any], None], profile: QoSProfile,
                   then: Callable[[], None] = lambda: None) -> None:
-    """Call ``take(data, info)`` for every message, in order, in any executor or in a Spinner, ``then()`` after some.
+    """Call ``take(data, info)`` for each message in order, in any executor or in a Spinner; ``then()`` after a batch.
 
-    A node that falls behind can catch up, since waking it costs as much as taking several messages.
+    This lets a node that falls behind catch up, since waking it costs as much as taking several messages.
     """
     callback = _Callback(take, then)
     callback.subscription = node.create_subscription(kind, name, callback, profile, raw=True)
 
 
 def takers(node: Node) -> Iterator[tuple[int, Callable[[], None]]]:
-    """Yield the pointer of each raw subscription of a node, and the function that takes its arrived messages."""
+    """Yield the pointer of each raw subscription of a node and the function that takes its arrived messages."""
     for subscription in node.subscriptions:
         if isinstance(subscription.callback, _Callback):
             yield subscription.handle.pointer, subscription.callback.take_all
 
 
 def number(info: Any) -> int:
-    """Return the number that the publisher gave a message; 0 if the middleware gives none."""
+    """Return the publisher's sequence number of a message; 0 if the middleware provides none."""
     return info['publication_sequence_number'] or 0

@@ -28,12 +28,12 @@ from dragon_ros.nodes.base import DragonNode
 from dragon_ros.scenes import provenance
 
 _REST_S = 5.0       # longest time to write the messages that arrived before a signal
-_QUIET_S = 0.5      # the run has ended when its publisher has left and nothing arrived for this long
-_IDLE_S = 0.25      # longest wait of messages without a stamp for the next handles
+_QUIET_S = 0.5      # the run has ended when its publisher has left and nothing has arrived for this long
+_IDLE_S = 0.25      # how long messages without a stamp wait for the next handles
 _COUNT_S = 1.0       # interval between counts of publishers
 _MOST_UNACCOUNTED = 100_000     # messages that may wait until a scene is read; beyond that the recorder waits
 _HEALTH = '/diagnostics'
-_MARKS = ('handles', 'clearance/stamped')       # whose stamps are those of what their publisher sends after them
+_MARKS = ('handles', 'clearance/stamped')       # their stamps are those of their publisher's next messages
 
 
 class Recorder(DragonNode):
@@ -47,16 +47,16 @@ class Recorder(DragonNode):
         self._simulation, self._monitored = SimulationClock(self._log), SimulationClock(self._log)
         self._last, self._seen, self._counted, self._scene = time.monotonic(), False, 0.0, ''
         self._scenes, self._attached = SceneReader(self._settings(), trust), set[str]()
-        self._unaccounted: list[tuple[str, int, int, bool]] = []    # messages since a scene that is still being read
+        self._unaccounted: list[tuple[str, int, int, bool]] = []    # received after a scene that is still being read
         self._names = {name: self.resolve_topic_name(name) for name in channels()}
-        # Nodes of every dragon publish on absolute topics.
+        # Absolute topics are shared by the nodes of all dragons.
         self._sources = [publishers.Publishers(self, topic) for name, topic in self._names.items() if name[0] != '/']
         self._handles, = (one for one in self._sources if one.topic == self._names['handles'])
         self._each_tick = {self._names[name] for name, channel in channels().items() if channel.each_tick}
         self._latched = {self._names[name] for name, channel in channels().items() if channel.latched}
         self._skips, self._skipped_before = EvenSkips(), 0
         self._several: dict[str, list[str]] = {}
-        self._named = set[str]()        # topics of which messages are left out
+        self._named = set[str]()        # topics with messages that were left out
         self._health: Publisher | None = None
         for name, channel in channels().items():
             bag.add_channel(self._names[name], channel)
@@ -101,12 +101,12 @@ class Recorder(DragonNode):
         return self._is_complete(gone)
 
     def _is_complete(self, gone: bool) -> bool:
-        """Return whether the closed bag has all published messages, as far as is known."""
+        """Return whether the closed bag has all published messages, as far as known."""
         return self.losses.complete(gone) and not self._unpaired and self.bag.kept >= self.losses.received
 
     @property
     def _unpaired(self) -> Counter[str]:
-        """How many messages without a stamp were left out because their tick is unknown, by topic."""
+        """The number of messages without a stamp that were left out because their tick is unknown, by topic."""
         return self._simulation.unpaired + self._monitored.unpaired
 
     def _look_around(self) -> None:
@@ -129,8 +129,8 @@ class Recorder(DragonNode):
         before, self._skipped_before = self._skipped_before, self._skips.skipped
         if self._skips.skipped == before:
             return []
-        said = (f'{self._skips.skipped} ticks are left out so far, evenly: the disk is too slow, and the '
-                f'queue (--queue-mb) is {self.writer.fill:.0%} full')
+        said = (f'{self._skips.skipped} ticks have been left out so far, evenly: the disk is too slow, and the queue '
+                f'(--queue-mb) is {self.writer.fill:.0%} full')
         self.get_logger().warning(said)
         return [DiagnosticStatus(level=DiagnosticStatus.WARN, name=f'{name}: queue', hardware_id='dragon', message=said,
                                  values=[KeyValue(key='left out', value=str(self._skips.skipped))])]
@@ -143,7 +143,7 @@ class Recorder(DragonNode):
                                       'no reader accepts them')
 
     def _left_out(self) -> dict[str, str]:
-        """Return how many messages were too large or had an unknown tick, which makes the account incomplete."""
+        """Return how many messages were too large or had an unknown tick, so that the account is incomplete."""
         found = {f'{topic} too large': str(count) for topic, count in self.bag.left_out.items()}
         found |= {f'{topic} of an unknown tick': str(count) for topic, count in self._unpaired.items()}
         return found | ({'complete': 'false'} if found else {})
@@ -167,7 +167,7 @@ class Recorder(DragonNode):
             log.warning(f'{self.losses.received - self.bag.kept} received messages are not in the bag')
 
     def _pressure(self) -> dict[str, str]:
-        """Return how close the recorder came to its limits."""
+        """Return a text on how close the recorder came to its limits."""
         writer = self.writer
         return {'queue fullest': f'{writer.fullest:.4f}', 'queue waits': str(writer.waits),
                 'queue waited_s': f'{writer.waited_s:.6f}', 'ticks left out': str(self._skips.skipped),
@@ -187,9 +187,9 @@ class Recorder(DragonNode):
             self._take_scene(wait=True)
 
     def _keeps(self, topic: str, t_ns: int) -> bool:
-        """Return whether to write a message: if the disk is too slow, whole ticks are left out.
+        """Return whether to write a message; if the disk is too slow, whole ticks are left out.
 
-        A publisher that waits for its readers waits for the disk instead.
+        A publisher that waits for its readers is made to wait for the disk instead.
         """
         return self._skips.keeps(topic, t_ns, self.writer.fill) if topic in self._each_tick else self.writer.fill < 1
 
@@ -224,7 +224,7 @@ class Recorder(DragonNode):
         return callback
 
     def _learn(self, text: str) -> None:
-        """Start reading the scene of the run, unless it was the last one read."""
+        """Start reading the scene of the run, unless it is the last one read."""
         if text != self._scene:
             self._scene = text
             self._scenes.read(text)

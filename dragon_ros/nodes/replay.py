@@ -1,4 +1,4 @@
-"""``replay``: publishes a bag on its topics at the recorded spacing, under control."""
+"""``replay``: publishes a bag on its topics at the recorded spacing, with playback controls."""
 import threading
 from collections import Counter
 from collections.abc import Callable
@@ -26,7 +26,7 @@ _CLOCK = '/clock'
 class Choice(NamedTuple):
     """The part of a bag to play: seconds from its start, topics (None: all), and subscribers to wait for.
 
-    ``into`` is the namespace in which its only dragon is published; None is the recorded one.
+    ``into`` is the namespace in which the bag's only dragon is published; None means the recorded one.
     """
 
     start_s: float = 0.0
@@ -37,7 +37,7 @@ class Choice(NamedTuple):
 
 
 class Replay(DragonNode):
-    """Publishes the bytes of a bag under the recorded names, in any executor; ``player.done`` at the end."""
+    """Publishes the bytes of a bag under the recorded names, in any executor; ``player.done`` is true at the end."""
 
     def __init__(self, bag: BagReader, choice: Choice, **overrides: Any) -> None:
         """Advertise the topics of the bag with their recorded QoS. Raises InputError for an impossible choice."""
@@ -85,7 +85,7 @@ class Replay(DragonNode):
         left = self.source.left_out
         done = f'{self.source.published.total() - left} messages published' + (f', {left} left out' if left else '')
         if not self.late_us:
-            return f'{done}, as fast as the readers follow'
+            return f'{done}, as fast as the readers could follow'
         return (f'{done}; behind the steady clock by {quantile(self.late_us, 0.5)} µs (median), '
                 f'{quantile(self.late_us, 0.99)} µs (99th percentile), {max(self.late_us)} µs (worst)')
 
@@ -101,7 +101,7 @@ class Replay(DragonNode):
             qos.waiting(profiles[row.name]) if self._lossless else profiles[row.name]) for row in rows}
 
     def _watched(self, bag: BagReader) -> Callable[[], Bodies | None] | None:
-        """Return what tells the handles and benches last played; None if not exactly one dragon is played."""
+        """Return a function for the handles and benches last played; None unless exactly one dragon is played."""
         try:
             root = namespace_of(bag)
         except InputError:
@@ -152,7 +152,7 @@ def span_of(bag: BagReader, choice: Choice) -> tuple[int, int]:
 
 
 def quantile(counts: Counter[int], part: float) -> int:
-    """Return the value that a fraction ``part`` of the counted values does not exceed."""
+    """Return the value that at least a fraction ``part`` of the counted values do not exceed."""
     left = part * counts.total()
     for value in sorted(counts):
         left -= counts[value]

@@ -17,7 +17,7 @@ _EACH_BYTES = 256       # bytes of a message in addition to its data
 class ReplaySource:
     """Publishes the messages from ``start_ns`` to ``end_ns`` (both included) on the publishers of their topics.
 
-    At the start and after a seek, each latched topic first publishes its message of that time.
+    At the start and after a seek, each latched topic first publishes its message for that time.
     """
 
     def __init__(self, bag: BagReader, publishers: Mapping[str, Publisher], start_ns: int, end_ns: int,
@@ -28,7 +28,7 @@ class ReplaySource:
         """
         self.also: list[Callable[[int], None]] = []
         self.published: Counter[str] = Counter()
-        self.watched: dict[str, Message | None] = {}        # by topic, the last message shown; other topics have none
+        self.watched: dict[str, Message | None] = {}        # the last message shown, by topic
         self._bag, self._publishers, self._start_ns, self._end_ns = bag, publishers, start_ns, end_ns
         self._latched = {topic for topic, publisher in publishers.items()
                          if publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL}
@@ -65,11 +65,11 @@ class ReplaySource:
 
     @property
     def left_out(self) -> int:
-        """How many messages could not be published because their type cannot hold them."""
+        """The number of messages that could not be published because their type cannot hold them."""
         return self._queue.left_out.total()
 
     def flush(self) -> bool:
-        """Publish the messages that slow readers held back; return whether none are held back now."""
+        """Publish messages held back by slow readers; return whether none remain."""
         return self._queue.flush()
 
     def rewind(self) -> None:
@@ -100,7 +100,7 @@ class ReplaySource:
         return f'at {self._last_ns / NS:.3f} s of {self._end_ns / NS:.3f} s'
 
     def ending(self) -> str:
-        """Return the reason why there is no next message, as text."""
+        """Return why there is no next message, as text."""
         return f'the bag ends at {self._end_ns / NS:.6f} s'
 
     def _go_to(self, t_ns: int) -> None:

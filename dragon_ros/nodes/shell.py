@@ -29,7 +29,7 @@ _WORD = re.compile('[A-Za-z][A-Za-z0-9_]*')      # pattern of the name of a pack
 def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_json: bool = False) -> int:
     """Initialise ROS, run ``body(stop)`` and shut down; ending signals set ``stop``. Logs as JSON if requested.
 
-    rclpy's own signal handlers would shut down the context during a tick; here a node ends between two ticks.
+    rclpy's own signal handlers would shut down the context during a tick; with these, a node ends between two ticks.
     """
     stop = threading.Event()
     for number in ending():
@@ -55,7 +55,7 @@ def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_j
 
 
 def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: False, rest_s: float = 0.0) -> int:
-    """Serve a node's callbacks until a signal or ``until()``; then those already due, for at most ``rest_s``."""
+    """Serve a node's callbacks until a signal or ``until()``, then those already due for at most ``rest_s``."""
     with closing(Spinner(node)) as spinner:
         while not stop.is_set() and not until():
             spinner.once()
@@ -67,8 +67,8 @@ def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: 
 def message_type(name: str) -> Any:
     """Return the class of a message type such as geometry_msgs/msg/PoseArray. Raises MissingError.
 
-    The name may come from a bag: a type is imported only if the ament index lists it, and only from the prefix that
-    lists it, regardless of the path.
+    Because the name may come from a bag, a type is imported only if the ament index lists it, and only from the prefix
+    that lists it, regardless of the Python path.
     """
     package, _, kind = name.partition('/msg/')
     if not (_WORD.fullmatch(package) and _WORD.fullmatch(kind)):
@@ -85,7 +85,7 @@ def is_installed(package: str) -> bool:
 
 
 def _prefixes() -> list[Path]:
-    """Return where ROS packages are installed, since the ROS wheels do not set AMENT_PREFIX_PATH."""
+    """Return where ROS packages are installed; the ROS wheels do not set AMENT_PREFIX_PATH."""
     named = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
     return [Path(prefix) for prefix in (*named, sys.prefix) if prefix]
 

@@ -34,7 +34,7 @@ from dragon_ros.scenes.provenance import CLAIM, scene_file
 
 
 class Broadcast:
-    """The frames of a run, each published when it is shown; ``shown`` is the last one."""
+    """The frames of a run, each published when it is shown; ``shown`` is the last frame."""
 
     def __init__(self, frames: Frames | LedFrames, topics: Iterable[publisher_queue.EncodedTopic]) -> None:
         """Start before the first frame; each function in ``also`` is called with a frame before it is published."""
@@ -55,18 +55,18 @@ class Broadcast:
         self.flush()
 
     def flush(self) -> bool:
-        """Publish the messages that slow readers held back; return whether none are held back now."""
+        """Publish messages held back by slow readers; return whether none remain."""
         return self._queue.flush()
 
 
 class Sim(DragonNode):
-    """Publishes a scene, in any executor; ``player.done`` at the end of its run."""
+    """Publishes a scene, in any executor; ``player.done`` is true at the end of the run."""
 
     def __init__(self, interrupted: Callable[[], bool] = lambda: False, **overrides: Any) -> None:
-        """Declare parameters, load the scene, advertise the topics of its effects.
+        """Declare parameters, load the scene, and advertise the topics of its effects.
 
-        If ``on_contact`` requires it, the first contact is found here. Raises InterruptedError if ``interrupted()``
-        becomes true meanwhile, DragonError if the parameters describe no valid scene.
+        If ``on_contact`` requires it, the first contact is searched here. Raises InterruptedError if ``interrupted()``
+        becomes true meanwhile, and DragonError if the parameters do not describe a valid scene.
         """
         super().__init__('sim', SIM, overrides)
         self.scene, value = _scene_of(self.setting), self.setting
@@ -111,7 +111,7 @@ class Sim(DragonNode):
         return None if frame is None else bodies_of_frame(frame, self.scene.dragon, self.setting['frame_id'])
 
     def _led(self) -> LedFrames:
-        """Return the frames of a led scene, and subscribe to commands. Raises FieldError without a pace."""
+        """Return the frames of a led scene, and subscribe to commands. Raises FieldError if time_scale is 0."""
         head = self.scene.head
         assert isinstance(head, Commanded)
         if self._lossless:
@@ -121,7 +121,7 @@ class Sim(DragonNode):
                          keep_s(self.scene))
 
     def _latched(self, about: dict[str, Any]) -> Iterator[tuple[str, bytes]]:
-        """Yield topic and message of everything published once; the scene includes ``about``."""
+        """Yield topic and message for everything that is published once; the scene includes ``about``."""
         value = self.setting
         yield from once(self.scene, value['frame_id']).items()
         if value['robot_description']:
@@ -145,7 +145,7 @@ class Sim(DragonNode):
             yield TfPublisher(self, self.setting['frame_id'], self.setting['publish_tf'], root).publish
 
     def _has_tf(self) -> bool:
-        """Return whether tf2_msgs is installed; the ROS wheels lack it, and angles are useful without it."""
+        """Return whether tf2_msgs is installed; the ROS wheels lack it, but joint angles are useful without it."""
         try:
             shell.message_type(TF)
         except MissingError as error:
@@ -155,7 +155,7 @@ class Sim(DragonNode):
 
 
 def _searched(scene: Scene, act: str, interrupted: Callable[[], bool]) -> Contact | NoContact | None:
-    """Return the first contact if the run acts on it. Raises InterruptedError if ``interrupted()`` becomes true."""
+    """Return the first contact if the run reacts to it. Raises InterruptedError if ``interrupted()`` becomes true."""
     def go_on(_: int) -> None:
         if interrupted():
             raise InterruptedError

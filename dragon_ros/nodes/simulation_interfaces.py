@@ -1,7 +1,7 @@
-"""The standard of simulators in ROS 2, ``simulation_interfaces``, on top of a player; imported only if it is installed.
+"""The standard interfaces of simulators in ROS 2, ``simulation_interfaces``, for a player; imported only if installed.
 
-Services and action stand below the name of the node: ``/dragon/sim/set_simulation_state``. Each does what the player
-already does; result codes are those of the standard.
+Services and the action are named below the node: ``/dragon/sim/set_simulation_state``. Each calls the player; result
+codes are those of the standard.
 """
 import re
 from collections.abc import Callable
@@ -21,15 +21,15 @@ from dragon_ros.nodes.controls import Player, Steps
 from dragon_ros.nodes.entities import Bodies, Region, box, chosen, convex_hull, sphere
 
 State, Result, Features = msg.SimulationState, msg.Result, msg.SimulatorFeatures
-CATEGORY = msg.EntityCategory.CATEGORY_DYNAMIC_OBJECT       # of handles and benches: what moves and is not human
+CATEGORY = msg.EntityCategory.CATEGORY_DYNAMIC_OBJECT       # category of handles and benches: moving, not human
 _REGIONS = {msg.Bounds.TYPE_SPHERE: sphere, msg.Bounds.TYPE_BOX: box, msg.Bounds.TYPE_CONVEX_HULL: convex_hull}
-_FEEDBACK = 1000            # messages kept for a slow client, since steps follow each other at once
+_FEEDBACK = 1000            # messages kept for a slow client, since steps follow each other immediately
 _CONTROLS = ('SIMULATION_RESET', 'SIMULATION_STATE_GETTING', 'SIMULATION_STATE_SETTING', 'SIMULATION_STATE_PAUSE',
              'STEP_SIMULATION_SINGLE', 'STEP_SIMULATION_MULTIPLE', 'STEP_SIMULATION_ACTION')
 _ENTITIES = ('ENTITY_TAGS', 'ENTITY_BOUNDS_BOX', 'ENTITY_BOUNDS_CONVEX', 'ENTITY_CATEGORIES', 'ENTITY_STATE_GETTING',
              'ENTITY_INFO_GETTING')
-_ABOUT = ('A step is a tick of sim, or a time of the bag of replay. Time and state are reset together. Entities are '
-          'handle_N and bench_N, in the plane z = 0; a velocity or an acceleration that is not known is NaN.')
+_ABOUT = ('A step is a tick of sim, or a log time of a bag. Time and state are reset together. Entities are '
+          'handle_N and bench_N, in the plane z = 0; unknown velocities and accelerations are NaN.')
 
 
 class _Refused(DragonError):
@@ -44,7 +44,7 @@ class SimulationInterfaces:
     """The services and the action of one player; ``close`` before the node is destroyed."""
 
     def __init__(self, node: DragonNode, player: Player, bodies: Callable[[], Bodies | None] | None) -> None:
-        """Offer them; ``bodies`` returns the entities of the last frame shown, and is None if there can be none."""
+        """Offer the services; ``bodies`` returns the entities of the last frame shown, or is None without entities."""
         self._player, self._bodies = player, bodies
         serves = {'GetSimulatorFeatures': self._features, 'GetSimulationState': self._get_state,
                   'SetSimulationState': self._set_state, 'ResetSimulation': self._reset}
@@ -57,7 +57,7 @@ class SimulationInterfaces:
         self._steps = ActionServer(node, action.SimulateSteps, '~/simulate_steps', self._simulate,
                                    cancel_callback=lambda _: CancelResponse.ACCEPT,
                                    feedback_pub_qos_profile=QoSProfile(depth=_FEEDBACK))
-        self._ended = node.create_guard_condition(lambda: None)      # wakes the executor, which then looks at futures
+        self._ended = node.create_guard_condition(lambda: None)      # wakes the executor, which then checks its futures
         node.closing.append(self._steps.destroy)
 
     def _features(self, _: Any, response: Any) -> None:
@@ -81,9 +81,10 @@ class SimulationInterfaces:
         acts = {State.STATE_STOPPED: self._player.stop, State.STATE_PLAYING: self._player.resume,
                 State.STATE_PAUSED: self._player.pause, State.STATE_QUITTING: self._player.quit}
         if wanted not in acts:
-            raise _Refused(Result.RESULT_FEATURE_UNSUPPORTED, f'state {wanted} cannot be set: there is one world')
+            raise _Refused(Result.RESULT_FEATURE_UNSUPPORTED, f'state {wanted} cannot be set: the world cannot be '
+                                                              'exchanged')
         if wanted == self._state():
-            raise _Refused(kind.ALREADY_IN_TARGET_STATE, 'it is in this state')
+            raise _Refused(kind.ALREADY_IN_TARGET_STATE, 'it is already in this state')
         try:
             acts[wanted]()
         except DragonError as error:
@@ -110,7 +111,7 @@ class SimulationInterfaces:
         return action.SimulateSteps.Result(result=result)
 
     async def _stepped(self, frames: int, goal: ServerGoalHandle | None = None) -> Any:
-        """Show frames of a paused simulation; return the result when they are shown."""
+        """Show frames of a paused simulation; return the result when all are shown."""
         ended = Future()
 
         def each() -> None:
@@ -132,8 +133,8 @@ class SimulationInterfaces:
             return _failed(str(error))
         while not steps.ended:
             await ended
-        return _failed(f'{steps.shown} of {frames} steps were shown, then it ended, was cancelled, or was controlled '
-                       'otherwise') if steps.left else Result(result=Result.RESULT_OK)
+        return _failed(f'{steps.shown} of {frames} steps were shown before the run ended, the request was cancelled, '
+                       'or another control took over') if steps.left else Result(result=Result.RESULT_OK)
 
     def _check_paused(self) -> None:
         if self._state() != State.STATE_PAUSED:

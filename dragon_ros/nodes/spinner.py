@@ -1,11 +1,11 @@
-"""Serves one node: its raw messages and timers from a persistent wait set, all else by an executor of rclpy.
+"""Serves one node: raw messages and timers from a persistent wait set, everything else by an executor of rclpy.
 
 For each wait, an executor of rclpy collects all entities of a node in Python: its topics, two QoS events per topic, and
-the services of its parameters. That costs more than handling a message of a dragon.
+the services of its parameters. This costs more than handling a message of a dragon.
 
-A middleware that is built for an old C library, as in the ROS wheels, waits until a time of the system clock: if that
-clock is set back by two hours, a wait of a tenth of a second lasts two hours. So a thread ends waits that are overdue
-by the steady clock, and the middleware's own thread, which discovers nodes and repeats lost messages, is woken.
+A middleware built for an old C library, as in the ROS wheels, waits until a time of the system clock: if that clock is
+set back by two hours, a wait of a tenth of a second lasts two hours. Therefore a thread ends waits that are overdue by
+the steady clock, and the middleware's own thread, which discovers nodes and repeats lost messages, is woken.
 """
 import os
 import select
@@ -23,10 +23,10 @@ from rclpy.timer import Timer
 
 from dragon_ros.nodes import raw_subscription
 
-_WAIT_NS = 100_000_000      # longest time until a signal is noticed
-_LOOK_S = 0.25              # longest time until QoS events and new topics are noticed
-_AT_ONCE = 8                # most callbacks of rclpy's executor before messages and timers are served again
-_EMPTY_WAITS = 3            # an empty wait may have consumed a wake-up, so wait again
+_WAIT_NS = 100_000_000      # longest delay until a signal is noticed
+_LOOK_S = 0.25              # longest delay until QoS events and new topics are noticed
+_AT_ONCE = 8                # most callbacks of rclpy's executor before messages and timers are served
+_EMPTY_WAITS = 3            # an empty wait may have consumed a wake-up, so it waits again
 _OVERDUE_S = 0.2            # duration of a wait after which it is ended
 _SET_BACK_S = 0.05          # change of the system clock after which the middleware is woken
 
@@ -60,7 +60,7 @@ class Spinner:
         self._executor.shutdown()
 
     def _serve(self, most: int) -> int:
-        """Serve at most ``most`` callbacks that rclpy finds ready, and what follows from them; return their number."""
+        """Serve at most ``most`` callbacks that rclpy finds ready, and any resulting ones; return their number."""
         served = before = 0
         while served < most:
             try:
@@ -76,7 +76,7 @@ class Spinner:
         return served
 
     def _look(self) -> None:
-        """Collect the entities to wait for until the next look; destroyed ones are kept until then."""
+        """Collect the entities to wait for until the next call; destroyed ones are kept until then."""
         self._follow_clock()
         node = self._node
         self._takers = dict(raw_subscription.takers(node))
@@ -96,14 +96,14 @@ class Spinner:
         self._look_at_s = time.monotonic() + _LOOK_S
 
     def _follow_clock(self) -> None:
-        """If the system clock was set back, wake the middleware: its timed events are looked at when one is added."""
+        """If the system clock was set back, wake the middleware: adding a timed event makes it check all of them."""
         before_s, self._ahead_s = self._ahead_s, _ahead_s()
         if self._ahead_s < before_s - _SET_BACK_S:
             added = Node.create_publisher(self._node, ParameterEvent, '/parameter_events', 1)
             self._node.destroy_publisher(added)
 
     def _wait(self) -> bool:
-        """Wait, and serve the timers and raw messages that are ready. Return whether rclpy must serve something."""
+        """Wait, then serve the ready timers and raw messages. Return whether rclpy has something to serve."""
         wait_set = self._wait_set
         wait_set.clear_entities()
         for subscription in self._subscriptions:
@@ -126,7 +126,7 @@ class Spinner:
         triggered = wait_set.get_ready_entities('guard_condition')
         for guard in self._guards:
             if guard.handle.pointer in triggered:
-                guard.trigger()     # this wait took the trigger that rclpy is to find
+                guard.trigger()     # this wait consumed the trigger, which rclpy still has to find
                 others = True
         if wait_set.get_ready_entities('timer'):
             for timer in self._timers:
@@ -146,7 +146,7 @@ def _ahead_s() -> float:
 
 
 class _Overdue:
-    """Ends a wait that is overdue, by a thread that measures it with the steady clock: ``with self as condition``.
+    """Ends overdue waits, by a thread that measures them with the steady clock: ``with self as condition``.
 
     The thread sleeps in ``poll``, whose timeout is relative. Waits of Python's locks may follow the system clock too.
     """

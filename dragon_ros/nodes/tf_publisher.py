@@ -1,4 +1,4 @@
-"""TF of the two ends of a dragon, and of its head bench; frames of all 224 handles would slow down every listener."""
+"""TF of a dragon's two ends and its head bench; frames for all 224 handles would slow down every listener."""
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -12,10 +12,10 @@ TF = 'tf2_msgs/msg/TFMessage'
 
 
 class TfPublisher:
-    """Publishes frames on /tf, children of the frame of all messages: FRAME/head and FRAME/tail, and FRAME/bench_0."""
+    """Publishes FRAME/head, FRAME/tail and FRAME/bench_0 on /tf, as children of FRAME, the frame of all messages."""
 
     def __init__(self, node: Node, frame_id: str, ends: bool = True, root: bool = False) -> None:
-        """Advertise /tf, for both ``ends``, and the head bench as the ``root`` of a robot.
+        """Advertise /tf: for both ``ends``, and for the head bench as the ``root`` of a robot.
 
         Raises MissingError if tf2_msgs is not installed.
         """
@@ -30,14 +30,14 @@ class TfPublisher:
 
 
 def transforms_of(frame: Frame, frame_id: str) -> list[TransformStamped]:
-    """Return the transforms of the first and last handle; x points towards the head, like the yaw of the handles."""
+    """Return the transforms of the first and last handle; x points towards the head, as in the topic handles."""
     turns = half_turns(frame.axis[[0, -1]])
     return [_transform(frame, frame_id, name, handle, turn.tolist())
             for name, handle, turn in zip(('head', 'tail'), (0, -1), turns, strict=True)]
 
 
 def root_of(frame: Frame, frame_id: str) -> TransformStamped:
-    """Return the transform of the head bench, the root of the robot: at the first handle, with x along the bench."""
+    """Return the transform of the head bench, the robot's root: at the first handle, with x along the bench."""
     return _transform(frame, frame_id, ROOT, 0, half_turns(frame.axis[:1])[0].tolist())
 
 

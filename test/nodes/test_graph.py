@@ -221,7 +221,7 @@ def test_the_sim_publishes_no_topic_without_subscribers_and_every_tick_of_the_ot
     (['sim', '--ros-args', '-p', 'rate_hz:=[]'], 'rate_hz: is not of type float'),
     (['sim', '--set', 'dragon.benches=9', '--ros-args', '-p', 'set:=3'], 'set: is not of type list'),
     (['sim', '--set', 'dragon.benches=9', '--ros-args', '-p', 'set:=[1, 2]'], 'set: is not of type list'),
-    (['sim', '--ros-args', '-p', 'rate_hx:=5.0'], 'rate_hx: sim has none of that name; did you mean rate_hz?'),
+    (['sim', '--ros-args', '-p', 'rate_hx:=5.0'], 'rate_hx: sim has no such parameter; did you mean rate_hz?'),
     (['monitor', '--ros-args', '-p', 'warn_below:=0.1'], 'did you mean warn_below_m?'),
     (['monitor', '--ros-args', '-p', 'warn_below_m:=-1.0'], 'warn_below_m'),
     (['monitor', '--ros-args', '-p', 'warn_below_m:=.nan'], 'warn_below_m'),
@@ -241,7 +241,7 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(start, arguments, says):
 def test_an_empty_list_is_a_value_of_a_parameter_that_is_a_list(start):
     sim = start('sim', '--set', 'run.stop_s=0.1', '--ros-args', '-p', 'set:=[]', '-p', 'rate_hz:=20', '-p', 'other:=[]')
     assert sim.end() == 0, sim.text
-    assert 'parameter other: sim has none of that name' in sim.text
+    assert 'parameter other: sim has no such parameter' in sim.text
     assert 'tick 0 of 3' in sim.text
 
 
@@ -264,16 +264,16 @@ def test_a_parameter_for_another_node_is_named_and_ignored(start, tmp_path):
     sim = start('sim', '--set', 'run.stop_s=0.1', *arguments)
     record = start('record', '--output', tmp_path / 'a.mcap', *arguments)
     assert sim.end() == 0, sim.text
-    assert 'parameter robot: sim has none of that name, it is ignored; it has scene, ' in sim.text
-    assert 'parameter publish_rate: sim has none of that name, it is ignored; did you mean publish_tf?' in sim.text
-    assert 'parameter base_frame_id: sim has none of that name, it is ignored; did you mean frame_id?' in sim.text
+    assert 'parameter robot: sim has no such parameter; it is ignored; it has scene, ' in sim.text
+    assert 'parameter publish_rate: sim has no such parameter; it is ignored; did you mean publish_tf?' in sim.text
+    assert 'parameter base_frame_id: sim has no such parameter; it is ignored; did you mean frame_id?' in sim.text
     assert 'tick 0 of 3' in sim.text
     assert 'use_sim_time' not in sim.text
-    record.wait_for('parameter rate_hz: record has none of that name, it is ignored; it has none of its own')
+    record.wait_for('parameter rate_hz: record has no such parameter; it is ignored; it has no parameters of its own')
     record.stop()
     replay = start('replay', tmp_path / 'a.mcap', '--ros-args', '-p', 'publish_tf:=true', '-p', 'time_scale:=0.0')
     assert replay.end() == 0, replay.text
-    assert 'parameter publish_tf: replay has none of that name, it is ignored; it has time_scale, ' in replay.text
+    assert 'parameter publish_tf: replay has no such parameter; it is ignored; it has time_scale, ' in replay.text
 
 
 @pytest.mark.parametrize('loaded', ['_multiarray_umath', '_rclpy_pybind11'])
@@ -476,8 +476,8 @@ def test_the_quality_of_a_topic_can_be_overridden_and_what_cannot_gets_a_word(st
     assert [one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in quality.values()] == [False, True, False]
     (heard,) = node.get_subscriptions_info_by_topic('/dragon/handles')
     assert heard.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-    sim.wait_for('parameter qos_overrides./dragon/handle.publisher.depth: sim has no such topic, it is ignored')
-    for wrong, says in (('history:=some', "'history'|`history`: `some`"), ('depht:=5', 'depht: is no policy'),
+    sim.wait_for('parameter qos_overrides./dragon/handle.publisher.depth: sim has no such topic; it is ignored')
+    for wrong, says in (('history:=some', "'history'|`history`: `some`"), ('depht:=5', 'depht: is not a policy'),
                         ('depth:=many', 'depth')):
         failed = start('sim', '--ros-args', '-p', f'qos_overrides./dragon/handles.publisher.{wrong}')
         assert failed.end() == 2, failed.text
@@ -489,7 +489,7 @@ def test_the_quality_of_a_topic_can_be_overridden_and_what_cannot_gets_a_word(st
 def test_a_run_as_fast_as_its_readers_follow_cannot_be_made_to_lose_messages(start, given):
     sim = start('sim', '--ros-args', '-p', 'time_scale:=0.0', '-p', f'qos_overrides./dragon/handles.publisher.{given}')
     assert sim.end() == 2, sim.text
-    assert 'leave it out, or set time_scale above 0' in sim.text
+    assert 'omit it, or set time_scale above 0' in sim.text
 
 
 def test_the_dragon_as_a_robot_is_published_and_latched_where_asked_for(start, node):

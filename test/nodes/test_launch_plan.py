@@ -97,7 +97,7 @@ def test_no_monitor_is_started_on_a_bag_without_benches(tmp_path):
         bag.write('/dragon/handles', encoders(SCENE)['handles'](tick(SCENE, 0)), SCENE.run.time_ns(0), 1)
     what = planned(replay=str(tmp_path / 'a.mcap'))
     assert what.readers == []
-    assert what.notes == ('there are no benches to see, so no monitor is started: the bag has none',)
+    assert what.notes == ('no monitor is started, because no benches are published: the bag has none',)
 
 
 def test_what_stops_at_a_contact_stops_everything_unless_told_otherwise():
@@ -123,7 +123,7 @@ def test_each_argument_of_a_run_is_passed_to_the_node_that_it_is_for(watched):
 def test_an_argument_that_concerns_nothing_that_is_started_is_refused(watched, name):
     who = next(one.concerns for one in ARGUMENTS if one.name == name)
     given = {'replay': str(watched)} if who == 'sim' else {'monitor': 'false'}
-    with pytest.raises(InputError, match=f'launch argument {name}:=0.5: concerns {who} alone, which is not started'):
+    with pytest.raises(InputError, match=f'launch argument {name}:=0.5: applies only to {who}, which is not started'):
         planned(**given, **{name: '0.5'})
 
 

@@ -137,6 +137,6 @@ def test_a_command_of_the_other_type_gets_a_word_with_its_cure(start, node):
     from geometry_msgs.msg import Twist
     node.create_publisher(Twist, 'cmd_vel', 1)
     sim = start('sim', *LED)
-    sim.wait_for('/dragon/cmd_vel: /dragon/observer publishes geometry_msgs/msg/Twist, and this sim takes '
-                 'geometry_msgs/msg/TwistStamped alone')
+    sim.wait_for('/dragon/cmd_vel: /dragon/observer publishes geometry_msgs/msg/Twist, but this sim accepts only '
+                 'geometry_msgs/msg/TwistStamped; start')
     assert 'cmd_vel_stamped:=false' in sim.text
