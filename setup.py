@@ -27,7 +27,8 @@ setup(
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={NAME: ['py.typed'], f'{NAME}.commands.view': ['web/*'],
                   f'{NAME}.commands.grade': ['report.css']},
-    # Executables are data: `ros2 run` looks in lib/dragon_ros, and names such as `sim` must never reach a bin/.
+    # Executables are data files: `ros2 run` searches lib/dragon_ros, and names such as `sim` must never be installed in
+    # a bin/.
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -35,10 +36,11 @@ setup(
         (f'share/{NAME}/launch', ['launch/dragon.launch.py']),
         *configuration(),
     ],
-    # One name for the bin/ of pip; colcon puts it beside the executables.
+    # The only name for pip's bin/; colcon puts it beside the executables.
     entry_points={'console_scripts': ['dragon = dragon_ros.__main__:dragon']},
     python_requires='>=3.10',
-    # ROS packages come with ROS (or from requirements.txt), never from here: they would break an ordinary install.
+    # ROS packages come with ROS (or from requirements.txt). They are not listed here, since that would break an
+    # ordinary install.
     install_requires=['argcomplete>=3.1', 'lz4>=4.0', 'matplotlib>=3.6', 'mcap>=1.1', 'numpy>=1.26', 'PyYAML>=6.0',
                       'regex>=2022.10', 'shapely>=2.0', 'tqdm>=4.64', 'zstandard>=0.22'],
     extras_require={'film': ['pillow>=11.3'], 'maps': ['pyproj>=3.6'], 'parquet': ['pyarrow>=15'],

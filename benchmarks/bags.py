@@ -127,7 +127,7 @@ def picture(rows: list[Written]) -> Figure:
     for row in rows:
         own = row.writer == _OWN
         axes.plot(100 * row.share, row.mb_s, 'o' if own else 's', color='#0072B2' if own else '#E69F00', markersize=9)
-        on_left = own and row.compression == 'zstd'         # lz4 is to the right of it, and nearly as high
+        on_left = own and row.compression == 'zstd'         # lz4 is to its right and nearly as high
         axes.annotate(f'{row.writer}, {row.compression}', (100 * row.share, row.mb_s), textcoords='offset points',
                       xytext=(-8 if on_left else 8, 4 if own else -12), ha='right' if on_left else 'left',
                       fontsize=TEXT_PT)

@@ -22,7 +22,7 @@ ALL = 'all'
 _CHECKOUT = Path(__file__).parents[1]
 _CHAINS, _CHAINS_OF_ALL = 1000, 100_000
 _BUDGET_S, _MINUTES = 0.3, 10.0
-_EFFORTS = {'memory': 'minutes', 'promises': 'chains'}      # the option of these pages; all others have budget
+_EFFORTS = {'memory': 'minutes', 'promises': 'chains'}      # the option of these pages; all others have --budget
 _RANGES = {'budget': (_BUDGET_S, 1e-6, 1e6), 'minutes': (_MINUTES, 0.05, 1e4), 'chains': (_CHAINS, 1, 1e9)}
 _END = '<!-- end -->'
 
@@ -31,17 +31,18 @@ def main(argv: list[str]) -> int:
     """Measure one page or all; return the exit code."""
     options = command_line.parser('cost', 'Measure a page in one run: a table, CSV, and a picture as PNG and SVG.',
                                   'cost accuracy --output docs/cost')
-    options.add_argument('page', choices=(*PAGES, ALL), help='limits: how far each stage is from what the machine '
-                         'can do; accuracy: error against time, for every tier and other solvers; '
+    options.add_argument('page', choices=(*PAGES, ALL), help='limits: each stage compared with the limit of the '
+                                                             'machine; accuracy: error against time, for every tier '
+                                                             'and other solvers; '
                          'promises: error over promise on random chains; '
                          'contact: the first contact against sampling at fixed steps, and growth with benches; '
                          'effects: what each effect adds to a tick; tick: where the time of one tick goes; '
                          'first: what the first tick of a track takes; '
                          'scale: growth of each stage, and rates held over DDS; '
-                         'bag: throughput and size of bags by compression; simulate: its speed by the number of '
-                         'workers; memory: that of a recorder during a long run; startup: of every executable; '
-                         'study: rows a second of studies on Dask; venue: design fit and contact in a town; all: one '
-                         'after the other, for half an hour or more')
+                         'bag: throughput and size of bags by compression; simulate: speed by the number of workers; '
+                         'memory: that of a recorder during a long run; startup: start-up time of every executable; '
+                         'study: rows per second of studies on Dask; venue: design fit and contact in a town; all: '
+                         'all pages one by one, for half an hour or more')
     options.add_argument('--output', type=Path, metavar='FOLDER',
                          help='folder for the results (cost; for all: docs/cost of the checkout). A page that is there '
                          'already keeps its text, only its table is renewed')

@@ -22,8 +22,8 @@ from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import state
 from dragon_ros.cost.measure import TIMES, circumstances, timed
 
-T_STAR_S = 412.473837682115         # of the classic run, to the last digit
-WIDER_S = 409.775927737801          # with benches 1 mm wider: a contact that lasts 0.11 s, 2 s before the next
+T_STAR_S = 412.473837682115         # first contact of the classic run, to the last digit
+WIDER_S = 409.775927737801          # first contact with benches 1 mm wider; it lasts 0.11 s and is 2 s before the next
 _KNOWN_S = 1e-12                    # times closer than this count as equal
 _WRONG_S = 5e-7                     # a time without a stated bound that is off by more is marked WRONG
 _STEPS_S = (1.0, 0.1, 0.01)
@@ -100,7 +100,7 @@ def _scanned(step_s: float, scene: Scene) -> list[Search]:
 
 
 def _polished(wanted: tuple[float, ...], scene: Scene, what: str = '', true_s: float = T_STAR_S) -> list[Search]:
-    """Sample every second, then bisect the second with the contact down to each of the ``wanted`` lengths."""
+    """Sample every second, then bisect the second with the contact down to each of the ``wanted`` durations."""
     scan = _scanned(1.0, scene)[0]
     low, high = scan.t_s - 1, scan.t_s
     samples, start, out = scan.states, time.perf_counter(), []
@@ -141,7 +141,7 @@ def csv_text(rows: Measured) -> str:
 
 
 def picture(rows: Measured) -> Figure:
-    """Return two panels: error of the contact time against the time it takes, and growth with the number of benches."""
+    """Return two panels: error of the contact time against computing time, and growth with the number of benches."""
     figure = Figure(figsize=(PAGE_IN, 11), layout='constrained')
     above, below = figure.subplots(2, 1)
     _search_panel(above, rows)

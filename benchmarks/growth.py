@@ -69,7 +69,7 @@ def _agree(gap: float, least: float, reach: float) -> bool:
 
 
 def _watched(scene: Scene, pairs: int, least: float, budget_s: float) -> Check:
-    """Check tick by tick like the monitor: order, near pairs and contact intervals, without messages."""
+    """Check tick by tick as the monitor does, without messages: order, near pairs and contact intervals."""
     tracker, ticks, looks = ContactTracker(), count(1), ticks_from(scene, _AT_S)
 
     def check() -> float:

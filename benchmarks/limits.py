@@ -1,8 +1,8 @@
-"""``cost limits``: the time of each stage relative to the limit of this machine, which shows the remaining headroom.
+"""``cost limits``: the time of each stage relative to this machine's limit, which shows the remaining headroom.
 
 Each stage is compared with the machine's rates, measured in the same run on one thread: multiplications and additions
-of a product, bytes copied within the cache or through memory, bytes compressed by zstd alone, bytes written to a file.
-Its limit is the longest of the times that its numbers and bytes need at these rates, independent of the code.
+in a product, bytes copied within the cache or through memory, bytes compressed by zstd alone, bytes written to a file.
+A stage's limit is the longest time that any of its amounts needs at its rate, whatever the code.
 """
 import tempfile
 from collections.abc import Callable
@@ -34,7 +34,7 @@ from dragon_ros.messages.encode import encoders
 
 _SCENE = Scene(run=Run(300, 303, 100))
 _STATES = 20_000
-_CACHED, _LARGE = 2**15, 2**27      # bytes that fit into the cache of a core, and bytes beyond all caches
+_CACHED, _LARGE = 2**15, 2**27      # bytes that fit into a core's cache, and bytes that exceed all caches
 _NUMBER = 8                         # bytes
 _NAMES = {'none': 'not compressed', 'zstd': 'zstd'}
 _RATES = {'product': 'multiplications and additions in a product', 'cache': 'bytes copied within the cache',
@@ -90,7 +90,7 @@ def _rates(messages: list[tuple[str, bytes, int, int]], folder: Path, budget_s: 
 
 
 def _products(t_s: float) -> int:
-    """Return how many multiplications place all handles at a time."""
+    """Return the number of multiplications that place all handles at one time."""
     chain = state(_SCENE, t_s)
     return sum(product.terms * (product.stop - product.start)
                for part in chain.parts if isinstance(part, TabulatedLinks) for product in part.products)
@@ -193,7 +193,7 @@ def picture(rows: Measured) -> Figure:
         axes.annotate(f' {times:.1f} times {1e6 * limit_s:.3g} µs', (max(times, 1.0), y), va='center', fontsize=TEXT_PT)
     axes.set_yticks(range(len(rows.stages)), [stage.name for stage in reversed(rows.stages)])
     axes.axvline(1.0, color='black', linewidth=1.0)
-    axes.set(xscale='log', xlabel='times as long as the machine needs (1: nothing is left)',
+    axes.set(xscale='log', xlabel='times as long as the machine needs (1: no headroom)',
              title='How far each stage is from the machine')
     longest = max(stage.timing.median_s / stage.limit(rows.rates)[0] for stage in rows.stages)
     axes.set_xlim(0.5, 6 * max(longest, 1.0))

@@ -1,4 +1,4 @@
-"""Sim, monitor and recorder as processes over DDS: the rate that they sustain, their CPU time, and losses."""
+"""Sim, monitor and recorder as processes over DDS: sustained rate, CPU time, and losses."""
 import re
 import signal
 import subprocess
@@ -28,7 +28,7 @@ _OVERRUNS, _SEEN = re.compile(r'; (\d+) overruns'), re.compile(r'saw (\d+) ticks
 
 @dataclass(frozen=True)
 class Usage:
-    """CPU of one process in cores, and the growth of its memory, from the first to the last sample."""
+    """CPU use of one process in cores and the growth of its memory, from the first to the last sample."""
 
     cores: float
     rss_mb: float
@@ -37,7 +37,7 @@ class Usage:
 
 @dataclass(frozen=True)
 class Live:
-    """One run: benches, ticks per second (0: as fast as the readers allow), ticks, wall time, overruns and losses."""
+    """One run: benches, ticks per second (0: as fast as readers can follow), ticks, wall time, overruns and losses."""
 
     benches: int
     rate_hz: float
@@ -64,7 +64,7 @@ class Live:
 
 
 def run(benches: int, rate_hz: float, ticks: int, markers: str = 'cubes') -> Live:
-    """Run this many ticks at a rate (0: as fast as the readers allow) with monitor and recorder."""
+    """Run a number of ticks at a rate (0: as fast as the readers can follow) with monitor and recorder."""
     rate = rate_hz or 50.0
     stop_s = _START_S + (ticks - 1) / rate
     with TemporaryDirectory() as name, processes(Path(name)) as start:
@@ -117,7 +117,7 @@ class Start:
 
 @contextmanager
 def processes(folder: Path) -> Iterator[Start]:
-    """Start processes that are ended with the block."""
+    """Start processes, and end them with the block."""
     start = Start(folder)
     try:
         yield start

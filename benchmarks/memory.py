@@ -18,10 +18,10 @@ from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.cost.measure import circumstances
 
 _BENCHES, _RATE_HZ, _TOPICS = 223, 100, ('handles', 'benches', 'velocities')
-_WAY_M = 400.0          # path of the head in a run of any duration, so that the size of a tick is constant
+_WAY_M = 400.0          # the head's way, equal for any duration, so that the size of a tick is constant
 _EACH_S = 5.0
-_SETTLED_S = 60.0       # growth is fitted from here, or from a tenth of a shorter run
-_STEP_MB = 0.1          # change between two samples that counts as a step: a backlog, whose memory the middleware keeps
+_SETTLED_S = 60.0       # growth is fitted from here, or from a tenth of the run if it is shorter
+_STEP_MB = 0.1          # smallest change between samples that counts as a step (a backlog)
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """``cost promises``: errors relative to promises on random chains, by tier, method and quantity.
 
 The number n alone determines scene n: 2 to 60 links, equal behind a different head or in groups, on a spiral, an S-turn
-or a composite track, led by head or tail, with or without a shift map, at one of the tiers. Its chains are those at the
-start, at two random times, and at two close to the end of the model, which often is a lock. Each is compared with
+or a composite track, led by head or tail, with or without a shift map, at one of the tiers. Chains are taken at the
+start, at two random times, and at two times close to the end of the model, which is often a lock. Each is compared with
 forward placement at the exact tier, which ``cost accuracy`` compares with 50 digits.
 """
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ from dragon_ros.cost.measure import circumstances
 PROMISING = tuple(name for name, tier in TIERS.items() if tier is not PAPER)
 WAYS = ('state', 'states', 'tick')
 WHAT = ('positions', 'speeds')
-_LONGEST_M = 6.0            # of a link
+_LONGEST_M = 6.0            # length of a link
 _LATEST_S = 100.0
 _HEAD = ('tier', 'through', 'of', 'chains', 'median', 'p99', 'p999', 'largest', 'above_1', 'worst_scene')
 _COLOURS = {'preview': '#56B4E9', 'standard': '#009E73', 'fine': '#E69F00', 'exact': '#0072B2'}
@@ -42,7 +42,7 @@ _COLOURS = {'preview': '#56B4E9', 'standard': '#009E73', 'fine': '#E69F00', 'exa
 def shares(scene: Scene, times_s: Sequence[float]) -> Floats:
     """Return errors over promises, (times, 3, 2): of ``state``, ``states`` and ``tick``; of positions and of speeds.
 
-    Times are at whole nanoseconds, for the ticks. A promise is that of the scene's own tier.
+    Times are whole nanoseconds, as ticks require. The promise is that of the scene's own tier.
     """
     known, scene = replace(scene, accuracy='exact', solver='march'), replace(scene, effects=Effect.VELOCITY)
     many = states(scene, times_s)
@@ -142,7 +142,7 @@ def _measured(number: int) -> Measured:
 
 
 def _rows(found: Measured) -> list[tuple[str | int | float, ...]]:
-    """Return one row for each tier, way and quantity, under the heads of the CSV."""
+    """Return one row for each tier, method and quantity, under the heads of the CSV."""
     out: list[tuple[str | int | float, ...]] = []
     for n, tier in enumerate(PROMISING):
         mine = np.flatnonzero(found.tiers == n)
@@ -173,7 +173,7 @@ def summary(found: Measured) -> str:
 
 
 def picture(found: Measured) -> Figure:
-    """Return a figure of the share of chains whose error exceeds a share of its promise, for positions and speeds."""
+    """Return a figure of the share of chains with a larger error, by error over promise, for positions and speeds."""
     figure = Figure(figsize=(PAGE_IN, 5), layout='constrained')
     for k, (axes, what) in enumerate(zip(figure.subplots(1, 2, sharey=True), WHAT, strict=True)):
         for n, tier in enumerate(PROMISING):

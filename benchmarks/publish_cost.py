@@ -1,4 +1,4 @@
-"""The cost of publishing one tick as bytes and as message objects; ``cost tick`` runs it and reads seconds as JSON."""
+"""The cost of publishing a tick as bytes and as message objects; ``cost tick`` runs this and reads seconds as JSON."""
 import json
 import sys
 import time
@@ -39,7 +39,7 @@ def main(budget_s: float) -> None:
 
 
 def _heard(node: Node, name: str) -> Publisher:
-    """Return a publisher with one subscriber."""
+    """Return a publisher that has one subscriber."""
     row = channels()[name]
     kind, profile = shell.message_type(row.type), qos.profile('reliable', 'volatile', 10)
     node.create_subscription(kind, name, lambda _: None, profile, raw=True)

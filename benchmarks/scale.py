@@ -1,4 +1,4 @@
-"""``cost scale``: time and memory of each stage for 10 to 100,000 benches, and the rates that processes sustain."""
+"""``cost scale``: time and memory of each stage for 10 to 100,000 benches, and sustained rates of processes."""
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ LIVE = (223, 2000, 20_000)
 USUAL = (223, 50)        # benches and ticks per second of most runs
 _AT_S = 300.0
 _FITTED = 1000          # exponents are fitted from this size
-_LIVE_TIMES = 10        # length of a live run in timings
+_LIVE_TIMES = 10        # length of a live run, in budgets of a timing
 _COLOURS = dict(zip(STAGES, ('#999999', '#0072B2', '#56B4E9', '#009E73', '#E69F00', '#D55E00'), strict=True))
 
 _OF_SOLVERS = ('chain', 'velocities')    # the stages in which solvers differ
@@ -55,7 +55,7 @@ class Build:
 
 @dataclass(frozen=True)
 class Measured:
-    """All rows of the page; ``free`` are runs as fast as the readers allow."""
+    """All rows of the page; ``free`` are runs as fast as the readers can follow."""
 
     stages: list[Stage]
     free: list[Live]
@@ -82,7 +82,7 @@ def _stages(solver: str, benches: int, budget_s: float) -> list[Stage]:
 
 
 def _peak(call: Callable[[], object]) -> int:
-    """Return the peak memory of a call in bytes (in a separate call, since tracing slows it)."""
+    """Return the peak memory of a call in bytes (in a separate call, since tracing slows it down)."""
     tracemalloc.start()
     try:
         call()
@@ -161,7 +161,7 @@ def _live_table(rows: Measured) -> str:
         lines.append(f'| {row.benches:,} | {f"{row.rate_hz:g}" if row.rate_hz else "free"} | {row.reached_hz:.0f} '
                      f'| {factor} | {row.overruns} of {row.ticks:,} | {row.lost} | {held} | {cores} '
                      f'| {row.usage["record"].grown_mb:.1f} |')
-    return '\n'.join(lines) + ('\n\nFree runs go as fast as the readers follow; a tick is 0.02 s there. Held: no '
+    return '\n'.join(lines) + ('\n\nFree runs go as fast as the readers can follow; a tick is 0.02 s there. Held: no '
                                'overrun and no lost message, with sim, monitor and recorder over DDS on this host.')
 
 
@@ -210,7 +210,7 @@ def _rates(axes: Axes, rows: Measured) -> None:
         axes.plot(row.benches, row.rate_hz, 'o' if row.held else 'x', color='#0072B2' if row.held else '#D55E00',
                   markersize=8)
     axes.plot([row.benches for row in rows.free], [row.reached_hz for row in rows.free], 's-', color='#999999',
-              label='free: as fast as the readers follow')
+              label='free: as fast as the readers can follow')
     axes.plot([], [], 'o', color='#0072B2', label='held: no overrun, nothing lost')
     axes.plot([], [], 'x', color='#D55E00', label='not held')
     axes.set(xscale='log', yscale='log', ylabel='ticks per second', ylim=(0.5 * RATES_HZ[0], 2 * RATES_HZ[-1]),

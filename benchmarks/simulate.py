@@ -1,4 +1,4 @@
-"""``cost simulate``: how fast a scene's bag is written by one process and by several, and what copying it takes."""
+"""``cost simulate``: how fast one process and several write a scene's bag, compared with copying it."""
 import os
 import shutil
 import sys
@@ -16,16 +16,16 @@ from dragon_ros.cli.progress import Progress
 from dragon_ros.cost.measure import circumstances
 
 _LENGTHS = 1400         # seconds of the run for each second of a timing's budget
-_LONGEST_S = 432.0      # of the run: its whole way in
-_REPEATS = 3            # of which the quickest counts: what else the machine does only slows
-_PINNED = 0             # stands for one worker that may use one core alone
+_LONGEST_S = 432.0      # length of the run: its whole way in
+_REPEATS = 3            # runs of which the fastest counts, since other load can only slow a run down
+_PINNED = 0             # means one worker that may use only one core
 
 
 @dataclass(frozen=True)
 class Written:
-    """The bag of a run, written by so many workers (``_PINNED``: by one on a single core), or copied (None).
+    """The bag of a run, written by a number of workers (``_PINNED``: one worker on a single core), or copied (None).
 
-    ``memory_mb`` is the most that the largest process has had resident, ``cpu_s`` the CPU seconds of all.
+    ``memory_mb`` is the peak resident memory of the largest process, ``cpu_s`` the CPU seconds of all processes.
     """
 
     workers: int | None
@@ -37,7 +37,7 @@ class Written:
 
     @property
     def name(self) -> str:
-        """What wrote it."""
+        """The name of the writer."""
         if self.workers is None:
             return 'its bytes copied'
         return 'one worker on one core' if self.workers == _PINNED else f'--workers {self.workers}'
@@ -96,7 +96,7 @@ def csv_text(rows: list[Written]) -> str:
 
 
 def picture(rows: list[Written]) -> Figure:
-    """Return the speed of each number of workers, relative to real time; copying would hide what differs."""
+    """Return the speed relative to real time by workers; copying, which would hide differences, is left out."""
     rows = [row for row in rows if row.workers is not None]
     figure = Figure(figsize=(PAGE_IN, 4.4), layout='constrained')
     axes = figure.subplots()

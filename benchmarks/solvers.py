@@ -15,11 +15,11 @@ from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.cost.baselines import by_newton
 
 ChainSolver = Callable[[Scene, Place], Chain]
-_TOLERANCE_RAD = 1e-9       # of plain Newton
+_TOLERANCE_RAD = 1e-9       # tolerance of plain Newton
 
 
 def _plain(scene: Scene, head: Place) -> Chain:
-    """Place the chain like typical Python code: Newton's method on the cosine rule, point by point."""
+    """Place the chain as typical Python code does: Newton's method on the cosine rule, point by point."""
     b = scene.spiral.b_m
     theta = [head.u.hi]
     for link in scene.dragon.link_lengths_m.tolist():
@@ -40,7 +40,7 @@ class PlainChain(Chain):
         return 'plain'
 
     def velocities(self, head_speed_m_s: Any, out: Floats | None = None) -> Floats:
-        """Return the velocities like typical code: link by link, from the angles with both tangents."""
+        """Return the velocities as typical code does: link by link, from the angles with both tangents."""
         speed, rows, points, before = float(head_speed_m_s), [], self.p.tolist(), (0.0, 0.0)
         for k, t in enumerate(self.theta):
             x, y = cos(t) - t * sin(t), sin(t) + t * cos(t)

@@ -1,4 +1,4 @@
-"""``cost startup``: the start-up time of each executable: of its help, and of its smallest use."""
+"""``cost startup``: the start-up time of each executable, for its help and for its smallest use."""
 import os
 import re
 import subprocess
@@ -39,7 +39,7 @@ class Start:
 
 
 def measure(budget_s: float = 0.3) -> list[Start]:
-    """Measure everything, each start in a process of its own; progress goes to standard error."""
+    """Measure everything, each start in its own process; progress goes to standard error."""
     with TemporaryDirectory() as folder:
         bag, out = Path(folder) / 'run.mcap', Path(folder) / 'out'
         _run(*_MODULE, *_BAG, bag)
@@ -72,16 +72,16 @@ def _first_frame(*words: str | Path) -> None:
         for name in ('run.json', 'frames/0'):
             with urlopen(address + name) as answer:
                 answer.read()
-        view.kill()         # nobody waits for its end
+        view.kill()         # it runs until it is killed
 
 
 def _environment() -> dict[str, str]:
-    """Return this environment, with modules compiled once, as for a user."""
+    """Return this environment, in which modules are compiled only once, as for a user."""
     return {name: value for name, value in os.environ.items() if name != 'PYTHONDONTWRITEBYTECODE'}
 
 
 def table(rows: list[Start]) -> str:
-    """Return the rows as a Markdown table, an executable a line."""
+    """Return the rows as a Markdown table, with one executable per line."""
     done = {(row.name, row.arguments == HELP): row for row in rows}
     lines = [circumstances(), '', '| executable | `--help` (ms) | smallest use | (ms) |', '|---|---:|---|---:|']
     lines += [f'| {name} | | `{done[name, False].arguments}` | {_ms(done[name, False])} |' for name in FLOORS]
@@ -103,7 +103,7 @@ def csv_text(rows: list[Start]) -> str:
 
 
 def picture(rows: list[Start]) -> Figure:
-    """Return bars of all starts; the floors are grey, help is blue, uses are orange."""
+    """Return bars of all starts: Python itself in grey, help in blue, uses in orange."""
     figure = Figure(figsize=(PAGE_IN, 0.28 * len(rows) + 1.2), layout='constrained')
     axes = figure.subplots()
     for n, row in enumerate(rows):

@@ -21,9 +21,9 @@ from dragon_ros.studies.rows import rows_of
 from dragon_ros.studies.study import Study, Uniform
 
 WORKERS = (1, 2)
-CORES = (2, 64, 1000)       # on paper
+CORES = (2, 64, 1000)       # extrapolated
 _PAPER_ROWS = 10**6
-_BUDGETS = 100              # of a timing, for a study
+_BUDGETS = 100              # budgets of a timing per study
 _WARM = 4                   # rows of each worker before anything is timed
 _PROBED_S = 0.5
 _VARY = (('dragon.width_m', Uniform(0.25, 0.35)),)
@@ -32,10 +32,10 @@ TASKS: dict[str, Question] = {'first contact of the classic dragon': FirstContac
 
 @dataclass(frozen=True)
 class Row:
-    """A study on so many workers, 0 being this process without Dask.
+    """A study on a number of workers; 0 is this process without Dask.
 
     ``work_s`` are the CPU seconds of the rows themselves, ``cpu_s`` those of all processes together: workers, scheduler
-    and the client, which writes. ``memory_mb`` is the largest resident memory of a worker.
+    and the client, which writes the rows. ``memory_mb`` is the largest resident memory of a worker.
     """
 
     task: str
@@ -48,22 +48,22 @@ class Row:
 
     @property
     def rate(self) -> float:
-        """Rows a second."""
+        """Rows per second."""
         return self.rows / self.wall_s
 
     @property
     def row_s(self) -> float:
-        """CPU seconds of a row."""
+        """CPU seconds per row."""
         return self.work_s / self.rows
 
     @property
     def overhead_s(self) -> float:
-        """CPU seconds per row of Dask, Parquet and drawing inputs."""
+        """CPU seconds per row for Dask, Parquet and drawing inputs."""
         return (self.cpu_s - self.work_s) / self.rows
 
 
 def measure(budget_s: float = 0.3) -> list[Row]:
-    """Measure everything: each study for about a hundred budgets on each number of workers, all of them up before."""
+    """Measure everything: each study for about a hundred budgets on each number of workers, all started beforehand."""
     jobs = [(name, workers) for name in TASKS for workers in (0, *WORKERS)]
     return [_timed(name, workers, _BUDGETS * budget_s) for name, workers in
             Progress('cost study', 'parts', len(jobs))(jobs)]
@@ -91,7 +91,7 @@ def _alone(name: str, rows: int) -> Row:
 
 
 def _on_dask(name: str, workers: int, rows: int) -> Row:
-    """Time a study on workers that have already computed some rows, without their start."""
+    """Time a study on workers that have already computed some rows, without their start-up."""
     with TemporaryDirectory() as folder, local_client(workers) as client:
         client.wait_for_workers(workers)
         _complete(client, Path(folder) / 'warm', _study(name, _WARM * workers))
@@ -109,7 +109,7 @@ def _complete(client: Client, folder: Path, study: Study) -> float:
 
 
 def _cpu_s(client: Client) -> float:
-    """Return the CPU seconds of all processes so far: the scheduler is in this one."""
+    """Return the CPU seconds of all processes so far; the scheduler runs in this one."""
     return time.process_time() + float(sum(client.run(time.process_time).values()))
 
 
@@ -118,7 +118,7 @@ def _most_mb() -> float:
 
 
 def table(rows: list[Row]) -> str:
-    """Return the measured rows and the paper as Markdown, with the circumstances above them."""
+    """Return the measured and extrapolated rows as Markdown, with the circumstances above them."""
     lines = [f'{circumstances()}.', '',
              '| study | workers | rows | rows a second | CPU of a row (ms) | besides it (ms) | part of it | most '
              'memory of a worker (MB) |', '|---|---:|---:|---:|---:|---:|---:|---:|']
@@ -152,7 +152,7 @@ def csv_text(rows: list[Row]) -> str:
 
 
 def picture(rows: list[Row]) -> Figure:
-    """Return the rows a second over the number of workers, a panel for each study."""
+    """Return the rows per second over the number of workers, with a panel for each study."""
     figure = Figure(figsize=(PAGE_IN, 4.4), layout='constrained')
     for axes, name in zip(figure.subplots(1, len(TASKS)), TASKS, strict=True):
         own = [row for row in rows if row.task == name]

@@ -38,7 +38,7 @@ class Row:
 
     @property
     def total_s(self) -> float:
-        """All stages together, in seconds."""
+        """The sum of all stages in seconds."""
         return sum(timing.median_s for timing in self.stages.values())
 
     @property
@@ -48,7 +48,7 @@ class Row:
 
 
 def measure(budget_s: float = 0.3) -> list[Row]:
-    """Measure everything; progress goes to standard error. The first row has messages as objects."""
+    """Measure everything; progress goes to standard error. In the first row, messages are objects."""
     messages = _messages(budget_s)
     ways = [(solver, name) for solver in CHAIN_SOLVERS for name, tier in TIERS.items()
             if tier is EXACT or (tier is not PAPER and solver != 'plain')]

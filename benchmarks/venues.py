@@ -1,7 +1,7 @@
-"""``cost venue``: what the answers in a venue take, and how that grows with corners of obstacles, way and benches.
+"""``cost venue``: the time of answers in a venue, and its growth with corners of obstacles, way and benches.
 
-The venue is a town that is made here: square houses of 8 m on a grid of 14 m, those nearest to the track, along a
-street that turns one corner.
+The venue is a synthetic town: square houses of 8 m on a grid of 14 m, those nearest to the track, along a street with
+one corner.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 _BENCHES, _WAY_M, _CORNERS = 61, 300.0, 2000
 _LADDERS: dict[str, tuple[float, ...]] = {
     'corners': (200, 2000, 20_000), 'way (m)': (100, 300, 1000), 'benches': (20, 61, 223)}
-_STEP_M, _HALF_M, _CLEAR_M = 14.0, 4.0, 3.0     # of the grid, of a house, and beside the track
+_STEP_M, _HALF_M, _CLEAR_M = 14.0, 4.0, 3.0     # of the grid, of a house, and free beside the track
 _FIT, _CONTACT, _ALONE = 'design fit', 'contact', 'contact without the venue'
 CALLS: dict[str, Callable[[Scene], object]] = {
     _FIT: venue_fit, _CONTACT: first_contact, _ALONE: lambda scene: first_contact(replace(scene, venue=None))}
@@ -35,7 +35,7 @@ _STYLES = {_FIT: ('#0072B2', 'o'), _CONTACT: ('#D55E00', 's'), _ALONE: ('#009E73
 
 @dataclass(frozen=True)
 class Row:
-    """A town, which of its sizes is varied, and the times of the answers in it."""
+    """A town, the size that is varied, and the times of the answers in it."""
 
     varied: str
     corners: int
@@ -50,7 +50,7 @@ class Row:
 
 
 def town(corners: int, way_m: float, benches: int) -> Scene:
-    """Return a dragon that walks so far through a town with so many corners of houses."""
+    """Return a dragon that walks a given way through a town with a given number of corners."""
     dragon = Dragon(benches)
     start_m = float(np.sum(dragon.link_lengths_m)) + 1.0
     half_m = 0.5 * (start_m + way_m)
@@ -69,7 +69,7 @@ def town(corners: int, way_m: float, benches: int) -> Scene:
 
 
 def measure(budget_s: float = 0.3) -> list[Row]:
-    """Measure every rung of every ladder; progress goes to standard error."""
+    """Measure every step of every series; progress goes to standard error."""
     rungs = [(name, size) for name, sizes in _LADDERS.items() for size in sizes]
     return [_row(name, size, budget_s) for name, size in tqdm(rungs, desc='cost venue', unit='town', disable=None)]
 
@@ -103,7 +103,7 @@ def csv_text(rows: list[Row]) -> str:
 
 
 def picture(rows: list[Row]) -> Figure:
-    """Return a panel for each ladder, with a line for each answer."""
+    """Return a panel for each series, with a line for each answer."""
     figure = Figure(figsize=(PAGE_IN, 4.4), layout='constrained')
     panels = figure.subplots(1, len(_LADDERS), sharey=True)
     for axes, varied in zip(panels, _LADDERS, strict=True):

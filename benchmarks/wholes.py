@@ -19,7 +19,7 @@ ALL = ~Effect.NONE
 
 @dataclass(frozen=True)
 class Whole:
-    """A whole tick of the classic scene, computed and encoded, and its time relative to another, timed in turns."""
+    """A whole tick of the classic scene, computed and encoded, and its time relative to another one, timed in turn."""
 
     name: str
     timing: Timing
@@ -65,7 +65,7 @@ def bare(scene: Scene) -> Call:
 
 
 def paired(first: Call, second: Call, budget_s: float) -> tuple[Timing, Timing]:
-    """Time two calls in turns."""
+    """Time two calls in turn."""
     first(), second()
     spent: list[tuple[float, float]] = []
     while len(spent) < LEAST or (sum(map(sum, spent)) < budget_s and len(spent) < MOST):

@@ -24,7 +24,7 @@ from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed, timed_i
 from hard_cases import Problem, hard_cases
 from hard_cases.truth import truth
 
-_TICK_S = 1.0           # step between ticks, for solvers that integrate
+_TICK_S = 1.0           # step between ticks for integrating solvers
 _EULER_S = (1.0, 0.1, 0.01)
 _MARCHED = ', marched'
 _LABELS = {'plain Newton 1e-3 rad': ('right', -7, -3), 'fine, marched': ('left', 7, -11),
@@ -33,7 +33,7 @@ _LABELS = {'plain Newton 1e-3 rad': ('right', -7, -3), 'fine, marched': ('left',
            'preview': ('left', 0, -13), 'paper': ('right', -9, -3),
            'exact, 301 at once': ('center', 0, 9), 'exact, 1,000 at once': ('center', 0, -13)}
 Way = tuple[str, str]   # tier and solver
-_WRONG_M = 0.01         # error above which a solver without a promise is marked
+_WRONG_M = 0.01         # a solver without a promise is marked above this error
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def _is_one_spiral(scene: Scene) -> bool:
 
 
 def _tiers(problem: Problem, ways: Sequence[Way], budget_s: float) -> list[Row]:
-    """Return a row for each solver; they are timed in turns, because their times are compared."""
+    """Return a row for each solver; solvers are timed in turn, because their times are compared."""
     rows = [_tier(problem, *way) for way in ways]
     scenes = [(replace(problem.scene, accuracy=tier, solver=solver), _times_s(problem, tier))
               for (tier, solver), row in zip(ways, rows, strict=True) if np.isfinite(row.error_m)]
@@ -175,7 +175,7 @@ def _baseline(problem: Problem, name: str, budget_s: float) -> list[Row]:
 
 
 def _euler(problem: Problem, step_s: float) -> list[Row]:
-    """Integrate all handles from 0 s; a tick is one second of it."""
+    """Integrate all handles from 0 s; a tick is one second of the run."""
     scene = problem.scene
     chain, advance = euler_steps(scene, step_s)
     timing = timed(lambda: advance(chain), 0.1)
@@ -272,7 +272,7 @@ def _labels(rows: list[Row]) -> dict[str, str]:
 
 
 def _hard_panel(axes: Axes, rows: list[Row]) -> None:
-    """Draw, for each tier, the error of every hard case as a share of its promise."""
+    """For each tier, draw the error of every hard case as a share of its promise."""
     names = [problem.name for problem in hard_cases()]
     styles = {'preview': ('v', '#56B4E9'), 'standard': ('^', '#009E73'), 'fine': ('D', '#E69F00'),
               'exact': ('o', '#0072B2')}

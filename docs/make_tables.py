@@ -1,6 +1,6 @@
 """Write the tables of the documents from the code, between <!-- table NAME --> and <!-- end --> in each of them.
 
-``./dragon docs`` renews them all; with ``--check`` it changes nothing and fails if one is stale.
+``./dragon docs`` renews all of them; with ``--check`` it changes nothing and fails if one is stale.
 """
 import argparse
 import dataclasses
@@ -34,14 +34,14 @@ from dragon_ros.verify import reading  # noqa: E402
 DOCUMENTS = (ROOT / 'README.md', *(ROOT / 'docs' / f'{name}.md' for name in ('reference', 'limits', 'api')))
 _MARKED = re.compile(r'(<!-- table (\w+) -->\n).*?(<!-- end -->)', re.DOTALL)
 _GONE = '-'
-# How versions of numpy write the type of an array of floats.
+# The notations of different numpy versions for the type of an array of floats.
 _FLOATS = re.compile(r'ndarray\[(?:tuple\[Any, \.\.\.\]|Any), dtype\[float64\]\]')
 
 
 def main(argv: list[str]) -> int:
     """Renew or check all documents; return the exit code."""
     options = argparse.ArgumentParser(description=__doc__.split('\n')[0])
-    options.add_argument('--check', action='store_true', help='change nothing; exit code 1 where a table is stale')
+    options.add_argument('--check', action='store_true', help='change nothing; exit with code 1 if a table is stale')
     check = options.parse_args(argv).check
     stale = [path for path in DOCUMENTS if renewed(path) != path.read_text(encoding='utf-8')]
     for path in stale:
@@ -62,7 +62,7 @@ def names_of(path: Path) -> list[str]:
 
 
 def table(head: str, rows: Iterable[Iterable[str]]) -> str:
-    """Return a Markdown table; ``head`` has its columns between bars."""
+    """Return a Markdown table; ``head`` lists the columns, separated by bars."""
     lines = [f'| {head} |', '|' + '---|' * (head.count('|') + 1)]
     return '\n'.join([*lines, *(f'| {" | ".join(cell.replace("|", chr(92) + "|") for cell in row)} |' for row in rows)])
 
@@ -73,7 +73,7 @@ def executables() -> str:
 
 
 def topics() -> str:
-    """Return the topics with type, publisher, effect and meaning."""
+    """Return the topics with their type, publisher, effect and meaning."""
     return table('topic | type | from | effect | what', (
         (f'`{name}`', one.type.replace('/msg/', '/'), one.publisher,
          f'`{one.effect.names[0]}`' if one.effect else '', one.meaning + (', latched' if _says_late(one) else ''))
@@ -116,7 +116,7 @@ def scenes() -> str:
 
 
 def _first_sentence(name: str) -> str:
-    """Return the first sentence of the comment that a scene file begins with."""
+    """Return the first sentence of a scene file's initial comment."""
     lines = (configuration.folder() / 'scenes' / f'{name}.yaml').read_text(encoding='utf-8').splitlines()
     end = next((number for number, line in enumerate(lines) if not line.startswith('#')), len(lines))
     return re.split(r'(?<=\.)\s', ' '.join(line.lstrip('# ') for line in lines[:end]))[0]
@@ -136,7 +136,7 @@ def _key_rows(parts: dict[str, Any]) -> Iterable[tuple[str, str, str, str]]:
 
 
 def _parts(one: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
-    """Return the keys that hold lists of mappings, with the schema of these."""
+    """Return the keys that contain lists of mappings, with the schema of the mappings."""
     return [(key, row['items']) for key, row in one.get('properties', {}).items() if key in PARTS]
 
 
@@ -167,7 +167,7 @@ def effects() -> str:
 
 
 def tiers() -> str:
-    """Return the tiers with their promises, and where series are cut within the size of the classic dragon."""
+    """Return the tiers with their promises, and where series are cut at the size of the classic dragon."""
     head = 'tier | largest position error | shift map of a joined track: series cut at, where not as in `exact`'
     return table(head, (_tier_row(tier, compile_scene(Scene()).size_m) for tier in reversed(TIERS.values())))
 
@@ -180,7 +180,7 @@ def _tier_row(tier: Tier, size_m: float) -> tuple[str, str, str]:
 
 
 def limits() -> str:
-    """Return the budgets of what comes from outside."""
+    """Return the budgets for untrusted input."""
     rows = [(one.bounds, _amount(getattr(budgets, one.name), one.unit), one.beyond) for one in budgets.LIMITS]
     checked = [('a certificate', _amount(reading.MOST_BYTES, 'bytes'), 'rejected'),
                ('the intervals of a certificate', _amount(reading.MOST_ROWS, 'intervals'), 'rejected'),
@@ -189,7 +189,7 @@ def limits() -> str:
 
 
 def _amount(value: float, unit: str) -> str:
-    """Return a number with its unit; whole multiples of a power of two of bytes as such."""
+    """Return a number with its unit; bytes in binary units if they are whole multiples."""
     if unit == 'bytes':
         power, name = next((power, name) for power, name in ((2**20, 'MiB'), (2**10, 'KiB'), (1, 'bytes'))
                            if not value % power)
@@ -215,7 +215,7 @@ def _function(name: str, function: Callable[..., Any], level: str = '##') -> str
 
 
 def _shown(one: inspect.Parameter) -> inspect.Parameter:
-    """Return a parameter with its types in short; a function as its default is shown as three dots."""
+    """Return a parameter with abbreviated types; a default that is a function is shown as three dots."""
     default = _Text('...') if inspect.isfunction(one.default) else one.default
     return one.replace(annotation=_bare(one.annotation), default=default)
 
@@ -229,7 +229,7 @@ def _bare(annotation: Any) -> Any:
 
 
 class _Text(str):
-    """A text that is shown without quotes."""
+    """A text shown without quotes."""
 
     __slots__ = ()
 
@@ -245,7 +245,7 @@ def _wrapped(text: str, width: int = 100) -> str:
 
 
 def _class(name: str, one: type) -> str:
-    """Return a class: what it is, its public base, its fields, properties and methods."""
+    """Return a class: its description, public base, fields, properties and methods."""
     bases = [base.__name__ for base in one.__bases__ if base.__name__ in dr.__all__]
     lines = [f'## `{name}`', _prose(one)]
     if bases:

@@ -1,6 +1,6 @@
 """Launch a dragon: a sim or the replay of a bag, a monitor, and optionally a recorder and RViz.
 
-Several dragons can run side by side, each with its own namespace and frame_id. The launch fails where a node does.
+Several dragons can run side by side, each with its own namespace and frame_id. The launch fails if a node fails.
 """
 import os
 import tempfile
@@ -22,7 +22,7 @@ from dragon_ros.nodes.launch_plan import ARGUMENTS, LaunchedNode, LaunchPlan, pl
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return the arguments and the actions that follow from them."""
+    """Return the arguments, and the actions that depend on them."""
     return LaunchDescription([
         *(DeclareLaunchArgument(one.name, default_value=one.default, description=one.text, choices=one.choices or None)
           for one in ARGUMENTS), OpaqueFunction(function=actions)])
@@ -41,9 +41,9 @@ def actions(context: LaunchContext) -> list[Any]:
 
 
 def fail(event: ProcessExited, _: LaunchContext) -> None:
-    """Raise where a node ended with an error: that ends the launch, which then returns 1 itself."""
+    """Raise an exception if a node ended with an error: it ends the launch, which then returns 1."""
     if event.returncode:
-        raise DragonError(f'{event.process_name} ended with exit code {event.returncode}; see what it said')
+        raise DragonError(f'{event.process_name} ended with exit code {event.returncode}; see its output')
 
 
 def node(namespace: str, start: LaunchedNode) -> Node:
@@ -56,7 +56,7 @@ def node(namespace: str, start: LaunchedNode) -> Node:
 
 
 def written(start: LaunchedNode) -> str:
-    """Return a file with the parameters that arguments asked for: under /**, which counts after all others."""
+    """Return a file with the parameters from arguments, under /**, which takes precedence over all other files."""
     handle, name = tempfile.mkstemp(prefix='dragon_', suffix='.yaml')
     with os.fdopen(handle, 'w', encoding='utf-8') as file:
         yaml.safe_dump({'/**': {'ros__parameters': {key: start.parameters[key] for key in sorted(start.asked)}}}, file)
@@ -77,7 +77,7 @@ def view(given: dict[str, str], what: LaunchPlan) -> Iterator[Any]:
 
 
 def view_file(what: LaunchPlan) -> str:
-    """Return the RViz configuration, a modified copy where namespace or frame are not /dragon and dragon."""
+    """Return the RViz configuration, or a modified copy if the namespace is not /dragon or the frame not dragon."""
     share = Path(get_package_share_directory('dragon_ros'))
     path = share / 'msg_configs' / 'rviz' / 'dragon.rviz'
     text = path.read_text(encoding='utf-8')

@@ -1,7 +1,7 @@
-"""What common mistakes give on the contest problem CUMCM 2024 A: remakes the tables of docs/cumcm-2024-a.md.
+"""Print the results of common mistakes on the contest problem CUMCM 2024 A, as in the tables of docs/cumcm-2024-a.md.
 
-Each row is a recipe with one mistake in it (``dragon_ros/commands/contest/mistakes.py``). ``common_mistakes.py 1 2``
-prints the tables of questions 1 and 2 alone.
+Each row is a recipe with one mistake (``dragon_ros/commands/contest/mistakes.py``). ``common_mistakes.py 1 2`` prints
+only the tables of questions 1 and 2.
 """
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -22,13 +22,13 @@ def rows(head: str, answers: Iterable[MistakenAnswer], form: Callable[[MistakenA
 
 
 def truth(dragon: dict[str, float]) -> str:
-    """Return the first contact as ``contact`` has it."""
+    """Return the first contact as text, as ``contact`` finds it."""
     found = dr.compile(dr.scene('winding', dragon=dragon)).contact()
     return f'{found.t_s:.6f} s, benches {found.benches[0]} and {found.benches[1]}'
 
 
 def elsewhere() -> Rows:
-    """Yield checks that are right on the classic dragon by luck alone, and a dragon on which they are wrong."""
+    """Yield checks that are right on the classic dragon only by luck, each with a dragon for which it is wrong."""
     yield 'check', 'dragon', 'gives', 'right'
     wide, short = {'width_m': 0.301}, {'head_length_m': 1.2}
     yield ("only the head's front corners", 'benches 0.301 m wide', f'{first_touch_s(gap_of(wide, front_gap)):.6f} s',

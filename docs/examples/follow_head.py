@@ -1,4 +1,4 @@
-"""A robot that follows the head of a dragon, 2 m behind it, and says where it is as a PoseStamped on `follower`."""
+"""A robot that follows the head of a dragon at 2 m and publishes its pose as a PoseStamped on `follower`."""
 import contextlib
 from math import atan2, cos, hypot, sin
 
@@ -12,10 +12,10 @@ DISTANCE_M, TOP_SPEED_M_S = 2.0, 1.5
 
 
 class Follower(Node):
-    """Moves towards the head while it is further than DISTANCE_M away, in simulation time."""
+    """Moves towards the head, in simulation time, while the head is more than DISTANCE_M away."""
 
     def __init__(self) -> None:
-        """Start at the first place of the head that comes."""
+        """Start at the first received position of the head."""
         super().__init__('follower', namespace='/dragon')
         self.place: tuple[float, float] | None = None
         self.before_s = 0.0
@@ -23,7 +23,7 @@ class Follower(Node):
         self.create_subscription(PoseArray, 'handles', self.on_handles, QoSProfile(depth=1000))
 
     def on_handles(self, message: PoseArray) -> None:
-        """Take one step; the time between stamps says how far."""
+        """Take one step; its length follows from the time between stamps."""
         head, now_s = message.poses[0].position, message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         x, y = self.place or (head.x, head.y)
         step_s, self.before_s = max(0.0, now_s - self.before_s) if self.place else 0.0, now_s
@@ -36,7 +36,7 @@ class Follower(Node):
         self.out.publish(pose)
 
 
-rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two lines, not inside rclpy
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two callbacks, not inside rclpy
 with contextlib.suppress(KeyboardInterrupt):
     node = Follower()
     while True:

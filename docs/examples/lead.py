@@ -1,4 +1,4 @@
-"""Lead the dragon of `./dragon sim --scene led`: on for ten seconds, back for five, again and again."""
+"""Lead the dragon of `./dragon sim --scene led`: forwards for ten seconds, backwards for five, repeatedly."""
 import contextlib
 import time
 
@@ -7,14 +7,14 @@ from geometry_msgs.msg import TwistStamped
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two lines, not inside rclpy
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two callbacks, not inside rclpy
 node = Node('lead', namespace='/dragon')
 commands = node.create_publisher(TwistStamped, 'cmd_vel', 10)
 began = time.monotonic()
 
 
 def command() -> None:
-    """Publish the speed of now; the dragon rests when nobody has said anything for half a second."""
+    """Publish the current speed; the dragon stops if no command arrives for half a second."""
     message = TwistStamped()
     message.header.stamp = node.get_clock().now().to_msg()
     message.twist.linear.x = 1.0 if (time.monotonic() - began) % 15 < 10 else -0.5

@@ -1,4 +1,4 @@
-"""Watch a dragon of one's own: give its handles (PoseArray, head to tail) benches, which the monitor reads.
+"""Monitor your own dragon: make benches, which the monitor reads, from its handles (PoseArray, head to tail).
 
 Publish the handles on /mine/handles, start this and `./dragon monitor --ros-args -r __ns:=/mine`.
 """
@@ -13,7 +13,7 @@ from visualization_msgs.msg import MarkerArray
 
 from dragon_ros.messages.observation import BenchesFromHandles
 
-rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two lines, not inside rclpy
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two callbacks, not inside rclpy
 node = Node('my_dragon', namespace='/mine')
 builder = BenchesFromHandles(width_m=0.3, hole_inset_m=0.275)
 benches = node.create_publisher(MarkerArray, 'benches', QoSProfile(depth=1000))

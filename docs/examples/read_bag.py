@@ -1,4 +1,4 @@
-"""Read a bag without ROS: the head's way and the smallest clearance of each whole second."""
+"""Read a bag without ROS: the head's position and the smallest clearance at each whole second."""
 import sys
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A consumer of handles and benches of the same tick: prints how far the head bench's middle is from its handles."""
+"""Use handles and benches of the same tick: print how far the head bench's centre is from the middle of its handles."""
 import contextlib
 
 import rclpy
@@ -8,7 +8,7 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from visualization_msgs.msg import MarkerArray
 
-KEEP = 100      # ticks that wait for their other half at most
+KEEP = 100      # most ticks that wait for their other half
 
 
 class Pairs(Node):
@@ -23,7 +23,7 @@ class Pairs(Node):
                                      QoSProfile(depth=1000))
 
     def take(self, name: str, message: PoseArray | MarkerArray) -> None:
-        """Keep one half, or use both."""
+        """Keep one half, or use both if they are complete."""
         stamp = (message if name == 'handles' else message.markers[0]).header.stamp
         pair = self.waiting.setdefault((stamp.sec, stamp.nanosec), {})
         pair[name] = message
@@ -34,14 +34,14 @@ class Pairs(Node):
             del self.waiting[min(self.waiting)]
 
     def use(self, handles: PoseArray, benches: MarkerArray) -> None:
-        """Compare the middle of the first bench with that of its two handles."""
+        """Compare the centre of the first bench with the middle of its two handles."""
         one, two, middle = handles.poses[0].position, handles.poses[1].position, benches.markers[0].pose.position
         off = ((one.x + two.x) / 2 - middle.x) ** 2 + ((one.y + two.y) / 2 - middle.y) ** 2
         stamp = handles.header.stamp
         print(f'{stamp.sec + 1e-9 * stamp.nanosec:.2f} s: {off ** 0.5:.1e} m', flush=True)
 
 
-rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two lines, not inside rclpy
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two callbacks, not inside rclpy
 with contextlib.suppress(KeyboardInterrupt):
     node = Pairs()
     while True:

@@ -21,7 +21,7 @@ class TailSpeed(Node):
         self.create_subscription(PoseArray, 'handles', self.on_handles, QoSProfile(depth=1000))
 
     def on_handles(self, message: PoseArray) -> None:
-        """Print the speed where a new second has begun."""
+        """Print the speed when a new second has begun."""
         stamp, tail = message.header.stamp, message.poses[-1].position
         now = stamp.sec + 1e-9 * stamp.nanosec, tail.x, tail.y
         if self.before and now[0] > self.before[0] and stamp.sec != self.printed_s:
