@@ -44,8 +44,8 @@ def main(argv: list[str]) -> int:
                          'study: rows per second of studies on Dask; venue: design fit and contact in a town; all: '
                          'all pages one by one, for half an hour or more')
     options.add_argument('--output', type=Path, metavar='FOLDER',
-                         help='folder for the results (cost; for all: docs/cost of the checkout). A page that is there '
-                         'already keeps its text, only its table is renewed')
+                         help='folder for the results (cost; for all: docs/cost of the checkout). An '
+                         'existing page keeps its text; only its table is renewed')
     options.add_argument('--budget', type=float, metavar='S', help=f'seconds per timing ({_BUDGET_S:g}); not of '
                          'the pages memory and promises')
     options.add_argument('--minutes', type=float, metavar='MIN',

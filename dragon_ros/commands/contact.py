@@ -164,7 +164,7 @@ def _text(values: dict[str, Any]) -> str:
 
 
 def _other(miss: dict[str, Any]) -> str:
-    """Return what a bench nearly touches."""
+    """Return the name of the part that a bench nearly touches."""
     return str(miss['bench']) if miss['obstacle'] is None else f'obstacle {miss["obstacle"]!r}'
 
 
@@ -178,7 +178,7 @@ def _csv(values: dict[str, Any]) -> str:
 
 
 def _cell(value: Any) -> str:
-    """Return a cell of CSV; the name of an obstacle may have a comma."""
+    """Return a CSV cell; the name of an obstacle may contain a comma."""
     text = str(value)
     return '"' + text.replace('"', '""') + '"' if set(text) & set(',"\n') else text
 

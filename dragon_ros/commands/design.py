@@ -54,7 +54,7 @@ def _run(question: Question, arguments: Namespace) -> int:
 
 
 def _turn_options(parser: ArgumentParser) -> None:
-    """Add the scene options and --contact; the scene is the turn's."""
+    """Add the scene options and --contact; the default scene is turning."""
     command_line.add_scene_options(parser, 'turning')
     parser.add_argument('--contact', action='store_true', help='also search for a contact in the smallest circle')
 
@@ -137,7 +137,7 @@ def _ratio_line(least_m: float, largest: float | None) -> str:
 
 
 def _max_speed_options(parser: ArgumentParser) -> None:
-    """Add the scene options and the limit; the scene is the turn's."""
+    """Add the scene options and the limit; the default scene is turning."""
     command_line.add_scene_options(parser, 'turning')
     parser.add_argument('--limit', type=float, default=2.0, metavar='M_S', help='speed limit of every handle, in m/s '
                                                                                 '(%(default)g)')

@@ -77,7 +77,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Plan:
-    """The contents of the plan of a scene."""
+    """The contents of a scene's plan."""
 
     scene: 'Scene'
     title: str
@@ -267,7 +267,7 @@ def _page(plan: Plan, paper: str, number: tuple[int, int], title: str) -> 'Figur
 
 
 def _drawing(plan: Plan, paper: str, scale: int, window: Floats, number: tuple[int, int]) -> 'Figure':
-    """Return a page with what is in a window (2, 2)."""
+    """Return a page with the drawing in a window (2, 2)."""
     width, height = PAPERS_MM[paper]
     figure = _page(plan, paper, number, plan.say('plan', title=plan.title, scale=scale))
     size = _drawn_mm(paper)
@@ -293,7 +293,7 @@ def _drawing(plan: Plan, paper: str, scale: int, window: Floats, number: tuple[i
 
 
 def _said(plan: Plan) -> str:
-    """Return what is proved and what is not."""
+    """Return the text on what is proved and what is not."""
     venue, first = plan.scene.venue, plan.say('proved', fastest=plan.fastest)
     last = plan.say('people')
     if venue is not None:
@@ -344,9 +344,9 @@ def _poses(plan: Plan, along_m: Floats) -> tuple[Floats, Floats]:
 
 
 def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> list[tuple[Floats, float]]:
-    """Draw a mark every ten metres, with its distance on the side of the track where no other distance stands.
+    """Draw a mark every ten metres, with its distance on a side of the track that has no other label.
 
-    Return where these stand, in points, and half of how wide each is.
+    Return the positions of the labels and half of their widths, in points.
     """
     points, headings = _poses(plan, plan.marks_m)
     seen = [n for n, at in enumerate(points) if _seen(at, window)]
@@ -362,9 +362,9 @@ def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> list[tuple[Floats, 
 
 
 def mark_offsets(places: Floats, headings: Floats, labels: list[str]) -> list[tuple[float, float]]:
-    """Return where labels go, in points from marks at places (n, 2): to the left of the track or, if taken, the right.
+    """Return the offsets of labels in points from marks at places (n, 2): left of the track or, if taken, right of it.
 
-    Where both sides are taken a label goes further out.
+    If both sides are taken, a label is placed further out.
     """
     out, taken = list[tuple[float, float]](), [(x, y, 2.0) for x, y in places.tolist()]
     for n, (here, (x, y), label) in enumerate(zip(places.tolist(), headings.tolist(), labels, strict=True)):
@@ -417,7 +417,7 @@ def _free_offset(axes: 'Axes', at: Floats, label: str, taken: list[tuple[Floats,
 
 
 def _widest(plan: Plan) -> list[tuple[float, float, float]]:
-    """Return where most room is required: distances along the track, and the room to its left and right."""
+    """Return the places that require most room: distances along the track, and the room to its left and right."""
     stations, room = plan.room_m
     out: list[tuple[float, float, float]] = []
     for n in np.argsort(-room.sum(axis=1), kind='stable').tolist():
@@ -471,7 +471,7 @@ def _time(t_s: float) -> str:
 
 
 def _table(plan: Plan, paper: str, rows: list[tuple[str, ...]], number: tuple[int, int]) -> 'Figure':
-    """Return a page with when head and tail pass each mark, the gaps and the room."""
+    """Return a page with the times when head and tail pass each mark, the gaps and the room."""
     width, height = PAPERS_MM[paper]
     figure = _page(plan, paper, number, plan.say('tables', title=plan.title))
     x, top, line = _EDGE_MM + 2, height - _EDGE_MM - 4, 4.3

@@ -16,8 +16,8 @@ _FIELD = re.compile(r'([\w/]+)(?:<=\d+)?(\[(?:<=\d+|\d*)\])?\s+(\w+)\s*(=)?')
 class Field:
     """One field of a message.
 
-    ``kind`` is a struct code, TEXT, or '' for a message of its own with ``parts``. ``each`` is the number of
-    equal primitives in one value (7 for a Pose), 0 for a plain one. ``many`` is None for one value, 0 for a sequence,
+    ``kind`` is a struct code, TEXT, or '' for a nested message with ``parts``. ``each`` is the number of equal
+    primitives in one value (7 for a Pose), 0 for a single primitive. ``many`` is None for one value, 0 for a sequence,
     otherwise the length of an array.
     """
 

@@ -83,7 +83,7 @@ class Recorder(DragonNode):
         return False
 
     def close(self) -> bool:
-        """Write held messages and the account, close the bag; return whether it is complete. Raises DiskError."""
+        """Write held messages and the account, close the bag, and return whether it is complete. Raises DiskError."""
         gone = not self.count_publishers('handles')
         self._take_scene(wait=True)
         self._scenes.close()
@@ -143,7 +143,7 @@ class Recorder(DragonNode):
                                       'no reader accepts them')
 
     def _left_out(self) -> dict[str, str]:
-        """Return how many messages were too large or had an unknown tick, so that the account is incomplete."""
+        """Return how many messages were too large or had an unknown tick, which makes the account incomplete."""
         found = {f'{topic} too large': str(count) for topic, count in self.bag.left_out.items()}
         found |= {f'{topic} of an unknown tick': str(count) for topic, count in self._unpaired.items()}
         return found | ({'complete': 'false'} if found else {})

@@ -162,7 +162,7 @@ def quantile(counts: Counter[int], part: float) -> int:
 
 
 def run(bag: BagReader, choice: Choice, given: dict[str, Any], stop: threading.Event) -> int:
-    """Replay a bag in an executor of its own; return the exit code."""
+    """Replay a bag in a new executor; return the exit code."""
     node = Replay(bag, choice, **given)
     try:
         with keys.keys(node, node.actions) as listens:

@@ -177,7 +177,7 @@ def _scene_of(value: dict[str, Any]) -> Scene:
 
 
 def run(given: dict[str, Any], stop: threading.Event) -> int:
-    """Simulate a run with the given parameters in an executor of its own; return the exit code."""
+    """Simulate a run with the given parameters in a new executor; return the exit code."""
     try:
         node = Sim(stop.is_set, **given)
     except InterruptedError:

@@ -47,7 +47,7 @@ _START_S = 120.0        # longest wait for a thread of this process
 _NO_WORKERS_S = 60.0    # time without workers that counts as an error
 # Dask's HTTP routes are for its dashboard, which is off. Its profiler is off too: sampling a hundred times per second
 # took a tenth of a worker's time. By default a worker returns blocks of 64 KB and more to the system, and fetching them
-# anew takes as long as the arithmetic.
+# again takes as long as the arithmetic.
 _ALONE: dict[str, Any] = {'distributed.scheduler.http.routes': [], 'distributed.worker.http.routes': [],
                           'distributed.worker.profile.enabled': False, 'distributed.admin.tick.interval': '1s',
                           'distributed.admin.system-monitor.interval': '5s',

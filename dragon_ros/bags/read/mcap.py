@@ -491,8 +491,9 @@ def _indexed(file: McapFile, opcode: int, offset: int, length: int) -> Location:
 def scanned_index(file: McapFile, progress: Callable[[int], object] = lambda offset: None) -> Index:
     """Scan all records up to the first damage, without decompressing chunks, and return the index.
 
-    For every command, this index defines the contents of a bag: what a stream reader sees, which is messages inside and
-    outside of chunks, including those after a stray DataEnd. The summary, which repeats them, follows the last DataEnd.
+    For every command, this index defines the contents of a bag. They are those that a stream reader sees: messages
+    inside and outside of chunks, including those after a stray DataEnd. The summary, which repeats them, follows the
+    last DataEnd.
     """
     scan = _Scan(Index(file))
     try:

@@ -21,7 +21,7 @@ def holds_no_message(path: Path) -> bool:
             return False
         if path.stat().st_size == 0:
             return path.suffix == '.mcap'
-        from dragon_ros.bags.read.mcap import McapFile, scanned_index  # few bags replace another
+        from dragon_ros.bags.read.mcap import McapFile, scanned_index  # imported on use: few bags replace another
         with closing(McapFile(path)) as file:
             index = scanned_index(file)
             return not (index.batches or index.attachments) and _ends_at_damage(index)

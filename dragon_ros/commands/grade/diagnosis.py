@@ -105,7 +105,7 @@ def nice(value: float, within: float = 0.03) -> float:
 
 # Positions.
 def diagnose_positions(result: str, times_s: Floats, given: Floats, truth: TrueStates) -> Diagnosis:
-    """Return what is wrong with positions (T, 224, 2)."""
+    """Diagnose positions (T, 224, 2)."""
     digits = rounded_to(given)
     found = Diagnosis(undone=given)
     right = truth.handles_m
@@ -739,7 +739,7 @@ def _circles_m(times: Floats, head: Floats) -> tuple[float, ...]:
 
 # Speeds.
 def diagnose_speeds(result: str, times_s: Floats, given: Floats, truth: TrueStates, positions: Diagnosis) -> Diagnosis:
-    """Return what is wrong with speeds (T, 224)."""
+    """Diagnose speeds (T, 224)."""
     digits, found = rounded_to(given), Diagnosis(undone=given)
     right = truth.speed_m_s
     digits = None if np.all(given[np.isfinite(given)] == 1) else digits
