@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dragon_ros.cli import command_line, figures
-from dragon_ros.cli.figures import BODY, HEAD, OBSTACLE, QUIET
+from dragon_ros.cli.figures import BODY, HATCH, HEAD, OBSTACLE, QUIET
 from dragon_ros.cli.language import language_of, say
 from dragon_ros.commands.plan_words import WORDS
 from dragon_ros.core.errors import FieldError, InputError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.version import __version__
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,6 +35,8 @@ _COARSEST, _FEW_PAGES = 500, 4      # scales beyond 1:500 are avoided by up to f
 _AROUND_M = 2.0         # margin around the drawn objects
 _TEXT_PT = 9
 _BROKEN = '#C00000'
+_OBSTACLE_HATCH = '\\\\\\'      # also in black and white no obstacle looks like a swept area
+_CENTRE_LINE = (0, (12, 2, 2, 2))
 _ROWS = 34              # rows of a table on one page
 _NARROWEST = 3          # positions at which the required room is shown
 _NEARLY_M = 0.01
@@ -260,7 +263,7 @@ def _page(plan: Plan, paper: str, number: tuple[int, int], title: str) -> 'Figur
     figure = Figure(figsize=(width / 25.4, height / 25.4))
     figure.set_layout_engine('none')
     top, (n, total) = (_FOOT_MM + 3) / height, number
-    note = plan.say('page', day=date.today().isoformat(), paper=paper, n=n, total=total)
+    note = plan.say('page', day=date.today().isoformat(), paper=paper, n=n, total=total, version=__version__)
     figure.text(_EDGE_MM / width, top, title, fontsize=13, weight='bold', va='top')
     figure.text(1 - _EDGE_MM / width, top, note, ha='right', va='top', fontsize=_TEXT_PT)
     return figure
@@ -277,10 +280,10 @@ def _drawing(plan: Plan, paper: str, scale: int, window: Floats, number: tuple[i
     for side in ('top', 'right'):
         axes.spines[side].set_visible(True)
     _draw_venue(axes, plan, window)
-    for area, colour, name in ((plan.swept.body, BODY, 'body'), (plan.swept.head, HEAD, 'head')):
-        _fill(axes, area, facecolor=colour, edgecolor=colour, alpha=0.45, linewidth=0.4, label=plan.say(name),
-              zorder=2)
-    axes.plot(*plan.line.T, color='black', linewidth=0.7, zorder=3, label=plan.say('track'))
+    for area, colour, name, hatch in ((plan.swept.body, BODY, 'body', None), (plan.swept.head, HEAD, 'head', HATCH)):
+        _fill(axes, area, facecolor=colour, edgecolor=colour, alpha=0.45, linewidth=0.4, hatch=hatch,
+              label=plan.say(name), zorder=2)
+    axes.plot(*plan.line.T, color='black', linewidth=0.7, linestyle=_CENTRE_LINE, zorder=3, label=plan.say('track'))
     labels = _draw_marks(axes, plan, window)
     marks, _ = _poses(plan, plan.marks_m)
     taken = [*labels, *((at, float(_TEXT_PT)) for at in axes.transData.transform(marks) * 72 / figure.dpi)]
@@ -323,7 +326,7 @@ def _draw_venue(axes: 'Axes', plan: Plan, window: Floats) -> None:
     for one in venue.obstacles:
         if hasattr(one, 'holes_m'):
             _fill(axes, Polygon(one.points_m, one.holes_m), facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.8,
-                  zorder=1, label=label)
+                  hatch=_OBSTACLE_HATCH, zorder=1, label=label)
         else:
             axes.plot(*np.array(one.points_m).T, color=QUIET, linewidth=1.6, zorder=1, label=label)
         label = None
@@ -384,7 +387,7 @@ def mark_offsets(places: Floats, headings: Floats, labels: list[str]) -> list[tu
 
 
 def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Floats, float]]) -> None:
-    """Draw the smallest gaps as dimensions, in red if they are below the margin."""
+    """Draw the smallest gaps as dimensions; those below the margin in red, and named too small."""
     for gap in plan.gaps:
         middle = gap.ends_m.mean(axis=0)
         if not _seen(middle, window):
@@ -392,7 +395,7 @@ def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Float
         colour = _BROKEN if gap.is_broken else 'black'
         axes.annotate('', gap.ends_m[0], gap.ends_m[1], zorder=6, arrowprops={
             'arrowstyle': '<->', 'color': colour, 'linewidth': 0.9, 'shrinkA': 0, 'shrinkB': 0, 'mutation_scale': 6})
-        label = plan.say('gap', name=gap.name, gap=gap.gap_m)
+        label = plan.say('drawn_broken_gap' if gap.is_broken else 'gap', name=gap.name, gap=gap.gap_m)
         offset = _free_offset(axes, middle, label, taken)
         axes.annotate(label, middle, xytext=offset, textcoords='offset points', fontsize=_TEXT_PT, color=colour,
                       ha='center', va='center', zorder=8,

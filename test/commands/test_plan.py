@@ -8,7 +8,7 @@ from shapely import LineString, Polygon, distance, polygons
 from shapely.geometry import shape
 
 from dragon_ros.__main__ import main
-from dragon_ros.commands.plan import Plan, _said, mark_offsets
+from dragon_ros.commands.plan import Plan, _drawing, _said, mark_offsets
 from dragon_ros.core.batches import states
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
@@ -127,6 +127,17 @@ def test_a_broken_margin_is_said(capsys, tmp_path):
                        '--output', tmp_path / 'a.geojson')
     assert code == 0
     assert re.search(r'lamp post: 0\.9\d\d m \(too small\)', out)
+
+
+def test_a_plan_can_be_read_without_its_colours():
+    scene = load_scene('square', ['dragon.benches=5', 'venue.margin_m=1.2'])
+    drawn = _drawing(Plan(scene, 'x'), 'A3', 500, np.array([[-60.0, -20.0], [80.0, 80.0]]), (1, 1)).axes[0]
+    hatches = {one.get_label(): one.get_hatch() for one in drawn.patches if one.get_label()}
+    assert len({hatches[name] for name in ('obstacles', 'swept by the head', 'swept by the body')}) == 3
+    styles = {one.get_label(): one.get_linestyle() for one in drawn.lines}
+    assert styles['track'] != '-'
+    assert [one.get_text() for one in drawn.texts if 'too small' in one.get_text()] == [
+        'market stall: 1.10 m (too small)']
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [

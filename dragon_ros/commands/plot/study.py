@@ -4,12 +4,14 @@ The picture depends on the design: for a grid, the main answers over one key or 
 designs, the distributions of the answers; for Saltelli designs, the Sobol indices of the inputs.
 """
 from collections.abc import Iterator
+from string import ascii_lowercase
 
 import numpy as np
 import pyarrow as pa
+from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from dragon_ros.cli.figures import BODY, HEAD, LINES, QUIET, TEXT_PT, legend_below, style
 from dragon_ros.core.errors import FieldError
@@ -32,6 +34,8 @@ _UNITS = {'_m': 'm', '_s': 's', '_m_s': 'm/s', '_m_s2': 'm/s²', '_rad': 'rad', 
 _FEW = 8            # fewest rows for a distribution
 _CONTOURS = 12
 _MOST_PAIRS = 12    # how many pairs of benches colours can distinguish
+_EDGE = '#444444'   # around white lines and letters, which would vanish on the light end of a map
+_MOST_LETTERS = 20  # of a row or a column of a map
 _PAIRS = {'contact_t_s': ('contact_inner', 'contact_outer'), 'min_pitch_m': ('min_pitch_inner', 'min_pitch_outer')}
 
 
@@ -97,9 +101,11 @@ def _map(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Fi
     panels = figure.subplots(2 if pairs else 1, 1, squeeze=False)[:, 0]
     x, y = (_levels(data, key) for key in keys)
     shown = panels[0].pcolormesh(x, y, grid.T, shading='nearest', cmap='viridis')
-    if min(grid.shape) > 1 and not np.any(np.isnan(grid)) and np.ptp(grid) > 0:
-        lines = panels[0].contour(x, y, grid.T, levels=_CONTOURS, colors='white', linewidths=0.8)
-        panels[0].clabel(lines, fontsize=TEXT_PT)
+    if min(grid.shape) > 1 and np.nanmax(grid) > np.nanmin(grid):
+        lines = panels[0].contour(x, y, np.ma.masked_invalid(grid.T), levels=_CONTOURS, colors='white', linewidths=0.8)
+        lines.set_path_effects([withStroke(linewidth=1.6, foreground=_EDGE)])
+        for label in panels[0].clabel(lines, fontsize=TEXT_PT):
+            label.set_path_effects([withStroke(linewidth=2, foreground=_EDGE)])
     figure.colorbar(shown, ax=panels[0], label=_label(name))
     panels[0].set_title(f'{data.folder.name}: {_label(name)}, {_rows_text(data, len(table))}')
     if pairs:
@@ -137,11 +143,22 @@ def _pairs_panel(figure: Figure, axes: Axes, at: tuple[list[float], list[float]]
         shown = axes.pcolormesh(*at, outer.T, shading='nearest', cmap='cividis')
         figure.colorbar(shown, ax=axes, label='outer bench')
         return
-    colours = [(*LINES, HEAD, BODY, '#999999', '#000000', '#F0E442', '#882255')[n] for n in range(kinds.size)]
-    shown = axes.pcolormesh(*at, place.T, shading='nearest', cmap=ListedColormap(colours), vmin=-0.5,
-                            vmax=kinds.size - 0.5)
+    shown = axes.pcolormesh(*at, place.T, shading='nearest', vmin=-0.5, vmax=kinds.size - 0.5,
+                            cmap=colormaps['viridis'].resampled(kinds.size))
     bar = figure.colorbar(shown, ax=axes, ticks=range(kinds.size))
-    bar.ax.set_yticklabels([f'{int(one // 1e6)} and {int(one % 1e6)}' for one in kinds])
+    bar.ax.set_yticklabels([f'{letter}: {int(one // 1e6)} and {int(one % 1e6)}'
+                            for letter, one in zip(ascii_lowercase, kinds, strict=False)])
+    _letters(axes, at, place)
+
+
+def _letters(axes: Axes, at: tuple[list[float], list[float]], place: Floats) -> None:
+    """Write the letter of its kind on each cell of a map, or on some of many, so that no colour is needed."""
+    steps = [-(-count // _MOST_LETTERS) for count in place.shape]
+    for n, k in ((n, k) for n in range(steps[0] // 2, place.shape[0], steps[0])
+                 for k in range(steps[1] // 2, place.shape[1], steps[1])):
+        if not np.isnan(place[n, k]):
+            axes.text(at[0][n], at[1][k], ascii_lowercase[int(place[n, k])], ha='center', va='center', color='white',
+                      fontsize=TEXT_PT, path_effects=[withStroke(linewidth=2, foreground=_EDGE)])
 
 
 def _spread(data: DataSet, values: Floats, name: str) -> Figure:
@@ -156,7 +173,7 @@ def _spread(data: DataSet, values: Floats, name: str) -> Figure:
     below.fill_between(ordered, np.clip(steps - half, 0, 1), np.clip(steps + half, 0, 1), step='post', color=LINES[0],
                        alpha=0.18, linewidth=0, label='95 % band')
     middle = quantile(values, 0.5)
-    below.axvline(middle.value, color=QUIET, linewidth=0.8, label=f'median {middle.value:.6g}')
+    below.axvline(middle.value, color=QUIET, linewidth=0.8, linestyle=':', label=f'median {middle.value:.6g}')
     bound = upper_bound(values, SAFE)
     if np.isfinite(bound):
         below.axvline(bound, color=HEAD, label=f'{SAFE:.1%} are below {bound:.6g} (95 % sure)')
