@@ -102,7 +102,7 @@ def _map(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Fi
     x, y = (_levels(data, key) for key in keys)
     shown = panels[0].pcolormesh(x, y, grid.T, shading='nearest', cmap='viridis')
     if min(grid.shape) > 1 and np.nanmax(grid) > np.nanmin(grid):
-        lines = panels[0].contour(x, y, np.ma.masked_invalid(grid.T), levels=_CONTOURS, colors='white', linewidths=0.8)
+        lines = panels[0].contour(x, y, grid.T, levels=_CONTOURS, colors='white', linewidths=0.8)
         lines.set_path_effects([withStroke(linewidth=1.6, foreground=_EDGE)])
         for label in panels[0].clabel(lines, fontsize=TEXT_PT):
             label.set_path_effects([withStroke(linewidth=2, foreground=_EDGE)])
