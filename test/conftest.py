@@ -50,6 +50,11 @@ def pytest_configure():
             signal.signal(number, usual)
 
 
+def pytest_make_parametrize_id(val):
+    """Shorten names of tests that are a long text: ``colcon test`` stops at lines of more than 64 kB."""
+    return f'{val[:40]!a} of {len(val)}' if isinstance(val, str | bytes) and len(val) > 1000 else None
+
+
 # These take ten seconds and more: last, each would leave the other processors idle.
 LONGEST = ('test_types_hold_strictly', 'test_no_scene_on_the_topic_ends_or_blinds_a_recorder',
            'test_the_demo_can_be_run_again_in_one_place',
