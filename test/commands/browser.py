@@ -20,7 +20,10 @@ DRIVER = shutil.which('chromedriver')
 ABSENT = 'no chromium with chromedriver on this machine; on Debian: apt install chromium chromium-driver'
 _FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-sync',
           '--disable-background-networking', '--disable-component-update', '--window-size=1400,860',
-          '--use-angle=swiftshader', '--enable-unsafe-swiftshader')     # WebGL by software
+          '--use-angle=swiftshader', '--enable-unsafe-swiftshader',     # WebGL by software
+          # One process for all pages, which are ours: to start one for each takes as long as a page's test.
+          '--renderer-process-limit=1', '--disable-site-isolation-trials', '--disable-features='
+          'SpareRendererForSitePerProcess,BackForwardCache,ProactivelySwapBrowsingInstance,RenderDocument')
 _LONGEST_S = 60.0
 # Of WebDriver.
 _KEYS = {'ArrowLeft': '\ue012', 'ArrowUp': '\ue013', 'ArrowRight': '\ue014', 'Home': '\ue011', 'End': '\ue010',

@@ -210,7 +210,7 @@ def test_the_embedded_cluster_is_on_this_host_alone_and_encrypted(study, without
 
 
 def test_ctrl_c_ends_a_study_in_order_and_says_how_to_go_on(tmp_path):
-    (tmp_path / 'study.yaml').write_text(SLOWER.replace('samples: 48', 'samples: 100000'))
+    (tmp_path / 'study.yaml').write_text(SLOWER.replace('samples: 48', 'samples: 20000'))
     command = [sys.executable, '-m', 'dragon_ros', 'study', 'study.yaml', '--output', 'data', '--workers', '1']
     process = subprocess.Popen(command, cwd=tmp_path, env={**os.environ, 'PYTHONPATH': str(ROOT)}, text=True,
                                start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
