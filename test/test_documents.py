@@ -64,9 +64,9 @@ SUBSTITUTES = {
                               'costs.png', 'the same in small'),
     './dragon cost': ('cost --help', 'it measures for minutes; test/benchmarks measures each page in small'),
     './dragon plan --scene walled.yaml --output walled.pdf': (
-        'plan --scene walled.yaml --set dragon.benches=12 --output walled.pdf --title "The street"', 'in small'),
+        'plan --scene walled.yaml --set dragon.benches=5 --output walled.pdf --title "The street"', 'in small'),
     './dragon plan --scene walled.yaml --output area.geojson': (
-        'plan --scene walled.yaml --set dragon.benches=12 --output area.geojson', 'in small'),
+        'plan --scene walled.yaml --set dragon.benches=5 --output area.geojson', 'in small'),
     './dragon plan --scene s': ('plan --help', 'as above; test/commands/test_plan.py draws one of them'),
     './dragon plot animation --start': ('plot animation --start 412.3 --stop 412.5 --pace 2 --output run.html',
                                         'the same in small'),

@@ -91,7 +91,7 @@ def test_head_and_tail_pass_marks_when_they_have_gone_there(scene, plan):
 
 def test_a_pdf_is_to_scale_and_a_geojson_in_metres(capsys, tmp_path, scene):
     pdf, area = tmp_path / 'plan.pdf', tmp_path / 'area.geojson'
-    options = '--scene', 'street', '--set', 'dragon.benches=12'
+    options = '--scene', 'street', '--set', 'dragon.benches=5'
     assert run(capsys, *options, '--output', pdf, '--scale', '1:250', '--paper', 'A4')[0] == 0
     data = pdf.read_bytes()
     sizes = re.findall(rb'/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]', data)

@@ -63,7 +63,7 @@ def test_workers_are_checked_and_one_for_each_core_by_default():
             workers_of(wrong)
 
 
-@pytest.mark.parametrize('compression', ['zstd', 'none'])
+@pytest.mark.parametrize('compression', ['zstd', pytest.param('none', marks=pytest.mark.long)])
 def test_a_bag_has_the_same_bytes_with_any_number_of_workers(tmp_path, compression):
     bags = []
     for workers in (1, 2, 3):
