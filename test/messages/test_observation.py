@@ -9,7 +9,7 @@ from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import PoseArrayTemplate
 from dragon_ros.messages.decode import MessageError
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.observation import BenchesFromHandles, observation_of, read_benches, read_handles
+from dragon_ros.messages.observation import BenchesFromHandles, observation_of, placed, read_benches, read_handles
 from dragon_ros.scenes.load import load_scene
 
 rng = np.random.default_rng(5)
@@ -181,3 +181,14 @@ def test_a_list_that_lies_across_its_own_frame_is_turned_into_the_plane(quaterni
             aside = np.cross(axis, here)
             point.x, point.y, point.z = (here - 2 * w * aside + 2 * np.cross(axis, aside)).tolist()
     assert_shows(*edited(change))
+
+
+@pytest.mark.parametrize(('share', 'upright'), [(0.9e-6, True), (1.1e-6, False)])
+def test_a_bench_whose_axis_has_a_millionth_of_its_length_in_the_plane_has_a_direction(share, upright):
+    tilt = 0.25 * np.pi - 0.5 * share
+    pose = np.array([[1.0, 2.0, 0.0, 0.0, np.sin(tilt), 0.0, np.cos(tilt)]])
+    if upright:
+        with pytest.raises(MessageError, match='upright'):
+            placed(pose)
+    else:
+        assert placed(pose)[1] == pytest.approx(np.array([[1.0, 0.0]]))

@@ -10,6 +10,7 @@ Results are kept as they come, in ``.venv/mutants``: the same command goes on af
 ``--again`` tries what survived once more, after a test was added.
 """
 import argparse
+import ast
 import importlib
 import importlib.util
 import json
@@ -287,9 +288,21 @@ def reached(tree: Path, room: str, folder: Path) -> tuple[dict[str, dict[int, li
         rows, taken = json.loads(kept.read_text())
         times |= taken
         for path, by_line in rows.items():
+            inside = in_functions((ROOT / path).read_text())
             for line, names in by_line.items():
-                lines[path][int(line)] += names
+                if int(line) in inside:
+                    lines[path][int(line)] += names
     return {path: dict(rows) for path, rows in lines.items()}, times
+
+
+def in_functions(source: str) -> set[int]:
+    """Return the lines inside of functions: others run at import, and any test may use what they make.
+
+    A module that is imported on first use runs them in whichever test comes first.
+    """
+    kinds = ast.FunctionDef, ast.AsyncFunctionDef
+    return {line for node in ast.walk(ast.parse(source)) if isinstance(node, kinds)
+            for line in range(node.body[0].lineno, node.body[-1].end_lineno + 1)}
 
 
 def lines_of(tree: Path, file: str, sources: list[Path]) -> tuple[dict[str, dict[int, list[str]]], dict[str, float]]:

@@ -101,6 +101,11 @@ def test_a_mutant_that_does_not_end_counts_as_caught(tmp_path):
     assert outcome_of(tmp_path, source, extra_s=0.5) == ('caught', 'no end')
 
 
+def test_a_line_outside_of_functions_runs_at_import_wherever_that_is():
+    source = 'ONE = 1\n\n\nclass A:\n    two: int = 2\n\n    def f(self, three=3):\n        return ONE\n'
+    assert mutants.in_functions(source) == {8}
+
+
 def test_every_room_has_files_and_tests():
     for sources, tests in mutants.ROOMS.values():
         assert all((mutants.ROOT / part).exists() for part in (*sources, *tests))

@@ -103,6 +103,7 @@ def test_a_monitor_reads_first_where_the_publisher_waits_for_it(monitor, node, m
 def test_ticks_that_are_not_seen_are_known_by_the_numbers_of_their_handles():
     pace = Pace()
     assert not pace.see(10, 7, 0.0)
+    assert pace.before == 6
     assert not pace.see(20, 8, 0.0)
     assert pace.text() == ''
     assert pace.see(50, 11, 0.0)        # at once
@@ -113,6 +114,7 @@ def test_ticks_that_are_not_seen_are_known_by_the_numbers_of_their_handles():
     assert (pace._unseen, pace._step_ns) == (2 + 2 + 1, 30)
     assert pace.warnings('red', 4.5)
     assert not pace.warnings('red', 4.7)
+    assert pace.before == 6
 
 
 def recorder_on(folder, hold, queue_mb):

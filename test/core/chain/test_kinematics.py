@@ -11,7 +11,7 @@ from properties import examples
 from dragon_ros.core.batches import states
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
-from dragon_ros.core.chain.kinematics import RigidLinks, entered_curvatures
+from dragon_ros.core.chain.kinematics import RigidLinks, carried, entered_curvatures
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.model import compile_scene
@@ -195,3 +195,13 @@ def test_links_of_no_length_hand_over_what_they_are_given():
     assert a[1:4] == pytest.approx(np.tile(a[1], (3, 1)), abs=1e-9)
     without = replace(scene, dragon=Mixed((Group(2.2), Group(2.2))))
     assert a[[0, 1, 4]] == pytest.approx(accelerations(without, 8.0), abs=1e-9)
+
+
+@pytest.mark.parametrize('shape', [(4,), (3, 4), (2, 3, 4)])
+def test_what_is_carried_along_the_chain_is_carried_from_link_to_link_in_every_row(shape):
+    draw = np.random.default_rng(3)
+    start, ratio, added = (draw.uniform(-2, 2, size) for size in (shape[:-1], shape, shape))
+    found = carried(start, ratio, added)
+    assert np.array_equal(found[..., 0], start)
+    for m in range(shape[-1]):
+        np.testing.assert_allclose(found[..., m + 1], ratio[..., m] * found[..., m] + added[..., m], rtol=1e-15)

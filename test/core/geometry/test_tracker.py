@@ -3,7 +3,7 @@ import pytest
 
 from dragon_ros.core.geometry.contacts import Observation
 from dragon_ros.core.geometry.rectangles import Benches
-from dragon_ros.core.geometry.tracker import MOST_REPORTED, ContactTracker
+from dragon_ros.core.geometry.tracker import MOST_REPORTED, ContactTracker, ReorderBuffer
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
@@ -305,3 +305,8 @@ def test_an_observation_restarts_time_if_it_is_more_than_a_second_back(back_s, r
     found = reports_of([*rows, (11.5 - back_s, -0.1)])
     assert [report.observation.t_ns for report in found if report.begins] == [
         round((11.5 - back_s) * 1e9)] * restarts
+
+
+def test_a_stamp_that_was_passed_on_is_not_passed_on_again():
+    buffer = ReorderBuffer()
+    assert [len(buffer.take(crossed(t_ns, 1.0))[1]) for t_ns in (5, 6, 6, 6, 6, 7)] == [1, 1, 0, 0, 0, 1]
