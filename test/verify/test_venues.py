@@ -29,7 +29,7 @@ from dragon_ros.verify.reading import Obstacle, claims_of
 from dragon_ros.verify.reading import Venue as Told
 from dragon_ros.verify.segments import Link
 from dragon_ros.verify.track import Place, track_of
-from dragon_ros.verify.venue import Edge, Edges, SweptBench, check_sides
+from dragon_ros.verify.venue import Edge, Edges, SweptBench, _covers, check_sides
 
 ALONG = Scene(Dragon(5), Composite((Line(200.0),), 20.0), run=Run(stop_s=60.0))
 WALL = LineObstacle('wall', ((60.0, -2.0), (60.0, 2.0)))
@@ -271,6 +271,18 @@ def test_sides_are_those_of_shapely(ring, point):
                 check_sides(venue, head)
         else:
             check_sides(venue, head)
+
+
+@pytest.mark.parametrize('turned', [False, True])
+def test_a_point_is_inside_a_winding_outline_wherever_shapely_says_so(turned):
+    ring = [(0, 0), (9, 0), (9, 7), (2, 7), (2, 3), (6, 3), (6, 5), (4, 5), (4, 4), (3, 4), (3, 6), (7, 6), (7, 1),
+            (0, 2)]
+    corners = [complex(x, y + 1e-3 * x) for x, y in (ring[::-1] if turned else ring)]
+    outline = shapely.Polygon([(z.real, z.imag) for z in corners])
+    area = Obstacle('maze', (tuple((z.real, z.imag) for z in [*corners, corners[0]]),), True)
+    points = [complex(0.37 * k - 1, 0.53 * n - 1) for k in range(30) for n in range(17)]
+    assert [_covers(area, _ball(point)) for point in points] == [
+        bool(shapely.contains_xy(outline, point.real, point.imag)) for point in points]
 
 
 def _ball(z):
