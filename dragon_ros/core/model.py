@@ -326,8 +326,8 @@ class Simulation:
     def build_tables(self) -> None:
         """Build the shift maps of the run from its start until the memory limit is reached.
 
-        Another thread may place chains meanwhile. What is not built yet is built when the leader gets there; positions
-        are bit-identical either way.
+        Another thread may place chains meanwhile. Tiles that are not built yet are built when the leader gets there;
+        positions are bit-identical either way.
         """
         maps = self.model.placement.maps.values()
         if not maps or self.tier is PAPER:

@@ -2,8 +2,9 @@
 
 A tier promises the largest position error over all handles and times of a scene. Close to a lock, a change of the last
 bit of the head's position moves the handles C times as much (C is ``chain.conditioning``); there the promise grows by
-(C - 1) times the resolution of floats. The promise for a speed is the same figure per link length of error, relative to
-the speed and times C^2. All promises are measured against a 50-digit reference on every case of ``hard_cases``.
+(C - 1) times the resolution of floats. The promised error of a speed, relative to that speed, is C^2 times the position
+promise divided by the mean link length. All promises are measured against a 50-digit reference on every case of
+``hard_cases``.
 """
 from dataclasses import dataclass
 from math import inf

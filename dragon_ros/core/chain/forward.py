@@ -171,7 +171,7 @@ def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
 def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
     """Place the handles of leaders ``on`` a line or an arc, and the first of each beyond it; return evaluations.
 
-    ``at`` (M,) are the rows of the last handles placed so far, and is advanced.
+    ``at`` (M,) holds the rows of the last handles placed so far and is advanced.
     """
     u, lo = rows[1][at[on], on], rows[2][at[on], on]
     edge, left = track.edge(k, block.link_m, direction), block.stop - at[on]

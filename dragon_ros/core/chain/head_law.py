@@ -58,7 +58,7 @@ class Head:
         return 0.0
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
-        """Return the smallest and largest rate of the leader's speed between two times: 0."""
+        """Return the smallest and largest rate of the leader's speed between two times; both are 0."""
         return 0.0, 0.0
 
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:

@@ -351,8 +351,8 @@ def bend(theta: Ball, delta: Ball, chord: Ball, arm: Floats, pairs: _Pairs | Non
 
     ``theta`` (M, K+1) encloses the angles of handles on an interval, ``delta`` (M, K) the spans of links; ``chord`` and
     ``arm`` (M or 1, K) are their lengths and the half diagonals of the benches in units of b. The bounds are those of
-    the corners of benches 2 and on in the frame of bench 0, and of the corners of bench 0 in theirs; for selected pairs
-    they are (P, 2). They are infinite close to a lock.
+    the corners of all benches from 2 on in the frame of bench 0, and of the corners of bench 0 in theirs; for selected
+    pairs they are (P, 2). They are infinite close to a lock.
     """
     with np.errstate(all='ignore'):
         return corners(_motion(theta, _slopes(theta, delta, chord)), arm, pairs=pairs)

@@ -338,7 +338,7 @@ def _turned(u: Floats, vectors: Floats) -> tuple[Floats, Floats]:
 
 def second_derivatives(moving: Kinematics, one: Views, two: Views, row: Ints, i: Ints, j: Ints, gone_m: Floats,
                        arm: Floats) -> tuple[Floats, Floats]:
-    """Return bounds (K,) on corners' second derivatives: of the second bench's seen from the first, and the reverse.
+    """Return bounds (K,) on second derivatives of the second bench's corners as seen from the first, and vice versa.
 
     ``gone_m`` (K,) are the leader's moves, ``arm`` (N,) the distances of corners from middles. Unbounded derivatives
     give infinity.

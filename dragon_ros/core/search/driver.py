@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from dragon_ros.core.numerics.types import Floats, Ints
 
-_SHARE = 0.9        # of the room for an interval: gaps shrink within it
+_SHARE = 0.9        # of the length for which there is room: gaps shrink within an interval
 _MOST_PARTS = 3     # per cut of an interval: shorter intervals have more room than a long one suggests
 _AT_ONCE = 4096     # intervals that are bounded together; later ones wait, which limits the memory of a long search
 _FINEST = 1e-14     # of a time or a distance: shorter intervals are not cut
@@ -303,7 +303,7 @@ class _Clearing:
         places = np.where(parts[of] == 2, 0.5 * (start + stop)[of], start[of] + share * (stop - start)[of])
         new = batch.samples.places.size + np.arange(of.size)
         samples = self._space.joined([batch.samples, self._space.sample(places, batch.window[of])])
-        # The rows of each interval in order: its start, the new ones, its stop.
+        # The rows of each interval in order: start, new rows, stop.
         fronts, owner = np.empty(of.size + count, dtype=np.int64), np.repeat(np.arange(count), parts)
         heads = np.cumsum(parts) - parts
         inner = np.ones(fronts.size, dtype=bool)

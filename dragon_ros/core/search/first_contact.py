@@ -38,11 +38,11 @@ _TOLD_APART = 4         # gaps there are at least this many times the error that
 _AHEAD_M = 1e-8         # doubled each time: the search for a contact just beyond a position that cannot be cleared
 _AHEAD = 24             # doublings, so up to 8 cm
 _STEADY = 4             # times the closing distance at the final rate: a gap that takes longer is another approach
-_ASIDE = 1e3            # times that, to either side of a contact: the checker's step for the rate of a closing gap
+_ASIDE = 1e3            # times ``_BEFORE_M``, to either side of a contact: the step for the closing rate in the checker
 _LAST_PLACES = 4        # ulps of a contact's time, times the leader's speed: the rounding error of the position
 _WIDEST_M = 1e-6        # of leader travel, or of the longest bench if it is shorter: the largest slack
 _GRAZING_M = 1e-7       # likewise: benches that graze come this close to each other
-_HARDLY = 0.99          # of that: a position and its time are rounded
+_HARDLY = 0.99          # of the clear distance before a grazing: the rest allows for rounding of positions and times
 _TOO_FAR = 'the leader goes too far to be searched'
 
 Pair = tuple[int, int]
@@ -356,7 +356,7 @@ class _Claim:
         return self.domain.gap(self.pair, self._told_m + self.domain.sense * after_m) < -self._rounding_m
 
     def touches(self, cleared_m: float, as_asked: bool) -> bool:
-        """Return whether a contact is proved if all is clear up to a position; ``as_asked``: the requested one."""
+        """Return whether clearance up to a position proves a contact; ``as_asked`` if it is the requested position."""
         return self.overlaps and (as_asked or self._within(cleared_m, self.slack_m))
 
     def grazes(self, cleared_m: float) -> bool:

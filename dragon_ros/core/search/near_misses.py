@@ -213,7 +213,7 @@ def _grids(low: float, high: float, step: float) -> Iterator[Floats]:
 
 
 def _bracketed(places: Floats, pairs: Ints, gap_m: Floats, below_m: float) -> tuple[Ints, Floats, Floats]:
-    """Return pairs (D, 2), left and right positions of the local minima among samples (M,) of their gaps (M, K)."""
+    """Return the pairs (D, 2) with local minima among samples (M,) of gaps (M, K), and the positions on either side."""
     low, sides = gap_m[1:-1], (gap_m[:-2], gap_m[2:])
     dip = (low <= sides[0]) & (low <= sides[1]) & (low + _SHALLOW_M < np.maximum(*sides))
     row, column = np.nonzero(dip & (low < below_m + _LIPSCHITZ * _SPACING_M))

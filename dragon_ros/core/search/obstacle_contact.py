@@ -27,7 +27,8 @@ _TOLERANCE = 4          # times the position error, at two states
 _SPACING = 0.5          # of the longest bench, between the first positions
 _MOST_PLACES = 50_000   # first positions of one window, to limit memory
 _FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: near a contact, and near a grazing
-_SHORTEST = 0.1    # of the error that a gap must exceed: steps to a contact, where gaps are some times that, are longer
+_SHORTEST = 0.1         # of the error that a gap must exceed; near a contact gaps are several times that error, and
+                        # steps are longer than this
 _FAR = 0.05             # of the longest bench: edges that stay further away are not examined
 _PARTS = 3              # parts into which an interval is cut
 _LONG = 6.0             # times the longest bench: over a longer move the bound would need too many edges

@@ -132,7 +132,7 @@ class _Nearing(InOrder):
         run(self, self._roots(Boxes(*intervals[:, None])))
 
     def _roots(self, boxes: Boxes) -> _EdgeIntervals:
-        """Return the cells that may matter, by the distance of the edge from the bench's middle.
+        """Return the cells that may matter, judged by the distance of the edge from the bench's middle.
 
         That distance, less the bench's motion and arm, bounds the gap from below; the edge nearest to any middle bounds
         the gap to its obstacle from above.

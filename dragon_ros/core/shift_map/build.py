@@ -20,7 +20,7 @@ from dragon_ros.core.tracks.spiral import SpiralSegment
 NODES = 24            # terms of a series before truncation; parts whose series do not converge in them are cut in three
 _MOST_STEPS = 40_000        # links from the joints to the span, in total
 _MOST_BYTES = 256_000_000   # for the series of one table
-_ROUNDS = 5                 # in which parts are split in three
+_ROUNDS = 5                 # of splitting parts in three
 NOISE = 4                  # the largest effect of rounding on the last terms, in units of the error
 _SPAN_NODES = 16            # for a whole span on a spiral, which is as smooth as a line
 _SPAN_ENDS = 2.0**-46       # of half its length: rounding in hundreds of rows may leave a quarter in the last terms
