@@ -22,7 +22,7 @@ from dragon_ros.verify.track import Track
 
 _FINEST = 2.0**-70      # of a metre, or of the distance along the track: the shortest interval
 _EARLY = 30_000         # steps: no proof is given up earlier
-_NOTHING = 1e-9         # of the track: less allows no extrapolation, because the first interval may be one float long
+_NOTHING = 1e-9         # of the track: no estimate is made from less, because the first interval may be one float long
 _MANY = 200             # intervals: for fewer, no estimate is made, because the proof takes a second or two
 _SAMPLES, _LEAST = 12, 4        # intervals sampled for an estimate, at most and at least; it takes at most ...
 _PILOT = 0.1            # ... of the budget
@@ -151,10 +151,10 @@ def ways(dragon: Dragon, places: Sequence[Range]) -> list[Way]:
 
 
 def repeated(lengths: Sequence[float]) -> list[int]:
-    """Return, for each position from the tail, how many lengths from there on equal those from the tail on.
+    """Return, for each index counted from the tail, how many lengths from it on equal the first ones from the tail.
 
     This is the Z-algorithm. The lengths from bench i on equal those from bench k <= i on, up to the tail's, if the
-    value at position N - k - m is at least m = N - i.
+    value at index N - k - m is at least m = N - i.
     """
     count, text = len(lengths), lengths[::-1]
     same, left, right = [count] + [0] * (count - 1), 0, 0

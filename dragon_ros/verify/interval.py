@@ -1,6 +1,6 @@
 """One interval of positions of a leading bench, and the proof that it stays clear of the benches behind it throughout.
 
-There are three bounds (docs/contact.md). If the track is nearly straight, benches are apart wherever they are. By the
+There are three bounds (docs/contact.md). If the track between two benches is nearly straight, they cannot touch. By the
 second-order bound, the corners of one bench, as seen from another, deviate from the straight lines between their
 positions at both ends by at most B h^2 / 8; so an edge line that separates the benches by more than that at both ends
 also separates them in between. By the first-order bound, gaps shrink at most by the benches' motion; it also holds

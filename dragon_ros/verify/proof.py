@@ -165,7 +165,7 @@ class _Proof:
     def _poses(self, contact: Contact, gone: arb) -> tuple[Pose, Pose]:
         """Return the two benches of a contact at the leader's distance, or a bench and an edge of the obstacle.
 
-        That edge is the nearest one at the first call, which is for the contact itself.
+        The edge is the one nearest at the contact itself, for which this is called first.
         """
         first, second = contact.benches[0], contact.benches[-1]
         self._budget.spend(second)

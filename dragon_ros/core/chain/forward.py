@@ -346,13 +346,13 @@ def _next_on_one(track: Track, k: int, places: Places, chord_m: float, direction
 
 def _stepped(track: Track, k: int, places: Places, chord_m: float, direction: int,
              past: Past | None) -> tuple[tuple[Floats, Floats], Array, Floats, int]:
-    """Return the next positions on segment k, (hi, lo), which are on it, the predictor's state, and evaluations.
+    """Return the next positions, (hi, lo), whether each is still on segment k, the predictor's state, and evaluations.
 
     Where none is found, the position itself is returned.
     """
     segment, (_, u, lo), edge = track.segments[k], places, track.edge(k, chord_m, direction)
     shift, spent = segment.shifts(u, chord_m, direction, past)
-    if edge == inf:         # outwards without end: all stay
+    if edge == inf:         # outwards on an endless segment: all positions stay on it
         return plus(u, lo, shift), np.ones(u.shape, dtype=bool), segment.squares(u, shift), spent
     found = np.isfinite(shift)
     shift = np.where(found, shift, 0.0)

@@ -28,7 +28,7 @@ _FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: 
 _MOST_PLACES = 50_000   # first samples of one window, to limit memory
 _MOST_RAD = 2e6         # of a domain: a million first samples
 _TOGETHER, _USUAL = 2**20, 256      # handles at the first samples of windows that are cleared together, to limit
-                        # memory; at most so many benches behind each lead are counted: more rarely matter
+                        # memory; and the most benches counted behind each lead, because more rarely matter
 _POINT = 1e-6           # of the longest link: both handles of a shorter link may round to the same position
 _IN_CACHE = 2**14       # pairs that are bounded together
 _CLOSER = 20            # halvings of a domain, to a millionth of it, to find how far the proof can reach

@@ -29,7 +29,7 @@ from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, Spi
 from dragon_ros.core.tracks.spiral import TIGHT, TINY, SpiralCurve, SpiralSegment, first_peak
 
 _FURTHEST = 1e9     # metres before a track, and radians on a circle, up to which the low part of an angle stays small
-_ULPS = 2.0**-49     # relative to a coordinate and the distance there: rounding errors, and sums of some
+_ULPS = 2.0**-49     # relative to a coordinate and the distance there: the sum of a few rounding errors
 _HAIR = 1e-9        # relative to a distance: how far rounding may put the leader beyond the track's end
 _SLACK = 0.02       # relative to a link: how far an error of the coarsest tier may put a follower beyond the end
 WIDEST_RAD = 1.3    # about the largest span of a link on an inward spiral: further in it may approach its lock
