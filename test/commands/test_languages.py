@@ -13,6 +13,7 @@ from dragon_ros.cli.language import language_of, say
 from dragon_ros.commands import contest, plan, plan_words, view
 from dragon_ros.commands.contest import words as contest_words
 from dragon_ros.commands.sources import SceneSource
+from dragon_ros.commands.view import variants
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.commands.view.server import ViewServer
 from dragon_ros.scenes.load import load_scene
@@ -58,7 +59,10 @@ def test_the_page_has_every_text_that_it_names_in_both_languages():
     named = set(re.findall(r'data-(?:say|label|title)="(\w+)"', (WEB / 'index.html').read_text()))
     for script in ('view.js', 'try.js'):
         named |= set(re.findall(r"say\('(\w+)'", (WEB / script).read_text()))
-    assert len(named) > 30
+    source = Path(variants.__file__).read_text()
+    named |= {'meet', 'graze', 'meet_obstacle', 'graze_obstacle', 'proved', 'sampled'}
+    named |= set(re.findall(r"Answer\('(\w+)'", source))
+    assert len(named) > 45
     assert named <= set(PAGE)
     for key, pair in PAGE.items():
         english, chinese = re.findall(r'"([^"]*)"|\'([^\']*)\'', pair)

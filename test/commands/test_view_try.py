@@ -2,6 +2,7 @@
 import contextlib
 import http.client
 import json
+import re
 import socket
 import threading
 import urllib.error
@@ -71,17 +72,22 @@ def test_the_answers_are_those_of_the_commands(server):
     found = first_contact(scene)
     until = replace(scene, run=replace(scene.run, stop_s=found.t_s))
     said = {name: ask(server, f'answers/{name}', **{'dragon.width_m': 0.301}) for name in QUESTIONS}
-    assert said['contact']['text'].startswith(f'{found.t_s:.9f} s, benches {found.benches[0]} and {found.benches[1]}')
-    assert said['speed']['text'].startswith(f'handle {max_speed(until).handle}: {max_speed(until).ratio:.9g} times')
-    assert f'{bounding_box(until).free_m[1]:.4f} m' in said['room']['text']
-    assert f'{min_pitch(scene.dragon, within_m=1e-9).high_m:.9f} m' in said['pitch']['text']
+    values = {name: one['values'] for name, one in said.items()}
+    assert values['contact'] == {'t': f'{found.t_s:.9f}', 'first': str(found.benches[0]),
+                                 'second': str(found.benches[1]), 'obstacle': ''}
+    fastest = max_speed(until)
+    assert values['speed'] == {'handle': str(fastest.handle), 'ratio': f'{fastest.ratio:.9g}',
+                               'along': f'{fastest.along_m:.6g}'}
+    assert values['room']['free'] == f'{bounding_box(until).free_m[1]:.4f}'
+    assert values['pitch']['pitch'] == f'{min_pitch(scene.dragon, within_m=1e-9).high_m:.9f}'
     assert [said[name]['how'] for name in QUESTIONS] == ['proved', 'proved', 'proved', 'proved', 'sampled']
-    assert 0 <= float(said['clearance']['text'].split()[0]) < 5
+    assert [said[name]['until_contact'] for name in QUESTIONS] == [False, True, True, False, True]
+    assert 0 <= float(values['clearance']['gap']) < 5
 
 
 def test_a_run_without_contact_is_said_to_have_none(server):
     said = ask(server, 'answers/contact', **{'dragon.benches': 5})
-    assert said == {'text': 'no benches touch in this run, which ends at 413 s', 'how': 'proved'}
+    assert said == {'key': 'no_contact', 'values': {'end': '413'}, 'how': 'proved', 'until_contact': False}
 
 
 @pytest.mark.parametrize(('change', 'key', 'words'), [
@@ -194,17 +200,23 @@ def test_a_changed_value_moves_the_dragon_and_renews_the_answers(server, page):
     assert [line for line in page.log() if 'favicon' not in line[1]] == []
 
 
-def test_values_are_changed_by_keys_alone(server, page):
-    page.open_view(server.url)
-    for _ in range(20):
-        page.press('Tab')
-        if page.run('return document.activeElement.id') == 'value-dragon.width_m':
-            break
-    page.press('ArrowUp')
-    page.wait('return location.search === "?dragon.width_m=0.305"')
-    page.wait('return document.querySelectorAll("#answers progress").length === 0')
-    page.press('End')       # the field's own key: the run stays where it is
-    assert page.run('return document.getElementById("time").textContent') == '411.00 s'
+def test_values_are_changed_by_keys_alone_on_a_page_that_is_all_in_its_language(page):
+    with serving_of(Variants('small', 'winding', SMALL), 'zh') as server:
+        page.open_view(server.url)
+        for _ in range(20):
+            page.press('Tab')
+            if page.run('return document.activeElement.id') == 'value-dragon.width_m':
+                break
+        page.press('ArrowUp')
+        page.wait('return location.search === "?dragon.width_m=0.305"')
+        page.wait('return document.querySelectorAll("#answers progress").length === 0')
+        page.press('End')       # the field's own key: the run stays where it is
+        assert page.run('return document.getElementById("time").textContent') == '411.00 s'
+        said = page.wait('return document.querySelectorAll("#answers i").length === 5 && '
+                         'document.getElementById("values").textContent')
+        assert re.findall('[A-Za-z]{3,}', said) == ['scene', 'yaml']
+        assert said.count('已证明') == 4
+        assert '抽样' in said
 
 
 @pytest.mark.parametrize('each', [False, pytest.param(True, marks=pytest.mark.long)])

@@ -51,10 +51,15 @@ class PageValue:
 
 @dataclass(frozen=True)
 class Answer:
-    """An answer in words, and its certainty: ``proved``, ``sampled``, or empty without an answer."""
+    """An answer: the key of its sentence in words.js with its values, and how certain it is.
 
-    text: str
+    ``how`` is ``proved``, ``sampled``, or empty without an answer. If ``until_contact``, nothing later was examined.
+    """
+
+    key: str
+    values: dict[str, str] = field(default_factory=dict)
     how: str = ''
+    until_contact: bool = False
 
 
 @dataclass(frozen=True)
@@ -87,10 +92,6 @@ class Variant:
         """Return the scene with a run that ends at its first contact, since no dragon can walk on from there."""
         t_s = self.contact_s(check)
         return self.scene if t_s is None else replace(self.scene, run=replace(self.scene.run, stop_s=t_s))
-
-    def limit(self, check: Check) -> str:
-        """Return words for the examined part of the run."""
-        return '' if self.contact_s(check) is None else '; up to the contact'
 
     def contact_s(self, check: Check) -> float | None:
         """Return the time of the first contact; None without one."""
@@ -158,7 +159,7 @@ class Variants:
         try:
             return vars(QUESTIONS[question](variant, check))
         except InputError as wrong:
-            return vars(Answer(_plainly(wrong)))
+            return vars(Answer('refused', {'text': _plainly(wrong)}))
 
 
 def fields_of(scene: Scene) -> list[PageValue]:
@@ -208,9 +209,11 @@ def _contact(variant: Variant, check: Check) -> Answer:
     found = variant.found(check)
     sure = 'proved' if found.certificate.complete else ''
     if isinstance(found, NoContact):
-        return Answer(f'no benches touch in this run, which ends at {variant.data.times_s[-1]:.6g} s', sure)
-    word = 'grazing, ' if found.grazing_m else ''
-    return Answer(f'{word}{found.t_s:.9f} s, {found.between}', sure)
+        return Answer('no_contact', {'end': f'{variant.data.times_s[-1]:.6g}'}, sure)
+    values = {'t': f'{found.t_s:.9f}', 'first': str(found.benches[0]), 'second': str(found.benches[-1]),
+              'obstacle': found.obstacle.name if found.obstacle else ''}
+    kind = 'graze' if found.grazing_m else 'meet'
+    return Answer(f'{kind}_obstacle' if found.obstacle else kind, values, sure)
 
 
 def _clearance(variant: Variant, check: Check) -> Answer:
@@ -219,42 +222,43 @@ def _clearance(variant: Variant, check: Check) -> Answer:
     rows = [(gap, t_s) for gap, t_s in zip(curve['gap_mm'], curve['t_s'], strict=True)
             if gap is not None and (contact_s is None or t_s <= contact_s)]
     if not rows:
-        return Answer('no two benches come near each other')
+        return Answer('no_gap')
     gap, t_s = min(rows)
-    where = '' if contact_s is None else ' before the contact'
-    return Answer(f'{gap:.3f} mm at {t_s:.6g} s, of {len(rows)} times{where}', 'sampled')
+    return Answer('least_gap', {'gap': f'{gap:.3f}', 't': f'{t_s:.6g}', 'times': str(len(rows))}, 'sampled',
+                  contact_s is not None)
 
 
 def _speed(variant: Variant, check: Check) -> Answer:
     """Return the largest speed of any handle, up to the contact."""
     from dragon_ros.core.search.max_speed import max_speed
     most = max_speed(variant.until_contact(check), lambda looks: check())
-    return Answer(f'handle {most.handle}: {most.ratio:.9g} times the leader, which is then {most.along_m:.6g} m along '
-                  f'the track{variant.limit(check)}', 'proved')
+    return Answer('fastest', {'handle': str(most.handle), 'ratio': f'{most.ratio:.9g}', 'along': f'{most.along_m:.6g}'},
+                  'proved', variant.contact_s(check) is not None)
 
 
 def _pitch(variant: Variant, check: Check) -> Answer:
     """Return the smallest pitch at which this dragon winds in to a turning circle."""
     from dragon_ros.core.search.min_pitch import min_pitch
     if not isinstance(variant.scene.track, Spiral):
-        return Answer('only for a track that is one spiral')
+        return Answer('no_spiral')
     found = min_pitch(variant.scene.dragon, _CIRCLE_M, variant.scene.track.start_turns, within_m=1e-9,
                       progress=lambda states: check())
-    return Answer(f'{found.high_m:.9f} m, to wind in to a circle of {_CIRCLE_M:g} m',
+    return Answer('least_pitch', {'pitch': f'{found.high_m:.9f}', 'circle': f'{_CIRCLE_M:g}'},
                   'proved' if found.proved else 'sampled')
 
 
 def _room(variant: Variant, check: Check) -> Answer:
     """Return the room that the run needs: the gaps to the obstacles of its venue, or a square."""
-    scene = variant.until_contact(check)
+    scene, until = variant.until_contact(check), variant.contact_s(check) is not None
     if scene.venue is not None:
         from dragon_ros.core.search.venue_fit import venue_fit
         worst = min(venue_fit(scene, progress=lambda looks: check()).gaps, key=lambda gap: gap.low_m)
-        return Answer(f'smallest gap {worst.low_m:.4f} m, to {worst.name}; wanted {scene.venue.margin_m:g} m', 'proved')
+        return Answer('gap_to', {'gap': f'{worst.low_m:.4f}', 'name': worst.name,
+                                 'wanted': f'{scene.venue.margin_m:g}'}, 'proved', until)
     from dragon_ros.core.search.bounding_box import bounding_box
     box = bounding_box(scene, progress=lambda looks: check())
     (_, centred), (_, free) = box.centred_m, box.free_m
-    return Answer(f'a square of {free:.4f} m, or of {centred:.4f} m about the origin{variant.limit(check)}', 'proved')
+    return Answer('square', {'free': f'{free:.4f}', 'centred': f'{centred:.4f}'}, 'proved', until)
 
 
 QUESTIONS: dict[str, Callable[[Variant, Check], Answer]] = {

@@ -2,7 +2,7 @@
 // tells the server which dragon is meant. A change ends what was asked about the one before.
 'use strict';
 
-const UNITS = {m: 'm', m_s: 'm/s', s: 's', deg: '°', hz: 'Hz', rad: 'rad'};
+const UNITS = {m: 'm', m_s: 'm/s', m_s2: 'm/s²', s: 's', deg: '°', hz: 'Hz', rad: 'rad'};
 const QUESTIONS = ['contact', 'speed', 'room', 'pitch', 'clearance'];     // the quickest first
 const WAIT_MS = 40;         // after the last move of a slider
 const fields = new Map();   // by key: what it was in the scene's file, and its elements
@@ -15,12 +15,16 @@ function make(name, properties = {}, ...children) {
   return made;
 }
 
+/** A part of a key as a word. */
+const named = (part) => (CHINESE && NAMES[part]) || part.replaceAll('_', ' ');
+
 /** The key of a field as words, and its unit. */
 function wordsOf(key) {
   const parts = key.split('.').slice(1), last = parts.pop();
   const unit = Object.keys(UNITS).sort((a, b) => b.length - a.length).find((end) => last.endsWith(`_${end}`));
-  const name = (unit ? last.slice(0, -unit.length - 1) : last).replaceAll('_', ' ');
-  return [[...parts.map((part) => (/^\d+$/.test(part) ? part : part.replace(/s$/, ''))), name].join(' '), unit ? UNITS[unit] : ''];
+  const name = unit ? last.slice(0, -unit.length - 1) : last;
+  return [[...parts.map((part) => (/^\d+$/.test(part) ? part : named(part.replace(/s$/, '')))), named(name)].join(' '),
+    unit ? UNITS[unit] : ''];
 }
 
 /** The address of the values that were changed; it is shown, so that it can be kept and shared. */
@@ -44,7 +48,8 @@ function addField(box, {key, value, own, low, high, step}) {
   const error = make('p', {id: `${name}-error`, hidden: true});
   error.setAttribute('role', 'alert');
   const row = make('div', {className: 'value', title: say('slider', {key, low, high})},
-    make('label', {htmlFor: name, textContent: words}), number, make('span', {textContent: unit}), slider, error);
+    make('label', {htmlFor: name, textContent: words}), number, make('span', {textContent: unit}),
+    make('div', {className: 'range'}, make('span', {textContent: low}), slider, make('span', {textContent: high})), error);
   number.addEventListener('input', () => { if (number.value !== '') slider.value = number.value; changed(); });
   slider.addEventListener('input', () => { number.value = slider.value; changed(); });
   fields.set(key, {own, number, slider, error, row});
@@ -100,12 +105,13 @@ async function answerAll() {
     place.replaceChildren(bar);
   }
   for (const question of QUESTIONS) {
-    const {text, how} = await json(`answers/${question}`).catch((error) => {
+    const {key, values, how, until_contact: until} = await json(`answers/${question}`).catch((error) => {
       if (error.name === 'AbortError') throw error;
-      return {text: error.message, how: ''};
+      return {key: 'refused', values: {text: error.message}};
     });
     if (mine !== asking) return;
-    answers[question].replaceChildren(text, ...(how ? [make('i', {className: how, textContent: how})] : []));
+    answers[question].replaceChildren(say(key, values) + (until ? say('until_contact') : ''),
+      ...(how ? [make('i', {className: how, textContent: say(how)})] : []));
   }
 }
 
@@ -130,7 +136,7 @@ async function open() {
   for (const field of form.fields) {
     const section = field.key.split('.')[0];
     if (!boxes.has(section)) {
-      boxes.set(section, make('fieldset', {}, make('legend', {textContent: section})));
+      boxes.set(section, make('fieldset', {}, make('legend', {textContent: named(section)})));
       panel.append(boxes.get(section));
     }
     addField(boxes.get(section), field);

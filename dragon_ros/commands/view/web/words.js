@@ -31,6 +31,28 @@ const WORDS = {
   more: ["{count} more values are in the scene's file", '场景文件中还有 {count} 个参数'],
   ask_contact: ['First contact', '首次碰撞'], ask_speed: ['Fastest handle', '最快的把手'], ask_room: ['Room needed', '所需空间'],
   ask_pitch: ['Smallest pitch', '最小螺距'], ask_clearance: ['Smallest gap', '最小间隙'],
+  no_contact: ['no benches touch in this run, which ends at {end} s', '本次运行到 {end} s 结束，没有板凳相碰'],
+  meet: ['{t} s, benches {first} and {second}', '{t} s，第 {first} 号与第 {second} 号板凳'],
+  graze: ['grazing, {t} s, benches {first} and {second}', '擦碰，{t} s，第 {first} 号与第 {second} 号板凳'],
+  meet_obstacle: ['{t} s, bench {first} and obstacle {obstacle}', '{t} s，第 {first} 号板凳与障碍物 {obstacle}'],
+  graze_obstacle: ['grazing, {t} s, bench {first} and obstacle {obstacle}', '擦碰，{t} s，第 {first} 号板凳与障碍物 {obstacle}'],
+  no_gap: ['no two benches come near each other', '没有两节板凳彼此靠近'],
+  least_gap: ['{gap} mm at {t} s, of {times} times', '{t} s 时为 {gap} mm（取自 {times} 个时刻）'],
+  fastest: ['handle {handle}: {ratio} times the leader, which is then {along} m along the track', '第 {handle} 号把手：为领头把手速度的 {ratio} 倍，此时领头把手位于轨迹 {along} m 处'],
+  least_pitch: ['{pitch} m, to wind in to a circle of {circle} m', '{pitch} m，可盘入直径 {circle} m 的圆'],
+  no_spiral: ['only for a track that is one spiral', '仅适用于单条螺线的轨迹'],
+  gap_to: ['smallest gap {gap} m, to {name}; wanted {wanted} m', '最小间隙 {gap} m（到 {name}）；要求 {wanted} m'],
+  square: ['a square of {free} m, or of {centred} m about the origin', '边长 {free} m 的正方形；以原点为中心则为 {centred} m'],
+  until_contact: ['; up to the contact', '；到碰撞为止'], refused: ['{text}', '无法计算：{text}'],
+  proved: ['proved', '已证明'], sampled: ['sampled', '抽样'],
+};
+// Names of values and of their sections; in English they are the words of their keys.
+const NAMES = {
+  dragon: '板凳龙', track: '轨迹', head: '龙头', run: '运行', venue: '场地', piece: '段', group: '组', benches: '板凳节数',
+  count: '节数', head_length: '龙头长度', body_length: '龙身长度', width: '宽度', hole_inset: '孔距板端', length: '长度',
+  pitch: '螺距', start_turns: '起始圈数', from_turns: '起始圈数', to_turns: '终止圈数', diameter: '直径', ratio: '两弧半径之比',
+  before: '调头前的距离', speed: '速度', radius: '半径', angle: '角度', margin: '要求的间隙', start: '起点', stop: '终点',
+  max_acceleration: '最大加速度', max_speed: '最大速度', timeout: '超时',
 };
 const CHINESE = (document.documentElement.dataset.lang || navigator.language).toLowerCase().startsWith('zh');
 
