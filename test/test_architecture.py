@@ -32,7 +32,7 @@ CORE_ROOMS = {
     'errors': (), 'limits': (), 'numerics': (), 'checks': ('errors',), 'flags': ('errors', 'checks'),
     'venue': ('errors', 'checks', 'limits'),
     'tracks': CHAIN[:3], 'chain': CHAIN[:4], 'tiers': CHAIN[:4], 'scene': (*VALUES, 'tracks', 'chain', 'venue'),
-    'paper': CHAIN, 'shift_map': (*CHAIN, 'tiers'), 'model': MODEL[:-1], 'geometry': (*CHAIN, 'venue'),
+    'paper': CHAIN, 'shift_map': (*CHAIN, 'tiers'), 'model': MODEL[:-1], 'geometry': (*CHAIN, 'venue', 'limits'),
     'enclosures': (*CHAIN, 'geometry'), 'frame': (*CHAIN, 'geometry'), 'search': (*MODEL, 'geometry', 'enclosures'),
     'effects': (*MODEL, 'geometry', 'frame'), 'step': (*MODEL, 'geometry', 'frame', 'effects'),
     'batches': (*MODEL, 'geometry', 'frame', 'effects', 'step')}

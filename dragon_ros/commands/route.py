@@ -4,14 +4,11 @@ import subprocess
 import sys
 from argparse import Namespace
 from dataclasses import asdict, dataclass
-from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from dragon_ros.cli import command_line
-from dragon_ros.core.checks import number
+from dragon_ros.core.checks import number, plane_pose
 from dragon_ros.core.errors import FieldError, InputError, MissingError, TrackEndError, shown
 from dragon_ros.scenes.drawings import DrawnLine, chosen, csv_line, map_line, metres_a_unit, svg_line
 
@@ -129,22 +126,13 @@ def _moved(topic: str, message: 'PathMessage', arguments: Namespace) -> DrawnLin
     """Return a path in the dragon's frame, transformed by --frame-pose. Raises InputError if that is missing."""
     points = message.points_m
     if arguments.frame_pose is not None:
-        x, y, degrees = _pose(arguments.frame_pose)
-        points = complex(x, y) + points * np.exp(1j * degrees * pi / 180)
+        shift, turn = plane_pose('--frame-pose', arguments.frame_pose)
+        points = shift + points * turn
     elif message.frame_id != _FRAME:
         raise InputError(f'{topic}: its path is in the frame {shown(message.frame_id)}, and the dragon is in '
                          f'{_FRAME!r}; give its pose: --frame-pose X,Y,DEGREES (0,0,0 if they coincide)',
                          field='frame_pose')
     return DrawnLine(topic, (points,))
-
-
-def _pose(text: str) -> tuple[float, float, float]:
-    try:
-        x, y, degrees = map(float, text.split(','))
-    except ValueError:
-        raise FieldError('--frame-pose', text, 'it must be X,Y,DEGREES', 'write for example 1.5,-2,90') from None
-    return (number('--frame-pose', x, low=-1e9, high=1e9), number('--frame-pose', y, low=-1e9, high=1e9),
-            number('--frame-pose', degrees, low=-1e6, high=1e6))
 
 
 def _laid(arguments: Namespace, base: 'Scene', line: DrawnLine) -> _Laid:

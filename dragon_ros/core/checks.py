@@ -2,7 +2,8 @@
 
 Numbers of Python and numpy are treated alike.
 """
-from math import isfinite
+from cmath import exp
+from math import isfinite, pi
 from numbers import Integral, Real
 from typing import Any
 
@@ -35,6 +36,16 @@ def whole(field: str, value: Any, *, low: int, high: int) -> int:
                          _unquoted(value) or 'give a whole number')
     number(field, value, low=low, high=high)
     return int(value)
+
+
+def plane_pose(field: str, text: str) -> tuple[complex, complex]:
+    """Return a pose written as X,Y,DEGREES: its place in m, and its x axis as a unit number. Raises FieldError."""
+    try:
+        x, y, degrees = map(float, text.split(','))
+    except ValueError:
+        raise FieldError(field, text, 'it must be X,Y,DEGREES', 'write for example 1.5,-2,90') from None
+    x, y = (number(field, one, low=-1e9, high=1e9) for one in (x, y))
+    return complex(x, y), exp(1j * number(field, degrees, low=-1e6, high=1e6) * pi / 180)
 
 
 def choice(field: str, value: Any, choices: tuple[str, ...]) -> str:

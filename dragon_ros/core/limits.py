@@ -46,6 +46,9 @@ INBOX_BYTES = 128 * MB
 INBOX_MESSAGES = 10_000
 HELD_BYTES = 64 * MB
 REPLAYED_BYTES = 64 * MB
+MAP_BYTES = 256 * MB
+MAP_EDGES = 400_000
+KNOWN_FRAMES = 10_000
 RECORDED_SCENES = 16
 SUBSCRIBERS = 1000
 FILTER_CHARACTERS = 256
@@ -121,6 +124,10 @@ LIMITS = (
     Limit('HELD_BYTES', 'messages without a stamp that the recorder holds until a tick arrives', 'bytes',
           'the oldest is omitted and counted'),
     Limit('REPLAYED_BYTES', 'messages of one log time that `replay` holds', 'bytes', 'published in parts'),
+    Limit('MAP_BYTES', 'a map for the monitor', 'bytes', 'not used, as `/diagnostics` says'),
+    Limit('MAP_EDGES', 'the edges of the occupied cells of a map', 'edges', 'likewise'),
+    Limit('KNOWN_FRAMES', 'the frames of `/tf` and `/tf_static` that the monitor keeps', 'frames', 'further ones are '
+                                                                                                 'ignored'),
     Limit('RECORDED_SCENES', 'different scenes that a recorder reads and attaches to one bag', 'scenes',
           'only stored as messages, with a warning'),
     Limit('SUBSCRIBERS', 'subscribers that `wait_subscribers` can require', 'subscribers', 'rejected'),

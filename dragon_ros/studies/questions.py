@@ -12,7 +12,8 @@ from typing import Any, ClassVar
 from dragon_ros.core.chain.dragon import AnyDragon
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.geometry.near_pairs import TOUCH_M, closeness
+from dragon_ros.core.geometry.near_obstacles import with_obstacles
+from dragon_ros.core.geometry.near_pairs import closeness
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.model import compile_scene
@@ -115,7 +116,7 @@ class ClearanceQuestion:
         benches, venue = benches_of(chain, asked.scene.dragon, axes_of(chain)), asked.scene.venue
         found = closeness(chain.p, benches)
         if venue is not None:
-            found = surroundings_of(venue).together(found, benches, TOUCH_M)
+            found = with_obstacles(surroundings_of(venue), found, benches)
         out: Values = {'clearance_t_s': t_s, 'clearance_proved': False}
         if found.closest is None:
             return out

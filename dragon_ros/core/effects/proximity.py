@@ -1,19 +1,24 @@
 """Close pairs of benches at one instant, the pairs that touch, and where they touch."""
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.frame import Frame
-from dragon_ros.core.geometry.contacts import Closeness, Contacts
-from dragon_ros.core.geometry.near_pairs import TOUCH_M, NearPairs
+from dragon_ros.core.geometry.contacts import Closeness, Contacts, pair_words
+from dragon_ros.core.geometry.near_pairs import NearPairs
 from dragon_ros.core.geometry.rectangles import Benches, benches_of
 from dragon_ros.core.geometry.signed_distance import witnesses
 from dragon_ros.core.model import Model, Simulation
 from dragon_ros.core.scene import Scene
 
+if TYPE_CHECKING:
+    from dragon_ros.core.geometry.near_obstacles import NearObstacles
+
 # The close pairs of a model's previous instant speed up the next one and do not change a bit of its result.
 _NEAR: WeakKeyDictionary[Model, NearPairs] = WeakKeyDictionary()
+_OBSTACLES: WeakKeyDictionary[Model, 'NearObstacles'] = WeakKeyDictionary()
 
 
 def closeness(simulation: Simulation, chain: Chain, benches: Benches) -> Closeness:
@@ -24,8 +29,12 @@ def closeness(simulation: Simulation, chain: Chain, benches: Benches) -> Closene
     found, venue = near.look(chain.p, benches), simulation.scene.venue
     if venue is None:
         return found
+    from dragon_ros.core.geometry.near_obstacles import NearObstacles
     from dragon_ros.core.geometry.venue import surroundings_of
-    return surroundings_of(venue).together(found, benches, TOUCH_M)
+    around, obstacles = surroundings_of(venue), _OBSTACLES.get(simulation.model)
+    if obstacles is None or obstacles.around is not around:
+        obstacles = _OBSTACLES[simulation.model] = NearObstacles(around)
+    return obstacles.look(found, benches)
 
 
 def touching(simulation: Simulation, frame: Frame) -> list[tuple[int, int]]:
@@ -37,9 +46,8 @@ def touching(simulation: Simulation, frame: Frame) -> list[tuple[int, int]]:
 
 def named_pair(scene: Scene, pair: tuple[int, int]) -> str:
     """Return a description of two benches, or of a bench and an obstacle, that touch."""
-    if scene.venue is None or pair[1] < scene.dragon.benches:
-        return f'benches {pair[0]} and {pair[1]}'
-    return f'bench {pair[0]} and obstacle {scene.venue.names[pair[1] - scene.dragon.benches]!r}'
+    number = pair[1] - scene.dragon.benches
+    return pair_words(pair, scene.venue.names[number] if scene.venue and number >= 0 else '')
 
 
 def contacts(simulation: Simulation, near: Closeness, benches: Benches) -> Contacts:

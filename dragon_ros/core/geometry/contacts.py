@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.numerics.types import Floats, Ints
 
+Pair = tuple[int, int]
 
 @dataclass(frozen=True)
 class Closeness:
@@ -58,3 +59,8 @@ class Observation:
     p: Floats
     benches: Benches
     frame_id: str = ''
+
+
+def pair_words(pair: Pair, obstacle: str = '') -> str:
+    """Return words for two benches, or for a bench and an obstacle with this name."""
+    return f'bench {pair[0]} and obstacle {obstacle!r}' if obstacle else f'benches {pair[0]} and {pair[1]}'

@@ -5,7 +5,7 @@ import numpy as np
 
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.chain.dragon import AnyDragon
-from dragon_ros.core.numerics.types import Floats, read_only
+from dragon_ros.core.numerics.types import Floats, Ints, read_only
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,10 @@ class Benches:
         yaw: Floats = np.arctan2(self.axis[..., 1], self.axis[..., 0])
         return yaw
 
+    def some(self, index: Ints) -> 'Benches':
+        """Return some of them, if they are not of many instants."""
+        return Benches(self.centre[index], self.axis[index], self.half_length[index], self.half_width[index])
+
     @property
     def corners(self) -> Floats:
         """Corners (..., N, 4, 2): front left, rear left, rear right, front right."""
@@ -30,6 +34,13 @@ class Benches:
         side = self.half_width[..., None] * np.stack((-self.axis[..., 1], self.axis[..., 0]), axis=-1)
         c = self.centre
         return np.stack((c + along + side, c - along + side, c - along - side, c + along - side), axis=-2)
+
+
+def together(one: Benches, other: Benches) -> Benches:
+    """Return the rectangles of two in one, one after the other."""
+    return Benches(np.concatenate((one.centre, other.centre)), np.concatenate((one.axis, other.axis)),
+                   np.concatenate((one.half_length, other.half_length)),
+                   np.concatenate((one.half_width, other.half_width)))
 
 
 def axes_of(chain: Chain) -> Floats:

@@ -91,14 +91,18 @@ def rounding_m(far_m: Floats | float, half_m: float) -> Floats | float:
     return _ROUNDED * (far_m + half_m)
 
 
-def placement(benches: Benches, i: Index, j: Index) -> RelativePoses:
-    """Return benches j relative to benches i; the last axes but one are benches, i and j may be any indices."""
-    offset = _at(benches.centre, j) - _at(benches.centre, i)
-    u, w = _at(benches.axis, i), _at(benches.axis, j)
+def placement(benches: Benches, i: Index, j: Index, others: Benches | None = None) -> RelativePoses:
+    """Return benches j relative to benches i; the last axes but one are benches, i and j may be any indices.
+
+    If there are ``others``, j are their indices.
+    """
+    others = benches if others is None else others
+    offset = _at(others.centre, j) - _at(benches.centre, i)
+    u, w = _at(benches.axis, i), _at(others.axis, j)
     x, y, u_x, u_y, w_x, w_y = offset[..., 0], offset[..., 1], u[..., 0], u[..., 1], w[..., 0], w[..., 1]
     return RelativePoses(x * u_x + y * u_y, y * u_x - x * u_y, u_x * w_x + u_y * w_y, u_x * w_y - u_y * w_x,
                          (_at(benches.half_length, i), _at(benches.half_width, i)),
-                         (_at(benches.half_length, j), _at(benches.half_width, j)))
+                         (_at(others.half_length, j), _at(others.half_width, j)))
 
 
 def seen_from(centre: tuple[Complexes, Complexes], axis: tuple[Complexes, Complexes], a: tuple[Any, Any],
@@ -189,22 +193,25 @@ def signed_gap(pairs: RelativePoses) -> Floats:
     return out
 
 
-def gaps(benches: Benches, i: Index, j: Index) -> Floats:
-    """Return the signed gaps of benches i and j in metres."""
+def gaps(benches: Benches, i: Index, j: Index, others: Benches | None = None) -> Floats:
+    """Return the signed gaps of benches i and j in metres. If there are ``others``, j are their indices."""
     if isinstance(i, tuple) or isinstance(j, tuple) or i.ndim != 1 or i.shape != j.shape or i.size <= _AT_ONCE:
-        return signed_gap(placement(benches, i, j))
+        return signed_gap(placement(benches, i, j, others))
     parts = range(0, i.size, _AT_ONCE)
-    return np.concatenate([signed_gap(placement(benches, i[n:n + _AT_ONCE], j[n:n + _AT_ONCE])) for n in parts])
+    return np.concatenate([signed_gap(placement(benches, i[n:n + _AT_ONCE], j[n:n + _AT_ONCE], others))
+                           for n in parts])
 
 
-def gap_of(benches: Benches, i: int, j: int) -> float:
+def gap_of(benches: Benches, i: int, j: int, others: Benches | None = None) -> float:
     """Return the signed gap of benches i and j in metres, bit-identical to ``gaps``: the same operations on floats.
 
-    For a single pair it takes a tenth of the time of arrays.
+    For a single pair it takes a tenth of the time of arrays. If there are ``others``, j is one of them.
     """
-    (x_i, y_i), (x_j, y_j) = benches.centre[i].tolist(), benches.centre[j].tolist()
-    (u_x, u_y), (w_x, w_y) = benches.axis[i].tolist(), benches.axis[j].tolist()
-    a, b = ((benches.half_length.item(n), benches.half_width.item(n)) for n in (i, j))
+    others = benches if others is None else others
+    (x_i, y_i), (x_j, y_j) = benches.centre[i].tolist(), others.centre[j].tolist()
+    (u_x, u_y), (w_x, w_y) = benches.axis[i].tolist(), others.axis[j].tolist()
+    a = benches.half_length.item(i), benches.half_width.item(i)
+    b = others.half_length.item(j), others.half_width.item(j)
     offset_x, offset_y = x_j - x_i, y_j - y_i
     x, y = offset_x * u_x + offset_y * u_y, offset_y * u_x - offset_x * u_y
     cos, sin = u_x * w_x + u_y * w_y, u_x * w_y - u_y * w_x

@@ -2,7 +2,7 @@
 
 A tracker receives only ticks. It reports the last tick without contact, the first one with contact, and the time
 between them at which the signed gap, interpolated through the last ticks, vanishes. Each episode of a pair has a start,
-a deepest gap and an end.
+a deepest gap and an end. If the surroundings are known, obstacles count too; in pairs their numbers follow the benches'.
 
 Observations may arrive late, repeatedly or from a restarted run: ``ReorderBuffer`` passes them on in order.
 ``Episodes`` holds the open contacts of all pairs, as arrays: which pairs touch, how deep and when, and which were
@@ -16,10 +16,12 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dragon_ros.core.geometry.contacts import Closeness, Observation
-from dragon_ros.core.geometry.near_pairs import NearPairs
+from dragon_ros.core.geometry.contacts import Closeness, Observation, Pair
+from dragon_ros.core.geometry.near_obstacles import NearObstacles
+from dragon_ros.core.geometry.near_pairs import TOUCH_M, NearPairs
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.geometry.signed_distance import gap_of, witness
+from dragon_ros.core.geometry.venue import Surroundings
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats, Ints
 
@@ -29,7 +31,7 @@ MOST_REPORTED = 32      # episodes reported at one time; the deepest come first
 _SHOWN = 8
 _UNEVEN = 4             # the largest ratio of time steps between ticks that are interpolated together
 
-Pair = tuple[int, int]
+_KEY = 2**32        # a pair (i, j) has the key i * _KEY + j
 _LAST = 8           # an observation that is not older than the last so many may just be late
 _LATE_NS = 10**9    # by at most this
 _IN_A_ROW = 3       # this many late observations in a row indicate a restarted run
@@ -40,6 +42,8 @@ Bools = NDArray[np.bool_]
 @dataclass(frozen=True)
 class Event:
     """The start of a contact: benches (inner first), bracket in ns, interpolated time, point, and gap in m.
+
+    If the second is an ``obstacle``, that is its name.
 
     ``before_ns`` is None if the first observed tick already had the contact. ``gap_m`` is the signed gap at
     ``after_ns``, negative for overlap. ``approach_m_s`` is how fast the gap shrank at the contact; nan if unknown.
@@ -53,13 +57,18 @@ class Event:
     gap_m: float
     approach_m_s: float
     frame_id: str = ''
+    obstacle: str = ''
+
+
+PARTED, RESTART, VENUE = 'parted', 'restart', 'venue'
 
 
 @dataclass(frozen=True)
 class EpisodeEnd:
     """The end of a contact: benches, the deepest signed gap of all ticks in m and its tick, and the interpolated end.
 
-    ``parted`` is False if time restarted instead; ``t_end_s`` is then the last observed tick.
+    The ``cause`` may be that the benches PARTED. If it is a RESTART of time, or another VENUE, ``t_end_s`` is the last
+    observed tick.
     """
 
     benches: Pair
@@ -67,8 +76,9 @@ class EpisodeEnd:
     deepest_gap_m: float
     deepest_ns: int
     t_end_s: float
-    parted: bool
+    cause: str
     frame_id: str = ''
+    obstacle: str = ''
 
 
 @dataclass(frozen=True)
@@ -77,7 +87,7 @@ class Report:
 
     ``clearance_m`` is the smallest signed gap of all benches that are not neighbours (inf if there are none) and
     ``closest`` are its benches. ``touching`` are the first few of all ``count`` pairs in contact, deepest first.
-    ``more`` counts contacts that began beyond the ``MOST_REPORTED``.
+    ``more`` counts contacts that began beyond the ``MOST_REPORTED``. Obstacles ``around`` count too.
     """
 
     observation: Observation
@@ -88,6 +98,21 @@ class Report:
     begins: tuple[Event, ...] = ()
     ends: tuple[EpisodeEnd, ...] = ()
     more: int = 0
+    around: Surroundings | None = None
+
+    def obstacle(self, pair: Pair) -> str:
+        """Return the name of the obstacle of a pair; empty for two benches."""
+        return _obstacle(self.around, self.observation, pair)
+
+    def two(self, pair: Pair) -> tuple[Benches, int, int]:
+        """Return the rectangles of a pair, which may be a bench and the nearest edge of an obstacle."""
+        benches = self.observation.benches
+        return self.around.two(benches, pair) if self.around else (benches, *pair)
+
+
+def _obstacle(around: Surroundings | None, observation: Observation, pair: Pair) -> str:
+    number = pair[1] - len(observation.benches.centre)
+    return around.names[number] if around and number >= 0 else ''
 
 
 class _Timed(Protocol):
@@ -148,6 +173,10 @@ class Episodes:
     deepest_ns: Ints
     reported: Bools
 
+    def some(self, which: Bools) -> 'Episodes':
+        """Return some of them."""
+        return Episodes(self.key[which], self.deepest_m[which], self.deepest_ns[which], self.reported[which])
+
     def advance(self, t_ns: int, key: Ints, gap_m: Floats) -> tuple['Episodes', Bools, Bools]:
         """Return the episodes at ``t_ns``, which of them are new, and which of the current ones have ended.
 
@@ -178,9 +207,27 @@ class ContactTracker:
     def __init__(self) -> None:
         """Start without observations."""
         self._near = NearPairs()
+        self._seen, self._open = list[Observation](), no_episodes()
         self._buffer: ReorderBuffer[Observation] = ReorderBuffer()
-        self._restart()
         self._ended: tuple[EpisodeEnd, ...] = ()
+        self._obstacles: NearObstacles | None = None
+
+    @property
+    def around(self) -> Surroundings | None:
+        """The surroundings, None if there are none."""
+        return self._obstacles.around if self._obstacles else None
+
+    def surround(self, around: Surroundings | None) -> None:
+        """Examine later observations in these surroundings. Contacts with obstacles of others end.
+
+        Surroundings with the same names are the same ones, moved.
+        """
+        same = around and self.around and around.names == self.around.names
+        if self._seen and self._open.key.size and not same:
+            old = self._open.key % _KEY >= len(self._seen[-1].benches.centre)
+            self._ended += self._ends(self._seen[-1], old & self._open.reported, VENUE)
+            self._open = self._open.some(~old)
+        self._obstacles = NearObstacles(around) if around else None
 
     def add(self, observation: Observation) -> list[Report]:
         """Return the reports of an observation; a repeated or late one has none.
@@ -190,71 +237,85 @@ class ContactTracker:
         """
         afresh, observations = self._buffer.take(observation)
         if afresh:
-            self._ended += self._ends(self._seen[-1], self._open.reported, False) if self._seen else ()
+            self._ended += self._ends(self._seen[-1], self._open.reported, RESTART) if self._seen else ()
             self._restart()
         return [self._report_on(each) for each in observations]
 
     def _restart(self) -> None:
-        self._seen: list[Observation] = []
-        self._open = no_episodes()
+        self._seen, self._open = [], no_episodes()
 
     def _report_on(self, observation: Observation) -> Report:
         found = self._near.look(observation.p, observation.benches)
+        if self._obstacles:
+            found = self._obstacles.look(found, observation.benches)
         if self._open.key.size or found.i.size:
             report = self._episodes(observation, found)
         else:
-            report = Report(observation, found.clearance_m, found.closest, ends=self._ended)
+            report = Report(observation, found.clearance_m, found.closest, ends=self._ended, around=self.around)
         self._ended, self._seen = (), [*self._seen[-2:], observation]
         return report
 
     def _episodes(self, observation: Observation, found: Closeness) -> Report:
         """Update the episodes with the pairs that touch now."""
-        key = found.i * len(observation.benches.centre) + found.j
+        key = found.i * _KEY + found.j
         order = np.argsort(key)
         now, new, ended = self._open.advance(observation.t_ns, key[order], found.gap_m[order])
-        touching = self._pairs(key[:_SHOWN], observation)
+        touching = self._pairs(key[:_SHOWN])
         if not (np.any(new) or np.any(ended)):
             self._open = now
-            return Report(observation, found.clearance_m, found.closest, touching, key.size, ends=self._ended)
-        ends = self._ends(observation, ended & self._open.reported, True)
+            return Report(observation, found.clearance_m, found.closest, touching, key.size, ends=self._ended,
+                          around=self.around)
+        ends = self._ends(observation, ended & self._open.reported, PARTED)
         deepest = np.argsort(order)
         begun = deepest[new[deepest]]
         room = max(0, MOST_REPORTED - int(np.sum(now.reported)))
         begins = tuple(self._event(observation, pair, float(found.gap_m[order[n]])) for n, pair in
-                       zip(begun[:room], self._pairs(now.key[begun[:room]], observation), strict=True))
+                       zip(begun[:room], self._pairs(now.key[begun[:room]]), strict=True))
         reported = now.reported.copy()
         reported[begun[:room]] = True
         self._open = Episodes(now.key, now.deepest_m, now.deepest_ns, reported)
         return Report(observation, found.clearance_m, found.closest, touching, key.size, begins,
-                      (*self._ended, *ends), max(0, begun.size - room))
+                      (*self._ended, *ends), max(0, begun.size - room), self.around)
 
     @staticmethod
-    def _pairs(key: Ints, observation: Observation) -> tuple[Pair, ...]:
-        benches = len(observation.benches.centre)
-        return tuple((k // benches, k % benches) for k in key.tolist())
+    def _pairs(key: Ints) -> tuple[Pair, ...]:
+        return tuple(divmod(k, _KEY) for k in key.tolist())
 
-    def _ends(self, observation: Observation, which: Bools, parted: bool) -> tuple[EpisodeEnd, ...]:
+    def _ends(self, observation: Observation, which: Bools, cause: str) -> tuple[EpisodeEnd, ...]:
         """Return the ends of open episodes; ``observation`` is the first without contact, or the last one."""
         rows, open_ = np.flatnonzero(which), self._open
         return tuple(EpisodeEnd(
             pair, observation.t_ns, float(open_.deepest_m[n]), int(open_.deepest_ns[n]),
-            self._crossing(observation, pair)[0] if parted else observation.t_ns / NS, parted, observation.frame_id)
-            for n, pair in zip(rows, self._pairs(open_.key[rows], observation), strict=True))
+            self._crossing(observation, pair)[0] if cause == PARTED else observation.t_ns / NS, cause,
+            observation.frame_id, _obstacle(self.around, observation, pair))
+            for n, pair in zip(rows, self._pairs(open_.key[rows]), strict=True))
 
     def _event(self, observation: Observation, pair: Pair, gap: float) -> Event:
+        name = _obstacle(self.around, observation, pair)
         before = self._seen[-1] if self._seen else None
-        t_s, slope = self._crossing(observation, pair)
+        if before and name and self._gap_m(before, pair) <= TOUCH_M:     # the obstacle was not known then
+            before = None
+        t_s, slope = self._crossing(observation, pair) if before else (observation.t_ns / NS, nan)
         known = [*self._even(observation), observation] if before else [observation]
-        point = witness(_interpolated(known, t_s), *pair).point_m
+        benches = _interpolated(known, t_s)
+        point = witness(*(self.around.two(benches, pair) if self.around else (benches, *pair))).point_m
         return Event(pair, before.t_ns if before else None, observation.t_ns, t_s, point, gap, -slope,
-                     observation.frame_id)
+                     observation.frame_id, name)
+
+    def _gap_m(self, observation: Observation, pair: Pair) -> float:
+        """Return the signed gap of a pair."""
+        number = pair[1] - len(observation.benches.centre)
+        if number < 0:
+            return gap_of(observation.benches, *pair)
+        assert self.around
+        return self.around.gap_to(observation.benches, pair[0], number)
 
     def _crossing(self, observation: Observation, pair: Pair) -> tuple[float, float]:
         """Return when the gap of a pair vanished since the last tick, and its slope there in m/s (nan if unknown)."""
         if not self._seen:
             return observation.t_ns / NS, nan
         known = [*self._even(observation), observation]
-        gap = [gap_of(one.benches, *pair) for one in known]
+        gap = [self._gap_m(one, pair) for one in known]
         origin = self._seen[-1].t_ns
         span = [(one.t_ns - origin) / NS for one in known]
         curve = np.poly1d(np.polyfit(span, gap, len(known) - 1))

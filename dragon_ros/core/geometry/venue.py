@@ -3,8 +3,10 @@
 An edge is a rectangle of zero width, so ``signed_distance`` gives its gap to a bench: their distance or, if they
 overlap, minus the shortest move that separates them. A bench that starts outside an obstacle and never meets one of its
 edges stays outside, and one that starts within the inside and never meets its edges stays within. So the edges alone
-determine contact.
+determine contact during a motion. At a single instant a bench that meets no edge may still be on the wrong side of them
+(``misplaced_benches``): a map can cover it, or a run is sampled coarsely.
 """
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -12,17 +14,20 @@ from weakref import ref
 
 import numpy as np
 
-from dragon_ros.core.geometry.contacts import OBSTACLE, Closeness, ObstacleTouch
-from dragon_ros.core.geometry.rectangles import Benches
-from dragon_ros.core.geometry.signed_distance import Witness, seen_from, signed_gap, witness
-from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints, read_only
-from dragon_ros.core.venue import INSIDE, LineObstacle, Points, PolygonObstacle, Venue
+from dragon_ros.core.geometry.contacts import OBSTACLE, ObstacleTouch, Pair
+from dragon_ros.core.geometry.rectangles import Benches, together
+from dragon_ros.core.geometry.signed_distance import Witness, gaps, seen_from, signed_gap, witness
+from dragon_ros.core.numerics.types import Complexes, Floats, Ints, read_only
+from dragon_ros.core.venue import LineObstacle, Venue
 
 if TYPE_CHECKING:
     from shapely import STRtree
 
 _FIRST_REACH_M = 1.0    # search radius for the nearest edge; it doubles until an edge is found
 _FARTHEST_M = 4e9       # no edge is further from a bench: coordinates are below 1e9 m
+OUTSIDE, LINE, WITHIN = 1, 0, -1        # where benches must stay: outside an area, off a line, or within an area
+
+PlanePose = tuple[complex, complex]     # of a frame in another one: its origin in m, and its x axis as a unit number
 
 
 class Nearest(NamedTuple):
@@ -37,20 +42,24 @@ class Nearest(NamedTuple):
 class Surroundings:
     """Edges (E,) of a venue from ``start`` to ``stop``, and the index of the name to which each belongs (``owner``).
 
-    ``areas_m`` has the indices of the names of polygons, and their rings; ``inside`` is the index of the inside, if
-    there is one.
+    ``side`` holds for each name where benches must stay: OUTSIDE, LINE or WITHIN.
     """
 
     names: tuple[str, ...]
     start: Complexes
     stop: Complexes
     owner: Ints
-    areas_m: tuple[tuple[int, tuple[Points, ...]], ...]
+    side: Ints
 
     @property
     def inside(self) -> int | None:
         """The index of the inside among the names."""
-        return len(self.names) - 1 if self.names[-1] == INSIDE else None
+        return next(iter(np.flatnonzero(self.side == WITHIN).tolist()), None)
+
+    def moved(self, pose: PlanePose) -> 'Surroundings':
+        """Return them as seen from a frame in which theirs has this pose."""
+        shift, turn = pose
+        return replace(self, start=_kept(shift + self.start * turn), stop=_kept(shift + self.stop * turn))
 
     @cached_property
     def middle(self) -> Complexes:
@@ -68,12 +77,31 @@ class Surroundings:
         way = self.stop - self.start
         return _kept(way / np.abs(way))
 
+    @cached_property
+    def edges(self) -> Benches:
+        """The edges as rectangles of zero width."""
+        middle, axis = (read_only(one.view(np.float64).reshape(-1, 2)) for one in (self.middle, self.axis))
+        return Benches(middle, axis, self.half_m, read_only(np.zeros(self.half_m.size)))
+
     def rectangle(self, benches: Benches, bench: int, edge: int) -> Benches:
         """Return a bench, and an edge as a rectangle of zero width."""
-        middle, axis = (np.array([[one[edge].real, one[edge].imag]]) for one in (self.middle, self.axis))
-        one = slice(bench, bench + 1)
-        return Benches(np.concatenate((benches.centre[one], middle)), np.concatenate((benches.axis[one], axis)),
-                       np.append(benches.half_length[one], self.half_m[edge]), np.append(benches.half_width[one], 0.0))
+        return together(benches.some(np.array([bench])), self.edges.some(np.array([edge])))
+
+    def two(self, benches: Benches, pair: Pair) -> tuple[Benches, int, int]:
+        """Return the rectangles of a pair; an obstacle, numbered behind the benches, shows its nearest edge."""
+        count = len(benches.half_length)
+        if pair[1] < count:
+            return benches, *pair
+        return self.rectangle(benches, pair[0], self.nearest_edge(benches, pair[0], pair[1] - count)), 0, 1
+
+    def nearest_edge(self, benches: Benches, bench: int, number: int) -> int:
+        """Return the edge of an obstacle, by the index of its name, with the least gap to a bench."""
+        edge = self.edges_of(number)
+        return int(edge[np.argmin(self.gaps(benches, np.full(edge.size, bench), edge))])
+
+    def edges_of(self, number: int) -> Ints:
+        """Return the edges of an obstacle, by the index of its name."""
+        return np.flatnonzero(self.owner == number)
 
     def touch(self, benches: Benches, bench: int, edge: int) -> tuple[ObstacleTouch, Witness]:
         """Return the contact of a bench with an edge, and its witness, in which the obstacle has the index OBSTACLE."""
@@ -112,8 +140,7 @@ class Surroundings:
 
     def gaps(self, benches: Benches, bench: Ints, edge: Ints) -> Floats:
         """Return the signed gaps (M,) in metres of benches to edges."""
-        centre, axis = (one.view(np.complex128)[..., 0] for one in (benches.centre, benches.axis))
-        return self.gaps_of(centre[bench], axis[bench], (benches.half_length[bench], benches.half_width[bench]), edge)
+        return gaps(benches, bench, edge, self.edges)
 
     def gaps_of(self, centre: Complexes, axis: Complexes, half: tuple[Floats | float, Floats | float],
                 edge: Ints) -> Floats:
@@ -142,36 +169,19 @@ class Surroundings:
         np.minimum.at(least, index, self.gaps(benches, bench, edge))
         return *np.divmod(pair, len(self.names)), least
 
-    def together(self, found: Closeness, benches: Benches, touch_m: float) -> Closeness:
-        """Return the closeness of benches to each other and to obstacles, which are numbered after the benches.
-
-        Gaps up to ``touch_m`` count as contact.
-        """
-        nearest, count = self.nearest(benches), len(benches.half_length)
-        bench, number, gap_m = self.closest(benches, touch_m)
-        met = gap_m <= touch_m
-        i, j = (np.concatenate(pair) for pair in ((found.i, bench[met]), (found.j, count + number[met])))
-        gap = np.concatenate((found.gap_m, gap_m[met] + 0.0))       # no negative zero
-        order = np.argsort(gap, kind='stable')
-        if nearest.gap_m < found.clearance_m:
-            found = replace(found, clearance_m=nearest.gap_m + 0.0,
-                            closest=(nearest.bench, count + int(self.owner[nearest.edge])))
-        return replace(found, i=i[order], j=j[order], gap_m=gap[order])
-
     def points(self, benches: Benches, bench: Ints, number: Ints) -> Floats:
         """Return where benches touch obstacles (K, 2), by the indices of their names."""
         return np.array([self._point(benches, *pair) for pair in zip(bench.tolist(), number.tolist(), strict=True)])
 
     def _point(self, benches: Benches, bench: int, number: int) -> tuple[float, float]:
-        edge = np.flatnonzero(self.owner == number)
-        deepest = int(edge[np.argmin(self.gaps(benches, np.full(edge.size, bench), edge))])
-        return self.touch(benches, bench, deepest)[1].point_m
+        return witness(*self.two(benches, (bench, len(benches.half_length) + number))).point_m
 
-    def gaps_to(self, benches: Benches, bench: Ints, number: Ints) -> Floats:
-        """Return the gaps (K,) of benches to whole obstacles, by the indices of their names."""
-        out: Floats = np.array([np.min(self.gaps(benches, np.full(edge.size, one), edge)) for one, n in zip(
-            bench.tolist(), number.tolist(), strict=True) for edge in [np.flatnonzero(self.owner == n)]])
-        return out
+    def gap_to(self, benches: Benches, bench: int, number: int) -> float:
+        """Return the gap of a bench to a whole obstacle, by the index of its name: minus it on the wrong side."""
+        edge = self.edges_of(number)
+        gap_m = float(np.min(self.gaps(benches, np.full(edge.size, bench), edge))) + 0.0    # zero has no sign
+        wrong = gap_m > 0 and number in self.misplaced_benches(benches, np.array([bench]))[1]
+        return -gap_m if wrong else gap_m
 
     def touching(self, benches: Benches) -> tuple[Ints, Ints, Floats]:
         """Return the benches that touch, the index of the name that each touches, and their smallest gaps (K,).
@@ -183,20 +193,55 @@ class Surroundings:
         order = met[np.lexsort((bench[met] * len(self.names) + number[met], gap_m[met]))]
         return bench[order], number[order], gap_m[order]
 
-    @cached_property
-    def _areas(self) -> tuple[Array, Ints]:
-        """The polygons, and the index of the name of each."""
-        from shapely import Polygon
-        areas = np.array([Polygon(ring, holes) for _, (ring, *holes) in self.areas_m], dtype=object)
-        return areas, np.array([number for number, _ in self.areas_m], dtype=np.int64)
-
     def misplaced(self, x: float, y: float) -> int | None:
         """Return the index of the first polygon that covers a point, or of the inside if it does not cover it."""
-        from shapely import contains_xy
-        areas, number = self._areas
-        wrong: Array = contains_xy(areas, x, y) if areas.size else np.empty(0, dtype=bool)
-        wrong = wrong ^ (number == self.inside)
-        return int(number[wrong][0]) if np.any(wrong) else None
+        number = self.misplaced_points(np.array([[x, y]]))[1]
+        return int(number[0]) if number.size else None
+
+    def misplaced_benches(self, benches: Benches, which: Ints) -> tuple[Ints, Ints]:
+        """Return benches whose centres are covered by a polygon or not by the inside, and the indices of its names."""
+        row, number = self.misplaced_points(benches.centre[which])
+        return which[row], number
+
+    def misplaced_points(self, points_m: Floats) -> tuple[Ints, Ints]:
+        """Return the indices of points (K, 2) and of names: a polygon that covers a point, or an inside that does not.
+
+        A point is covered by an area if a ray from it crosses the area's edges an odd number of times.
+        """
+        row, number = self._covered(points_m)
+        within = np.flatnonzero(self.side == WITHIN)
+        key, count = row * len(self.names) + number, len(self.names)
+        wrong = key[self.side[number] == OUTSIDE]
+        if within.size:
+            every = (np.arange(len(points_m))[:, None] * count + within).ravel()
+            wrong = np.concatenate((wrong, np.setdiff1d(every, key)))
+        row, number = np.divmod(np.sort(wrong), count)
+        return row, number
+
+    def _covered(self, points_m: Floats) -> tuple[Ints, Ints]:
+        """Return the indices of points, and of the names of areas that cover them."""
+        from shapely import linestrings
+        end = np.stack((np.full(len(points_m), self.far_m + 1.0), points_m[:, 1]), axis=1)
+        row, edge = self.tree.query(linestrings(np.stack((points_m, end), axis=1)))
+        (x, y), a, b = points_m[row].T, self.start[edge], self.stop[edge]
+        above = a.imag > y
+        slanted = above != (b.imag > y)
+        row, number, above, x, y, a, b = (one[slanted] for one in (row, self.owner[edge], above, x, y, a, b))
+        to_left = (b.real - a.real) * (y - a.imag) - (b.imag - a.imag) * (x - a.real)
+        crossed = (to_left > 0) != above
+        key, times = np.unique((row * len(self.names) + number)[crossed], return_counts=True)
+        row, number = np.divmod(key[times % 2 == 1], len(self.names))
+        return row, number
+
+
+def joined(parts: Sequence[Surroundings]) -> Surroundings:
+    """Return several surroundings as one, in their order."""
+    first = np.cumsum([0, *(len(one.names) for one in parts)])
+    return Surroundings(tuple(name for one in parts for name in one.names),
+                        _kept(np.concatenate([one.start for one in parts])),
+                        _kept(np.concatenate([one.stop for one in parts])),
+                        np.concatenate([one.owner + n for one, n in zip(parts, first[:-1], strict=True)]),
+                        np.concatenate([one.side for one in parts]))
 
 
 def _kept(values: Complexes) -> Complexes:
@@ -218,15 +263,15 @@ def surroundings_of(venue: Venue) -> Surroundings:
 
 def _laid_out(venue: Venue) -> Surroundings:
     """Return a venue's edges in the order of its names."""
-    areas = [(n, one.rings_m) for n, one in enumerate(venue.obstacles) if isinstance(one, PolygonObstacle)]
-    areas += [(len(venue.obstacles), (venue.inside,))] if venue.inside is not None else []
-    lines = [(ring, True, n) for n, rings in areas for ring in rings]
-    lines += [(one.points_m, False, n) for n, one in enumerate(venue.obstacles) if isinstance(one, LineObstacle)]
+    lines = [([one.points_m], LINE) if isinstance(one, LineObstacle) else (one.rings_m, OUTSIDE)
+             for one in venue.obstacles]
+    lines += [([venue.inside], WITHIN)] if venue.inside is not None else []
     starts, stops, owner = [], [], []
-    for points, closed, n in sorted(lines, key=lambda line: line[2]):
-        z = np.array(points).view(np.complex128)[:, 0]
-        starts.append(z if closed else z[:-1])
-        stops.append(np.roll(z, -1) if closed else z[1:])
-        owner.append(np.full(starts[-1].size, n))
+    for n, (rings, side) in enumerate(lines):
+        for points in rings:
+            z = np.array(points).view(np.complex128)[:, 0]
+            starts.append(z[:-1] if side == LINE else z)
+            stops.append(z[1:] if side == LINE else np.roll(z, -1))
+            owner.append(np.full(starts[-1].size, n))
     return Surroundings(venue.names, _kept(np.concatenate(starts)), _kept(np.concatenate(stops)),
-                        np.concatenate(owner), tuple(areas))
+                        np.concatenate(owner), np.array([side for _, side in lines]))

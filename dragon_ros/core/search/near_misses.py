@@ -369,6 +369,8 @@ def _at_reversals(scene: Scene, travel: RangeOfTravel, below_m: float) -> Iterat
             yield NearMiss((int(i[n]), int(j[n])), t_s, float(gap[n]))
         if domain.around:
             bench, number, gap = domain.around.closest(benches, below_m)
-            before = domain.around.gaps_to(domain.benches(gone_m - sense * _CLOSING_M), bench, number)
+            earlier = domain.benches(gone_m - sense * _CLOSING_M)
+            before = np.array([domain.around.gap_to(earlier, *pair) for pair in zip(
+                bench.tolist(), number.tolist(), strict=True)])
             for n in np.flatnonzero((gap < below_m) & (before - gap > 4 * domain.error_m)).tolist():
                 yield NearMiss((int(bench[n]),), t_s, float(gap[n]), domain.around.names[number[n]])

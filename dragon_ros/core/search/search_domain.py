@@ -22,7 +22,7 @@ from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.broad_phase import candidates, default_reach_m
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
-from dragon_ros.core.geometry.signed_distance import gaps
+from dragon_ros.core.geometry.signed_distance import gap_of, gaps
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import bracketed_newton, illinois
 from dragon_ros.core.numerics.types import Floats, Ints
@@ -254,7 +254,7 @@ class SearchDomain:
         benches = Benches(centre, axes_of(chain), half_length, np.full(half_length.size, 0.5 * self.dragon.width_m))
         if edge is not None and self.around is not None:
             return float(self.around.gaps(benches, np.array([pair[0] - first]), np.array([edge]))[0])
-        return float(gaps(benches, *(np.array([bench - first]) for bench in pair))[0])
+        return gap_of(benches, pair[0] - first, pair[1] - first)
 
     def root(self, pair: tuple[int, int], bracket: Bracket) -> float:
         """Return the position in a bracket where the gap of a pair vanishes, or the bracket's other end."""

@@ -90,7 +90,7 @@ def reports(scene, ticks, tracker=None):
 
 def told(rows):
     """Begins as (time, pair) and ends as (cause, pair), in order."""
-    return [line for r in rows for line in [*(('parted' if e.parted else 'restart', e.benches) for e in r.ends),
+    return [line for r in rows for line in [*((e.cause, e.benches) for e in r.ends),
                                             *(('begin', e.benches) for e in r.begins)]]
 
 

@@ -1,0 +1,102 @@
+"""Obstacles from a grid of occupied cells: the boundary of each connected part, as merged edges.
+
+Only the boundary counts: a bench that overlaps no edge is inside of an obstacle or outside of it. Cells are handled as
+arrays of runs, so the time depends on the number of cells only through a few passes of numpy.
+"""
+import numpy as np
+from numpy.typing import NDArray
+
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.geometry.venue import OUTSIDE, Surroundings
+from dragon_ros.core.limits import MAP_EDGES
+from dragon_ros.core.numerics.types import Complexes, Ints
+
+Bools = NDArray[np.bool_]
+_MOST_SIDES = 20 * MAP_EDGES        # before they are merged
+
+
+def outlines(occupied: Bools, name: str, corner: complex, across: complex) -> Surroundings | None:
+    """Return the boundaries of occupied cells (rows, columns); None if there are none.
+
+    ``corner`` is the outer corner of the first cell, ``across`` the vector along a cell of the first row; rows follow
+    to its left. Cells that touch, if only at a corner, are one obstacle; these are numbered behind ``name`` by row and
+    column. Raises InputError if there are too many edges.
+    """
+    along = _changes(occupied)      # row by row, the sides of its runs of occupied cells in turn
+    up = np.flatnonzero(np.diff(occupied, axis=0, prepend=False, append=False))
+    if along.size + up.size > _MOST_SIDES:
+        raise InputError(f'the map has {along.size + up.size} sides of cells between occupied and free; the limit is '
+                         f'{_MOST_SIDES}; filter its noise, or reduce its resolution')
+    if not along.size:
+        return None
+    columns = occupied.shape[1]
+    first, last = along[::2], along[1::2]
+    label, parts = _labels(first, last, columns + 1)
+
+    def owner(row: Ints, column: Ints) -> Ints:
+        out: Ints = label[np.searchsorted(first, row * (columns + 1) + column, side='right') - 1]
+        return out
+
+    row, column = np.divmod(up, columns)
+    below = np.where(row == 0, False, occupied[row - 1, column])
+    flat = _merged(row, column, below)
+    start, stop = (column[flat[0]] + 1j * row[flat[0]], column[flat[1]] + 1 + 1j * row[flat[1]])
+    mine = owner(row[flat[0]] - below[flat[0]], column[flat[0]])
+    out = [(start, stop, mine)]
+    for side, inwards in ((first, 0), (last, 1)):
+        row, column = np.divmod(side, columns + 1)
+        order = np.lexsort((row, column))
+        row, column = row[order], column[order]
+        flat = _merged(column, row, np.zeros(row.size, bool))
+        out.append((column[flat[0]] + 1j * row[flat[0]], column[flat[1]] + 1j * (row[flat[1]] + 1),
+                    owner(row[flat[0]], column[flat[0]] - inwards)))
+    start, stop, mine = (np.concatenate(one) for one in zip(*out, strict=True))
+    if start.size > MAP_EDGES:
+        raise InputError(f'the map has {start.size} edges; the limit is {MAP_EDGES}; filter its noise, or reduce its '
+                         'resolution')
+    order = np.argsort(mine, kind='stable')
+    names = (name,) if parts == 1 else tuple(f'{name} {n}' for n in range(1, parts + 1))
+    start, stop = (_placed(one[order], corner, across) for one in (start, stop))
+    return Surroundings(names, start, stop, mine[order], np.full(parts, OUTSIDE))
+
+
+def _placed(cells: Complexes, corner: complex, across: complex) -> Complexes:
+    out: Complexes = corner + cells * across
+    out.setflags(write=False)
+    return out
+
+
+def _changes(occupied: Bools) -> Ints:
+    """Return the sides between occupied and free cells of the same row, as row * (columns + 1) + column."""
+    return np.flatnonzero(np.diff(occupied, axis=1, prepend=False, append=False))
+
+
+def _merged(line: Ints, place: Ints, kind: Bools) -> tuple[Ints, Ints]:
+    """Return the first and the last of each run of consecutive places on one line and of one kind."""
+    ends = (line[1:] != line[:-1]) | (place[1:] != place[:-1] + 1) | (kind[1:] != kind[:-1])
+    return np.flatnonzero(np.append(True, ends)), np.flatnonzero(np.append(ends, True))
+
+
+def _labels(first: Ints, last: Ints, width: int) -> tuple[Ints, int]:
+    """Return the number of the connected part of each run of cells, in order of the parts' first runs, and their count.
+
+    Runs go from ``first`` to ``last``, as row * width + column; they are joined with those of the next row that they
+    touch, until nothing changes: each step passes the smallest number of a part on, and follows all numbers to their
+    own.
+    """
+    begin = np.searchsorted(last, first + width, side='left')
+    count = np.maximum(np.searchsorted(first, last + width, side='right') - begin, 0)
+    a = np.repeat(np.arange(first.size), count)
+    b = np.arange(a.size) - np.repeat(np.cumsum(count) - count - begin, count)
+    label = np.arange(first.size)
+    while True:
+        one, two = label[a], label[b]
+        apart = one != two
+        if not np.any(apart):
+            break
+        a, b, one, two = a[apart], b[apart], one[apart], two[apart]
+        np.minimum.at(label, np.maximum(one, two), np.minimum(one, two))
+        while np.any((further := label[label]) != label):
+            label = further
+    parts, label = np.unique(label, return_inverse=True)
+    return label, int(parts.size)
