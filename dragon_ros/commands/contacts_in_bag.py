@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from dragon_ros.bags.read.frames import BagFrame, claimed_contact, frames
+from dragon_ros.bags.read.frames import BagFrame, claimed_contact, frames, surroundings_in
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli.progress import Progress
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.geometry.near_obstacles import NearObstacles
 from dragon_ros.core.geometry.near_pairs import NearPairs
 from dragon_ros.core.limits import PROOF_S, SEARCH_WORK, SEARCHED_BENCHES
 from dragon_ros.core.scene import NS, Scene
@@ -93,8 +94,9 @@ def _reported(bag: BagReader, topic: str) -> dict[str, Any] | None:
 
 def _event(status: Status) -> dict[str, Any]:
     values = status.values
+    obstacle = {'obstacle': values['obstacle']} if 'obstacle' in values else {}
     return {'source': 'collision', 't_s': float(values['t_contact_s']), 'in_bag': True,
-            'benches': [int(values['inner']), int(values['outer'])],
+            'benches': [int(values[name]) for name in ('inner', 'outer')[:1 if obstacle else 2]], **obstacle,
             'point_m': [float(values['x_m']), float(values['y_m'])]}
 
 
@@ -112,6 +114,8 @@ class Clearance:
 def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
     """Return the clearance over time from the topic with stamps or, without that topic, from ``looks`` ticks (0: all).
 
+    Obstacles on the topic ``venue`` count too.
+
     The topic ``clearance`` has no stamps: in a bag made by an earlier version or another recorder, its values may be
     logged at another tick's time.
     """
@@ -121,11 +125,16 @@ def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
         rows = [_stamped(m.data) for m in bag.messages([f'{namespace}/{_STAMPED}'])]
         return _of(rows, _STAMPED, len(rows), ticks)
     seen = _every(bag, namespace, ticks) if looks == 0 or looks >= ticks else _some(bag, namespace, looks)
-    rows, examined, near = [], 0, NearPairs()
+    rows, examined, near, obstacles = [], 0, NearPairs(), list[NearObstacles]()
     for frame in seen:
+        if not examined and (around := surroundings_in(bag, namespace, frame.frame_id)):
+            obstacles.append(NearObstacles(around))
         examined += 1
         if frame.benches is not None:
-            rows.append((frame.t_ns / NS, near.look(frame.handles_m, frame.benches).clearance_m))
+            found = near.look(frame.handles_m, frame.benches)
+            for one in obstacles:
+                found = one.look(found, frame.benches)
+            rows.append((frame.t_ns / NS, found.clearance_m))
     return _of(rows, 'benches', examined, ticks)
 
 

@@ -26,6 +26,8 @@ if TYPE_CHECKING:       # imported on use: a picture of a scene needs no bag rea
     from dragon_ros.bags.read.reader import BagReader
     from dragon_ros.core.geometry.contacts import Observation
     from dragon_ros.core.geometry.signed_distance import Witness
+    from dragon_ros.core.geometry.tracker import Event
+    from dragon_ros.core.geometry.venue import Surroundings
     from dragon_ros.core.search.certificate import Contact, NoContact
 
 _AT_ONCE = 64               # states per batch
@@ -214,6 +216,19 @@ def thinned(first: int, last: int, most: int) -> Ints:
         first, last + 1)
 
 
+def _touch_of(event: 'Event', observation: 'Observation', around: 'Surroundings | None') -> Touch:
+    """Return the contact that began at an observation."""
+    before_ns = observation.t_ns if event.before_ns is None else event.before_ns
+    decimals = decimals_of((observation.t_ns - before_ns) / NS)
+    if around is None or not event.obstacle:
+        at = Moment(observation.t_ns / NS, observation.p, observation.benches, None)
+        return Touch(event.t_contact_s, event.benches, event.point_m, witness_at(at, event.benches), decimals)
+    bench, number = event.benches[0], event.benches[1] - len(observation.benches.centre)
+    edge = around.nearest_edge(observation.benches, bench, number)
+    return Touch(event.t_contact_s, (bench,), event.point_m, around.touch(observation.benches, bench, edge)[1],
+                 decimals, event.obstacle)
+
+
 def witness_at(moment: Moment, pair: tuple[int, int]) -> 'Witness':
     """Return where and how two benches meet at a moment."""
     from dragon_ros.core.geometry.signed_distance import witness
@@ -297,14 +312,15 @@ class BagSource:
 
     def first_touch(self, progress: Progress) -> Touch | None:
         """Return the first contact that a monitor finds in the bag, at the time interpolated in its bracket."""
+        from dragon_ros.bags.read.frames import surroundings_in
         from dragon_ros.core.geometry.tracker import ContactTracker
-        tracker = ContactTracker()
+        tracker, first = ContactTracker(), True
         for observation, _ in progress(self._observations(self._ticks[0][1], self._ticks[-1][1])):
+            if first:
+                tracker.surround(surroundings_in(self.bag, self.namespace, observation.frame_id))
+                first = False
             for event in joined.from_iterable(report.begins for report in tracker.add(observation)):
-                at = Moment(observation.t_ns / NS, observation.p, observation.benches, None)
-                before_ns = observation.t_ns if event.before_ns is None else event.before_ns
-                return Touch(event.t_contact_s, event.benches, event.point_m, witness_at(at, event.benches),
-                             decimals_of((observation.t_ns - before_ns) / NS))
+                return _touch_of(event, observation, tracker.around)
         return None
 
     def _observations(self, first_ns: int, last_ns: int) -> Iterator[tuple['Observation', Floats | None]]:

@@ -300,6 +300,13 @@ class Markers:
         count = reader.take('I')
         return reader.array('d', 3 * count).reshape(count, 3)
 
+    def text_of(self, marker: int) -> str:
+        """Return the text of one marker."""
+        first = int(np.searchsorted(self.run_of, self.run_of[marker]))
+        run, reader = self.runs[self.run_of[marker]], Reader(self.data)
+        reader.at = run.layout.at['text'] + (marker - first) * run.stride
+        return reader.text()
+
     @property
     def size_bytes(self) -> int:
         """Upper bound of its memory: the message, the columns, and the layout and names of each run."""

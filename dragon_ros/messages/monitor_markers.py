@@ -24,7 +24,9 @@ def report_markers(report: Report) -> bytes:
     observation = report.observation
     if not report.touching:
         return contact_markers(observation.t_ns, observation.frame_id, [], [])
-    ids, all_benches = sorted({bench for pair in report.touching for bench in pair}), observation.benches
+    all_benches = observation.benches
+    count = len(all_benches.centre)         # obstacles are numbered from there on
+    ids = sorted({bench for pair in report.touching for bench in pair if bench < count})
     size = 2 * np.stack((all_benches.half_length[ids], all_benches.half_width[ids]), axis=1)
     benches = red_benches('bench in contact', ids, all_benches.centre[ids], all_benches.axis[ids], size)
     return contact_markers(observation.t_ns, observation.frame_id, benches, _point_and_label(report))
@@ -34,8 +36,10 @@ def clearance_marker(report: Report) -> bytes:
     """Return the clearance as text; DELETE if no benches are near, and in contact, which has its own label."""
     spec = deleted('clearance')
     if report.closest and not report.touching:
-        point_m = witness(report.observation.benches, *report.closest).point_m
-        spec = _text('clearance', point_m, f'{report.clearance_m * 1e3:.2f} mm')
+        point_m = witness(*report.two(report.closest)).point_m
+        obstacle = report.obstacle(report.closest)
+        to = f' to {obstacle}' if obstacle else ''
+        spec = _text('clearance', point_m, f'{report.clearance_m * 1e3:.2f} mm{to}')
     return single_marker(report.observation.t_ns, report.observation.frame_id, spec)
 
 
@@ -48,20 +52,20 @@ def stamped_clearance(report: Report) -> bytes:
 
 
 def vector_of(report: Report) -> bytes:
-    """Return the shortest vector between the closest benches, which must exist, as a geometry_msgs/Vector3Stamped."""
+    """Return the shortest vector between the closest pair, which must exist, as a geometry_msgs/Vector3Stamped."""
     assert report.closest
     observation, writer = report.observation, Writer()
     writer.header(observation.frame_id, observation.t_ns)
-    writer.put('d', *shortest_vector(observation.benches, *report.closest), 0.0)
+    writer.put('d', *shortest_vector(*report.two(report.closest)), 0.0)
     return bytes(writer.finish())
 
 
 def _point_and_label(report: Report) -> list[MarkerSpec]:
-    i, j = report.touching[0]
-    seen = witness(report.observation.benches, i, j)
+    pair = report.touching[0]
+    seen, other = witness(*report.two(pair)), report.obstacle(pair) or str(pair[1])
     (x, y), more = seen.point_m, f' (+{report.count - 1})' if report.count > 1 else ''
     return [MarkerSpec('point', 0, SPHERE, (_POINT_M, _POINT_M, _POINT_M), BLACK, place=(x, y, BENCH_HEIGHT_M)),
-            _text('label', seen.point_m, f'{i} x {j}: {seen.gap_m * 1e3:.2f} mm{more}')]
+            _text('label', seen.point_m, f'{pair[0]} x {other}: {seen.gap_m * 1e3:.2f} mm{more}')]
 
 
 def _text(namespace: str, point_m: tuple[float, float], text: str) -> MarkerSpec:

@@ -1,6 +1,7 @@
 """The venue of a scene as markers: the edges of each obstacle and of the inside, and their names."""
 import numpy as np
 
+from dragon_ros.core.geometry.venue import LINE, OUTSIDE, WITHIN
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.venue import INSIDE, LineObstacle, Points, Venue
@@ -10,24 +11,30 @@ from dragon_ros.messages.markers import BLACK, LINE_LIST, TEXT_VIEW_FACING, Colo
 EDGES, NAMES = 'venue', 'venue names'       # namespaces; the id is the obstacle's number, the last one is the inside
 _WIDTH_M, _LETTER_M, _ABOVE_M = 0.08, 0.6, 0.5
 _GREY: Colour = (0.35, 0.35, 0.35, 1.0)
+# The text of the marker with the edges; RViz does not show it. Markers without it are lines.
+KINDS = {OUTSIDE: 'polygon', LINE: 'line', WITHIN: 'inside'}
 
 
 def venue_message(scene: Scene, frame_id: str) -> bytes:
-    """Return a MarkerArray with a LINE_LIST and a name for each obstacle, in order, and for the inside.
+    """Return a MarkerArray with a LINE_LIST for each obstacle, in order, and for the inside; then their names.
 
     It is stamped with the start of the run, and empty without a venue.
     """
     drawn = _drawn(scene.venue) if scene.venue is not None else []
-    writer = Writer()
+    writer, t_ns = Writer(), scene.run.start_ns
     writer.put('I', 2 * len(drawn))
-    for number, (name, edges) in enumerate(drawn):
-        colour = _GREY if name == INSIDE else BLACK
-        _put_edges(writer, MarkerSpec(EDGES, number, LINE_LIST, (_WIDTH_M, 0.0, 0.0), colour, len(edges)), edges,
-                   frame_id, scene.run.start_ns)
+    for number, (name, side, edges) in enumerate(drawn):
+        _put_edges(writer, MarkerSpec(EDGES, number, LINE_LIST, (_WIDTH_M, 0.0, 0.0), _colour(name), len(edges),
+                                      text=KINDS[side]), edges, frame_id, t_ns)
+    for number, (name, _, edges) in enumerate(drawn):
         x, y = edges[0].tolist()
-        put_marker(writer, MarkerSpec(NAMES, number, TEXT_VIEW_FACING, (0.0, 0.0, _LETTER_M), colour, text=name,
-                                      place=(x, y, _ABOVE_M)), frame_id, scene.run.start_ns)
+        put_marker(writer, MarkerSpec(NAMES, number, TEXT_VIEW_FACING, (0.0, 0.0, _LETTER_M), _colour(name), text=name,
+                                      place=(x, y, _ABOVE_M)), frame_id, t_ns)
     return bytes(writer.finish())
+
+
+def _colour(name: str) -> Colour:
+    return _GREY if name == INSIDE else BLACK
 
 
 def _put_edges(writer: Writer, spec: MarkerSpec, edges: Floats, frame_id: str, t_ns: int) -> None:
@@ -36,11 +43,11 @@ def _put_edges(writer: Writer, spec: MarkerSpec, edges: Floats, frame_id: str, t
     np.frombuffer(writer.data, '<f8', 3 * len(edges), start).reshape(-1, 3)[:, :2] = edges
 
 
-def _drawn(venue: Venue) -> list[tuple[str, Floats]]:
-    """Return the name of each obstacle and of the inside, and the ends (2 n, 2) of its n edges in m."""
-    out = [(one.name, _edges([one.points_m], False) if isinstance(one, LineObstacle) else _edges(one.rings_m, True))
-           for one in venue.obstacles]
-    return [*out, *([] if venue.inside is None else [(INSIDE, _edges([venue.inside], True))])]
+def _drawn(venue: Venue) -> list[tuple[str, int, Floats]]:
+    """Return name, side and the ends (2 n, 2) of n edges in m of each obstacle and of the inside."""
+    out = [(one.name, LINE, _edges([one.points_m], False)) if isinstance(one, LineObstacle) else
+           (one.name, OUTSIDE, _edges(one.rings_m, True)) for one in venue.obstacles]
+    return [*out, *([] if venue.inside is None else [(INSIDE, WITHIN, _edges([venue.inside], True))])]
 
 
 def _edges(lines: tuple[Points, ...] | list[Points], closed: bool) -> Floats:

@@ -6,11 +6,13 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, PointStamped
 from std_msgs.msg import Header
 
-from dragon_ros.core.geometry.tracker import NS, EpisodeEnd, Event, Report
+from dragon_ros.core.geometry.contacts import pair_words
+from dragon_ros.core.geometry.tracker import NS, PARTED, RESTART, EpisodeEnd, Event, Report
 from dragon_ros.messages.cdr import stamp_of
 
 _AGAIN_S = 1.0      # interval between reports of unseen ticks
 _OVER_S = 3.0       # time after the last unseen tick
+_HOW = {PARTED: 'end of contact', RESTART: 'contact left behind by a restart'}
 
 
 def header_of(frame_id: str, t_ns: int) -> Header:
@@ -28,17 +30,20 @@ def collision_of(report: Report) -> DiagnosticArray | None:
 
 
 def status_of(event: Event, more: int = 0) -> DiagnosticStatus:
-    """Return the start of a contact as a diagnostic status with all numbers; ``more`` counts further pairs."""
+    """Return the start of a contact as a diagnostic status with all numbers; ``more`` counts further pairs.
+
+    An obstacle has the number behind the benches in its venue's order, and its name under ``obstacle``.
+    """
     before = event.after_ns if event.before_ns is None else event.before_ns
     values = {
-        'phase': 'begin', 'inner': str(event.benches[0]), 'outer': str(event.benches[1]),
+        'phase': 'begin', **_pair(event),
         't_before_s': f'{before / NS:.9f}', 't_after_s': f'{event.after_ns / NS:.9f}',
         't_contact_s': f'{event.t_contact_s:.9f}', 'x_m': f'{event.point_m[0]:.9f}', 'y_m': f'{event.point_m[1]:.9f}',
         'gap_m': f'{event.gap_m:.12f}',
         'approach_m_s': 'unknown' if isnan(event.approach_m_s) else f'{event.approach_m_s:.9f}',
         'bracket': 'open' if event.before_ns is None else 'closed', **({'more': str(more)} if more else {})}
     return _status(
-        DiagnosticStatus.ERROR, 'dragon: collision', f'contact of benches {event.benches[0]} and {event.benches[1]} at '
+        DiagnosticStatus.ERROR, 'dragon: collision', f'contact of {pair_words(event.benches, event.obstacle)} at '
         f'{event.t_contact_s:.6f} s, at ({event.point_m[0]:.4f}, {event.point_m[1]:.4f}) m'
         + (f'; and {more} more pairs' if more else ''), values)
 
@@ -46,13 +51,18 @@ def status_of(event: Event, more: int = 0) -> DiagnosticStatus:
 def end_status_of(end: EpisodeEnd) -> DiagnosticStatus:
     """Return the end of a contact as a diagnostic status: OK, since ERROR is reserved for contact."""
     values = {
-        'phase': 'end', 'inner': str(end.benches[0]), 'outer': str(end.benches[1]), 't_end_s': f'{end.t_end_s:.9f}',
+        'phase': 'end', **_pair(end), 't_end_s': f'{end.t_end_s:.9f}',
         'deepest_gap_m': f'{end.deepest_gap_m:.12f}', 't_deepest_s': f'{end.deepest_ns / NS:.9f}',
-        'cause': 'parted' if end.parted else 'restart'}
-    how = 'end of contact' if end.parted else 'contact left behind by a restart'
+        'cause': end.cause}
+    how = _HOW.get(end.cause, 'contact left behind by another venue')
     return _status(
-        DiagnosticStatus.OK, 'dragon: collision', f'{how}: benches {end.benches[0]} and {end.benches[1]} at '
+        DiagnosticStatus.OK, 'dragon: collision', f'{how}: {pair_words(end.benches, end.obstacle)} at '
         f'{end.t_end_s:.6f} s, deepest {end.deepest_gap_m:.6f} m at {end.deepest_ns / NS:.6f} s', values)
+
+
+def _pair(of: Event | EpisodeEnd) -> dict[str, str]:
+    named = {'obstacle': of.obstacle} if of.obstacle else {}
+    return {'inner': str(of.benches[0]), 'outer': str(of.benches[1]), **named}
 
 
 def point_of(event: Event) -> PointStamped:
@@ -74,10 +84,13 @@ def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: 
     level = level_of(report, warn_below_m)
     if report is None:
         return _status(level, name, 'waiting for handles and benches', {'dropped': str(dropped)}, dragon)
-    pair = ' and '.join(map(str, report.closest or ()))
+    obstacle = report.obstacle(report.closest) if report.closest else ''
+    pair = ' and '.join((str(report.closest[0]), repr(obstacle) if obstacle else str(report.closest[1]))
+                        ) if report.closest else ''
+    apart = pair_words(report.closest, obstacle) if report.closest else ''
     pairs = 'pair is' if report.count == 1 else 'pairs are'
     message = {DiagnosticStatus.OK: f'clearance {report.clearance_m:.6f} m',
-               DiagnosticStatus.WARN: f'benches {pair} are {report.clearance_m:.6f} m apart',
+               DiagnosticStatus.WARN: f'{apart} are {report.clearance_m:.6f} m apart',
                DiagnosticStatus.ERROR: f'{report.count} {pairs} in contact, the deepest is {pair}'}[level]
     return _status(level, name, message, {
         't_s': '{}.{:09d}'.format(*stamp_of(report.observation.t_ns)), 'clearance_m': f'{report.clearance_m:.12f}',

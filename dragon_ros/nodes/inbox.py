@@ -22,9 +22,12 @@ class Inbox:
     """
 
     def __init__(self, node: DragonNode, sources: dict[str, Publishers], read: Callable[[str, bytes, Any], None],
-                 tell: Callable[[], None]) -> None:
-        """``sources`` maps topics to publishers; ``tell`` is called when a tick is skipped."""
-        self._sources, self._read, self._tell = sources, read, tell
+                 tell: Callable[[], None], held: Callable[[], bool] = lambda: False) -> None:
+        """``sources`` maps topics to publishers; ``tell`` is called when a tick is skipped.
+
+        While ``held()``, messages wait; call ``work`` afterwards.
+        """
+        self._sources, self._read, self._tell, self._held = sources, read, tell, held
         self._waiting: deque[tuple[str, bytes, Any]] = deque()
         self._bytes, self._skips = 0, EvenSkips()
         self._timer = node.create_timer(0.0, self.work, clock=STEADY)
@@ -61,8 +64,10 @@ class Inbox:
 
     def work(self) -> None:
         """Read waiting messages for some milliseconds; read the rest after taking those that arrive meanwhile."""
-        self._work_until(time.monotonic() + _SLICE_S)
-        if not self._waiting:
+        held = bool(self._waiting) and self._held()
+        if not held:
+            self._work_until(time.monotonic() + _SLICE_S)
+        if held or not self._waiting:
             self._timer.cancel()
         elif self._timer.is_canceled():
             self._timer.reset()

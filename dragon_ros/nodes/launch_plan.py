@@ -13,6 +13,7 @@ from dragon_ros.nodes.params import DISCOVERY_S
 from dragon_ros.scenes.load import load_scene
 
 _WATCHED = ('handles', 'benches')
+_VENUE = 'venue'
 _ARGUMENT_OF = {'rate_hz': 'rate', 'warn_below_m': 'warn_below', 'publish_clock': 'use_sim_time'}  # if names differ
 YES_NO = ('true', 'false')
 
@@ -50,6 +51,15 @@ ARGUMENTS = (
     Argument('warn_below', '0.02', 'clearance in m below which the monitor warns', concerns='monitor'),
     Argument('clearance_vector', 'false', 'publish the shortest vector between the closest benches', YES_NO,
              concerns='monitor'),
+    Argument('venue', '', 'obstacles for the monitor, besides those of the scene: a GeoJSON, WKT or scene file',
+             concerns='monitor'),
+    Argument('map', '/map', 'topic of a map (nav_msgs/OccupancyGrid) with obstacles for the monitor; empty: none',
+             concerns='monitor'),
+    Argument('map_occupied', '65', 'cells of the map with this value (percent) or more are obstacles',
+             concerns='monitor'),
+    Argument('map_unknown', 'free', 'what unknown cells of the map are', ('free', 'occupied'), concerns='monitor'),
+    Argument('venue_pose', '', 'X,Y,DEGREES: pose of the frame of the map or venue in that of the dragon; empty: from '
+             '/tf', concerns='monitor'),
     Argument('record', '', 'bag to write (.mcap); empty: none'),
     Argument('replay', '', 'bag to replay instead of a sim; empty: none'),
     Argument('rviz', 'true', 'show it in RViz', YES_NO),
@@ -111,13 +121,19 @@ def plan(given: Mapping[str, str]) -> LaunchPlan:
         watching = False
         notes.append('no monitor is started, because no benches are published: '
                      + ('the bag has none' if given['replay'] else 'switch on the effect benches of the scene'))
-    watch = {'clearance_vector': _on(given, 'clearance_vector'), 'warn_below_m': _number(given, 'warn_below')}
-    readers = [LaunchedNode('monitor', [], watch)] if watching else []
+    readers = [_monitor(given)] if watching else []
     readers += [LaunchedNode('record', ['--output', given['record']])] if given['record'] else []
     started = [*readers, source.start]
     _refuse_idle(given, [one.executable for one in started], notes)
     finish = [_common(given, one) for one in started]
     return LaunchPlan(namespace, source.frame_id, finish[:-1], finish[-1], tuple(notes))
+
+
+def _monitor(given: Mapping[str, str]) -> LaunchedNode:
+    return LaunchedNode('monitor', [], {
+        'clearance_vector': _on(given, 'clearance_vector'), 'warn_below_m': _number(given, 'warn_below'),
+        'map_occupied': _whole(given, 'map_occupied'),
+        **{name: given[name] for name in ('venue', 'map', 'map_unknown', 'venue_pose')}})
 
 
 def _is_given(given: Mapping[str, str], name: str) -> bool:
@@ -158,9 +174,18 @@ def _number(given: Mapping[str, str], name: str) -> float:
                          field=name) from None
 
 
+def _whole(given: Mapping[str, str], name: str) -> int:
+    """Return an argument as a whole number. Raises InputError."""
+    try:
+        return int(given[name])
+    except ValueError:
+        raise InputError(f'launch argument {name}:={given[name]}: is not a whole number; write for example {name}:=65',
+                         field=name) from None
+
+
 def _wanted(given: Mapping[str, str], row: Channel, watching: bool) -> int:
     """Return how many subscribers a topic will have."""
-    return (watching and row.name in _WATCHED) + bool(given['record'])
+    return (watching and row.name in (*_WATCHED, _VENUE)) + bool(given['record'])
 
 
 def _at_end(given: Mapping[str, str]) -> str:
@@ -179,7 +204,8 @@ def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _ObservedN
     frame_id = given['frame_id'] or namespace.strip('/').replace('/', '_')
     changes, wait, seen = [text.strip() for text in given['set'].split(';') if text.strip()], [''], None
     try:
-        topics = live(load_scene(given['scene'], changes).effects)
+        scene = load_scene(given['scene'], changes)
+        topics = [*live(scene.effects), *([channels()[_VENUE]] if scene.venue is not None else [])]
     except DragonError:
         pass            # errors in the scene are reported by the sim
     else:

@@ -1,6 +1,7 @@
 """``monitor``: observes the handles and benches of any publisher and reports contacts, clearance and health.
 
-It observes one dragon: if several publish on its topics, it stays with the known one and warns.
+It observes one dragon: if several publish on its topics, it stays with the known one and warns. The obstacles that it
+knows (``obstacles``) count like benches.
 """
 import threading
 import time
@@ -24,6 +25,7 @@ from dragon_ros.nodes import contact_messages as messages
 from dragon_ros.nodes import publisher_queue, publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.inbox import Inbox
+from dragon_ros.nodes.obstacles import Obstacles
 from dragon_ros.nodes.params import MONITOR
 
 _PARTNER_S = 10.0       # longest wait for a tick's other message: lost ones are resent within 3 s (Fast DDS)
@@ -48,7 +50,8 @@ class Monitor(DragonNode):
         self._read: dict[str, Callable[[bytes], Any]] = {'handles': read_handles, 'benches': BenchReader().read}
         self._sources = {name: publishers.Publishers(self, self.resolve_topic_name(name))
                          for name in ('handles', 'benches')}
-        self._inbox = Inbox(self, self._sources, self._take, self._skip)
+        self._obstacles = Obstacles(self, self._tracker.surround, lambda: self._inbox.work())
+        self._inbox = Inbox(self, self._sources, self._take, self._skip, self._obstacles.awaited)
         self.pace, self._numbers = messages.Pace(), dict[int, int]()
         self._several: dict[str, list[str]] = {}
         self.seen = self.dropped = 0
@@ -92,7 +95,8 @@ class Monitor(DragonNode):
 
     def _on_timer(self) -> None:
         """Drop messages whose partner has not arrived, look for other publishers, and publish the health."""
-        self._several = publishers.several_of(self, self._sources.values(), self._several)
+        self._several = publishers.several_of(self, (*self._sources.values(), self._obstacles.venue), self._several)
+        self._obstacles.look()
         self._pairs.expire(time.monotonic() - _PARTNER_S)
         self._drop_unmatched()
         self._publish_health(always=True)
@@ -119,6 +123,7 @@ class Monitor(DragonNode):
         observation = observation_of(*pair)
         for source in self._sources.values():       # these two publish a dragon: observe this one from now on
             source.streams.adopt(observation.t_ns)
+        self._obstacles.see(observation.frame_id)
         for report in self._tracker.add(observation):
             self._report(report)
 
@@ -176,7 +181,8 @@ class Monitor(DragonNode):
         if always or level != self._level:
             self._level = level
             status = messages.health_of(dragon, self._last, self._warn_below_m, self.dropped)
-            message = DiagnosticArray(status=[status, *self.pace.warnings(dragon, time.monotonic()),
+            message = DiagnosticArray(status=[status, *self._obstacles.statuses(dragon),
+                                              *self.pace.warnings(dragon, time.monotonic()),
                                               *publishers.warnings_of(f'{dragon}: monitor', self._several)])
             message.header.stamp = self.get_clock().now().to_msg()
             self.topic_publishers['/diagnostics'].publish(message)

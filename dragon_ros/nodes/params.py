@@ -69,6 +69,14 @@ MONITOR = (
               live=True),
     Parameter('clearance_vector', False, 'Publish the shortest vector between the closest benches on '
               'clearance/vector'),
+    Parameter('venue', '', 'Obstacles from a file, in the frame of the dragon: a GeoJSON or WKT file, or a scene (a '
+              'name or a .yaml file). They are added to those of the topic venue and of the map'),
+    Parameter('map', '/map', 'Topic of a nav_msgs/OccupancyGrid whose occupied cells are obstacles; empty: none'),
+    Parameter('map_occupied', 65, 'Cells of the map with this value (percent) or more are obstacles', 1, 100),
+    Parameter('map_unknown', 'free', 'Unknown cells of the map (negative values, usually -1): free, or obstacles like '
+              'occupied ones', choices=('free', 'occupied')),
+    Parameter('venue_pose', '', 'X,Y,DEGREES: the pose, in the frame of the dragon, of the frame of a map or venue '
+              'that is in another frame; empty: that of /tf and /tf_static'),
 )
 NAMES = frozenset(parameter.name for table in (SIM, REPLAY, MONITOR) for parameter in table)      # of any node
 

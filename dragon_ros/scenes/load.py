@@ -56,6 +56,23 @@ def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
     return _scene_with_plugin(document)
 
 
+def load_venue(name_or_file: str) -> Venue:
+    """Return the venue of a scene (a name or file), or of a GeoJSON or WKT file. Raises InputError."""
+    if Path(name_or_file).suffix.lower() in ('.geojson', '.json', '.wkt'):
+        document = parse_document(name_or_file, '{}')
+        document.values['venue'] = {'file': str(Path(name_or_file).absolute())}
+        _take_file(document, Path())
+    else:
+        document = _read(name_or_file)
+    if not document.values.get('venue'):
+        document.refuse('venue', 'the scene has none; give one with a section venue, or a GeoJSON or WKT file')
+    try:
+        venue: Venue = _build(document, 'venue', SECTIONS['venue'])
+    except FieldError as error:
+        raise _placed(document, error) from None
+    return venue
+
+
 def _read(name_or_file: str) -> Document:
     """Return the document of a name or file, including the venue file that it names."""
     path = _find(name_or_file)

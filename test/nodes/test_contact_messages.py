@@ -13,7 +13,7 @@ OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'
 NONE = np.zeros((4, 2))
 SEEN = Observation(412_480_000_001, NONE, Benches(NONE, NONE, NONE[:, 0], NONE[:, 0]), 'dragon')
 EVENT = Event((3, 11), 412_460_000_000, 412_480_000_001, 412.473837682, (1.25, -2.5), -1.5e-4, 0.026, 'dragon')
-END = EpisodeEnd((3, 11), 415_000_000_000, -0.017, 413_760_000_000, 414.99, True, 'dragon')
+END = EpisodeEnd((3, 11), 415_000_000_000, -0.017, 413_760_000_000, 414.99, 'parted', 'dragon')
 
 
 def values(status):
@@ -39,9 +39,9 @@ def test_a_bracket_without_an_earlier_tick_is_open_and_its_approach_unknown():
     assert found['t_before_s'] == found['t_after_s'] == '1.000000000'
 
 
-@pytest.mark.parametrize(('parted', 'cause'), [(True, 'parted'), (False, 'restart')])
-def test_the_end_of_a_contact_says_when_how_deep_it_was_and_why_it_ended(parted, cause):
-    end = EpisodeEnd(END.benches, END.after_ns, END.deepest_gap_m, END.deepest_ns, END.t_end_s, parted, 'dragon')
+@pytest.mark.parametrize('cause', ['parted', 'restart', 'venue'])
+def test_the_end_of_a_contact_says_when_how_deep_it_was_and_why_it_ended(cause):
+    end = EpisodeEnd(END.benches, END.after_ns, END.deepest_gap_m, END.deepest_ns, END.t_end_s, cause, 'dragon')
     (status,) = messages.collision_of(Report(SEEN, 0.1, (3, 11), ends=(end,))).status
     assert status.level == OK
     assert values(status) == {'phase': 'end', 'inner': '3', 'outer': '11', 't_end_s': '414.990000000', 'cause': cause,

@@ -1,6 +1,7 @@
 """The frames of a recorded dragon: handles, benches and velocities as arrays, read lazily, tick by tick."""
 from collections import OrderedDict
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -12,6 +13,7 @@ from dragon_ros.core.chain.commanded import Commanded, Walked, profile_of, walke
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.geometry.rectangles import Benches
+from dragon_ros.core.geometry.venue import Surroundings
 from dragon_ros.core.limits import COORDINATE_M, LED_TICKS, SCENE_CHARACTERS, WAITING_TICKS
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
@@ -90,6 +92,16 @@ def scene_of_bag(bag: BagReader, namespace: str | None = None, trust: bool = Fal
 def frame_of_bag(bag: BagReader, namespace: str | None = None) -> str:
     """Return the coordinate frame that a bag's scene names, or the default frame."""
     return str(_about(bag, namespace).get('frame_id', FRAME_ID))
+
+
+def surroundings_in(bag: BagReader, namespace: str, frame_id: str) -> Surroundings | None:
+    """Return the obstacles on the last message of the topic ``venue``; None without any, or if it has another frame."""
+    from dragon_ros.messages.surroundings import read_venue  # few bags have a venue
+    located = None
+    for message in bag.messages([f'{namespace}/venue']):
+        with suppress(MessageError):        # a recorder stores anything
+            located = read_venue(message.data)
+    return located.around if located and located.frame_id == frame_id else None
 
 
 def ends_in_contact(bag: BagReader, namespace: str | None = None) -> bool:

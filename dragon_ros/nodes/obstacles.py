@@ -1,0 +1,213 @@
+"""The obstacles that a monitor knows, in the dragon's frame: those of a file, of the topic ``venue``, and of a map.
+
+Obstacles of all sources count together. If one is in another frame than the dragon, it is moved by the declared pose or
+by the transforms of /tf and /tf_static. Without a pose it is not used, and the log and /diagnostics say so.
+"""
+import time
+from cmath import phase
+from collections.abc import Callable
+from functools import partial
+from math import degrees
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from dragon_ros.core.checks import plane_pose
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.geometry.venue import PlanePose, Surroundings, joined, surroundings_of
+from dragon_ros.core.venue import Venue
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.decode import MessageError
+from dragon_ros.messages.surroundings import CellRules, Located, read_grid, read_venue
+from dragon_ros.messages.transforms import FrameTree
+from dragon_ros.nodes import publishers, qos, shell
+from dragon_ros.nodes.base import STEADY, DragonNode
+from dragon_ros.nodes.raw_subscription import subscribe_raw
+from dragon_ros.nodes.tf_publisher import TF
+from dragon_ros.scenes.load import load_venue
+
+_VENUE = 'venue'
+_GRID = 'nav_msgs/msg/OccupancyGrid'
+_PATIENCE_S = 5.0       # longest wait of the first tick for a latched message whose publisher is there
+_ASKED_S = 0.05         # interval between looks whether it has arrived
+_SAME = 1e-9            # metres and radians: smaller changes of a pose move nothing
+_FRAMES_DEPTH = 100
+_HERE: PlanePose = (0j, 1 + 0j)
+
+
+class Obstacles:
+    """Reads obstacles from their sources; ``changed`` receives all of them when they change."""
+
+    def __init__(self, node: DragonNode, changed: Callable[[Surroundings | None], None],
+                 resume: Callable[[], None]) -> None:
+        """Read the file and subscribe; ``resume`` is called when ``awaited`` becomes false.
+
+        Raises InputError for an invalid file or pose.
+        """
+        value, row = node.setting, channels()[_VENUE]
+        self._node, self._changed, self._resume = node, changed, resume
+        self._pose = plane_pose('parameter venue_pose', value['venue_pose']) if value['venue_pose'] else None
+        self._rules = CellRules(value['map_occupied'], value['map_unknown'] == 'occupied')
+        self._file: Venue | None = load_venue(value['venue']) if value['venue'] else None
+        self._located: dict[str, Located] = {}
+        self._unused, self._faults = dict[str, str](), dict[str, str]()
+        self._frame_id: str | None = None
+        self._placed: list[tuple[str, int, PlanePose]] = []
+        self._tree: FrameTree | None = None
+        self._has_frames = False
+        if self._file:
+            self._located[f'file {value["venue"]}'] = Located(None, surroundings_of(self._file))
+        topics = {_VENUE: (row.type, qos.of_channel(row), read_venue)}
+        if value['map']:
+            latched = qos.profile('reliable', 'transient_local', 1)
+            topics[value['map']] = _GRID, latched, partial(read_grid, rules=self._rules)
+        self._waiting = {node.resolve_topic_name(topic) for topic in topics}
+        self._until_s: float | None = None
+        self._timer = node.create_timer(_ASKED_S, self._ask, clock=STEADY)
+        self._timer.cancel()
+        self.venue = publishers.Publishers(node, node.resolve_topic_name(_VENUE))
+        for topic, (kind, profile, read) in topics.items():
+            subscribe_raw(node, shell.message_type(kind), topic, partial(self._take, topic, read), profile)
+
+    def awaited(self) -> bool:
+        """Return whether the first tick waits: a publisher of obstacles is known, and its message has not arrived."""
+        if not self._waiting:
+            return False
+        late = [topic for topic in sorted(self._waiting) if self._node.count_publishers(topic)]
+        now = time.monotonic()
+        if self._until_s is None:
+            self._until_s = now + _PATIENCE_S
+        if late and now < self._until_s:
+            self._timer.reset()
+            return True
+        if late:
+            self._node.get_logger().warning(f'no obstacles arrived within {_PATIENCE_S:g} s on {" and ".join(late)}')
+        self._waiting.clear()
+        return False
+
+    def _ask(self) -> None:
+        if not self.awaited():
+            self._timer.cancel()
+            self._resume()
+
+    def see(self, frame_id: str) -> None:
+        """Take note of the frame of a tick."""
+        if frame_id != self._frame_id:
+            self._frame_id = frame_id
+            self._place()
+
+    def look(self) -> None:
+        """Move what is in other frames by the newest transforms."""
+        if self._tree:
+            self._place()
+
+    def _take(self, topic: str, read: Callable[[bytes], Located], data: bytes, _: Any) -> None:
+        """Read a message. The last valid one stays if this one is not."""
+        began_s = time.monotonic()
+        try:
+            located = read(data)
+        except InputError as error:
+            self._fault(topic, str(error))
+        else:
+            self._faults.pop(topic, None)
+            if located.left_out:
+                self._fault(topic, located.left_out)
+            self._located[topic] = located
+            self._node.get_logger().info(f'{topic}: {_counted(located.around)} in the frame {located.frame_id!r}, '
+                                         f'read in {time.monotonic() - began_s:.3f} s')
+            if self._frame_id is not None:
+                self._place()
+        self._waiting.discard(self._node.resolve_topic_name(topic))
+
+    def _fault(self, topic: str, why: str) -> None:
+        self._faults[topic] = why
+        self._node.get_logger().warning(f'{topic}: not used: {why}')
+
+    def _place(self) -> None:
+        """Bring all sources to the dragon's frame, and pass them on if anything changed."""
+        before, self._unused = self._unused, {}
+        placed = []
+        for source, located in self._located.items():
+            if located.around is None:
+                continue
+            try:
+                placed.append((source, located, self._pose_of(located.frame_id)))
+            except InputError as error:
+                self._unused[source] = str(error)
+        for source, why in self._unused.items():
+            if before.get(source) != why:
+                self._node.get_logger().warning(f'{source}: not used: {why}')
+        key = [(source, id(located), pose) for source, located, pose in placed]
+        if _alike(key, self._placed):
+            return
+        self._placed = key
+        parts = [located.around if pose == _HERE else located.around.moved(pose)
+                 for _, located, pose in placed if located.around]
+        self._changed(None if not parts else parts[0] if len(parts) == 1 else joined(parts))
+        self._node.get_logger().info(f"obstacles: {self._text() or 'none'}")
+
+    def _pose_of(self, frame_id: str | None) -> PlanePose:
+        """Return the pose of a frame in the dragon's. Raises MessageError if it is unknown."""
+        if frame_id is None or frame_id.lstrip('/') == (self._frame_id or '').lstrip('/'):
+            return _HERE
+        if self._pose:
+            return self._pose
+        pose = self._frames().pose(frame_id, self._frame_id or '')
+        if pose is None:
+            where = 'and /tf and /tf_static do not connect them' if self._has_frames else (
+                'and /tf cannot be read, because tf2_msgs is not installed')
+            raise MessageError(f'it is in the frame {frame_id!r}, and the dragon in {self._frame_id!r}, {where}; give '
+                               'venue_pose:=X,Y,DEGREES (0,0,0 if the frames coincide)')
+        return pose
+
+    def _frames(self) -> FrameTree:
+        """Return the known frames; subscribe to /tf and /tf_static when they are first needed."""
+        if self._tree is None:
+            self._tree = FrameTree()
+            self._has_frames = shell.is_installed('tf2_msgs')
+            if self._has_frames:
+                static = QoSProfile(depth=_FRAMES_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+                for topic, profile in (('/tf', QoSProfile(depth=_FRAMES_DEPTH)), ('/tf_static', static)):
+                    subscribe_raw(self._node, shell.message_type(TF), topic, self._take_frames, profile)
+        return self._tree
+
+    def _take_frames(self, data: bytes, _: Any) -> None:
+        try:
+            new = self._frames().take(data)
+        except MessageError as error:
+            self._node.get_logger().warning(f'{error}', throttle_duration_sec=1.0)
+            return
+        if new and self._unused:
+            self._place()
+
+    def _text(self) -> str:
+        return ', '.join(f'{_counted(self._located[source].around)} of {source}{_at(pose)}'
+                         for source, _, pose in self._placed)
+
+    def statuses(self, dragon: str) -> list[DiagnosticStatus]:
+        """Return which obstacles are used (OK), or which are not and why (WARN); nothing without a source."""
+        unused = {**self._unused, **self._faults}
+        if not self._located and not unused:
+            return []
+        values = {**{source: f'{_counted(self._located[source].around)}{_at(pose)}'
+                     for source, _, pose in self._placed}, **unused}
+        level = DiagnosticStatus.WARN if unused else DiagnosticStatus.OK
+        message = '; '.join(f'{source}: not used: {why}' for source, why in unused.items()) or self._text() or 'none'
+        return [DiagnosticStatus(level=level, name=f'{dragon}: monitor: obstacles', hardware_id=dragon, message=message,
+                                 values=[KeyValue(key=key, value=value) for key, value in values.items()])]
+
+
+def _counted(around: Surroundings | None) -> str:
+    return f'{len(around.names)} obstacles with {around.start.size} edges' if around else 'no obstacles'
+
+
+def _at(pose: PlanePose) -> str:
+    shift, turn = pose
+    return '' if pose == _HERE else f', moved to ({shift.real:.6g}, {shift.imag:.6g}) m, {degrees(phase(turn)):.6g} deg'
+
+
+def _alike(one: list[tuple[str, int, PlanePose]], two: list[tuple[str, int, PlanePose]]) -> bool:
+    """Return whether two lists of placed sources are the same, but for tiny moves."""
+    return len(one) == len(two) and all(a[:2] == b[:2] and all(abs(x - y) <= _SAME for x, y in zip(
+        a[2], b[2], strict=True)) for a, b in zip(one, two, strict=True))

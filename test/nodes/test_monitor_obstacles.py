@@ -1,0 +1,257 @@
+"""The monitor among obstacles, over real DDS: of the topic venue, of files and of maps, moved or refused by frame."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dragon_ros.__main__ import main
+from dragon_ros.bags.check.compare import compare_with_model
+from dragon_ros.bags.read.frames import frames, surroundings_in
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.commands.contacts_in_bag import first_contact_in
+from dragon_ros.core.geometry.near_obstacles import with_obstacles
+from dragon_ros.core.geometry.near_pairs import closeness
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.step import tick
+from dragon_ros.core.venue import LineObstacle, Venue
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.decode import decode, read_diagnostics, read_stamp_ns
+from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.once import once
+from dragon_ros.scenes.load import load_scene
+
+SCENE = """
+dragon: {benches: 5}
+track: {kind: joined, start_m: 25, pieces: [{kind: line, length_m: 24.5}, {kind: arc, radius_m: 400, angle_deg: 3}]}
+run: {start_s: 3.6, stop_s: 5.2}
+effects: [benches, clearance, contact]
+venue:
+  obstacles:
+    - {kind: line, name: wall, points_m: [[0, 0.7], [60, 0.7]]}
+    - {kind: polygon, name: post, points_m: [[30, 0.05], [30.4, 0.05], [30.4, 0.4], [30, 0.4]]}
+"""
+READERS = 'wait_subscribers:=[handles=2,benches=2,venue=2,model/clearance=1]'
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    path = tmp_path / 'post.yaml'
+    path.write_text(SCENE)
+    return path
+
+
+def collisions(bag, topic='/dragon/collision'):
+    return [row for message in bag.messages([topic]) for row in read_diagnostics(message.data)]
+
+
+def clearances(bag):
+    kind = channels()['clearance/stamped'].type
+    return {read_stamp_ns(m.data): float(decode(kind, m.data)['vector'][0])
+            for m in bag.messages(['/dragon/clearance/stamped'])}
+
+
+def test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_an_obstacle(start, tmp_path, scene_file,
+                                                                                          capsys):
+    bag, again = tmp_path / 'run.mcap', tmp_path / 'again.mcap'
+    monitor, record = start('monitor'), start('record', '--output', bag)
+    sim = start('sim', '--scene', scene_file, '--ros-args', '-p', READERS, '-p', 'time_scale:=0.0')
+    assert (sim.end(), record.end(), monitor.stop()) == (0, 0, 0), sim.text + record.text + monitor.text
+    scene = load_scene(str(scene_file))
+    found = first_contact(scene)
+    with BagReader(bag) as run:
+        assert compare_with_model(run, scene).faults == []
+        first, *_ = collisions(run)
+        seen = clearances(run)
+        reported = first_contact_in(run, '/dragon', scene)
+        around = surroundings_in(run, '/dragon', 'dragon')
+        again_seen = {one.t_ns: with_obstacles(around, closeness(one.handles_m, one.benches), one.benches).clearance_m
+                      for one in frames(run)}
+    assert (first.values['inner'], first.values['outer'], first.values['obstacle']) == ('0', '6', 'post')
+    assert "contact of bench 0 and obstacle 'post' at" in first.message
+    assert float(first.values['t_before_s']) < found.t_s <= float(first.values['t_after_s'])
+    assert float(first.values['t_contact_s']) == pytest.approx(found.t_s, abs=1e-8)
+    assert reported['obstacle'] == found.obstacle.name == 'post'
+    assert seen == again_seen       # from the benches in the bag, searched from scratch, to the last bit
+    model = {t_ns: tick(scene, scene.run.tick_at(t_ns)).closeness.clearance_m for t_ns in seen}
+    assert len(seen) == compile_scene(scene).last_tick + 1
+    assert seen == pytest.approx(model, abs=1e-14)      # poses lose their last bits in quaternions
+    assert main(['inspect', str(bag), '--check']) == 0, capsys.readouterr().out
+
+    monitor, record = start('monitor'), start('record', '--output', again)
+    replay = start('replay', bag, '--rate', '0', '--topics', '/dragon/handles,/dragon/benches,/dragon/venue',
+                   '--wait-subscribers', '/dragon/handles=2,/dragon/benches=2,/dragon/venue=2')
+    assert (replay.end(), record.end(), monitor.stop()) == (0, 0, 0), replay.text + record.text + monitor.text
+    with BagReader(bag) as run, BagReader(again) as second:
+        assert clearances(second) == seen
+        assert collisions(second) == collisions(run)
+
+
+class Map:
+    """A map server in the test's node: latched grids on a topic, as Nav2's."""
+
+    def __init__(self, node, topic='/map'):
+        from nav_msgs.msg import OccupancyGrid
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+        self._kind = OccupancyGrid
+        self._out = node.create_publisher(OccupancyGrid, topic, QoSProfile(
+            depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+
+    def show(self, cells, resolution_m, corner, degrees, frame='map'):
+        """Publish cells (rows, columns) whose outer corner is there, and whose rows go to the left."""
+        grid = self._kind()
+        grid.header.frame_id = frame
+        grid.info.height, grid.info.width = cells.shape
+        grid.info.resolution = resolution_m
+        grid.info.origin.position.x, grid.info.origin.position.y = corner
+        grid.info.origin.orientation.z = float(np.sin(np.radians(degrees) / 2))
+        grid.info.origin.orientation.w = float(np.cos(np.radians(degrees) / 2))
+        grid.data.frombytes(cells.astype(np.int8).tobytes())
+        self._out.publish(grid)
+
+
+class Dragon:
+    """Publishes ticks of a scene to several monitors, and hears them; each is in a namespace of its own."""
+
+    def __init__(self, node, scene, *monitors):
+        from diagnostic_msgs.msg import DiagnosticArray
+
+        from dragon_ros.nodes import qos
+        from dragon_ros.nodes.shell import message_type
+        self.node, self.scene, self.encode = node, scene, encoders(scene)
+        self.out = {name: node.create_publisher(message_type(channels()[name].type), name, qos.of_channel(
+            channels()[name])) for name in ('handles', 'benches')}
+        self.health, self.events = {one: [] for one in monitors}, {one: [] for one in monitors}
+        for one in monitors:
+            node.create_subscription(DiagnosticArray, f'/{one}/collision', lambda message, to=self.events[one]:
+                                     to.extend(message.status), qos.of_channel(channels()['collision']))
+        node.create_subscription(DiagnosticArray, '/diagnostics', self._hear, 100)
+        node.until(lambda: all(out.get_subscription_count() == len(monitors) for out in self.out.values()))
+
+    def _hear(self, message):
+        for status in message.status:
+            if status.name.endswith('monitor: obstacles'):
+                self.health[status.hardware_id].append(status)
+
+    def show(self, *ticks):
+        for k in ticks:
+            frame = tick(self.scene, k)
+            for name, out in self.out.items():
+                out.publish(self.encode[name](frame))
+
+    def heard(self, monitor, words):
+        return any(words in status.message for status in self.events[monitor] + self.health[monitor])
+
+    def wait(self, monitor, words):
+        self.node.until(lambda: self.heard(monitor, words))
+
+
+def watching(start, name, **given):
+    return start('monitor', '--ros-args', '-r', f'__ns:=/{name}', '-r', 'handles:=/dragon/handles', '-r',
+                 'benches:=/dragon/benches', '-r', 'venue:=/dragon/venue',
+                 *(part for key, value in given.items() for part in ('-p', f'{key}:={value}')))
+
+
+def test_a_map_is_turned_by_its_origin_moved_by_the_declared_pose_and_never_overlaid_without_one(start, node):
+    scene = load_scene('street', ['dragon.benches=5', 'venue=null', 'run.stop_s=20'])
+    # The head walks along y = 0, from x = 20 m on. In the dragon's frame the grid's corner is (25, -0.75), and its rows
+    # are parallel to the x axis, so that one occupied cell goes from (26, -0.25) to (26.5, 0.25).
+    cells = np.full((3, 4), -1)
+    cells[1, 2], cells[0, 0], cells[2, 3] = 65, 0, 64
+    lost = watching(start, 'lost')
+    moved = watching(start, 'moved', venue_pose='"10,0,90"')
+    unknown = watching(start, 'unknown', venue_pose='"10,0,90"', map_unknown='occupied')
+    server, dragon = Map(node), Dragon(node, scene, 'lost', 'moved', 'unknown')
+    corner = -1j * ((25 - 0.75j) - 10)      # in the frame map, whose pose is (10, 0), 90 degrees
+    server.show(cells, 0.5, (corner.real, corner.imag), -90)
+    for one in (lost, moved, unknown):
+        one.wait_for('/map: 1 obstacles with ')
+    dragon.show(*range(0, 400, 2))
+    dragon.wait('lost', "/map: not used: it is in the frame 'map', and the dragon in 'dragon'")
+    lost.wait_for('give venue_pose:=X,Y,DEGREES')
+    dragon.wait('moved', "contact of bench 0 and obstacle 'map' at")
+    (begin,) = [{pair.key: pair.value for pair in status.values} for status in dragon.events['moved'][:1]]
+    assert float(begin['x_m']) == pytest.approx(26, abs=0.01)
+    assert float(begin['t_contact_s']) == pytest.approx(26 - 20 - 0.275, abs=1e-6)      # the front is before the handle
+    dragon.wait('unknown', "contact of bench 0 and obstacle 'map' at")
+    (first,) = [{pair.key: pair.value for pair in status.values} for status in dragon.events['unknown'][:1]]
+    assert float(first['t_contact_s']) == pytest.approx(25 - 20 - 0.275, abs=1e-6)
+    assert not dragon.events['lost']
+
+
+def wall(x, name):
+    return Venue((LineObstacle(name, ((x, -1.0), (x, 1.0))),))
+
+
+def test_a_venue_may_come_late_change_and_vanish_and_one_of_a_file_counts_with_it(start, node, tmp_path):
+    from visualization_msgs.msg import MarkerArray
+
+    from dragon_ros.nodes import qos
+    (tmp_path / 'far.geojson').write_text('{"type": "Feature", "units": "m", "properties": {"name": "far wall"}, '
+                                          '"geometry": {"type": "LineString", "coordinates": [[28, -1], [28, 1]]}}')
+    scene = load_scene('street', ['dragon.benches=5', 'venue=null', 'run.stop_s=20'])
+    start('monitor', '--ros-args', '-p', 'venue:=far.geojson')
+    dragon = Dragon(node, scene, 'dragon')
+    dragon.show(0, 200)      # the front is at 24.275 m
+    dragon.wait('dragon', '1 obstacles with 1 edges of file far.geojson')
+    out = node.create_publisher(MarkerArray, 'venue', qos.of_channel(channels()['venue']))
+    out.publish(once(replace(scene, venue=wall(24.0, 'gate')), 'dragon')['venue'])
+    dragon.wait('dragon', '1 obstacles with 1 edges of file far.geojson, 1 obstacles with 1 edges of venue')
+    dragon.show(201)
+    dragon.wait('dragon', "contact of bench 0 and obstacle 'gate' at 4.020000 s")
+    out.publish(once(replace(scene, venue=wall(50.0, 'other gate')), 'dragon')['venue'])
+    dragon.show(202)
+    dragon.wait('dragon', "contact left behind by another venue: bench 0 and obstacle 'gate'")
+    out.publish(b'\x00\x01\x00\x00\x07\x00\x00\x00')
+    dragon.wait('dragon', 'venue: not used: 8 bytes cannot hold 7 markers')
+    out.publish(bytes.fromhex('0001000000000000'))
+    dragon.show(203, 400)
+    dragon.wait('dragon', "contact of bench 0 and obstacle 'far wall' at 7.725")
+    node.until(lambda: dragon.health['dragon'][-1].message == '1 obstacles with 1 edges of file far.geojson')
+    begins = [status for status in dragon.events['dragon'] if status.level == b'\x02']
+    assert len(begins) == 2
+
+
+@pytest.mark.parametrize(('given', 'why'), [
+    (('venue:=nowhere.wkt',), 'nowhere.wkt: cannot be read'), (('venue:=winding',), 'the scene has none'),
+    (('venue_pose:="1,2"',), "parameter venue_pose: '1,2' is not valid: it must be X,Y,DEGREES"),
+    (('map_occupied:=0',), 'parameter map_occupied: is outside 1 to 100'),
+    (('map_unknown:=maybe',), "parameter map_unknown: 'maybe' is not one of free, occupied")])
+def test_an_invalid_parameter_of_obstacles_ends_the_monitor_with_one_line(start, given, why):
+    monitor = start('monitor', '--ros-args', *(part for one in given for part in ('-p', one)))
+    assert monitor.end() == 2
+    assert why in monitor.text
+    assert 'Traceback' not in monitor.text
+
+
+def test_a_map_is_moved_by_static_and_other_transforms_where_there_are_some(start, node):
+    tf2 = pytest.importorskip('tf2_msgs.msg', reason='tf2_msgs has no wheel; it comes with ROS 2')
+    from geometry_msgs.msg import TransformStamped
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    outs = {'/tf_static': node.create_publisher(tf2.TFMessage, '/tf_static', latched),
+            '/tf': node.create_publisher(tf2.TFMessage, '/tf', 10)}
+
+    def show(topic, parent, child, x, degrees):
+        one = TransformStamped(child_frame_id=child)
+        one.header.frame_id = parent
+        one.transform.translation.x = float(x)
+        one.transform.rotation.z = float(np.sin(np.radians(degrees) / 2))
+        one.transform.rotation.w = float(np.cos(np.radians(degrees) / 2))
+        outs[topic].publish(tf2.TFMessage(transforms=[one]))
+    scene = load_scene('street', ['dragon.benches=5', 'venue=null', 'run.stop_s=20'])
+    monitor = start('monitor')
+    server, dragon = Map(node), Dragon(node, scene, 'dragon')
+    show('/tf_static', 'hall', 'map', 30, 180)
+    server.show(np.array([[100]]), 1.0, (4.0, -0.5), 0)     # in the hall: from (25, -0.5) to (26, 0.5)
+    dragon.show(0, 50)
+    monitor.wait_for('and /tf and /tf_static do not connect them')
+    node.until(lambda: outs['/tf'].get_subscription_count())
+    show('/tf', 'hall', 'dragon', -1, 0)
+    monitor.wait_for('moved to (31, 0) m, 180 deg')
+    dragon.show(*range(260, 300, 2))
+    dragon.wait('dragon', "contact of bench 0 and obstacle 'map' at 5.725000 s")      # at 26 m in the dragon's frame
+    show('/tf', 'hall', 'dragon', -3, 0)
+    monitor.wait_for('moved to (33, 0) m, 180 deg')
+    dragon.show(300)
+    dragon.wait('dragon', "end of contact: bench 0 and obstacle 'map'")
