@@ -2,7 +2,7 @@
 
 A tracker receives only ticks. It reports the last tick without contact, the first one with contact, and the time
 between them at which the signed gap, interpolated through the last ticks, vanishes. Each episode of a pair has a start,
-a deepest gap and an end. If the surroundings are known, obstacles count too; in pairs their numbers follow the benches'.
+a deepest gap and an end. If the surroundings are known, obstacles count too; their numbers follow the benches'.
 
 Observations may arrive late, repeatedly or from a restarted run: ``ReorderBuffer`` passes them on in order.
 ``Episodes`` holds the open contacts of all pairs, as arrays: which pairs touch, how deep and when, and which were
