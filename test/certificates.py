@@ -1,4 +1,4 @@
-"""What ``dragon_ros.verify`` says of certificates, as plain values: imported by the tests of several rooms."""
+"""The answers of ``dragon_ros.verify`` about certificates, as plain values; imported by tests of several rooms."""
 import json
 
 import pytest
@@ -11,7 +11,7 @@ from dragon_ros.verify.reading import claims_of
 
 
 def written(scene):
-    """The certificate that the solver writes of a scene."""
+    """The certificate that the solver writes for a scene."""
     return as_values(scene, first_contact(scene))
 
 

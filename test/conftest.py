@@ -1,4 +1,4 @@
-"""What all tests share: floating-point errors raise, properties are repeatable, the longest tests come first."""
+"""Shared by all tests: floating-point errors raise, properties are repeatable, the longest tests come first."""
 import gc
 import os
 import re
@@ -85,11 +85,11 @@ def pytest_xdist_auto_num_workers():
 
 settings.register_profile('repeatable', derandomize=True, deadline=None, database=None, max_examples=40,
                           suppress_health_check=[HealthCheck.too_slow])
-# With other versions of libraries the same properties hold of the same code: a few examples show that they run.
+# With other versions of libraries the same code has the same properties: a few examples show that it runs.
 settings.register_profile('brief', settings.get_profile('repeatable'), max_examples=10)
-# By hand, and after changes of what a property is about: 25 times as many as in each run of the tests.
+# By hand, after changes of the code that a property covers: 25 times as many as in each run of the tests.
 settings.register_profile('thorough', settings.get_profile('repeatable'), max_examples=1000)
-# For mutants (test/mutants), of which the first example that fails says enough.
+# For mutants (test/mutants), for which the first failing example is enough.
 settings.register_profile('first', settings.get_profile('repeatable'), report_multiple_bugs=False,
                           phases=(Phase.explicit, Phase.generate))
 settings.load_profile('repeatable')
@@ -97,6 +97,6 @@ settings.load_profile('repeatable')
 
 @pytest.fixture(autouse=True)
 def _floating_point_errors_raise():
-    # Underflow to zero is exact enough everywhere here and stays quiet.
+    # Underflow to zero is exact enough everywhere here and raises no error.
     with np.errstate(all='raise', under='ignore'):
         yield

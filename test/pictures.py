@@ -1,4 +1,4 @@
-"""What a drawn figure shows, measured with Matplotlib's renderer: boxes of its texts and legends, and its curves."""
+"""The contents of a drawn figure, measured with Matplotlib's renderer: boxes of texts and legends, and curves."""
 import numpy as np
 from matplotlib.text import Annotation, Text
 from shapely.affinity import rotate
@@ -11,7 +11,7 @@ _HAIR = 0.75        # pixels at 100 dots per inch
 
 
 class Picture:
-    """A figure that has been laid out once."""
+    """A figure after its layout."""
 
     def __init__(self, figure):
         figure.draw_without_rendering()
@@ -19,12 +19,12 @@ class Picture:
         self._texts = list(_texts(figure))
 
     def cropped(self):
-        """The texts that the edge of the figure cuts."""
+        """The texts cut by the edge of the figure."""
         edge = box(*self._figure.bbox.extents).buffer(_HAIR)
         return [words for words, place in self._texts if not edge.contains(place)]
 
     def overlapping(self):
-        """The pairs of texts that lie on each other."""
+        """The pairs of overlapping texts."""
         shapes = [place.buffer(-_HAIR) for _, place in self._texts]
         pairs = STRtree(shapes).query(shapes, predicate='intersects').T.tolist()
         return [(self._texts[one][0], self._texts[other][0]) for one, other in pairs if one < other]
@@ -35,7 +35,7 @@ class Picture:
         return [text.get_text() for text in _drawn(self._figure) if text.get_fontsize() * shown < TEXT_PT - 1e-9]
 
     def hidden(self):
-        """The curves that a legend lies on."""
+        """The curves covered by a legend."""
         found = []
         for axes in self._figure.axes:
             if legend := axes.get_legend():
@@ -46,7 +46,7 @@ class Picture:
 
 
 def _texts(figure):
-    """Every drawn text of a figure with its box in pixels, turned as the text is."""
+    """Every drawn text of a figure with its box in pixels, rotated like the text."""
     return ((text.get_text(), _box(text)) for text in _drawn(figure))
 
 
@@ -85,7 +85,7 @@ def _of_words(annotation):
 
 
 def outside(axes, points):
-    """The points (N, 2) in data that the limits of axes cut off."""
+    """The points (N, 2) in data coordinates that are cut off by the limits of the axes."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     inside = np.all((points >= (left, bottom)) & (points <= (right, top)), axis=1)
     return points[~inside]

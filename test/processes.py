@@ -1,4 +1,4 @@
-"""Processes of the package that start at once: forked from one that has imported what they need.
+"""Processes of the package that start quickly: forked from a process that has imported what they need.
 
 An executable needs a second to import its libraries, and the tests start hundreds. Those whose claim is about starting
 and ending (signals while modules are imported, exit codes, security, the shell) run ``python -m dragon_ros`` instead.
@@ -20,7 +20,7 @@ _FORKS.set_forkserver_preload([
 
 
 class Started(subprocess.Popen):
-    """Any program that runs; errors come with its output."""
+    """Any running program; errors include its output."""
 
     def __init__(self, command, env, cwd):
         super().__init__(command, env=env, cwd=cwd, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
@@ -28,7 +28,7 @@ class Started(subprocess.Popen):
 
 
 class Forked:
-    """An executable that runs, with what is used here of ``subprocess.Popen``; errors come with its output."""
+    """A running executable with the needed part of ``subprocess.Popen``; errors include its output."""
 
     def __init__(self, arguments, env, cwd):
         output, inside = _FORKS.Pipe(duplex=False)
@@ -53,7 +53,7 @@ class Forked:
 
     def send_signal(self, number):
         if self.poll() is None:
-            with suppress(ProcessLookupError):      # it has ended, and its exit code is on the way
+            with suppress(ProcessLookupError):      # it has ended, and its exit code is about to arrive
                 os.kill(self.pid, number)
 
     def kill(self):

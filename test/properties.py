@@ -1,11 +1,11 @@
-"""What properties share: how many examples each is tried with (fewer in the profile ``brief``), and random tracks."""
+"""Shared by properties: the number of examples for each (fewer in the profile ``brief``), and random tracks."""
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
-USUAL = 100         # examples of a property that says nothing, in the profile that counts of others are given for
+USUAL = 100         # default number of examples of a property; explicit numbers are relative to it
 PIECES = st.lists(st.one_of(
     st.builds(Line, st.floats(0.1, 9)),
     st.builds(lambda radius, angle, left: Arc(radius, angle if left else -angle), st.floats(1.8, 9), st.floats(5, 300),
@@ -17,7 +17,7 @@ TRACKS = st.one_of(st.builds(Spiral, st.floats(0.3, 4), st.floats(0.5, 6)), PIEC
 
 
 def thinned(cases, kept):
-    """Return the parameters of a test; those that ``kept`` is false for run with ``--long`` alone."""
+    """Return the parameters of a test; those for which ``kept`` is false run only with ``--long``."""
     out = [case if kept(case) else pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.long)
            for case in cases]
     assert any(kept(case) for case in cases)
@@ -25,5 +25,5 @@ def thinned(cases, kept):
 
 
 def examples(count: int) -> settings:
-    """Return the settings of a property that is usually tried with so many examples, at least two in any profile."""
+    """Return the settings of a property with a given usual number of examples, at least two in any profile."""
     return settings(max_examples=max(2, count * settings().max_examples // USUAL))

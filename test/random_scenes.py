@@ -1,24 +1,25 @@
-"""Random scenes of every kind, as the plain values of a scene file: one seed is one scene, for good.
+"""Random scenes of every kind, as the plain values of a scene file: a seed always gives the same scene.
 
-Tests and comparisons of two versions of the code draw from here. So that a seed means the same scene on every machine
-and for every version, this module imports nothing of the package, takes all its chance from ``Random.random`` (the one
-method whose numbers Python keeps for good) and keeps six figures of every number. It draws once and never asks the code
-under test whether it likes the result: a few scenes in a hundred are refused (bends that are too tight, chains that are
-locked from the start, accuracies beyond floats), as those of users are.
+Tests and comparisons of two versions of the code draw from here. So that a seed gives the same scene on every machine
+and for every version, this module imports nothing from the package, takes all random numbers from ``Random.random``
+(the only method whose numbers Python guarantees) and keeps six figures of every number. It draws once and never
+consults the code under test: a few scenes in a hundred are rejected (bends that are too tight, chains that are locked
+from the start, accuracies beyond floats), as with users' scenes.
 
-A scene is drawn in the order in which one thinks of it:
+A scene is drawn in its natural order:
 
 1. the benches: equal, a longer or shorter head, or mixed; 1 to 300; insets from none to half a bench, which leaves
-   links of no length; now and then wide ones, or long ones for their track;
+   links of zero length; occasionally benches that are wide, or long for their track;
 2. the track: a single spiral (walked inwards, outwards, or far out, up to 1e5 turns), an S-turn, a circle, or a
-   composite of lines, arcs and spirals. Pitches and radii are drawn for those benches, from less than what they need to
+   composite of lines, arcs and spirals. Pitches and radii are drawn for these benches, from less than what they need to
    several times as much, so that about half of the runs have a contact, some lock and some reach the end of the track;
-3. the leader: head or tail, onwards or back, at a constant speed or by a profile with ramps, jumps, rests, reversals;
-4. the run, the accuracy, the effects and how they are set.
+3. the leader: head or tail, forwards or back, at a constant speed or by a profile with ramps, jumps, rests, reversals;
+4. the run, the accuracy, the effects and their settings.
 
 One scene in ten has every length, and with them the speed, in another unit: 1e-6 to 1e6.
 
-``./dragon python test/random_scenes.py SEED`` prints a scene as a file (JSON, which is YAML) that every command takes.
+``./dragon python test/random_scenes.py SEED`` prints a scene as a file (JSON, which is YAML) that every command
+accepts.
 """
 import json
 import sys
@@ -45,7 +46,7 @@ class Dice:
         return figures(low + (high - low) * self._random.random())
 
     def scaled(self, low: float, high: float) -> float:
-        """Any number between two positive ones, as likely in each decade."""
+        """Any number between two positive ones, equally likely in each decade."""
         return figures(exp(log(low) + log(high / low) * self._random.random()))
 
     def whole(self, low: int, high: int) -> int:
@@ -53,7 +54,7 @@ class Dice:
         return min(high, int(exp(log(low) + log((high + 1) / low) * self._random.random())))
 
     def chance(self, parts: float) -> bool:
-        """Yes, in so many of 100 cases."""
+        """True in a given number of 100 cases."""
         return self._random.random() * 100 < parts
 
     def one(self, *choices: Any) -> Any:
@@ -61,7 +62,7 @@ class Dice:
         return choices[int(self._random.random() * len(choices))]
 
     def one_by_parts(self, parts: dict[Any, float]) -> Any:
-        """One of several, by how often each is to come."""
+        """One of several, by their weights."""
         left = self._random.random() * sum(parts.values())
         for choice, part in parts.items():
             left -= part
@@ -76,7 +77,7 @@ def figures(x: float) -> float:
 
 
 class Benches(NamedTuple):
-    """What the other choices need to know of the benches, in metres."""
+    """The properties of the benches that the other choices need, in metres."""
 
     section: dict[str, Any]
     lengths_m: list[float]
@@ -85,12 +86,12 @@ class Benches(NamedTuple):
 
     @property
     def longest_link_m(self) -> float:
-        """Length of the longest link, or of a tenth of a bench where that is longer, to have a scale."""
+        """Length of the longest link, or a tenth of a bench if that is longer, as a scale."""
         return max(*(length - 2 * self.inset_m for length in self.lengths_m), 0.1 * max(self.lengths_m))
 
     @property
     def chain_m(self) -> float:
-        """Length of the whole chain, or of one bench where that is longer."""
+        """Length of the whole chain, or of one bench if that is longer."""
         return max(sum(length - 2 * self.inset_m for length in self.lengths_m), max(self.lengths_m))
 
     @property
@@ -100,7 +101,7 @@ class Benches(NamedTuple):
 
 
 class Way(NamedTuple):
-    """A track, and what a leader may do on it."""
+    """A track, and the leader's possible motion on it."""
 
     section: dict[str, Any]
     onwards_m: float                # a way that is worth going, against ``sense``: positive is inwards or onwards
@@ -124,7 +125,7 @@ def random_scene(seed: int) -> dict[str, Any]:
 
 
 def kind_of(seed: int) -> str:
-    """Return which of KINDS the scene of a seed is."""
+    """Return the kind of a seed's scene, one of KINDS."""
     dice = Dice(seed)
     if dice.chance(10):
         dice.scaled(1e-6, 1e6)
@@ -140,7 +141,7 @@ def _benches(dice: Dice, kind: str, unit_m: float) -> Benches:
     inset = figures(body * dice.one_by_parts({0.125: 55, 0.0: 15, dice.between(0, 0.2): 28,
                                               dice.between(0.2, 0.5): 2}))
     if dice.chance(1.5):
-        inset = 0.5 * body      # handles in one place: exact, so that the links have no length at all
+        inset = 0.5 * body      # handles in one place: exact, so that the links have zero length
     width = figures(body * dice.one_by_parts({0.136364: 55, dice.between(0.03, 0.25): 42, dice.scaled(0.3, 2.0): 3}))
     one = {'width_m': width, 'hole_inset_m': inset}
     least = max(2 * inset, 0.05 * body)
@@ -159,7 +160,7 @@ def _benches(dice: Dice, kind: str, unit_m: float) -> Benches:
 
 
 def _groups(dice: Dice, count: int, least_m: float, body_m: float) -> list[dict[str, Any]]:
-    """Draw two to six groups of benches, the last lengths of which may come again."""
+    """Draw two to six groups of benches; the last lengths may be repeated."""
     lengths: list[float] = []
     groups = []
     for left in range(dice.whole(2, 6), 0, -1):
@@ -296,7 +297,7 @@ def _length_m(piece: dict[str, Any]) -> float:
 
 
 def _on_pieces(dice: Dice, pieces: list[dict[str, Any]], length_m: float, benches: Benches) -> Way:
-    """Draw where on a composite track the head starts, and who leads which way."""
+    """Draw the head's start on a composite track, the leader and its direction."""
     lead, sense = dice.one_by_parts({('head', 1): 84, ('head', -1): 5, ('tail', 1): 11})
     forward = (lead, sense) == ('head', 1)
     part = dice.one(0.0, 0.0, 0.0, 0.0, dice.between(0, 0.5)) if forward else dice.between(0.5, 0.999)

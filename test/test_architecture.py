@@ -18,7 +18,7 @@ from dragon_ros.executables import EXECUTABLES
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / 'dragon_ros'
-# Each room and what it may import besides itself; rooms that are not there yet are left out of the tests.
+# Each room and what it may import besides itself; rooms that do not exist yet are left out of the tests.
 BELOW_NODES = ('core', 'version', 'configuration', 'scenes', 'messages', 'bags', 'cli')
 ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
          'studies': BELOW_NODES, 'commands': (*BELOW_NODES, 'studies'), 'nodes': BELOW_NODES,
@@ -36,7 +36,7 @@ CORE_ROOMS = {
     'enclosures': (*CHAIN, 'geometry'), 'frame': (*CHAIN, 'geometry'), 'search': (*MODEL, 'geometry', 'enclosures'),
     'effects': (*MODEL, 'geometry', 'frame'), 'step': (*MODEL, 'geometry', 'frame', 'effects'),
     'batches': (*MODEL, 'geometry', 'frame', 'effects', 'step')}
-# A scene sees value types alone of the rooms that it may import.
+# From the rooms that it may import, a scene sees only value types.
 OF_SCENE = {'chain': {'commanded', 'dragon', 'head_law'}, 'tracks': {'spec'}}
 LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': set(),
              'scenes': {'numpy', 'yaml', 'shapely', 'pyproj', 'svgelements'}, 'messages': {'numpy'},
@@ -82,14 +82,14 @@ def libraries(path):
 
 
 def upward(room, path):
-    """Return what a module of a room names of rooms of the package that are not below it."""
+    """Return the rooms of the package that a room's module names although they are not below it."""
     below = {room, *ROOMS[room], *STARTS.get(room, ())}
     return {name for name in named(path) if (part := name.split('.')[1]) in ROOMS and part not in below
             and name.removeprefix('dragon_ros.') not in below}
 
 
 def upward_in_core(room, path):
-    """Return what a module of a room of the core names of rooms of the core that are not below it."""
+    """Return the rooms of the core that a core room's module names although they are not below it."""
     found = set()
     for name in named(path):
         _, top, part, module = [*name.split('.'), '', ''][:4]
@@ -256,7 +256,7 @@ def test_package_xml_setup_py_and_code_agree():
 
 
 def copy_source(target):
-    """Copy what a fresh checkout has of the package, and return the copy."""
+    """Copy the files of the package that a fresh checkout has, and return the copy."""
     target.mkdir(parents=True)
     for name in ('package.xml', 'setup.py', 'setup.cfg', 'pyproject.toml', 'README.md', 'LICENSE'):
         shutil.copy(ROOT / name, target)

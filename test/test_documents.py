@@ -1,4 +1,4 @@
-"""The documents are true: every command in them runs, every link leads somewhere, every table is the code's."""
+"""The documents are true: every command in them runs, every link resolves, every table matches the code."""
 import importlib.util
 import re
 import shlex
@@ -26,7 +26,7 @@ LONGEST_S = 50
 CONTEST_ROWS = {0: 'head', 1: 'section 1', 51: 'section 51', 101: 'section 101', 151: 'section 151', 201: 'section 201',
                 223: 'tail, rear'}
 
-# What a document's command begins with, what is run in its place (None: nothing), and why. Longer ones come first.
+# The beginning of a document's command, what is run instead (None: nothing), and why. Longer ones come first.
 SUBSTITUTES = {
     './dragon demo': (None, 'ten seconds and four processes; test/nodes/test_graph.py runs it'),
     './dragon python test/bags/crash.py': (None, 'twenty minutes; test/bags/test_crash.py kills some'),
@@ -121,7 +121,7 @@ def planned(command):
 
 
 def run(arguments, folder):
-    """Run Python in a process of its own; return its exit code and what it wrote to the two streams."""
+    """Run Python in a separate process; return its exit code and its output on both streams."""
     environment = {**local_environment(free_domain()), 'ROS_LOG_DIR': str(folder / 'log')}
     done = subprocess.run([sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True,
                           timeout=LONGEST_S, check=False)
@@ -174,7 +174,7 @@ def test_every_command_of_a_document_runs_and_says_what_is_shown(path, tmp_path,
 
 
 def _steady(text):
-    """Return a text without how long something took, and with its blanks as one."""
+    """Return a text without durations, and with single blanks."""
     return re.sub(r'\s+', ' ', re.sub(r'in \d+\.\d+ s', 'in S', text))
 
 

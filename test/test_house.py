@@ -1,4 +1,4 @@
-"""What the linters of ROS look for in licence and manifest, where they are not installed; ruff has the other rules."""
+"""The checks of the ROS linters on licence and manifest, which also run without them; ruff has the other rules."""
 import hashlib
 import tokenize
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What ``./dragon`` installs is locked: every package by version and hash, and a changed file is refused."""
+"""The packages that ``./dragon`` installs are locked by version and hash, and a changed file is rejected."""
 import re
 import subprocess
 import sys

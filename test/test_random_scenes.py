@@ -1,4 +1,4 @@
-"""The generator of random scenes draws every kind of scene, the same for a seed everywhere, and most of them load."""
+"""The generator draws every kind of random scene, a seed gives the same scene everywhere, and most scenes load."""
 import ast
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""The Chinese pages say what the English ones say: the same commands, figures, links and terms, page by page."""
+"""The Chinese pages mirror the English ones: the same commands, figures, links and terms, page by page."""
 import re
 from pathlib import Path
 
@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[1]
 ENGLISH = {ROOT / 'README.zh.md': ROOT / 'README.md',
            **{path: ROOT / 'docs' / path.name for path in sorted((ROOT / 'docs' / 'zh').glob('*.md'))}}
 _CODE = re.compile(r'^```\w*\n.*?^```$|^(?:    [^\n]*\n)+', re.DOTALL | re.MULTILINE)
-# Tables that a tool writes stand on the English page alone.
+# Tables written by a tool are only on the English page.
 _MADE = re.compile(r'<!-- (?:cost|table) .*?<!-- end -->', re.DOTALL)
 _FIGURE = re.compile(r'(?<![A-Za-z0-9_.])\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?')
 
@@ -27,7 +27,7 @@ def figures(text):
 
 
 def links(path, text):
-    """Return the files that a page leads to; a Chinese page counts as the English one that it translates."""
+    """Return the files to which a page links; a Chinese page counts as the English page that it translates."""
     targets = (target.partition('#')[0] for target in re.findall(r'\]\(([^)\s]+)\)', _MADE.sub('', text)))
     files = {(path.parent / target).resolve() for target in targets if target and '://' not in target}
     return {ENGLISH.get(file, file) for file in files}

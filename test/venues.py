@@ -1,4 +1,4 @@
-"""Scenes with random venues, and what shapely says of them at many instants: imported by the tests of several rooms."""
+"""Scenes with random venues, and shapely's results for them at many instants; imported by tests of several rooms."""
 from dataclasses import replace
 
 import numpy as np
@@ -34,7 +34,7 @@ AROUND = ((-60.0, -60.0), (60.0, -60.0), (60.0, 60.0), (-60.0, 60.0))
 
 
 def random_venue(scene, seed, largest_m=2.0):
-    """Return obstacles near where the dragon goes, some in its way, none over the middle of its head at the start."""
+    """Return obstacles near the dragon's way, some of them in it, none over the middle of its head at the start."""
     rng = np.random.default_rng(seed)
     line, obstacles = compile_scene(scene).track_line(0.05), []
     start = shapely.Point(corners_at(scene, [scene.run.start_s])[0, 0].mean(axis=0))
@@ -64,7 +64,7 @@ def times_of(scene, step_m, until_s=None):
 
 
 def edges_of(venue):
-    """Return what benches must not touch, by names, as lines of shapely."""
+    """Return the edges that benches must not touch, by name, as shapely lines."""
     lines = {one.name: shapely.LineString([*one.points_m, *one.points_m[:isinstance(one, PolygonObstacle)]])
              for one in venue.obstacles}
     return lines | ({'inside': shapely.LinearRing(venue.inside)} if venue.inside else {})

@@ -1,4 +1,4 @@
-"""A crash oracle: a writer of bags is killed at any moment, and what our tools recover is held against what it knew.
+"""A crash oracle: kill a writer of bags at any moment, and compare what the tools recover with what it had written.
 
 A child process writes numbered messages through the recorder's writer thread and says, after each flush, how many are
 in the file. Killed with SIGKILL, it must leave a bag of which ``--repair`` saves every message that was flushed, and of
@@ -55,7 +55,7 @@ def payload(n: int) -> bytes:
 
 
 def write_until_killed(path: Path, compression: str, parts: bool) -> None:
-    """Write messages, flush now and then, and say after each flush how many messages that makes."""
+    """Write messages, flush occasionally, and print the number of messages after each flush."""
     options = BagOptions(compression, split_size_mb=0.3 if parts else None)
     with BagWriter(path, options=options) as bag:
         for topic in _TOPICS:
@@ -69,7 +69,7 @@ def write_until_killed(path: Path, compression: str, parts: bool) -> None:
 
 
 def kill(folder: Path, form: str, compression: str, after_s: float) -> Kill:
-    """Kill a writer ``after_s`` seconds after it begins, and hold what is left against what it said."""
+    """Kill a writer ``after_s`` seconds after its start, and compare the remaining bag with its output."""
     bag = folder / ('run.mcap' if form == 'file' else 'run')
     child = subprocess.Popen([sys.executable, __file__, '--write', str(bag), compression, form],
                              stdout=subprocess.PIPE, text=True)
@@ -84,7 +84,7 @@ def kill(folder: Path, form: str, compression: str, after_s: float) -> Kill:
 
 
 def check(bag: Path, flushed: int, saved: Path) -> Kill:
-    """Hold the bag of a killed writer against the messages that it had flushed. Raises AssertionError."""
+    """Compare the bag of a killed writer with the messages that it had flushed. Raises AssertionError."""
     files = [bag] if bag.suffix == '.mcap' else sorted(bag.glob('*.mcap'))
     whole = readable(bag)
     assert whole or examined(bag), 'a bag that cannot be read has no problems'
@@ -102,7 +102,7 @@ def check(bag: Path, flushed: int, saved: Path) -> Kill:
 
 
 def readable(bag: Path) -> bool:
-    """Return whether our reader takes the bag as it is."""
+    """Return whether the package's reader accepts the bag unchanged."""
     try:
         with BagReader(bag) as reader:
             return all(True for _ in reader.messages())
@@ -136,7 +136,7 @@ def streamed(file: Path) -> list[int]:
 
 
 def main(argv: list[str]) -> int:
-    """Kill as many writers as asked, in every form and compression, and print a table of what was left."""
+    """Kill a number of writers, in every form and compression, and print a table of the results."""
     if argv[:1] == ['--write']:
         write_until_killed(Path(argv[1]), argv[2], argv[3] == 'parts')
         return 0

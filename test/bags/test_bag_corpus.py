@@ -96,7 +96,7 @@ def test_the_whole_corpus_is_read_in_little_memory(tmp_path):
 
 
 def use(path, out):
-    """Read a file in every way; only errors of the package may come out."""
+    """Read a file in every way; only the package's own errors may be raised."""
     for way in (read, examine, partial(repair, output=out)):
         with suppress(DragonError):
             way(path)

@@ -74,7 +74,7 @@ def test_a_split_folder_reads_as_one_bag_with_and_without_its_metadata(tmp_path)
 
 
 def unlist_last(folder):
-    """Leave a split bag as a recorder that is killed does: its last part is not listed; return that part."""
+    """Leave a split bag as a killed recorder does, with its last part unlisted; return that part."""
     info = yaml.safe_load((folder / 'metadata.yaml').read_text())
     last = info['rosbag2_bagfile_information']['relative_file_paths'].pop()
     (folder / 'metadata.yaml').write_text(yaml.safe_dump(info))
@@ -219,7 +219,7 @@ def test_what_comes_at_no_regular_times_has_no_gaps():
 
 
 def laughs(levels):
-    """Return YAML whose aliases, written out, are 9^levels values."""
+    """Return YAML whose aliases expand to 9^levels values."""
     lines = ['a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1]']
     lines += [f'a{n}: &a{n} [{", ".join([f"*a{n - 1}"] * 9)}]' for n in range(1, levels)]
     return '\n'.join(lines)

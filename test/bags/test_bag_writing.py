@@ -1,4 +1,4 @@
-"""Bags can be read by others, are never overwritten unasked, and are complete even where the disk is full."""
+"""Bags can be read by other software, are overwritten only on request, and are complete even if the disk is full."""
 import shutil
 from contextlib import suppress
 
@@ -273,7 +273,7 @@ def test_without_a_thread_a_chunk_that_is_lost_is_known_at_once(tmp_path):
 
 
 def begun_in_parts(folder, parts=3):
-    """Return a bag of small messages, one a part, and how many are in its folder."""
+    """Return a bag of small messages, one per part, and the number of parts in its folder."""
     bag = BagWriter(folder, options=BagOptions('none', split_duration_s=1e-9))
     bag.add_channel('/x', channels()['clearance'])
     for k in range(parts):
@@ -283,7 +283,7 @@ def begun_in_parts(folder, parts=3):
 
 
 def ended(bag):
-    """Do what a recorder does after an error, and return the words of the errors."""
+    """Act as a recorder does after an error, and return the error texts."""
     errors = []
     for act in (lambda: bag.describe('account', {'complete': 'false'}), lambda: bag.attach('a', 'text/plain', b'a'),
                 bag.flush, bag.close, bag.close):

@@ -1,4 +1,4 @@
-"""What a bag asks for beyond a budget is refused in one line that names it."""
+"""A bag that exceeds a budget is rejected in one line that names the budget."""
 import numpy as np
 import pytest
 
@@ -21,7 +21,7 @@ SCENE = Scene(dragon=Dragon(3), run=Run(412, 412.2))
 
 
 def written(path, scene, name, frames, options=None):
-    """A bag of some frames' messages on one topic."""
+    """A bag with the messages of some frames on one topic."""
     with BagWriter(path, True, options or BagOptions('none')) as writer:
         writer.add_channel(f'/dragon/{name}', channels()[name])
         for k, frame in enumerate(frames):

@@ -1,4 +1,4 @@
-"""A bag is held against the model tick by tick, and a run that ends in a contact to the frame at its time."""
+"""A bag is compared with the model tick by tick, and a run that ends in a contact also with the frame at that time."""
 from dataclasses import replace
 
 import numpy as np
@@ -92,7 +92,7 @@ def led_frames(count):
 
 
 def write_led(path, count, keep=lambda name, k: True, change=lambda name, k, data: data, account=False):
-    """Write a led run, perhaps as a recorder that was not killed, with some messages left out or changed."""
+    """Write a led run, with some messages omitted or changed; optionally as a recorder that was not killed."""
     encode = encoders(LED)
     with BagWriter(path) as bag:
         for name in encode:

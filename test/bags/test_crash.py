@@ -1,4 +1,4 @@
-"""A writer that is killed at any moment leaves a bag of which all that is on disk is recovered, in every form."""
+"""A writer killed at any moment leaves a bag from which everything on disk is recovered, in every form."""
 import pytest
 from crash import FORMS, kill
 from properties import thinned

@@ -61,7 +61,7 @@ TOPICS = ('/d/handles', '/d/benches', '/d/velocities')
 
 
 class Recording:
-    """All that a recorder keeps of messages, without ROS; a chunk a tick."""
+    """Everything that a recorder keeps of messages, without ROS; one chunk per tick."""
 
     def __init__(self, path):
         self.bag, self.losses, self.tick = BagWriter(path), LossAccount(), 0
@@ -76,7 +76,7 @@ class Recording:
         self.writer.write(topic, data, t_ns, sequence, source_ns)
 
     def go_on(self, ticks):
-        """Take so many ticks; return the bytes held when they are in the file."""
+        """Take a number of ticks; return the bytes held when they are in the file."""
         for _ in range(ticks):
             self.tick += 1
             t_ns, source_ns = RUN.time_ns(self.tick - 1), 10**18 + self.tick * 10**7

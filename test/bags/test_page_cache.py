@@ -1,4 +1,4 @@
-"""What a growing file asks of the page cache, and that nobody waits for the answer."""
+"""The requests of a growing file to the page cache, for whose answer nobody waits."""
 import errno
 import os
 import threading
@@ -15,7 +15,7 @@ MB = 2**20
 
 @pytest.fixture
 def asked(monkeypatch):
-    """Return the parts (start, end) of files that the system is asked to let go of."""
+    """Return the parts (start, end) of files whose memory the system is asked to release."""
     parts = []
     monkeypatch.setattr(os, 'posix_fadvise', lambda _, start, size, what: parts.append((start, start + size))
                         if what == os.POSIX_FADV_DONTNEED else pytest.fail('other advice'))

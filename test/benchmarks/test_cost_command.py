@@ -1,4 +1,4 @@
-"""``./dragon cost``: pages that keep their text, the README's rows, and all pages one after the other."""
+"""``./dragon cost``: pages that keep their text, the README's rows, and all pages one by one."""
 import pytest
 
 from benchmarks import command

@@ -1,4 +1,4 @@
-"""Shell completion: what a shell asks by environment, and what it hears on descriptor 8."""
+"""Shell completion: a shell's request in the environment, and the answer on descriptor 8."""
 import os
 import subprocess
 import sys
@@ -10,7 +10,7 @@ from dragon_ros.executables import EXECUTABLES
 
 
 def completions(line, cwd):
-    """What the tab key offers at the end of a line."""
+    """The completions that the tab key offers at the end of a line."""
     read, write = os.pipe()
     asked = {**os.environ, 'COMP_LINE': line, 'COMP_POINT': str(len(line)), '_ARGCOMPLETE': '1',
              '_ARGCOMPLETE_IFS': '\n', '_ARGCOMPLETE_SHELL': 'bash', 'COMP_TYPE': '9'}

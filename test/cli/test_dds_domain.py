@@ -1,4 +1,4 @@
-"""A free domain is one in which no participant is left, whichever came first."""
+"""A free domain has no participant left, regardless of which one came first."""
 import os
 import socket
 import subprocess
@@ -22,7 +22,7 @@ def others_may_have_them():
 
 
 def chosen(times):
-    """Return which of two domains are free, chosen again and again by one who keeps none."""
+    """Return which of two domains are free, by repeated choices that reserve none."""
     out = set()
     for _ in range(times):
         out.add(free_domain([DOMAIN, OTHER]))

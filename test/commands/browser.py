@@ -50,7 +50,7 @@ class Browser:
         self._call('/url', {'url': url})
 
     def run(self, script):
-        """The value of a script's return."""
+        """The return value of a script."""
         return self._call('/execute/sync', {'script': script, 'args': []})
 
     def wait(self, script):
@@ -62,7 +62,7 @@ class Browser:
         return value
 
     def begin_anew(self):
-        """Leave the page, and forget what it stored, its size, its colour scheme and its messages."""
+        """Leave the page, and clear its storage, size, colour scheme and messages."""
         self.open('about:blank')
         self._devtools('Storage.clearDataForOrigin', origin='*', storageTypes='all')
         self._devtools('Emulation.clearDeviceMetricsOverride')
@@ -85,7 +85,7 @@ class Browser:
         self._devtools('Emulation.setEmulatedMedia', features=[scheme])
 
     def press(self, key):
-        """Press and release a key, as the name that the page gets (' ', 'Home')."""
+        """Press and release a key, given by the name that the page receives (' ', 'Home')."""
         keys = [{'type': kind, 'value': _KEYS.get(key, key)} for kind in ('keyDown', 'keyUp')]
         self._call('/actions', {'actions': [{'type': 'key', 'id': 'keyboard', 'actions': keys}]})
 
@@ -99,7 +99,7 @@ class Browser:
             ({id, nodes}) => nodes.map(({html}) => `${id}: ${html.slice(0, 200)}`)))""")
 
     def log(self):
-        """What the console got, as (level, message)."""
+        """The console's messages, as (level, message)."""
         return [(entry['level'], entry['message']) for entry in self._call('/se/log', {'type': 'browser'})]
 
     def screenshot(self, path):
@@ -111,7 +111,7 @@ class Browser:
 
 @contextmanager
 def browser(folder):
-    """A browser whose profile and log are in a folder."""
+    """A browser with its profile and log in a folder."""
     with (folder / 'chromedriver.log').open('w+') as log:
         driver = subprocess.Popen([DRIVER, '--port=0'], stdout=log, stderr=subprocess.STDOUT)
         try:

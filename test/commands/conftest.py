@@ -27,7 +27,7 @@ def scene():
 
 @pytest.fixture(scope='session')
 def write_bag(scene):
-    """A function that writes what a recorder would, without the topics in ``skip``."""
+    """A function that writes a bag as a recorder would, without the topics in ``skip``."""
     def write(path, skip=(), namespace='/dragon'):
         encode = encoders(scene, 'dragon')
         with BagWriter(path) as bag:
@@ -49,7 +49,7 @@ def bag(tmp_path_factory, write_bag):
 
 @pytest.fixture(scope='session')
 def chromium(tmp_path_factory):
-    """The one browser of this process: to start one takes seconds."""
+    """The only browser of this process, since starting one takes seconds."""
     if not (browser.CHROMIUM and browser.DRIVER):
         pytest.skip(browser.ABSENT)
     with browser.browser(tmp_path_factory.mktemp('chromium')) as one:

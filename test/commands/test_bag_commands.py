@@ -1,4 +1,4 @@
-"""inspect, export, simulate, and table on bags: what they say, write and return."""
+"""inspect, export, simulate, and table on bags: their output, files and exit codes."""
 import csv
 import json
 import os
@@ -71,7 +71,7 @@ def test_a_simulated_bag_is_the_same_file_again(capsys, tmp_path, bag):
 
 @pytest.fixture
 def of_rosbag2(tmp_path):
-    """What rosbag2 records of a sim: wall times, topics that overtake each other, the scene as a message alone."""
+    """A sim as recorded by rosbag2: wall times, topics that overtake each other, the scene only as a message."""
     scene = Scene(run=Run(412.2, 412.7))
     encode, path, wall_ns = encoders(scene, 'sea'), tmp_path / 'rosbag2.mcap', 1_800_000_000 * 10**9
     with BagWriter(path) as bag:
@@ -185,7 +185,7 @@ def test_the_dragon_of_a_bag_is_named_with_or_without_its_slash_and_one_that_is_
 
 
 def test_a_clearance_is_taken_from_the_bag_only_with_the_stamp_of_its_tick(capsys, tmp_path):
-    """At wall times, as others record, and with a topic without stamps that an earlier version logged late."""
+    """At wall times, as other recorders write, and with a topic without stamps that an earlier version logged late."""
     with BagWriter(tmp_path / 'a.mcap') as out:
         for name in ('handles', 'clearance', 'clearance/stamped'):
             out.add_channel(f'/dragon/{name}', channels()[name])
@@ -210,7 +210,7 @@ def test_inspect_examines_no_more_ticks_than_requested(capsys, bag):
 
 
 def changed(bag, path, change):
-    """Write a bag again, each message as ``change`` returns it; metadata as it was."""
+    """Rewrite a bag with each message as ``change`` returns it, and unchanged metadata."""
     with BagReader(bag) as old, BagWriter(path) as new:
         new.describe('dragon_ros', old.metadata('dragon_ros'))
         from dragon_ros.messages.channels import channels
@@ -379,7 +379,7 @@ def test_a_scene_in_the_place_of_a_bag_is_told_how_to_be_given(capsys, command, 
 
 
 def stranger_s(path, text):
-    """A bag whose scene says anything, with one tick of handles."""
+    """A bag with an arbitrary scene text and one tick of handles."""
     frame = tick(Scene(run=Run(412)), 0)
     with BagWriter(path) as bag:
         bag.describe('dragon_ros', {'scene': text})

@@ -150,7 +150,7 @@ def test_bad_input_exits_with_2_and_a_clear_line(capsys, arguments, says):
 
 @pytest.mark.parametrize('name', [*EXECUTABLES, *(f'plot {kind}' for kind in command._KINDS)])
 def test_the_example_in_the_help_of_every_executable_is_understood(capsys, monkeypatch, name):
-    """All but the work itself is done: what is parsed would be run."""
+    """Everything but the work itself is done: the parsed command would be run."""
     monkeypatch.setattr(command_line, 'guarded', lambda name, body: 0)
     if EXECUTABLES[name.split()[0]].module.startswith('dragon_ros.nodes'):
         pytest.importorskip('rclpy')
@@ -244,7 +244,7 @@ def test_help_of_any_executable_imports_the_standard_library_alone():
 
 
 BAG = 'numpy yaml mcap zstandard lz4'
-# What the smallest use of a command imports of HEAVY, and which rooms: so it starts quickly.
+# The modules of HEAVY and the rooms that the smallest use of a command imports, so that it starts quickly.
 NEEDS = {
     'table --times 60 --handles 0': ('numpy yaml', ''),
     'contact --set run.stop_s=1': ('numpy yaml', 'core.enclosures core.search'),
@@ -296,7 +296,7 @@ def test_the_defaults_that_help_names_are_those_of_the_code(name):
             said = action.help or ''
             if action.default not in (None, False, 0, argparse.SUPPRESS) and action.default != []:
                 assert '(%(default)' in said, f'{parser.prog} {action.dest}: {said}'
-            elif action.default != 0:       # what stands in brackets at the end is no value of the parser's
+            elif action.default != 0:       # the brackets at the end are not a value of the parser
                 assert '%(default)' not in said
 
 

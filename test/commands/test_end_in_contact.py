@@ -1,4 +1,4 @@
-"""A run that ends in its contact is checked without a search if its bag carries a certificate that verifies."""
+"""A run that ends in its contact is checked without a search if its bag has a certificate that verifies."""
 import json
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Grading: mistakes remade with noise and rounding are named, and nothing that they do not explain is."""
+"""Grading: mistakes reproduced with noise and rounding are named, and nothing that they do not explain."""
 import json
 from dataclasses import replace
 from math import pi
@@ -47,7 +47,7 @@ def wound(head=EXACT, rule=None, links=None, times=TIMES):
 
 
 def polar(scale):
-    """Positions whose angles went through cos and sin in a wrong unit."""
+    """Positions whose angles were in the wrong unit in cos and sin."""
     radius = np.hypot(*np.moveaxis(right().handles_m, -1, 0))
     angle = radius * 2 * pi / 0.55 * scale
     return radius[..., None] * np.stack((np.cos(angle), np.sin(angle)), axis=-1)
@@ -106,7 +106,7 @@ POSITIONS = {
 
 
 def plain(findings):
-    """The keys of findings, without what rounding alone says, and without the zeros of an approximate shift."""
+    """The keys of findings, without those that only report rounding, and without approximate shifts of zero."""
     kept = [one._replace(parameters={name: round(value, 5) + 0.0 if isinstance(value, float) else value
                                      for name, value in one.parameters.items()}) for one in findings]
     return keys_of(one for one in kept if one.key != 'rounded')

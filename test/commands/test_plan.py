@@ -1,4 +1,4 @@
-"""``plan``: to scale, with the swept area and the gaps that an independent look at every millimetre finds."""
+"""``plan``: to scale, with the swept area and the gaps that an independent check at every millimetre finds."""
 import json
 import re
 
@@ -152,7 +152,7 @@ def test_options_are_checked(capsys, tmp_path, monkeypatch, arguments, says):
 
 
 def test_the_distances_of_marks_that_come_together_do_not_stand_on_each_other():
-    """Two ways side by side, and one mark alone: each label is on a side of its own, and the first on the left."""
+    """Two adjacent ways, and a single mark: each label is on a different side, and the first on the left."""
     places = np.array([(0.0, 0.0), (100.0, 50.0), (100.0, 54.0)])
     labels = ['10', '70', '150']
     found = mark_offsets(places, np.array([(1.0, 0.0)] * 3), labels)

@@ -1,4 +1,4 @@
-"""Pictures: every kind from a scene and from a bag, the same bytes each time, and clear words where it cannot be."""
+"""Pictures: every kind from a scene and from a bag, with the same bytes each time, or a clear error."""
 import re
 import struct
 from pathlib import Path
@@ -347,7 +347,7 @@ def test_benches_that_overlap_are_marked_where_they_do():
 
 
 def test_a_frame_is_what_a_whole_drawing_shows():
-    """What moves is drawn onto what does not: the same pixels, for the dragon and for its inset and curves."""
+    """Moving parts are drawn onto the static background with the same pixels, for dragon, inset and curves."""
     source = SceneSource('winding', load_scene('winding', ['dragon.benches=20', 'run.start_s=405', 'run.stop_s=413',
                                                            'run.rate_hz=2']))
     times_s = np.array([405.0, 409.0, 412.9])
@@ -441,7 +441,7 @@ def test_pictures_have_text_as_text_and_a_caption_with_scene_time_and_version(ca
 
 
 def test_pictures_can_be_read_in_black_and_white():
-    """Head and body differ in lightness, what touches is hatched, and lines of one picture differ in their dashes."""
+    """Head and body differ in lightness, benches that touch are hatched, and lines have different dashes."""
     grey = {name: np.dot(to_rgb(colour), (0.299, 0.587, 0.114)) for name, colour in
             (('body', figures.BODY), ('head', figures.HEAD))}
     assert grey['body'] - grey['head'] > 0.15

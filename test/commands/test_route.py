@@ -1,4 +1,4 @@
-"""``route`` on the command line: scenes of drawings, round trips, paths in bags, and what is refused."""
+"""``route`` on the command line: scenes from drawings, round trips, paths in bags, and rejected input."""
 import struct
 
 import numpy as np

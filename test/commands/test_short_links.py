@@ -1,4 +1,4 @@
-"""Links that are hardly there: those with a direction are answered, the others refused, everywhere alike."""
+"""Links of almost zero length: those with a direction are supported, the others rejected, everywhere alike."""
 import json
 
 import numpy as np
@@ -26,7 +26,7 @@ def scene_options(link_m):
 
 
 def dragons(link_m):
-    """Dragons with such a head, and with such a bench among others."""
+    """Dragons with such a head, and with one such bench among others."""
     short_m = 2 * INSET_M + link_m
     return Dragon(20, short_m), Mixed((Group(3.41), Group(2.2, 5), Group(short_m), Group(2.2, 13)))
 

@@ -1,4 +1,4 @@
-"""``simulate`` on several processes: the same bytes, and what is left where a process or the disk gives up."""
+"""``simulate`` on several processes: the same bytes, and the remaining bag if a process or the disk fails."""
 import os
 import signal
 import subprocess
@@ -89,7 +89,7 @@ def children(pid):
 
 
 def complete_ticks(path):
-    """How many ticks a bag has, all of them whole; a bag without its index is not opened."""
+    """The number of ticks in a bag, all complete; a bag without an index is not opened."""
     with BagReader(path) as bag:
         counts = {topic.messages for topic in bag.topics if topic.name in ('/dragon/handles', '/dragon/benches')}
     assert len(counts) == 1

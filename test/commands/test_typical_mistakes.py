@@ -6,7 +6,7 @@ import pytest
 import dragon_ros as dr
 from dragon_ros.__main__ import main
 
-# What is typed, and what the answer must say of it.
+# The typed command, and the words that the answer must contain.
 COMMANDS = {
     'tabel': 'did you mean table', 'table --time soon': "'soon' is neither a number", 'table --times 0-': 'write '
                                                                                                           '0,60,300',

@@ -1,4 +1,4 @@
-"""The web view: what the server answers, and a page that plays in a real browser without leaving this host."""
+"""The web view: the server's answers, and a page that plays in a real browser without leaving this host."""
 import contextlib
 import http.client
 import json

@@ -1,4 +1,4 @@
-"""``view --try``: fields of a scene, answers about its variants, and work that ends with the page that asked for it."""
+"""``view --try``: fields of a scene, answers about its variants, and work that ends when the page no longer waits."""
 import contextlib
 import http.client
 import json

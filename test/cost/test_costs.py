@@ -1,4 +1,4 @@
-"""``cost --scene``: its figures, its notes where a part does not apply, its formats, and what it needs."""
+"""``cost --scene``: its figures, its notes on parts that do not apply, its formats, and its requirements."""
 import json
 import pickle
 import subprocess
@@ -86,7 +86,7 @@ def test_the_priced_work_of_an_effect_is_what_the_tick_does_for_it(effect):
 
 
 def effects_needed_by(some):
-    """Return what effects need, together."""
+    """Return everything that some effects need."""
     return reduce(or_, (NEEDS.get(one, Effect.NONE) for one in some), Effect.NONE)
 
 

@@ -4,8 +4,9 @@
 
 It needs mpmath and a few seconds, and shares nothing with the package. At that pitch a corner of the head touches the
 inner side of bench 19 and slips past: as a function of the head's radius r their separation f has a minimum of zero
-there. Solved are f = 0 and f' = 0 for the pitch and r, with handles by the law of cosines, twice with unlike digits.
-That no larger pitch has a contact is not shown here; ``dragon_ros.core.search.min_pitch`` does that.
+there. The equations f = 0 and f' = 0 are solved for the pitch and r, with handles by the law of cosines, with two
+different precisions. That no larger pitch has a contact is not shown here; ``dragon_ros.core.search.min_pitch`` does
+that.
 """
 import json
 from itertools import product
@@ -64,7 +65,7 @@ def dot(a: matrix, b: matrix) -> mpf:
 
 
 def unit(vector: matrix) -> matrix:
-    """Return the vector at length 1."""
+    """Return the vector scaled to length 1."""
     return vector / sqrt(dot(vector, vector))
 
 

@@ -1,4 +1,4 @@
-"""What commands print about a bag, held to the messages that the stream reader of the mcap library finds in it."""
+"""Compare what commands print about a bag with the messages that the mcap library's stream reader finds in it."""
 import contextlib
 import csv
 import io
@@ -55,9 +55,9 @@ def topics_in(lines: list[str]) -> Counter[str]:
 
 
 def hold_lines(path: Path, folder: Path, wanted: list[Row], ended: bool, model: dict[tuple[str, int], bytes]) -> Said:
-    """Hold the printed lines of all commands to the messages ``wanted`` and to each other; return those of ``inspect``.
+    """Compare the lines of all commands with the messages ``wanted`` and with each other; return those of ``inspect``.
 
-    ``ended`` says that the stream reader came to the end of the file, so that nothing else is in it. ``model`` has the
+    ``ended`` means that the stream reader reached the end of the file, so nothing else is in it. ``model`` has the
     messages of the run, by topic and log time. Raises AssertionError.
     """
     told = said('inspect', path, '--namespace', 'dragon')
@@ -74,7 +74,7 @@ def hold_lines(path: Path, folder: Path, wanted: list[Row], ended: bool, model: 
 
 
 def hold_saved(path: Path, output: Path, wanted: list[Row]) -> None:
-    """Hold a repair: the bag it wrote has as many messages as it says, and all that the stream reader finds."""
+    """Check a repair: its bag has as many messages as reported, and all that the stream reader finds."""
     output.unlink(missing_ok=True)
     done = said('inspect', path, '--repair', output)
     if not done.lines:
@@ -89,7 +89,7 @@ def hold_saved(path: Path, output: Path, wanted: list[Row]) -> None:
 
 
 def hold_ticks(path: Path, folder: Path, wanted: list[Row], ended: bool, model: dict[tuple[str, int], bytes]) -> Said:
-    """Hold table, export and the data of pictures and of the view to the handles of the bag and to each other."""
+    """Compare table, export and the data of pictures and of the view with the bag's handles and with each other."""
     output = folder / 'printed.csv'
     handles = [row for row in wanted if row[0] == HANDLES]
     exported = said('export', path, '--namespace', 'dragon', '--output', output, '--force')
@@ -112,7 +112,7 @@ def hold_ticks(path: Path, folder: Path, wanted: list[Row], ended: bool, model: 
 
 
 def hold_check(path: Path, wanted: list[Row], ended: bool, model: dict[tuple[str, int], bytes]) -> list[Said]:
-    """Hold ``--check``: what it passes is the model message for message, and it accounts for every other message."""
+    """Check ``--check``: accepted messages equal the model's, and every other message is accounted for."""
     told = said('inspect', path, '--namespace', 'dragon', '--check')
     if not told.lines:
         return [told]
@@ -132,7 +132,7 @@ def hold_check(path: Path, wanted: list[Row], ended: bool, model: dict[tuple[str
 
 
 def ticks_of(text: str) -> dict[int, list[tuple[float, float]]]:
-    """Return the places of the handles in m by time in ns, from a table in CSV."""
+    """Return the positions of the handles in m by time in ns, from a CSV table."""
     out: dict[int, list[tuple[float, float]]] = {}
     for row in csv.DictReader(io.StringIO(text)):
         places = out.setdefault(round(float(row['t_s']) * 1e9), [])
@@ -143,12 +143,12 @@ def ticks_of(text: str) -> dict[int, list[tuple[float, float]]]:
 
 
 def stamp_of(row: Row) -> int | None:
-    """Return the stamp of handles in ns; None where they are none."""
+    """Return the stamp of handles in ns; None if the message is invalid."""
     with suppress(MessageError):
         return read_pose_array(row[2]).t_ns
     return None
 
 
 def places_of(data: bytes) -> list[tuple[float, float]]:
-    """Return where handles are, in m."""
+    """Return the positions of handles in m."""
     return [(x, y) for x, y in np.asarray(read_pose_array(data).poses)[:, :2].tolist()]

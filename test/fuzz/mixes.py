@@ -1,8 +1,7 @@
-"""Bags with a structure that nobody writes, and what every reader of the package must say of them.
+"""Bags with unusual structures, and what every reader of the package must report about them.
 
 A mix is built from bytes, two for each step: chunks and messages outside of them, stray ends of data, messages whose
-type has another length, topics of other dragons, channels that nobody declared, and summaries that are right, wrong or
-absent.
+type has another length, topics of other dragons, undeclared channels, and summaries that are right, wrong or absent.
 """
 import struct
 import zlib
@@ -55,7 +54,7 @@ def record(opcode: int, content: bytes) -> bytes:
 
 
 def text(value: str) -> bytes:
-    """Return a string as records hold it."""
+    """Return a string as records contain it."""
     return struct.pack('<I', len(value)) + value.encode()
 
 
@@ -82,7 +81,7 @@ def recorded_scene() -> bytes:
 
 
 class Mix:
-    """A file that is built step by step."""
+    """A file built step by step."""
 
     def __init__(self, summary: int) -> None:
         """``summary`` selects which one ends it, and whether the bag has its scene."""
@@ -152,7 +151,7 @@ class Mix:
             self.put(number, t_ns, model()[f'/dragon/{name}', t_ns])
 
     def end_chunk(self, how: int) -> None:
-        """Write the open chunk, compressed as ``how`` says, and its indexes, which are left out where it is 7 of 8."""
+        """Write the open chunk, compressed as ``how`` says, and its indexes, which are omitted for 7 of 8."""
         rows, self._inside = self._inside, None
         if not rows:
             return
@@ -191,7 +190,7 @@ class Mix:
 
 
 def built(data: bytes) -> bytes:
-    """Return the bag that bytes describe."""
+    """Return the bag described by bytes."""
     mix = Mix(data[0] if data else 0)
     for at in range(1, min(len(data), 120) - 1, 2):
         mix.step(data[at], data[at + 1])
@@ -215,7 +214,7 @@ def streamed(path: Path) -> tuple[list[Row], bool]:
 
 
 def hold(path: Path, folder: Path) -> None:
-    """Hold all ways to read a bag to each other and to the stream reader of the library. Raises AssertionError."""
+    """Compare all ways to read a bag with each other and with the library's stream reader. Raises AssertionError."""
     wanted, ended = streamed(path)
     told = hold_lines(path, folder, wanted, ended, model())
     read = None
@@ -233,14 +232,14 @@ def hold(path: Path, folder: Path) -> None:
 
 
 def hold_frames(bag: BagReader, read: Counter[Row]) -> None:
-    """Hold what tables, exports and pictures read to the messages of the bag."""
+    """Compare what tables, exports and pictures read with the messages of the bag."""
     with suppress(DragonError):
         ticks = [frame.t_ns for frame in frames(bag, '/dragon')]
         assert len(ticks) <= sum(count for (topic, _, _), count in read.items() if topic == '/dragon/handles')
 
 
 def hold_check(bag: BagReader, read: Counter[Row]) -> None:
-    """Hold a check that passes to the messages: each tick has each topic once, as the model has it, and no other."""
+    """Compare an accepting check with the messages: each tick has each topic once, as in the model, and no other."""
     found = compare_with_model(bag, SCENE, '/dragon')
     each = {f'/dragon/{name}' for name, row in channels().items() if row.each_tick}
     ticks = Counter({row: count for row, count in read.items() if row[0] in each})
@@ -254,7 +253,7 @@ def hold_check(bag: BagReader, read: Counter[Row]) -> None:
 
 
 def seeds() -> list[bytes]:
-    """Return descriptions of bags that are whole, each another mix."""
+    """Return descriptions of complete bags, each a different mix."""
     return [bytes((5, 6, 0, 5, 0, 7, 0)), bytes((4, 5, 0)), bytes((7, 6, 0, 5, 0, 7, 2, 13, 0, 0, 1)),
             bytes((1, 6, 0, 5, 0, 7, 0)), bytes((0, 5, 0)), bytes((1, 6, 0, 4, 0, 4, 1, 4, 2, 7, 1, 4, 3, 4, 4, 4, 5)),
             bytes((1, 6, 0, 5, 0, 7, 2, 8, 0, 6, 0, 0, 3, 7, 0)), bytes((2, 4, 0, 6, 0, 5, 0, 7, 7, 10, 0)),

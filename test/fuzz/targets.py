@@ -1,4 +1,4 @@
-"""What is fuzzed: each target takes bytes as a stranger would send them, and lets only the package's own errors out."""
+"""The fuzz targets: each takes bytes as untrusted input, and may raise only the package's own errors."""
 import contextlib
 import io
 import json
@@ -41,7 +41,7 @@ SCENE = Scene(dragon=Dragon(3), run=Run(412, 412.1))
 
 @dataclass(frozen=True)
 class Target:
-    """Seeds to mutate, words to mix in, and what takes the bytes; ``run`` raises what escapes."""
+    """Seeds to mutate, words to mix in, and the function that takes the bytes; ``run`` raises what escapes."""
 
     seeds: list[bytes]
     run: Callable[[bytes], object]
@@ -50,7 +50,7 @@ class Target:
 
 
 def bag(folder: Path) -> Target:
-    """Bags with wrong lengths, counts and offsets, whose CRCs hold all the same."""
+    """Bags with wrong lengths, counts and offsets, but correct CRCs."""
     def run(data: bytes) -> None:
         path, out = folder / 'a.mcap', folder / 'out.mcap'
         path.write_bytes(with_crcs(data))
@@ -62,7 +62,7 @@ def bag(folder: Path) -> Target:
 
 
 def read_in_every_way(path: Path, out: Path) -> None:
-    """Read a bag as every tool does; only errors of the package may come out."""
+    """Read a bag as every tool does; only the package's own errors may be raised."""
     with suppress(DragonError):
         examine(path)
     with suppress(DragonError):
@@ -112,7 +112,7 @@ def with_crcs(data: bytes) -> bytes:
 
 
 def mix(folder: Path) -> Target:
-    """Bags whose structure nobody writes: all commands see the same of them, a check passes nothing that differs."""
+    """Bags with unusual structures: all commands see the same contents, and a check accepts no difference."""
     def run(data: bytes) -> None:
         path = folder / 'mix.mcap'
         path.write_bytes(mixes.built(data))
@@ -121,7 +121,7 @@ def mix(folder: Path) -> Target:
 
 
 def folder_of_parts(folder: Path) -> Target:
-    """Folders whose metadata.yaml says anything."""
+    """Folders with an arbitrary metadata.yaml."""
     bag_folder = folder / 'run'
     options = BagOptions('none', split_duration_s=0.03)
     with BagWriter(bag_folder, True, options) as writer:
@@ -157,7 +157,7 @@ _YAML = (b'[', b'{', b'? ', b'- ', b'!!int ""', b'!!binary x', b'&a ', b'*a', b'
 
 
 def override(folder: Path) -> Target:
-    """Texts of --set and of the parameter set, one a line."""
+    """Texts of --set and of the parameter set, one per line."""
     def run(data: bytes) -> None:
         with suppress(DragonError):
             load_scene('winding', data.decode(errors='replace').split('\n')[:8])
@@ -167,7 +167,7 @@ def override(folder: Path) -> Target:
 
 
 def study(folder: Path) -> Target:
-    """Study files, as they stand in a data set."""
+    """Study files, as in a data set."""
     from dragon_ros.studies.sampling import scene_values_of, values_of
     from dragon_ros.studies.study import load_study, study_from, study_names
 
@@ -181,7 +181,7 @@ def study(folder: Path) -> Target:
 
 
 def certificate(folder: Path) -> Target:
-    """Certificates, for the checker that stands alone."""
+    """Certificates, for the separate checker."""
     from dragon_ros.core.search.first_contact import first_contact
     from dragon_ros.scenes.certificate import as_values
     from dragon_ros.verify.errors import Refused
@@ -234,7 +234,7 @@ def request(folder: Path) -> Target:
 
 
 def command_line(folder: Path) -> Target:
-    """Command lines of what needs no ROS and writes nothing, one argument a line."""
+    """Command lines that need no ROS and write nothing, one argument per line."""
     from dragon_ros.__main__ import main
     small_bag(folder / 'a.mcap')
 
@@ -346,7 +346,7 @@ def workbook(folder: Path) -> Target:
 
 
 def drawing(folder: Path) -> Target:
-    """Drawings for ``route``: a byte that selects what they are, then an SVG, a CSV file or a nav_msgs/Path."""
+    """Drawings for ``route``: a byte that selects the format, then an SVG, a CSV file or a nav_msgs/Path."""
     from dragon_ros.core.tracks.drawn import along
     from dragon_ros.messages.decode import read_path
     from dragon_ros.scenes.drawings import csv_line, svg_line
@@ -389,7 +389,7 @@ def command(folder: Path) -> Target:
         take, kind = (commands._on_stamped, TwistStamped) if data[:1] == b'S' else (commands._take, Twist)
         try:
             message = deserialize_message(data[1:], kind)
-        except (RuntimeError, ValueError):      # what DDS would not have delivered
+        except (RuntimeError, ValueError):      # DDS would not have delivered it
             return
         take(message)
         frame = walked.take()
@@ -437,7 +437,7 @@ TARGETS: dict[str, Callable[[Path], Target]] = {
 
 @contextlib.contextmanager
 def opened(name: str, folder: Path) -> Iterator[Target]:
-    """Make a target, and close what it opened."""
+    """Make a target, and close everything that it opened."""
     target = TARGETS[name](folder)
     try:
         yield target

@@ -1,7 +1,7 @@
-"""Whatever a stranger sends, only the package's own errors come out: seeded and short here, long by --minutes.
+"""Untrusted input raises only the package's own errors: seeded and short here, long with --minutes.
 
-``./dragon test test/fuzz -n0 -s --minutes 60`` goes on with new seeds, says where it is, keeps each input that lets
-another error out in ``corpus/TARGET``, where the next run begins with it, and sums up at the end.
+``./dragon test test/fuzz -n0 -s --minutes 60`` continues with new seeds, reports its progress, stores each input that
+raises another error in ``corpus/TARGET``, with which the next run begins, and prints a summary at the end.
 """
 import resource
 import signal
@@ -47,7 +47,7 @@ def changed(data: bytes, changes: list[tuple[str, float, bytes]]) -> bytes:
 
 @contextmanager
 def not_stuck() -> Iterator[None]:
-    """Raise StuckError where the block takes a minute."""
+    """Raise StuckError if the block takes a minute."""
     def stuck(*_: object) -> None:
         raise StuckError(f'not done after {_STUCK_S} s')
     before = signal.signal(signal.SIGALRM, stuck)
@@ -60,7 +60,7 @@ def not_stuck() -> Iterator[None]:
 
 
 def fuzz(target: Target, inputs: int, number: int | None = None) -> tuple[bytes, BaseException] | None:
-    """Try inputs; return the simplest one that lets another error out, and that error."""
+    """Try inputs; return the simplest one that raises another error, and that error."""
     worst: list[bytes] = []
 
     @settings(max_examples=inputs, derandomize=number is None, database=None, deadline=None,
@@ -78,7 +78,7 @@ def fuzz(target: Target, inputs: int, number: int | None = None) -> tuple[bytes,
 
 
 def kept(name: str) -> list[Path]:
-    """Return what earlier runs found."""
+    """Return the findings of earlier runs."""
     return sorted((CORPUS / name).glob('*')) if (CORPUS / name).is_dir() else []
 
 
@@ -102,7 +102,7 @@ def test_only_the_package_s_own_errors_come_out(name, tmp_path, request):
 
 
 def long(name: str, target: Target, for_s: float, first: int) -> list[tuple[bytes, BaseException] | None]:
-    """Fuzz with one seed after the other until the time is over; say each minute where it is, and sum up."""
+    """Fuzz with one seed after another until the time is over; report progress every minute, and sum up."""
     until, told, rounds, found = time.monotonic() + for_s, time.monotonic(), 0, {}
     while time.monotonic() < until:
         one = fuzz(target, _ROUND, first + rounds)

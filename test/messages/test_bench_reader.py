@@ -1,4 +1,4 @@
-"""Benches read by comparison with the message before are those that a parser finds, whatever has changed."""
+"""Benches read by comparison with the previous message equal those that a parser finds, whatever has changed."""
 import numpy as np
 import pytest
 from hypothesis import given
@@ -27,7 +27,7 @@ CUBES = messages()
 
 
 def outcome(read, data):
-    """Return what a message says, or why it says nothing."""
+    """Return a message's contents, or the reason why it has none."""
     try:
         shown = read(data)
     except MessageError as error:

@@ -63,7 +63,7 @@ def random_value(kind, old, rng):
 
 
 def plain(value):
-    """Return a message object as the decoder has it."""
+    """Return a message object in the form of the decoder's result."""
     if hasattr(value, 'get_fields_and_field_types'):
         return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
     if isinstance(value, (bytes, bytearray)):
@@ -92,7 +92,7 @@ def test_any_message_of_the_real_serialiser_is_decoded(name):
 
 
 def encoded(fields, values, order, out):
-    """Append values, by field, in either byte order: what another machine would send."""
+    """Append values, by field, in either byte order, as another machine would send them."""
     def put(kind, value):
         size = struct.calcsize(kind)
         out.extend(b'\xee' * (-(len(out) - 4) % size))      # rmw leaves padding uninitialised
@@ -248,7 +248,7 @@ def test_markers_that_change_their_layout_without_end_are_refused():
         return MarkerArray(markers=[Marker(ns='bench', text='x' * (n % 2 * 9)) for n in range(count)])
 
     def message(count):
-        """The bytes of so many markers, each with another layout than the one before; eight of them repeat."""
+        """The bytes of a number of markers, each with another layout than the previous one; eight layouts repeat."""
         one, two = (serialization.serialize_message(markers(8 * times)) for times in (1, 2))
         return one[:4] + struct.pack('<I', count) + one[8:] + (count // 8 - 1) * two[len(one):]
 

@@ -1,4 +1,4 @@
-"""The topics of effects: present only where the effect is on, decodable, and the same whatever else is on."""
+"""The topics of effects: present only if the effect is on, decodable, and independent of other effects."""
 from dataclasses import replace
 
 import numpy as np

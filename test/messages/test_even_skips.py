@@ -1,4 +1,4 @@
-"""Ticks that are skipped where more arrive than can be taken: whole, evenly, and never beyond the budget."""
+"""Ticks are skipped if more arrive than can be taken: whole, evenly, and never beyond the budget."""
 from itertools import groupby
 
 import pytest

@@ -1,4 +1,4 @@
-"""Every message of sim, decoded by two libraries that share no code with us, has the numbers of its frame."""
+"""Every message of sim, decoded by two libraries that share no code with the package, has the numbers of its frame."""
 from functools import lru_cache
 
 import numpy as np

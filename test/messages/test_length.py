@@ -1,4 +1,4 @@
-"""The length of a message is compared with what its type holds, for every type of the package."""
+"""The length of a message is compared with its contents by type, for every type of the package."""
 import struct
 
 import pytest

@@ -1,4 +1,4 @@
-"""The dragon as a robot: forward kinematics of its URDF with the angles of joint_states give back its benches."""
+"""The dragon as a robot: forward kinematics of its URDF with the angles of joint_states reproduce its benches."""
 from dataclasses import replace
 from xml.etree import ElementTree
 

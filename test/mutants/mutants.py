@@ -1,13 +1,13 @@
 """Mutate a room of the package and run its tests: ``./dragon mutants ROOM --sample 40 --seed 1``.
 
 Cosmic Ray makes the mutants: another operator, another number, another branch. One at a time is written into a copy
-of the checkout, and the tests that reach its line run there, the quickest first, until one fails. They run in a fork
+of the checkout, and the tests that reach its line run there, the fastest first, until one fails. They run in a fork
 of this process, which has the libraries loaded, so a mutant costs a second and its tests. A mutant that cannot be
 imported is not counted, since any test finds it. Tests marked ``snapshot``, which compare with an earlier output, are
 left out: only a property, a reference, a bound or an independent decoder counts.
 
-Results are kept as they come, in ``.venv/mutants``: the same command goes on after Ctrl-C, and Ctrl-C loses one mutant.
-``--again`` tries what survived once more, after a test was added.
+Results are stored immediately in ``.venv/mutants``: after Ctrl-C, which loses one mutant, the same command continues.
+``--again`` retries survivors after a test was added.
 """
 import argparse
 import ast
@@ -40,7 +40,7 @@ from tqdm import tqdm
 
 ROOT = Path(__file__).parents[2]
 CORE, TEST = 'dragon_ros/core', 'test/core'
-# What is mutated, and the tests that must find it.
+# The mutated code, and the tests that must detect mutants.
 ROOMS = {
     'geometry': ([f'{CORE}/geometry'], [f'{TEST}/geometry', f'{TEST}/effects', f'{TEST}/search/test_contact.py']),
     'enclosures': ([f'{CORE}/enclosures'], [f'{TEST}/enclosures', f'{TEST}/search']),
@@ -75,7 +75,7 @@ _ALIVE = ('survived', 'unreached')
 
 
 class Swapped(Operator):
-    """Exchange names that differ by a side, a sense or a sign."""
+    """Swap names that differ by a side, a sense or a sign."""
 
     def mutation_positions(self, node):
         if isinstance(node, parso.python.tree.Name) and node.value in _OTHER and not node.is_definition():
@@ -391,7 +391,7 @@ def tried(tree: Path, mutant: Mutant, times: dict[str, float], known: dict[str, 
 
 
 def difference(mutant: Mutant, known: dict[str, Operator]) -> str:
-    """Return the line before and after."""
+    """Return the line before and after the change."""
     source = (ROOT / mutant.path).read_text()
     before, after = source.splitlines(), mutate_code(source, known[mutant.operator], mutant.occurrence).splitlines()
     changed = [n for n, (a, b) in enumerate(zip(before, after, strict=False)) if a != b][:1]
@@ -399,7 +399,7 @@ def difference(mutant: Mutant, known: dict[str, Operator]) -> str:
 
 
 def main(argv: list[str]) -> int:
-    """Try a sample of mutants; return 1 where any survived."""
+    """Try a sample of mutants; return 1 if any survived."""
     options = argparse.ArgumentParser('mutants', description=__doc__.partition('\n')[0])
     options.add_argument('room', choices=ROOMS, metavar='ROOM', help=', '.join(ROOMS))
     options.add_argument('--sample', type=int, default=40, metavar='N', help='how many mutants (%(default)s)')
@@ -436,7 +436,7 @@ def main(argv: list[str]) -> int:
 
 
 def told(room: str, outcomes: dict[Mutant, str], known: dict[str, Operator]) -> int:
-    """Print what became of the sample; return the exit code."""
+    """Print the results of the sample; return the exit code."""
     groups = defaultdict(list)
     for mutant, outcome in sorted(outcomes.items()):
         groups[outcome].append(mutant)

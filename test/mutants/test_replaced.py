@@ -1,4 +1,4 @@
-"""Every test that replaces a part of the package, or of a library, stands in docs/mutants.md with what it hides."""
+"""Every test that replaces a part of the package or of a library is listed in docs/mutants.md with what this hides."""
 import ast
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Real nodes in real processes over real DDS: one domain a test, waiting on conditions, never on sleeps."""
+"""Real nodes in real processes over real DDS: one domain per test, waiting for conditions, never sleeping."""
 import os
 import signal
 import sys
@@ -18,7 +18,7 @@ PATIENCE_S = 120.0
 
 
 class Process:
-    """A program that runs; what it prints is collected line by line."""
+    """A running program, whose output is collected line by line."""
 
     def __init__(self, child):
         self._child = child
@@ -69,7 +69,7 @@ class Process:
         return self._child.pid
 
     def kill(self):
-        """Kill the process and what it has started: a demo that hangs has nodes, which would go on."""
+        """Kill the process and its children: the nodes of a demo that hangs would continue."""
         if self._child.poll() is None:
             for process in [*psutil.Process(self.pid).children(recursive=True), self._child]:
                 process.kill()
@@ -80,7 +80,7 @@ class Process:
 
 @pytest.fixture
 def domain(monkeypatch):
-    """A domain of the test's own, also for nodes in this process; tests side by side choose from different ones."""
+    """A domain for the test, also for nodes in this process; parallel tests choose from different domains."""
     worker, workers = os.environ.get('PYTEST_XDIST_WORKER', 'gw0'), os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1')
     number = free_domain(range(1 + int(worker.removeprefix('gw')), 102, int(workers)))
     for key, value in local_environment(number).items():
@@ -91,7 +91,7 @@ def domain(monkeypatch):
 
 @pytest.fixture
 def start(domain, tmp_path):
-    """Start executables that end with the test: forked, or ``anew``, perhaps under a command, where that is claimed."""
+    """Start executables that end with the test: forked or, if the claim needs it, ``anew``, perhaps under a command."""
     running = []
 
     def run(*arguments, anew=False, under=(), **variables):
@@ -108,7 +108,7 @@ def start(domain, tmp_path):
 
 @pytest.fixture
 def launched(start):
-    """Start what launch would start, as launch would."""
+    """Start the executables that launch would start, in the same way."""
     def text(value):
         return str(value).lower() if isinstance(value, bool) else str(value) or '""'
 
@@ -129,7 +129,7 @@ def node(domain):
 
 @pytest.fixture
 def other_node(domain):
-    """A second node of the test, as a program of somebody else's."""
+    """A second node of the test, as another program would have it."""
     with made_node('stranger') as node:
         yield node
 

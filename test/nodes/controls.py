@@ -1,9 +1,9 @@
-"""Calls to a running sim, drawn from a seed: services, and live parameters with values that fit and values that do not.
+"""Calls to a running sim, drawn from a seed: services, and live parameters with valid and invalid values.
 
-Each answer is compared with what the table of parameters promises: a value is taken if its type fits, it lies within
-the limits and is one of the choices; otherwise the reason is one line and the old value stays. Started by hand beside a
-sim of the same ROS domain that does not end: ``./dragon python test/nodes/controls.py --calls 10000``. The soak starts
-it to go on until it is told to end, and to do only what skips no tick.
+Each answer is compared with the table of parameters: a value is accepted if its type fits, it is within the limits and
+is one of the choices; otherwise the reason is one line and the old value is kept. To start it by hand beside a sim in
+the same ROS domain that does not end: ``./dragon python test/nodes/controls.py --calls 10000``. The soak test runs it
+until it is told to end, with only the calls that skip no tick.
 """
 import argparse
 import json
@@ -40,7 +40,7 @@ _ODD: tuple[Any, ...] = (
 
 
 def fits(parameter: Parameter, value: Any) -> bool:
-    """Return whether the table of parameters says that a live parameter takes a value."""
+    """Return whether a live parameter accepts a value, according to the table of parameters."""
     if isinstance(parameter.default, float) and type(value) is int:
         value = float(value)
     if not parameter.live or type(value) is not type(parameter.default):
@@ -51,10 +51,10 @@ def fits(parameter: Parameter, value: Any) -> bool:
 
 
 class Caller:
-    """Calls a sim and counts; ``faults`` has what differs from what was promised."""
+    """Calls a sim and counts; ``faults`` lists deviations from the table."""
 
     def __init__(self, seed: int, name: str = '/dragon/sim') -> None:
-        """Open the clients in a context of its own and wait for the sim."""
+        """Open the clients in a separate context and wait for the sim."""
         self._rng = random.Random(seed)
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
@@ -64,7 +64,7 @@ class Caller:
         kinds = {**dict.fromkeys(SERVICES, Trigger), 'set_parameters': SetParameters, 'get_parameters': GetParameters}
         self._clients = {one: self._node.create_client(kind, f'{name}/{one}') for one, kind in kinds.items()}
         self._table = {one.name: one for one in SIM}
-        self.at_s = 0.0     # where the sim was last heard to be
+        self.at_s = 0.0     # the last known position of the sim
         self.counts: Counter[str] = Counter()
         self.faults: list[str] = []
         self._until(lambda: all(one.service_is_ready() for one in self._clients.values()))
@@ -98,7 +98,7 @@ class Caller:
         return answer.success, answer.message
 
     def set(self, name: str, value: Any) -> bool:
-        """Set a parameter; hold the answer, and what it is afterwards, to the table."""
+        """Set a parameter; compare the answer, and the value afterwards, with the table."""
         kind, member = _KINDS[type(value)]
         content = {member: [bytes([one]) for one in value] if isinstance(value, bytes) else value} if member else {}
         given = ParameterMessage(name=name, value=ParameterValue(type=kind, **content))
@@ -125,7 +125,7 @@ class Caller:
         return None
 
     def any_call(self) -> None:
-        """Do anything that a stranger might: the sim need not play a sensible run afterwards."""
+        """Do anything that an untrusted user might; the sim need not play a sensible run afterwards."""
         rng = self._rng
         if rng.random() < 0.4:
             self.serve(rng.choice(SERVICES))
@@ -133,7 +133,7 @@ class Caller:
         name = rng.choice([*(one.name for one in SIM if one.live), *self._table, 'use_sim_time_', ''])
         self.set(name, rng.choice([*_ODD, *self._likely(name)]))
         if name == 'at_end':
-            self.set(name, 'hold')      # a run that stops at its end is there for no further call
+            self.set(name, 'hold')      # a run that stops at its end accepts no further call
 
     def _likely(self, name: str) -> list[Any]:
         """Return values that a parameter may take: its limits, one between them, its choices."""
@@ -143,7 +143,7 @@ class Caller:
         return [known.low, known.high, self._rng.uniform(known.low, known.high)]
 
     def harmless_call(self) -> None:
-        """Do what skips no tick: stop and go on, step, go back, change the speed, and set what is refused."""
+        """Do only what skips no tick: stop and continue, step, go back, change the speed, and set invalid values."""
         rng, what = self._rng, self._rng.choice(('pause', 'step', 'back', 'speed', 'odd'))
         if what == 'pause':
             self.serve('pause')
@@ -166,7 +166,7 @@ class Caller:
 
 
 def main(argv: list[str]) -> int:
-    """Call, and print what was seen as JSON; the exit code is 1 where an answer was wrong."""
+    """Call, and print the results as JSON; the exit code is 1 if an answer was wrong."""
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
     options.add_argument('--calls', type=int, default=10_000, help='service and parameter calls at least (10000)')
     options.add_argument('--harmless', action='store_true', help='only what skips no tick, until SIGINT')
@@ -191,7 +191,7 @@ def main(argv: list[str]) -> int:
 
 
 def called(counts: Counter[str]) -> int:
-    """Return how many requests were answered, reads of parameters left out."""
+    """Return the number of answered requests, without reads of parameters."""
     return sum(counts[name] for name in (*SERVICES, 'set_parameters'))
 
 

@@ -1,4 +1,4 @@
-"""What the monitor says of a contact and of its health: each number under its name, in its unit."""
+"""The monitor's messages about a contact and about its state: each number under its name, in its unit."""
 from math import nan
 
 import numpy as np

@@ -30,7 +30,7 @@ FIELD = {bool: 'bool_value', int: 'integer_value', float: 'double_value', str: '
 
 
 class Remote:
-    """What a user does with a running sim from another process."""
+    """A user's control of a running sim from another process."""
 
     def __init__(self, node, name='/dragon/sim'):
         from geometry_msgs.msg import PoseArray
@@ -62,7 +62,7 @@ class Remote:
         return self._ask(DescribeParameters, 'describe_parameters', DescribeParameters.Request(names=names)).descriptors
 
     def shown(self, *ticks):
-        """Wait until exactly these ticks were heard since the last look."""
+        """Wait until exactly these ticks were heard since the last check."""
         wanted = [START_NS + TICK_NS * k for k in ticks]
         self._node.until(lambda: len(self.stamps) >= len(wanted))
         assert self.stamps == wanted
@@ -71,7 +71,7 @@ class Remote:
 
 @pytest.fixture
 def paused(start, node):
-    """A sim of first_contact that was paused in its run and then reset: it stands at tick 0."""
+    """A sim of first_contact that was paused in its run and then reset: it is at tick 0."""
     remote = Remote(node)
     remote.process = start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'wait_subscribers:=[handles=1]',
                            '-p', 'at_end:=hold')
@@ -272,7 +272,7 @@ def test_sim_and_monitor_share_an_executor_of_somebody_else(domain, kind, scale,
             executor.add_node(one)
         found, end = [], threading.Event()
         nodes[0].get_logger().error = lambda text: (found.append(text), end.set())
-        until = time.monotonic() + 60       # spin_once may return at once: looks are not counted, time is
+        until = time.monotonic() + 60       # spin_once may return at once, so time is counted instead of calls
         while time.monotonic() < until and not (end.is_set() and nodes[1].player.done):
             executor.spin_once(timeout_sec=0.01)
         assert 'contact of benches 0 and 8 at 412.473838 s' in found[0]

@@ -18,7 +18,7 @@ PATIENCE_S = 60.0
 
 @pytest.fixture
 def example(domain, tmp_path, monkeypatch):
-    """Start an example; it is killed when it says nothing for too long."""
+    """Start an example; it is killed if it prints nothing for too long."""
     monkeypatch.setenv('ROS_LOG_DIR', str(tmp_path / 'log'))
     children = []
 
@@ -63,7 +63,7 @@ def test_ctrl_c_ends_the_subscriber_of_the_tutorial_quietly_while_messages_come(
 
 
 def quiet_end(child):
-    """End an example as a person does; it says nothing about it."""
+    """End an example as a person does; it prints nothing."""
     child.send_signal(signal.SIGINT)
     rest = child.stdout.read()
     child.wait()

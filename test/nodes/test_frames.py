@@ -1,4 +1,4 @@
-"""The frames of a run: the first one is there before its time, and none depends on it."""
+"""The frames of a run: the first one is computed in advance, and none depends on that."""
 import sys
 from dataclasses import replace
 from threading import Event
@@ -44,7 +44,7 @@ def test_the_tables_of_the_first_frame_are_built_before_it_is_due(led):
 
 @pytest.fixture
 def nothing_built(monkeypatch):
-    """No model is kept from other tests."""
+    """No model of other tests is cached."""
     monkeypatch.setattr(model, '_COMPILED', model._Compiled())
 
 

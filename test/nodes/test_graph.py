@@ -31,7 +31,7 @@ def events_of(path):
 
 
 def heard_events(node):
-    """Return a list that fills with the events that a late joiner hears."""
+    """Return a list that fills with the events that a late subscriber hears."""
     from diagnostic_msgs.msg import DiagnosticArray
 
     from dragon_ros.nodes import qos
@@ -104,7 +104,7 @@ def test_a_composite_track_is_published_as_the_model_says(start, tmp_path, scene
 
 @pytest.fixture(scope='module')
 def recorded(tmp_path_factory):
-    """A short bag with a contact, made offline; the live ones are equal to it by the test above."""
+    """A short bag with a contact, made offline; the test above shows that live bags equal it."""
     from dragon_ros.bags.write.writer import BagWriter
     from dragon_ros.core.geometry.tracker import ContactTracker
     from dragon_ros.core.step import tick
@@ -436,7 +436,7 @@ print(sorted({row[1].partition(':')[0] for row in rows if f'socket:[{row[9]}]' i
 
 
 def by_script(*arguments, **variables):
-    """Return what the script prints, run as from a shell in which nothing of ROS is set but the domain."""
+    """Return the output of the script, run as from a shell in which only the ROS domain is set."""
     kept = {key: os.environ[key] for key in ('PATH', 'HOME', 'ROS_DOMAIN_ID', 'ROS_LOG_DIR') if key in os.environ}
     return subprocess.run([ROOT / 'dragon', *arguments], env=kept | variables, capture_output=True, text=True,
                           check=True, timeout=60).stdout

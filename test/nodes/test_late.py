@@ -1,4 +1,4 @@
-"""Monitors and recorders that come late to what launch starts, in a namespace: they say what they missed."""
+"""Monitors and recorders that start later than what launch starts, in a namespace: they report what they missed."""
 import pytest
 
 pytest.importorskip('rclpy')

@@ -1,4 +1,4 @@
-"""dragon.launch.py with the launch package of ROS 2, which has no wheel: run where ROS 2 is installed."""
+"""dragon.launch.py with the launch package of ROS 2, which has no wheel; needs a ROS 2 install."""
 import os
 import sys
 from pathlib import Path
@@ -32,7 +32,7 @@ STAND_IN = '#!/bin/sh\necho "rviz2 runs with $*"\ncat "$2"\nexec sleep 1000\n'
 
 @pytest.fixture
 def prefix(tmp_path):
-    """An install prefix with the package, as colcon or pip would make it."""
+    """An install prefix with the package, as colcon or pip would create it."""
     index, share, lib = 'share/ament_index/resource_index/packages', 'share/dragon_ros', 'lib'
     for folder in (index, share, lib):
         (tmp_path / 'prefix' / folder).mkdir(parents=True)
@@ -45,7 +45,7 @@ def prefix(tmp_path):
 
 @pytest.fixture
 def launch(domain, prefix, tmp_path):
-    """Launch with arguments; what was launched ends with the test."""
+    """Launch with arguments; everything launched ends with the test."""
     running = []
     search = os.pathsep.join([str(prefix), *filter(None, [os.environ.get('AMENT_PREFIX_PATH')])])
     environment = {**os.environ, 'AMENT_PREFIX_PATH': search, 'ROS_LOG_DIR': str(tmp_path / 'log'),

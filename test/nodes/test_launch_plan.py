@@ -1,4 +1,4 @@
-"""What dragon.launch.py starts, with or without the launch library; the processes are real."""
+"""The processes that dragon.launch.py starts, with or without the launch library; they are real."""
 import struct
 
 import pytest
@@ -27,7 +27,7 @@ def planned(**given):
 
 @pytest.fixture
 def watched(tmp_path):
-    """A bag that holds what a monitor reported, too."""
+    """A bag that also contains a monitor's reports."""
     encode, path = encoders(SCENE), tmp_path / 'watched.mcap'
     with BagWriter(path) as bag:
         for name in (*encode, 'clearance'):
@@ -145,7 +145,7 @@ WATCHED = 'clearance', 'clearance/stamped', 'collision', 'collision/active', 'co
 
 
 def said(path, dragon):
-    """Return what a monitor said in a bag, by topic as (time, message), and its health as (time, t_s)."""
+    """Return a monitor's messages in a bag, by topic as (time, message), and its diagnostics as (time, t_s)."""
     found = {name: [] for name in (*WATCHED, '/diagnostics')}
     with BagReader(path) as bag:
         for message in bag.messages():
@@ -160,7 +160,7 @@ def said(path, dragon):
 
 
 def test_at_any_rate_every_recorded_value_stands_at_the_time_of_its_tick(launched, watched, tmp_path):
-    """A monitor lags behind what is published as fast as possible; its values are those of real time all the same."""
+    """A monitor lags behind a source that publishes as fast as possible, but its values are those of real time."""
     short, ran = {'start_s': '412.2', 'stop_s': '412.7'}, {}
     for dragon, given in {'one': short, 'two': {'time_scale': '0.0', **short},
                           'six': {'time_scale': '0.0', 'replay': str(watched)}}.items():

@@ -1,4 +1,4 @@
-"""A dragon that is led over cmd_vel, and what its bag is good for afterwards."""
+"""A dragon that is led over cmd_vel, and the use of its bag afterwards."""
 import itertools
 import json
 import signal
@@ -16,7 +16,7 @@ READERS = 'wait_subscribers:=[handles=1,leader=2,velocities=1,benches=1,scene=1]
 
 
 class Leader:
-    """Publishes speeds, ten in the time that a command holds, and hears what the leading handle does."""
+    """Publishes speeds, ten while a command is valid, and hears the motion of the leading handle."""
 
     def __init__(self, node, stamped=True):
         from geometry_msgs.msg import Twist, TwistStamped
@@ -27,7 +27,7 @@ class Leader:
                                  raw=True)
 
     def say(self, speed, off_s=0):
-        """Command a speed, stamped with the clock of the node or so much off it; None: without a stamp."""
+        """Command a speed, stamped with the node's clock or with an offset from it; None: without a stamp."""
         message = self.kind()
         twist = getattr(message, 'twist', message)
         twist.linear.x = speed

@@ -1,4 +1,4 @@
-"""The log of the nodes: who calls is the line that logs, not the logger of the package."""
+"""The log of the nodes: the named caller is the line that logs, not the package's logger."""
 from pathlib import Path
 
 from dragon_ros.nodes.logs import logger

@@ -169,7 +169,7 @@ def test_of_two_dragons_on_one_topic_the_monitor_keeps_the_one_it_knows_and_name
     def taken():
         second.show(430 + 0.02 * next(shown))
         return len(heard.got['clearance']) > before
-    node.until(taken)       # the known one is gone: now the other is known
+    node.until(taken)       # the known one is gone; now the other one is known
     assert 'several publish on one topic: /dragon/handles: /dragon/observer and /dragon/stranger' in monitor.text
 
 

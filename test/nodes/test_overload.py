@@ -1,4 +1,4 @@
-"""Monitors and recorders that cannot follow: whole ticks are skipped and said, none of a publisher that waits."""
+"""Monitors and recorders that cannot keep up skip and report whole ticks, but none of a publisher that waits."""
 import threading
 
 import pytest
@@ -21,7 +21,7 @@ RUN = 'run.start_s=412.2', 'run.stop_s=412.7', 'run.rate_hz=1000'
 
 @pytest.fixture(scope='module')
 def messages():
-    """The messages of a run through its contact: (topic, bytes, stamp, number) in the order of publication."""
+    """The messages of a run that passes its contact: (topic, bytes, stamp, number) in the order of publication."""
     scene = load_scene('first_contact', [*RUN, 'effects=[benches]'])
     encode = encoders(scene)
     frames = [tick(scene, k) for k in range(501)]
@@ -71,7 +71,7 @@ def test_a_monitor_that_cannot_follow_skips_whole_ticks_and_says_so_and_what_it_
         if monitor._inbox.skipped == 1 and name == 'handles':      # at once: nothing has been read yet
             node.until(lambda: any('pace' in row.name for message in health for row in message.status))
         if n % 6 == 0 and n > 60:
-            monitor._inbox._read(*monitor._inbox._waiting.popleft())     # a sixth of what arrives is read meanwhile
+            monitor._inbox._read(*monitor._inbox._waiting.popleft())     # meanwhile it reads a sixth of the messages
     while monitor._inbox._waiting:
         monitor._inbox.work()
     assert (monitor.dropped, monitor.seen + monitor._inbox.skipped) == (0, 501)
@@ -118,7 +118,7 @@ def test_ticks_that_are_not_seen_are_known_by_the_numbers_of_their_handles():
 
 
 def recorder_on(folder, hold, queue_mb):
-    """Return a recorder whose disk takes nothing until an event is set."""
+    """Return a recorder whose disk accepts nothing until an event is set."""
     from dragon_ros.nodes.record import Recorder
     bag = BagWriter(folder / 'run.mcap', options=BagOptions('none'), threaded=False)
     write = bag.write

@@ -1,4 +1,4 @@
-"""Pacing follows a steady clock: no drift, no burst, overruns counted and made up for."""
+"""Pacing follows a steady clock: no drift, no burst, overruns counted and recovered."""
 from itertools import pairwise
 
 import pytest
@@ -11,7 +11,7 @@ MS = 1_000_000
 
 
 class Clock:
-    """A clock that only waiting and working move on."""
+    """A clock that advances only by waiting and working."""
 
     def __init__(self, monkeypatch):
         self.now_ns = 5 * MS

@@ -1,4 +1,4 @@
-"""A busy reader then takes all messages that arrived, in order, each once: real publishers over DDS."""
+"""A busy reader takes all messages that have arrived, in order, each once: real publishers over DDS."""
 import pytest
 
 pytest.importorskip('rclpy')

@@ -1,4 +1,4 @@
-"""Recorders that are killed, starved of disk or of messages: what was recorded stays, and losses are reported."""
+"""Recorders that are killed, or lack disk space or messages: recorded data stay, and losses are reported."""
 import re
 import resource
 import signal
@@ -79,7 +79,7 @@ def test_recorders_killed_at_random_moments_lose_at_most_the_flush_interval_and_
 
 
 def check_killed(bag, heard_ns):
-    """Every tick from the first to ``heard_ns`` can be read by the library's stream reader."""
+    """The library's stream reader can read every tick from the first to ``heard_ns``."""
     found = streamed(bag)
     for name in ('handles', 'benches', 'velocities'):
         times = [t_ns for topic, t_ns, _ in found if topic == f'/dragon/{name}']
@@ -88,7 +88,7 @@ def check_killed(bag, heard_ns):
 
 
 def check_repaired(bag, whole, scene, capsys):
-    """What is left is told, repaired, and bit for bit what the model says, up to where it ends."""
+    """The remaining bag is reported, repaired, and equal to the model bit for bit up to its end."""
     assert main(['inspect', str(bag)]) == 1
     if not streamed(bag):
         return
@@ -198,7 +198,7 @@ def test_lost_and_missing_ticks_are_reported_in_the_bag_on_the_terminal_and_by_t
 
 @pytest.mark.parametrize('first', ['record', 'sim'])
 def test_a_live_recording_is_complete_whoever_starts_first(start, node, tmp_path, first):
-    """As the tutorial has it, without a word about subscribers: those that discovery finds are waited for."""
+    """As in the tutorial, without naming subscribers: the sim waits for those that discovery finds."""
     short = 'run.start_s=412.2', 'run.stop_s=412.7'
     changes = [part for pair in short for part in ('--set', pair)]
     record, names = None, node.get_node_names_and_namespaces

@@ -1,4 +1,4 @@
-"""Every scene of the package runs in sim, and every effect is published and recorded as the model says."""
+"""Every scene of the package runs in sim, and every effect is published and recorded as in the model."""
 import pytest
 
 from dragon_ros.bags.check.compare import compare_with_model

@@ -1,4 +1,4 @@
-"""The standard services of simulators, called in a sim and a replay over real DDS, where their package is installed."""
+"""The standard services of simulators, called in a sim and a replay over real DDS, if their package is installed."""
 import sys
 from importlib.util import find_spec
 
@@ -17,7 +17,7 @@ needs_standard = pytest.mark.skipif(find_spec('simulation_interfaces') is None,
 
 
 class Simulator:
-    """A client of the standard: it knows nothing of a dragon."""
+    """A client of the standard, which knows nothing about dragons."""
 
     def __init__(self, node, name):
         from simulation_interfaces import action, msg, srv
@@ -90,7 +90,7 @@ class Simulator:
 
 @pytest.fixture
 def sim(start, node):
-    """A sim that stands at tick 0, paused."""
+    """A paused sim at tick 0."""
     simulator = Simulator(node, '/dragon/sim')
     simulator.process = start('sim', *SCENE, '--ros-args', '-p', 'discovery_s:=60.0', '-p', 'at_end:=hold')
     assert simulator.set('PAUSED') == 1

@@ -1,4 +1,4 @@
-"""A spinner serves what an executor of rclpy serves: messages, timers, requests, events, and what comes later."""
+"""A spinner serves what an executor of rclpy serves: messages, timers, requests, events, and later additions."""
 import gc
 import threading
 import time
@@ -47,7 +47,7 @@ def served(domain):
 
 @contextmanager
 def beats(node, take=lambda data, info: None):
-    """Keep the node busy: a raw topic of its own with a message every two milliseconds."""
+    """Keep the node busy with a separate raw topic, with a message every two milliseconds."""
     raw_subscription.subscribe_raw(node, Float64, 'busy', take, QoSProfile(depth=10))
     publisher = node.create_publisher(Float64, 'busy', 10)
     timer = node.create_timer(0.002, lambda: publisher.publish(Float64(data=1.0)), clock=STEADY)
@@ -161,7 +161,7 @@ def test_a_wait_that_lasts_for_hours_because_the_system_clock_was_set_back_is_en
     rclpy.init()
     node, late = rclpy.create_node('waiting'), []
     with closing(Spinner(node)) as spinner:
-        spinner.once()      # only looks what there is to wait for
+        spinner.once()      # only collects the entities to wait for
         rescue = threading.Timer(PATIENCE_S, lambda: (late.append(True), spinner._overdue._condition.trigger()))
         rescue.start()
         spinner.once()

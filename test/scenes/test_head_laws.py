@@ -1,4 +1,4 @@
-"""Head laws of one's own: by entry point, refused where they break their contract, never from a bag."""
+"""Custom head laws: by entry point, rejected if they break their contract, never from a bag."""
 import sys
 
 import pytest
@@ -27,7 +27,7 @@ def restless():
 
 @pytest.fixture(autouse=True)
 def _installed(tmp_path, monkeypatch):
-    """A distribution with head laws, as pip would have put it there."""
+    """A distribution with head laws, as pip would have installed it."""
     (tmp_path / 'own_laws.py').write_text(LAWS)
     info = tmp_path / 'own_laws-1.0.dist-info'
     info.mkdir()

@@ -1,4 +1,4 @@
-"""Venues in scene files, inline and from GeoJSON and WKT, and in the scene that a bag carries."""
+"""Venues in scene files, inline and from GeoJSON and WKT, and in the scene of a bag."""
 import json
 import re
 

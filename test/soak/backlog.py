@@ -1,8 +1,8 @@
-"""How the memory of a recorder grows with the longest time that it did not run, and with nothing else.
+"""The memory of a recorder grows only with the longest time for which it did not run.
 
-Started by hand: ``./dragon python test/soak/backlog.py``. A sim at 100 Hz runs beside it. The recorder stands still for
-longer and longer, each time three times, then runs for three minutes. ``in use`` is what malloc has given out, to
-Python and to the middleware; ``free`` is what malloc keeps.
+Started by hand: ``./dragon python test/soak/backlog.py``. A sim at 100 Hz runs beside it. The recorder is stopped for
+increasing times, three times each, and then runs for three minutes. ``in use`` is the memory that malloc has given to
+Python and the middleware; ``free`` is the memory that malloc keeps.
 """
 import argparse
 import ctypes

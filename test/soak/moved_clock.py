@@ -1,4 +1,4 @@
-"""A run is recorded, watched and replayed while the system clock of its processes is set on and back by hours.
+"""A run is recorded, watched and replayed while the system clock of its processes is set forwards and back by hours.
 
 Started by hand: ``./dragon python test/soak/moved_clock.py --times 8``. No real clock is set: a preloaded library,
 which a C compiler makes of ``moved_clock.c``, moves the clock of these processes and the waits that follow it. Both
@@ -17,7 +17,7 @@ from pathlib import Path
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 
 _PATIENCE_S = 180
-_MOVES_S = (3600, -3600, 0, -7200)      # where the clock goes, one after the other
+_MOVES_S = (3600, -3600, 0, -7200)      # the settings of the clock, one after another
 _MILLION = 1_000_000
 
 
@@ -54,7 +54,7 @@ class Moved:
                                 env=self._environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
 
     def close(self) -> None:
-        """Let the clock be."""
+        """Stop moving the clock."""
         self._over.set()
         self._thread.join()
 

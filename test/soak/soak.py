@@ -1,8 +1,8 @@
-"""A soak: a live dragon for many minutes, while recorders are killed and stalled, monitors restarted, bags replayed.
+"""A soak test: a live dragon for many minutes; recorders are killed and stalled, monitors restarted, bags replayed.
 
-Started by hand, never by the tests: ``./dragon python test/soak/soak.py --minutes 60 --controls 2``. It says each
-minute where it is, and at the end what was lost, what differs from the model, how far stamps drifted from the clock,
-and how memory grew; the exit code is 1 where a tick was lost or differs. With controls the dragon is paused, stepped,
+Started by hand, never by the tests: ``./dragon python test/soak/soak.py --minutes 60 --controls 2``. It reports its
+progress every minute, and at the end the losses, the differences from the model, the drift of stamps against the clock,
+and the growth of memory; the exit code is 1 if a tick was lost or differs. With controls the dragon is paused, stepped,
 sent back by some seconds, and its speed changed: ticks repeat, none is skipped.
 """
 import argparse
@@ -26,7 +26,7 @@ from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.load import load_scene
 
 RATE_HZ = 100
-_EVERY_S = 5.0          # between two acts, and between two looks at the memory
+_EVERY_S = 5.0          # time between two actions, and between two checks of the memory
 _SETTLED_S = 120.0      # growth of memory is counted from here on
 _BEGUN_S = 60.0         # by then a recorder has something on disk ...
 _BEGUN_BYTES = 200_000  # ... this much
@@ -47,11 +47,11 @@ class Soak:
     started: list[subprocess.Popen[bytes]] = field(default_factory=list)
 
     def start(self, name: str, *arguments: object, domain: int | None = None) -> subprocess.Popen[bytes]:
-        """Start an executable; what it says goes to a file."""
+        """Start an executable; its output goes to a file."""
         return self.run(name, ['-m', 'dragon_ros', name, *map(str, arguments)], domain)
 
     def run(self, name: str, arguments: list[str], domain: int | None = None) -> subprocess.Popen[bytes]:
-        """Start Python with arguments; what it says goes to a file."""
+        """Start Python with arguments; its output goes to a file."""
         environment = {**local_environment(domain or self.domain), 'PYTHONUNBUFFERED': '1'}
         with (self.folder / f'{name}.log').open('ab') as log:
             self.started.append(subprocess.Popen([sys.executable, *arguments], env=environment,
@@ -59,7 +59,7 @@ class Soak:
         return self.started[-1]
 
     def end(self) -> None:
-        """End what still runs."""
+        """End all running processes."""
         for process in self.started:
             if process.poll() is None:
                 process.kill()
@@ -169,7 +169,7 @@ def waited_for(bag: Path) -> bool:
 
 
 def killed(run: Soak, bag: Path) -> None:
-    """Repair what a killed recorder left, hold its ticks for gaps, and replay it to another recorder, lossless."""
+    """Repair a killed recorder's bag, check its ticks for gaps, and replay it losslessly to another recorder."""
     saved, again = bag.with_name('saved.mcap'), bag.with_name('again.mcap')
     saved.unlink(missing_ok=True)
     repair(bag, saved)
@@ -225,7 +225,7 @@ def differing(run: Soak, options: list[str]) -> int:
 
 
 def results(run: Soak, options: list[str]) -> dict[str, object]:
-    """Return what was lost, what differs from the model, how stamps drifted, and how memory grew."""
+    """Return the losses, the differences from the model, the drift of stamps, and the growth of memory."""
     with BagReader(run.folder / 'whole') as reader:
         rows = np.array(sorted(((m.t_ns, m.publish_ns) for m in reader.messages(['/dragon/handles'])),
                                key=lambda row: row[1]), dtype=np.int64)

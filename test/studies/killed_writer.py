@@ -1,4 +1,4 @@
-"""Write a study in a child that is killed before its n-th change of a file, and go on in another, for every n.
+"""Write a study in a child that is killed before its n-th change of a file, and continue in another one, for every n.
 
 ``python killed_writer.py FOLDER STEP`` takes each STEP-th n. It prints how many changes there are, and ends with an
 error if a row is lost or doubled.
@@ -19,7 +19,7 @@ _CHANGES = ('os.rename', 'os.remove', 'os.mkdir')
 
 
 def write(folder: Path) -> None:
-    """Write what is missing, in batches that do not agree with blocks."""
+    """Write the missing rows, in batches that do not match blocks."""
     study = study_of(parse_document('f.yaml', QUICK), Path())
     with dataset.writing(folder, study) as data:
         for first, last in data.missing:
@@ -46,7 +46,7 @@ def kill_at(number: int, folder: Path) -> None:
 
 
 def went_on(folder: Path) -> None:
-    """Go on, and compare all rows with those of an undisturbed study."""
+    """Continue, and compare all rows with those of an undisturbed study."""
     write(folder)
     data = dataset.open_set(folder)
     found = [{**row, 'cpu_s': 0} for row in data.table().to_pylist()]
@@ -56,7 +56,7 @@ def went_on(folder: Path) -> None:
 
 
 def ended(act, *arguments) -> int:
-    """Return the exit code of a child that acts."""
+    """Return the exit code of a child that runs a function."""
     child = os.fork()
     if child == 0:
         try:

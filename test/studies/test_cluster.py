@@ -28,7 +28,7 @@ from dragon_ros.studies.rows import rows_of  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
 LONGEST_S = 120
-# One of the rows kills its worker, as the system does for want of memory.
+# One of the rows kills its worker, as the system does when memory runs out.
 DEADLY = """
 import os, signal
 from dragon_ros.studies.questions import QUESTIONS
@@ -74,7 +74,7 @@ def dask_cluster(folder, *options, count=1, scheduler=(), **environment):
 
 @pytest.fixture(scope='module')
 def shared(tmp_path_factory):
-    """A scheduler and two workers, with nannies that start them again."""
+    """A scheduler and two workers, with nannies that restart them."""
     with dask_cluster(tmp_path_factory.mktemp('dask'), count=2) as (file, _, workers):
         yield file, workers
 

@@ -1,4 +1,4 @@
-"""A data set has each part whole or not at all, whatever kills its writer, and goes on where it was."""
+"""Each part of a data set is complete or absent, whatever kills its writer, and the data set can be continued."""
 import os
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""The inputs of a row are a function of the study and its index alone, and have the distribution that was asked for."""
+"""The inputs of a row depend only on the study and its index, and have the requested distribution."""
 import numpy as np
 import pytest
 from scipy.stats import kstest, qmc, truncnorm

@@ -1,4 +1,4 @@
-"""What is said of a data set is right where the truth is known, and says nothing where rows are too few."""
+"""Statistics of a data set are right if the truth is known, and are omitted if there are too few rows."""
 import subprocess
 import sys
 from math import inf

@@ -1,6 +1,6 @@
 """Make the bags of this folder, good and bad: ``python test/data/corpus/make_corpus.py`` in the checkout's environment.
 
-Each is small. CORPUS says what a reader has to find: None for a bag that is read to its end, else words of the error.
+Each is small. CORPUS gives the expected result: None for a bag that is read to its end, otherwise words of the error.
 """
 import struct
 import zlib
@@ -58,17 +58,17 @@ def foreign(encoding='cdr', times=(1, 2, 3), topic='/chatter', name='std_msgs/ms
 
 
 def record(opcode, content, length=None):
-    """Return a record; ``length`` may lie."""
+    """Return a record; ``length`` may be wrong."""
     return struct.pack('<BQ', opcode, len(content) if length is None else length) + content
 
 
 def text(value):
-    """Return a string as records hold it."""
+    """Return a string as records contain it."""
     return struct.pack('<I', len(value)) + value
 
 
 def chunk(data, size, compression, crc=0, length=None):
-    """Return a chunk whose claims may lie."""
+    """Return a chunk whose claims may be wrong."""
     return record(6, struct.pack('<QQQI', 1, 1, size, crc) + text(compression)
                   + struct.pack('<Q', len(data) if length is None else length) + data)
 
@@ -80,7 +80,7 @@ def closed(*parts):
 
 
 def summed(*rows, crc=True):
-    """Return a file with nothing but a summary of some records."""
+    """Return a file that has only a summary of some records."""
     head = MAGIC + record(1, text(b'ros2') + text(b'corpus')) + record(15, bytes(4))
     summary = b''.join(rows)
     footer = struct.pack('<BQQQ', 2, 20, len(head), 0)
@@ -93,7 +93,7 @@ def message(channel=1, data=bytes(8), t_ns=1):
 
 
 def bomb(megabytes, pack):
-    """Return a chunk of zeros: small here, large when it is opened."""
+    """Return a chunk of zeros: small on disk, large when it is opened."""
     return chunk(pack(bytes(megabytes * 2**20)), megabytes * 2**20, b'zstd' if pack is zstd else b'lz4')
 
 
@@ -113,7 +113,7 @@ def chunk_index(offset, length):
 
 
 def flipped(data, at):
-    """Return the bytes with one bit turned."""
+    """Return the bytes with one bit flipped."""
     return data[:at] + bytes([data[at] ^ 4]) + data[at + 1:]
 
 
@@ -124,7 +124,7 @@ def liar_in_zstd():
 
 
 GOOD = bag()
-# Each file with the words that refuse it: tests read these, so what takes a second to compress waits to be written.
+# Each file with the words of its error. Tests import this, so slow compression is done only when files are written.
 CORPUS = {
     'good_none': (GOOD, None),
     'good_zstd': (bag(CompressionType.ZSTD), None),
