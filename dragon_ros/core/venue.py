@@ -13,7 +13,7 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.core.limits import VENUE_CORNERS
 
 INSIDE = 'inside'       # the name of the boundary, among the names of obstacles
-_FARTHEST_M = 1e9
+FARTHEST_M = 1e9
 _LONGEST = 100          # characters of a name
 _AROUND = 'list its corners in order around it'
 
@@ -89,7 +89,7 @@ class Venue:
             inside = _ring('venue.inside', INSIDE, inside)
             _check_simple('venue.inside', INSIDE, inside, ())
         settle(self, obstacles=tuple(one.checked(f'venue.obstacles.{n}') for n, one in enumerate(self.obstacles, 1)),
-               inside=inside, margin_m=number('venue.margin_m', self.margin_m, low=0.0, high=_FARTHEST_M),
+               inside=inside, margin_m=number('venue.margin_m', self.margin_m, low=0.0, high=FARTHEST_M),
                origin_deg=_origin(self.origin_deg))
         self._check_names()
 
@@ -155,9 +155,9 @@ def _points(field: str, name: str, values: Any) -> Points:
         raise FieldError(field, values, f'{name!r} needs a list of points', 'write for example [[0, 0], [4, 0]]')
     flat = [*chain.from_iterable(values)]
     for n, one in enumerate(flat):
-        if type(one) not in (float, int) or not isfinite(one) or abs(one) > _FARTHEST_M:
+        if type(one) not in (float, int) or not isfinite(one) or abs(one) > FARTHEST_M:
             raise FieldError(f'{field}.{n // 2 + 1}', one, f'coordinates of {name!r} must be finite and at most '
-                             f'{_FARTHEST_M:g} m', 'give this point in metres')
+                             f'{FARTHEST_M:g} m', 'give this point in metres')
     points = [*zip((float(x) + 0.0 for x in flat[::2]), (float(y) + 0.0 for y in flat[1::2]), strict=True)]
     return (*points[:1], *(after for before, after in pairwise(points) if after != before))
 

@@ -7,9 +7,9 @@ import numpy as np
 
 from dragon_ros.core.geometry.occupancy import outlines
 from dragon_ros.core.geometry.venue import LINE, WITHIN, PlanePose, Surroundings
-from dragon_ros.core.limits import COORDINATE_M, MAP_BYTES
+from dragon_ros.core.limits import MAP_BYTES
 from dragon_ros.core.numerics.types import Complexes, Floats
-from dragon_ros.core.venue import INSIDE
+from dragon_ros.core.venue import FARTHEST_M, INSIDE
 from dragon_ros.messages.decode import Markers, MessageError, Reader, read_marker_array
 from dragon_ros.messages.markers import ADD, LINE_LIST, LINE_STRIP, TEXT_VIEW_FACING
 from dragon_ros.messages.venue_markers import EDGES, KINDS, NAMES
@@ -78,9 +78,9 @@ def _edges(markers: Markers, marker: int) -> tuple[Complexes, Complexes]:
     """Return the edges of a marker, with its pose applied. Raises MessageError."""
     points = markers.points_of(marker)
     size: Floats = np.abs(points[:, :2])
-    if not np.max(size, initial=0.0) < COORDINATE_M:
+    if not np.max(size, initial=0.0) < FARTHEST_M:
         raise MessageError(f'venue: marker {int(markers.id[marker])} has a point that is not finite, or beyond '
-                           f'{COORDINATE_M:g} m')
+                           f'{FARTHEST_M:g} m')
     shift, turn = plane_pose_of(markers.poses[marker], 'venue: pose')
     z: Complexes = np.ascontiguousarray(points[:, :2], dtype=np.float64).view(np.complex128)[:, 0]
     z = z if (shift, turn) == (0, 1) else shift + z * turn
@@ -93,8 +93,8 @@ def plane_pose_of(pose: Floats, what: str) -> PlanePose:
     A quaternion of zeros, which many programs leave so, turns nothing.
     """
     x, y, _, *quaternion = pose.tolist()
-    if not all(abs(one) < COORDINATE_M for one in pose.tolist()):
-        raise MessageError(f'{what}: {pose.tolist()} is not finite')
+    if not all(abs(one) < FARTHEST_M for one in pose.tolist()):
+        raise MessageError(f'{what}: {pose.tolist()} is not finite, or beyond {FARTHEST_M:g} m')
     a, b, c, w = quaternion if any(quaternion) else (0.0, 0.0, 0.0, 1.0)
     size = a * a + b * b + c * c + w * w
     if a * a + b * b > _FLAT**2 * size:

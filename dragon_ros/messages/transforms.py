@@ -4,8 +4,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dragon_ros.core.geometry.venue import PlanePose
-from dragon_ros.core.limits import COORDINATE_M, KNOWN_FRAMES
+from dragon_ros.core.limits import KNOWN_FRAMES
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.venue import FARTHEST_M
 from dragon_ros.messages.decode import MessageError, Reader
 
 _FLAT = 1e-6            # largest sine of the tilt of one plane against another
@@ -37,8 +38,8 @@ class FrameTree:
             known = self._parents.get(child)
             if known is None and len(self._parents) >= KNOWN_FRAMES:
                 continue
-            if not np.max(np.abs(values)) < COORDINATE_M:
-                raise MessageError(f'/tf: the pose of the frame {child!r} is not finite')
+            if not np.max(np.abs(values)) < FARTHEST_M:
+                raise MessageError(f'/tf: the pose of the frame {child!r} is not finite, or beyond {FARTHEST_M:g} m')
             parent = _Parent(frame_id, _matrix(values[3:], child), values[:3])
             if known is None or known.frame_id != frame_id or not (
                     np.array_equal(known.turn, parent.turn) and np.array_equal(known.shift, parent.shift)):

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import mixes
+import numpy as np
 from mcap.opcode import Opcode
 
 from dragon_ros.bags.check.examine import examine
@@ -23,13 +24,19 @@ from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.configuration import scene_names
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.errors import DragonError
+from dragon_ros.core.errors import DragonError, InputError
+from dragon_ros.core.geometry.near_obstacles import NearObstacles
+from dragon_ros.core.geometry.near_pairs import closeness
+from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.messages.cdr import string_message
+from dragon_ros.messages.cdr import Writer, string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.once import once
+from dragon_ros.messages.surroundings import CellRules, read_grid, read_venue
+from dragon_ros.messages.transforms import FrameTree
 from dragon_ros.scenes.load import load_scene, strangers_scene
 from dragon_ros.scenes.provenance import run_metadata, scene_file
 
@@ -301,6 +308,47 @@ def message(folder: Path) -> Target:
                                *(bytes([n]) for n in range(len(names)))), [close])
 
 
+def obstacles(folder: Path) -> Target:
+    """Venues, maps and transforms to the monitor: a byte that selects the reader, then the message."""
+    numbers = range(4)
+    benches = Benches(np.array([[2.0 * n, 0.0] for n in numbers]), np.array([[1.0, 0.0] for _ in numbers]),
+                      np.full(4, 0.9), np.full(4, 0.15))
+    handles = np.concatenate((benches.centre, benches.centre[-1:] + 2))
+
+    def run(data: bytes) -> None:
+        with suppress(InputError):
+            read(data[0] % 3 if data else 0, data[1:])
+
+    def read(kind: int, message: bytes) -> None:
+        if kind == 2:
+            tree = FrameTree()
+            tree.take(message)
+            tree.pose('map', 'dragon')
+            return
+        located = read_venue(message) if kind else read_grid(message, CellRules(unknown=True))
+        if located.around:
+            near = NearObstacles(located.around)
+            for _ in range(2):
+                near.look(closeness(handles, benches), benches)
+    grid, frames_ = Writer(), Writer()
+    grid.header('map', 0)
+    grid.put('I', 0, 0)
+    grid.put('f', 0.5)
+    grid.put('I', 3, 2)
+    grid.put('d', 0, 0, 0, 0, 0, 0, 1)
+    grid.put('I', 6)
+    grid.put('b', 0, 100, 0, 65, 100, -1)
+    frames_.put('I', 2)
+    for parent, child in (('hall', 'map'), ('hall', 'dragon')):
+        frames_.header(parent, 0)
+        frames_.text(child)
+        frames_.put('d', 1, 2, 0, 0, 0, 0, 1)
+    seeds = [b'\0' + bytes(grid.finish()), b'\2' + bytes(frames_.finish()),
+             *(b'\1' + once(load_scene(name), 'dragon')['venue'] for name in ('street', 'square'))]
+    return Target(seeds, run, (bytes(4), b'\xff' * 4, b'\0\0\0\x80', b'\1\0\0\0', b'\0\0\0\0\0\0\xf8\x7f', b'venue\0',
+                               b'line\0', b'\0\0\0\0\0\0\xf0\x3f', b'map\0'))
+
+
 def workbook(folder: Path) -> Target:
     """Sheets of workbooks that are graded: the XML in a good archive, or, after a Z, the archive."""
     import zipfile
@@ -432,7 +480,7 @@ def filters(folder: Path) -> Target:
 TARGETS: dict[str, Callable[[Path], Target]] = {
     'bag': bag, 'mix': mix, 'folder': folder_of_parts, 'scene': scene, 'override': override, 'certificate': certificate,
     'study': study, 'request': request, 'command_line': command_line, 'workbook': workbook, 'message': message,
-    'command': command, 'drawing': drawing, 'filters': filters}
+    'obstacles': obstacles, 'command': command, 'drawing': drawing, 'filters': filters}
 
 
 @contextlib.contextmanager
