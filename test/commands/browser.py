@@ -65,6 +65,7 @@ class Browser:
         """Leave the page, and clear its storage, size, colour scheme and messages."""
         self.open('about:blank')
         self._devtools('Storage.clearDataForOrigin', origin='*', storageTypes='all')
+        self._devtools('Network.clearBrowserCookies')
         self._devtools('Emulation.clearDeviceMetricsOverride')
         self._devtools('Emulation.setEmulatedMedia', features=[])
         self.log()

@@ -463,10 +463,11 @@ def test_the_page_follows_the_head_and_remembers_it(server, scene, page):
         page.wait(f'return parseFloat(document.getElementById("time").textContent) === {t_s} && !player.drawing')
         head = moment(SceneSource('short', scene), t_s).benches.centre[0]
         assert window_of(page).mean(axis=1) == pytest.approx(head, abs=0.01)
-    page.open_view(server.url)
-    page.wait(pressed + ' === "true"')
-    page.click('whole')
-    page.wait(pressed + ' === "false"')
+    with serving(SceneSource('short', scene)) as later:     # of another run, on another port
+        page.open_view(later.url)
+        page.wait(pressed + ' === "true"')
+        page.click('whole')
+        page.wait(pressed + ' === "false"')
 
 
 def test_the_page_zooms_by_keys_and_by_two_fingers_and_says_how_wide_a_bench_is(server, page):

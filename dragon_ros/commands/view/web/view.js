@@ -186,11 +186,23 @@ function zoom(ratio) {
   return lookAt([xaxis, yaxis].map(({range}) => 0.5 * (range[0] + range[1])), ratio);
 }
 
-/** Follow the head, or stop; a window that shows the whole comes closer. It is remembered for this address. */
+/** Keep a choice for a year: in a cookie, which the next page has too, whatever its port; a file has storage instead. */
+function remember(name, value) {
+  document.cookie = `${name}=${value}; max-age=31536000; path=/; SameSite=Strict`;
+  try { localStorage.setItem(name, value); } catch { /* a page without storage forgets it */ }
+}
+
+function remembered(name) {
+  const cookie = document.cookie.split('; ').find((one) => one.startsWith(`${name}=`));
+  if (cookie) return cookie.slice(name.length + 1);
+  try { return localStorage.getItem(name); } catch { return null; }
+}
+
+/** Follow the head, or stop; a window that shows the whole comes closer. The next page remembers it. */
 async function follow(on) {
   player.following = on;
   element('follow').setAttribute('aria-pressed', on);
-  try { localStorage.setItem('follow', on ? 'yes' : 'no'); } catch { /* a page without storage forgets it */ }
+  remember('follow', on ? 'yes' : 'no');
   if (!on || !player.frame) return;
   const far = shownSpan() > FAR_LENGTHS * run.length_m;
   await lookAt(headOf(player.frame), far ? NEAR_LENGTHS * run.length_m / shownSpan() : 1);
@@ -495,9 +507,7 @@ async function start() {
   await goToHash();
   for (const changed of [DARK, NARROW]) changed.addEventListener('change', () => redraw().catch(complain));
   window.addEventListener('hashchange', () => { pause(); goToHash().catch(complain); });
-  let kept = 'no';
-  try { kept = localStorage.getItem('follow'); } catch { /* a page without storage */ }
-  if (kept === 'yes') await follow(true);
+  if (remembered('follow') === 'yes') await follow(true);
   document.body.dataset.ready = 'yes';
 }
 
