@@ -169,8 +169,8 @@ def conditioning(chain: Chain) -> float:
     """Return the ratio of the fastest handle's speed to the leader's, at least 1.
 
     Close to a lock it grows without bound, and with it the effect of the last bit of the head's position on the
-    handles: a position error is promised in metres times this number. A speed is promised relative to the speed itself
-    over cos^2 beta, that is, times the square of it.
+    handles: the promise for positions in metres grows with this number, and that for speeds, which is relative to the
+    speed itself, with its square (1 / cos^2 beta).
     """
     v = chain.velocities(1.0)
     return max(1.0, float(np.max(np.hypot(v[..., 0], v[..., 1]))))

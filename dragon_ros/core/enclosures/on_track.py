@@ -377,7 +377,7 @@ def _handle(moving: Kinematics, row: Ints, handle: Ints, track: tuple[Floats, Fl
     stop = start + np.remainder(stop - start + np.pi, 2 * np.pi) - np.pi
     reach = ABOVE * (0.5 * (k * v - turn).most * gone_m + off)
     ends = between(start, stop, off)
-    # With less than half a turn in total, the angle took the short way from one end to the other.
+    # ``stop`` assumes the shorter turn from ``start``: this is certain if the angle turns by less than half a turn.
     sin, cos = Ball(ends.mid, np.where(reach < 0.5 * np.pi, np.maximum(ends.rad, reach), np.inf)).sin_cos()
     bent = k * v.squared()
     return (v * cos, v * sin), (a * cos - bent * sin, a * sin + bent * cos)

@@ -30,10 +30,10 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 _TOLERANCE = 4          # times the position error: two benches at two states
 _SPACING = 0.3          # of the longest bench, between the first states: a pair two benches apart allows no more
-_LEAST_SPACING = 0.05   # of that; intervals are cut anyway, and shorter roots have fewer pairs in reach
+_LEAST_SPACING = 0.05   # of that spacing, at least: intervals are cut later, and short roots have few pairs in reach
 _PARTS_OF_ROOT = 1.05  # desired parts per root: from block to block the length of roots changes towards it,
 _FINER = 0.25           # by a factor from this to its inverse
-_MOST = 2_000_000       # of them: some hours
+_MOST = 2_000_000       # first intervals, which take some hours
 _FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: near a contact, and near a grazing
 _REACH = 1.25           # times the motion of benches on a root: pairs further apart keep a fifth of their gap
 _SHORTEST = 0.1    # of the error that a gap must exceed: gaps before a contact are larger, so steps are longer

@@ -299,7 +299,7 @@ class _Descending:
         return np.concatenate(strips, axis=1)
 
     def _unclear(self, cells: Floats) -> tuple[Array, Ints]:
-        """Evaluate the corners of cells (4, n), with radius and scale from, to; return which are not clear.
+        """Evaluate the corners of cells (4, n), two radii and two scales each; return which cells are not clear.
 
         The second result is the axis along which to cut each cell: the one along which it varies more.
         """

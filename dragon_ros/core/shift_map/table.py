@@ -42,7 +42,7 @@ _FEWEST_JOINED = 64         # length of a tile on a composite track; a longer on
 _STRETCH_LINKS = 64        # length of a tile's stretches; the leader's link gets its series when the leader reaches one
 _STRETCH_JOINED = 32        # the same for a composite track
 _SHORTEST = 1e-12           # relative to coordinates: floats cannot resolve the directions of shorter links
-_NEAR = 1e-9       # of a stretch and its distance: closer to a boundary, floats do not tell the side of a position
+_NEAR = 1e-9       # of a stretch and its distance: closer to a boundary, rounding decides on which side a position is
 _BEFORE_LINKS = 64          # links from the start of a tile to the track's origin: runs begin near the origin
 
 

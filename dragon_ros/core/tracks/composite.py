@@ -33,7 +33,7 @@ _ULPS = 2.0**-49     # relative to a coordinate and the distance there: the sum 
 _HAIR = 1e-9        # relative to a distance: how far rounding may put the leader beyond the track's end
 _SLACK = 0.02       # relative to a link: how far an error of the coarsest tier may put a follower beyond the end
 WIDEST_RAD = 1.3    # about the largest span of a link on an inward spiral: further in it may approach its lock
-_ROUNDING = 1e-14   # relative to a coordinate: a link of zero length at the end stays where rounding put its front
+_ROUNDING = 1e-14   # relative to a coordinate: how far beyond the track's end rounding may put a link of zero length
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from the start that the next piece states
 
 Places = tuple[Ints, Floats, Floats]        # indices of the segments, and the coordinates on them as (hi, lo)
