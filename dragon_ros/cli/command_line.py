@@ -153,6 +153,12 @@ def add_times_option(options: argparse.ArgumentParser, text: str) -> None:
     options.add_argument('--times', '--time', metavar='T,...|FIRST-LAST|START:STOP:STEP', help=text)
 
 
+def add_workers_option(options: argparse.ArgumentParser, what: str, of: str = '') -> None:
+    """Add --workers (``cli.pool``); ``what`` does not depend on it."""
+    options.add_argument('--workers', type=int, metavar='N', help=f'number of processes{of} (one per core if the work '
+                         f'takes more than a second); the {what} does not depend on it')
+
+
 def add_handles_option(options: argparse.ArgumentParser) -> None:
     """Add --handles: numbers and ranges (``cli.ranges``)."""
     options.add_argument('--handles', metavar='I,...|FIRST-LAST|START:STOP:STEP', help='handles (all)')

@@ -1,26 +1,34 @@
 """Long work on all cores: processes take jobs; results are returned in the order of the jobs."""
 import os
+import pickle
 import signal
+import sys
 import threading
+import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterable, Iterator, Sized
+from concurrent.futures import Future
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache
 from itertools import islice
-from multiprocessing import connection, get_context, parent_process
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from dragon_ros.cli.signals import ending
 from dragon_ros.core.checks import whole
 from dragon_ros.core.errors import DragonError
 
+if TYPE_CHECKING:       # most commands start no processes
+    from concurrent.futures import ProcessPoolExecutor
+
 _MOST = 1024    # largest number of --workers
 _AHEAD = 2      # jobs in flight per other process: one in work, one waiting
 _WAITING = 4    # results per worker that wait for their turn
+_SEEN_S = 0.05  # of work by which the rest is estimated
+_WORTH_S = 1.0  # of work left for one process: less is done before others pay
 J = TypeVar('J')
 R = TypeVar('R')
-_work: Callable[[Any], Any]
+_pickled: bytes
 
 
 def workers_of(given: int | None) -> int:
@@ -30,35 +38,110 @@ def workers_of(given: int | None) -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count() or 1
 
 
-def in_order(made: Callable[..., Callable[[J], R]], settings: tuple[Any, ...], jobs: Iterable[J],
-             workers: int) -> Generator[R, None, None]:
-    """Yield the results of jobs in order. Each worker calls ``made(*settings)`` once to obtain its function for jobs.
+@dataclass(frozen=True)
+class Pool:
+    """The processes that work: as many as ``--workers`` gives or, if None, one per core where the work is long.
 
-    This process is one of the workers; it works alone until the others have started. At most ``4 * workers`` results
-    wait for their turn, which bounds the memory. The other processes have none of this one's threads, ignore its
-    signals, and end when it ends for any reason. Raises DragonError if one of them is killed.
+    This process is one of the workers; it works alone until the others have started. Raises InputError for a number
+    that is not allowed.
     """
-    work, rest = made(*settings), iter(jobs)
-    if workers == 1:
-        yield from map(work, rest)
-        return
-    pool = ProcessPoolExecutor(workers - 1, get_context('spawn'), _begin, (made, settings))
-    try:
-        with _blocked():
-            begun = [pool.submit(_nothing) for _ in range(workers - 1)]
-        for job in rest:
-            yield work(job)
-            if any(one.done() for one in begun):
-                break
-        yield from _shared(pool, work, rest, workers)
-    except BrokenProcessPool:
-        raise DragonError('one of the worker processes was killed, perhaps for lack of memory; give fewer --workers'
-                          ) from None
-    finally:
-        pool.shutdown(cancel_futures=True)
+
+    given: int | None = None
+
+    def __post_init__(self) -> None:
+        """Check the number."""
+        workers_of(self.given)
+
+    @property
+    def workers(self) -> int:
+        """The most processes that work at a time."""
+        return workers_of(self.given)
+
+    def in_order(self, work: Callable[[J], R], jobs: Iterable[J], count: int | None = None) -> Generator[R, None, None]:
+        """Yield ``work(job)`` for each job, in order; ``count`` is the number of jobs if they have no length.
+
+        The other processes get a pickled copy of ``work``. At most ``4 * workers`` results wait for their turn, which
+        bounds the memory. The others leave signals to this process, and end when it ends, however it does. Raises
+        DragonError if one of them is killed.
+        """
+        rest, workers = iter(jobs), self.workers
+        if workers > 1 and self.given is None:
+            left_s = yield from _seen(work, rest, len(jobs) if isinstance(jobs, Sized) else count or 0)
+            workers = workers if left_s > _WORTH_S else 1
+        if workers == 1:
+            yield from map(work, rest)
+            return
+        from concurrent.futures.process import BrokenProcessPool
+        pool, begun = _started(workers - 1, pickle.dumps(work))
+        watch = threading.Thread(target=_end_together, args=(pool,), daemon=True)
+        watch.start()
+        try:
+            for job in rest:
+                yield work(job)
+                if any(one.done() for one in begun):
+                    break
+            yield from _shared(pool, work, rest, workers)
+        except BrokenProcessPool:
+            raise DragonError('one of the worker processes was killed, perhaps for lack of memory; give fewer '
+                              '--workers') from None
+        finally:
+            pool.shutdown(cancel_futures=True)
+            watch.join()
 
 
-def _shared(pool: ProcessPoolExecutor, work: Callable[[J], R], rest: Iterator[J], workers: int) -> Iterator[R]:
+ALONE = Pool(1)
+
+
+def _seen(work: Callable[[J], R], rest: Iterator[J], count: int) -> Generator[R, None, float]:
+    """Yield some results of this process, and return how many seconds it would take for the others.
+
+    The first one does not count: it fills caches.
+    """
+    began_s, done, taken_s = time.monotonic(), 0, 0.0
+    for job in islice(rest, count):
+        yield work(job)
+        done += 1
+        if done == 1:
+            began_s = time.monotonic()
+        elif (taken_s := time.monotonic() - began_s) > _SEEN_S:
+            break
+    return taken_s / max(1, done - 1) * (count - done)
+
+
+def _started(others: int, pickled: bytes) -> tuple['ProcessPoolExecutor', list[Future[None]]]:
+    """Return a pool of processes and a future of each, done when it has begun.
+
+    They are forked where that is safe, which takes no time: this process then has a single thread of Python (that of
+    OpenBLAS ends at a fork). They are started anew elsewhere, which takes the third of a second of imports.
+    """
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+    forked = sys.platform == 'linux' and threading.active_count() == 1
+    alive = os.pipe() if forked else None
+    pool = ProcessPoolExecutor(others, get_context('fork' if forked else 'spawn'), _begin, (alive, pickled))
+    with _blocked():
+        begun = [pool.submit(_warm) for _ in range(others)]
+    if alive is not None:
+        os.close(alive[0])
+    return pool, begun
+
+
+def _end_together(pool: Any) -> None:
+    """Wait until a process of a pool ends, and end the others.
+
+    One that is killed while it sends a result keeps the lock of the queue, and the thread that reads the queue waits
+    for the rest of the result as long as any process can write to it, this one included.
+    """
+    from multiprocessing import connection
+    others, results = list(pool._processes.values()), pool._result_queue
+    connection.wait([one.sentinel for one in others])
+    with suppress(OSError, ValueError):     # the pool has ended meanwhile
+        for one in others:
+            one.kill()
+        results._writer.close()
+
+
+def _shared(pool: 'ProcessPoolExecutor', work: Callable[[J], R], rest: Iterator[J], workers: int) -> Iterator[R]:
     """Yield results of this process and of a pool, in job order."""
     waiting, far = deque[Future[R]](), deque[Future[R]]()
     while True:
@@ -89,23 +172,36 @@ def _blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _begin(made: Callable[..., Callable[[Any], Any]], settings: tuple[Any, ...]) -> None:
-    """Initialise a new process."""
-    global _work
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    _work = made(*settings)
+def _begin(alive: tuple[int, int] | None, pickled: bytes) -> None:
+    """Begin in a new process; ``alive`` is a pipe whose other end only the process that forked it has open."""
+    global _pickled
+    if alive is not None:
+        os.close(alive[1])
+    threading.Thread(target=_end_with_parent, args=(alive,), daemon=True).start()
+    _pickled = pickled
 
 
-def _end_with_parent() -> None:
+def _end_with_parent(alive: tuple[int, int] | None) -> None:
     """Wait until the parent process ends, then end this one."""
-    if (parent := parent_process()) is not None:
+    from multiprocessing import connection, parent_process
+    if alive is not None:
+        os.read(alive[0], 1)
+    elif (parent := parent_process()) is not None:
         connection.wait([parent.sentinel])
-        os._exit(1)
+    os._exit(1)
+
+
+@cache
+def _work() -> Callable[[Any], Any]:
+    work: Callable[[Any], Any] = pickle.loads(_pickled)     # of the process that started this one
+    return work
+
+
+def _warm() -> None:
+    """Show that a process has begun, and unpickle; a job raises what fails."""
+    with suppress(Exception):
+        _work()
 
 
 def _take(job: Any) -> Any:
-    return _work(job)
-
-
-def _nothing() -> None:
-    """Do nothing; the result shows that a process has started."""
+    return _work()(job)

@@ -43,6 +43,7 @@ def inspect(argv: list[str]) -> int:
     options.add_argument('--looks', type=int, metavar='N', help='number of evenly spaced ticks at which the clearance '
                          'is computed; 0: all (200)')
     command_line.add_namespace_option(options)
+    command_line.add_workers_option(options, 'result', ' of --check')
     command_line.add_output_options(options, ('text', 'json'))
     arguments = options.parse_args(argv)
     from dragon_ros.commands.inspect import run
@@ -61,6 +62,7 @@ def export(argv: list[str]) -> int:
     options.add_argument('--every', type=int, default=1, metavar='N', help='export only every Nth tick (%(default)s)')
     command_line.add_handles_option(options)
     command_line.add_namespace_option(options)
+    command_line.add_workers_option(options, 'file')
     arguments = options.parse_args(argv)
     from dragon_ros.commands.export import run
     return command_line.guarded('export', partial(run, arguments))
@@ -79,8 +81,7 @@ def simulate(argv: list[str]) -> int:
     options.add_argument('--compression', choices=COMPRESSIONS, default='zstd', help='compression of the bag '
                                                                                      '(%(default)s)')
     options.add_argument('--namespace', default='/dragon', help='namespace of the topics (%(default)s)')
-    options.add_argument('--workers', type=int, metavar='N',
-                         help='number of processes (one per core); the bag does not depend on it')
+    command_line.add_workers_option(options, 'bag')
     arguments = options.parse_args(argv)
     from dragon_ros.commands.simulate import run
     return command_line.guarded('simulate', partial(run, arguments))

@@ -4,23 +4,30 @@ import zipfile
 from argparse import Namespace
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from itertools import islice
+from dataclasses import dataclass
+from functools import partial
+from io import StringIO
+from itertools import chain, islice
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Generic, TypeVar
 
 import numpy as np
 
 from dragon_ros.bags.read.frames import BagFrame, frames, namespace_of
+from dragon_ros.bags.read.parts import in_parts
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.whole_file import whole_or_none
 from dragon_ros.cli import command_line
+from dragon_ros.cli.pool import Pool
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.ranges import handles_of
 from dragon_ros.commands.table import COLUMNS, values_of
 from dragon_ros.core.errors import InputError, MissingError
+from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.numerics.types import Array
 from dragon_ros.core.scene import NS
 
+R = TypeVar('R')
 _TICKS = 64         # rows per row group of Parquet
 
 
@@ -28,8 +35,9 @@ def run(arguments: Namespace) -> int:
     """Write the file; return the exit code."""
     if arguments.every < 1:
         raise InputError(f'--every {arguments.every}: give 1 or more', field='every')
+    pool = Pool(arguments.workers)
     with BagReader(arguments.bag) as bag:
-        source = _ExportedTicks(bag, arguments)
+        source = _ExportedTicks(bag, arguments, pool)
         with _created(arguments.output, arguments.force) as file:
             _FORMATS[arguments.format](source, file)
     return command_line.OK
@@ -38,8 +46,8 @@ def run(arguments: Namespace) -> int:
 class _ExportedTicks:
     """The ticks to export; they can be iterated repeatedly."""
 
-    def __init__(self, bag: BagReader, arguments: Namespace) -> None:
-        self._bag, self._every = bag, arguments.every
+    def __init__(self, bag: BagReader, arguments: Namespace, pool: Pool) -> None:
+        self._bag, self._every, self._pool = bag, arguments.every, pool
         self._namespace = namespace_of(bag, arguments.namespace)
         first = next(frames(bag, self._namespace), None)
         if first is None:
@@ -48,33 +56,66 @@ class _ExportedTicks:
         self.handles = handles_of(arguments.handles, len(first.handles_m) - 1)
         self._ticks = next(t.messages for t in bag.topics if t.name == f'{self._namespace}/handles')
 
-    def frames(self, what: str) -> Iterator[BagFrame]:
-        """Yield the ticks with a progress bar. Raises InputError if the number of handles changes."""
-        shown = Progress(what, 'ticks', self._ticks)(frames(self._bag, self._namespace))
-        for frame in islice(shown, 0, None, self._every):
-            if frame.handles_m.shape != self.first.handles_m.shape:
-                raise InputError(f'{self._bag.path}: {len(frame.handles_m)} handles at {frame.t_ns / NS:.9f} s, '
-                                 f'{len(self.first.handles_m)} before; export the parts one by one')
-            yield frame
+    def picked(self, what: str, pick: 'Callable[[Iterator[BagFrame]], R]') -> 'Iterator[R]':
+        """Yield ``pick`` of some ticks after others, with a progress bar; several processes call it.
+
+        Raises InputError if the number of handles changes.
+        """
+        body = _Picked(pick, self._bag.path, self.first.handles_m.shape)
+        with Progress(what, 'ticks', self._ticks) as bar:
+            if self._every == 1:
+                for ticks, one in in_parts(self._bag, self._namespace, body, self._pool.in_order):
+                    yield one
+                    bar.update(ticks)
+                return
+            chosen = islice(self._all(bar), 0, None, self._every)
+            while some := list(islice(chosen, _TICKS)):
+                yield body(iter(some))[1]
+
+    def _all(self, bar: Progress) -> Iterator[BagFrame]:
+        for some in in_parts(self._bag, self._namespace, list, self._pool.in_order):
+            yield from some
+            bar.update(len(some))
+
+
+@dataclass(frozen=True)
+class _Picked(Generic[R]):
+    """Counts ticks and picks their values, provided that they have the same number of handles as the first one."""
+
+    pick: Callable[[Iterator[BagFrame]], R]
+    path: Path
+    shape: tuple[int, ...]
+
+    def __call__(self, some: Iterator[BagFrame]) -> tuple[int, R]:
+        """Return the number of ticks, and what is picked of them."""
+        ticks = 0
+
+        def counted() -> Iterator[BagFrame]:
+            nonlocal ticks
+            for frame in some:
+                if frame.handles_m.shape != self.shape:
+                    raise InputError(f'{self.path}: {len(frame.handles_m)} handles at {frame.t_ns / NS:.9f} s, '
+                                     f'{self.shape[0]} before; export the parts one by one')
+                yield frame
+                ticks += 1
+        picked = self.pick(counted())
+        return ticks, picked
 
 
 def _csv(source: _ExportedTicks, file: IO[bytes]) -> None:
-    writer = csv.writer(_Text(file), lineterminator='\n')
-    writer.writerow(COLUMNS)
-    for frame in source.frames('csv'):
+    file.write(command_line.csv_of(COLUMNS, ()).encode())
+    for lines in source.picked('csv', partial(_csv_lines, source.handles)):
+        file.write(lines)
+
+
+def _csv_lines(handles: list[int], some: Iterator[BagFrame]) -> bytes:
+    out = StringIO()
+    writer = csv.writer(out, lineterminator='\n')
+    for frame in some:
         t_s = frame.t_ns / NS
-        rows = zip(source.handles, values_of(frame, source.handles).tolist(), strict=True)
+        rows = zip(handles, values_of(frame, handles).tolist(), strict=True)
         writer.writerows([(t_s, handle, *values) for handle, values in rows])
-
-
-class _Text:
-    """A text file over a binary one."""
-
-    def __init__(self, file: IO[bytes]) -> None:
-        self._file = file
-
-    def write(self, text: str) -> int:
-        return self._file.write(text.encode())
+    return out.getvalue().encode()
 
 
 def _parquet(source: _ExportedTicks, file: IO[bytes]) -> None:
@@ -86,37 +127,57 @@ def _parquet(source: _ExportedTicks, file: IO[bytes]) -> None:
                            ) from None
     schema = pyarrow.schema([('t_ns', pyarrow.int64()), *((name, pyarrow.int32() if name == 'handle' else
                                                            pyarrow.float64()) for name in COLUMNS)])
-    shown = source.frames('parquet')
+    rows = chain.from_iterable(source.picked('parquet', partial(_times_and_values, source.handles)))
     with ParquetWriter(file, schema, compression='zstd') as writer:
-        while some := list(islice(shown, _TICKS)):
+        while some := list(islice(rows, _TICKS)):
             writer.write_table(pyarrow.Table.from_arrays(_columns(some, source.handles), schema=schema))
 
 
-def _columns(some: list[BagFrame], handles: list[int]) -> list[Array]:
+def _times_and_values(handles: list[int], some: Iterator[BagFrame]) -> list[tuple[int, Array]]:
+    return [(frame.t_ns, values_of(frame, handles)) for frame in some]
+
+
+def _columns(some: list[tuple[int, Array]], handles: list[int]) -> list[Array]:
     """Return the columns of some ticks: t_ns, then COLUMNS."""
-    t_ns = np.repeat(np.array([frame.t_ns for frame in some], np.int64), len(handles))
-    values = np.concatenate([values_of(frame, handles) for frame in some])
+    t_ns = np.repeat(np.array([t_ns for t_ns, _ in some], np.int64), len(handles))
+    values = np.concatenate([values for _, values in some])
     return [t_ns, t_ns / NS, np.tile(np.array(handles, np.int32), len(some)), *values.T]
 
 
 def _npz(source: _ExportedTicks, file: IO[bytes]) -> None:
     """Write the arrays one by one, each in its own pass, so that no array is ever in memory as a whole."""
     first, handles = source.first, source.handles
-    times = np.array([frame.t_ns for frame in source.frames('t_ns')], np.int64)
-    parts: dict[str, Callable[[BagFrame], Array]] = {'handles_m': lambda frame: frame.handles_m[handles]}
-    if first.velocity_m_s is not None:
-        parts['velocities_m_s'] = lambda frame: _there(frame, frame.velocity_m_s, 'velocities')[handles]
-    if first.benches is not None:
-        parts['bench_centres_m'] = lambda frame: _there(frame, frame.benches, 'benches').centre
-        parts['bench_axes'] = lambda frame: _there(frame, frame.benches, 'benches').axis
+    times = np.array(list(chain.from_iterable(source.picked('t_ns', _times))), np.int64)
+    names = ['handles_m', *(['velocities_m_s'] if first.velocity_m_s is not None else []),
+             *(['bench_centres_m', 'bench_axes'] if first.benches is not None else [])]
     with zipfile.ZipFile(file, 'w', zipfile.ZIP_STORED) as archive:
         _whole(archive, 't_ns', times)
         _whole(archive, 'handle_numbers', np.array(handles, np.int64))
         if first.benches is not None:
             sizes = np.stack((2 * first.benches.half_length, 2 * first.benches.half_width), axis=1)
             _whole(archive, 'bench_sizes_m', sizes)
-        for name, pick in parts.items():
-            _stacked(archive, name, times.size, map(pick, source.frames(name)), pick(first).shape)
+        for name in names:
+            shape = _array(name, handles, first).shape
+            _stacked(archive, name, times.size, source.picked(name, partial(_bytes, name, handles)), shape)
+
+
+def _times(some: Iterator[BagFrame]) -> list[int]:
+    return [frame.t_ns for frame in some]
+
+
+def _array(name: str, handles: list[int], frame: BagFrame) -> Array:
+    """Return what a tick adds to an array of doubles."""
+    if name == 'handles_m':
+        return frame.handles_m[handles]
+    if name == 'velocities_m_s':
+        velocity: Array = _there(frame, frame.velocity_m_s, 'velocities')
+        return velocity[handles]
+    benches: Benches = _there(frame, frame.benches, 'benches')
+    return benches.centre if name == 'bench_centres_m' else benches.axis
+
+
+def _bytes(name: str, handles: list[int], some: Iterator[BagFrame]) -> bytes:
+    return b''.join(np.ascontiguousarray(_array(name, handles, frame), '<f8').tobytes() for frame in some)
 
 
 def _there(frame: BagFrame, part: Any, name: str) -> Any:
@@ -130,13 +191,13 @@ def _whole(archive: zipfile.ZipFile, name: str, values: Array) -> None:
         np.lib.format.write_array(entry, values, allow_pickle=False)     # type: ignore[no-untyped-call]
 
 
-def _stacked(archive: zipfile.ZipFile, name: str, rows: int, values: Iterator[Array], shape: tuple[int, ...]) -> None:
-    """Write an array (rows, *shape) of doubles row by row."""
+def _stacked(archive: zipfile.ZipFile, name: str, rows: int, values: Iterator[bytes], shape: tuple[int, ...]) -> None:
+    """Write an array (rows, *shape) of doubles part by part."""
     with archive.open(f'{name}.npy', 'w', force_zip64=True) as entry:
         np.lib.format.write_array_header_1_0(       # type: ignore[no-untyped-call]
             entry, {'descr': '<f8', 'fortran_order': False, 'shape': (rows, *shape)})
         for value in values:
-            entry.write(np.ascontiguousarray(value, '<f8').tobytes())
+            entry.write(value)
 
 
 @contextmanager

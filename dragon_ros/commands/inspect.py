@@ -20,6 +20,7 @@ from dragon_ros.bags.read.frames import (
 from dragon_ros.bags.read.mcap import BagError
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
+from dragon_ros.cli.pool import Pool
 from dragon_ros.cli.progress import Progress
 from dragon_ros.commands.contacts_in_bag import clearance_in, end_in_contact, first_contact_in
 from dragon_ros.core.errors import DragonError, InputError
@@ -35,7 +36,7 @@ if TYPE_CHECKING:       # modules for checking and repairing are imported on use
 _SHOWN = 20     # shown lines of faults
 _STEPS = 8      # shown values of the clearance over time
 _LOOKS = 200    # ticks examined for the clearance by default
-_TAKES: dict[str, set[str]] = {'--repair': set(), '--check': {'--check', '--trust', '--namespace'},
+_TAKES: dict[str, set[str]] = {'--repair': set(), '--check': {'--check', '--trust', '--namespace', '--workers'},
                                'a summary': {'--trust', '--looks', '--namespace'}}
 
 
@@ -43,7 +44,7 @@ def run(arguments: Namespace) -> int:
     """Inspect, check or repair; return the exit code."""
     what = '--repair' if arguments.repair is not None else '--check' if arguments.check else 'a summary'
     given = {'--check': arguments.check, '--trust': arguments.trust, '--looks': arguments.looks is not None,
-             '--namespace': arguments.namespace is not None}
+             '--namespace': arguments.namespace is not None, '--workers': arguments.workers is not None}
     command_line.check_taken(what, given, _TAKES[what])
     if arguments.looks is None:
         arguments.looks = _LOOKS
@@ -121,6 +122,7 @@ def _topics(contents: Contents, run: Any) -> list[dict[str, Any]]:
 
 def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
     from dragon_ros.bags.check.compare import compare_with_model
+    pool = Pool(arguments.workers)
     with BagReader(arguments.bag) as bag:
         namespace = namespace_of(bag, arguments.namespace)
         scene, frame_id = scene_of_bag(bag, namespace, arguments.trust), frame_of_bag(bag, namespace)
@@ -131,7 +133,8 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
         if ends_in_contact(bag, namespace) and not scene.is_led:
             contact_s, proof = end_in_contact(bag, namespace, scene, arguments.trust)
         with Progress('check', 'ticks', compile_scene(scene).last_tick + 1) as bar:
-            found = compare_with_model(bag, scene, namespace, lambda k: bar.reach(k + 1), frame_id, contact_s)
+            found = compare_with_model(bag, scene, namespace, lambda k: bar.reach(k + 1), frame_id, contact_s,
+                                       pool.in_order)
     code = command_line.OK if found.passed else command_line.FAILED
     return {**_verdict(arguments.bag, found, compile_scene(scene).tier.name), 'end_proved': proof}, code
 

@@ -9,7 +9,7 @@ from threading import Event
 from dragon_ros.bags.write.mcap import CHUNK_BYTES, MESSAGE_BYTES, MESSAGE_HEAD_BYTES, PackedChunk, Packer
 from dragon_ros.bags.write.writer import BagOptions, BagWriter, prompt_switches
 from dragon_ros.cli import command_line
-from dragon_ros.cli.pool import in_order, workers_of
+from dragon_ros.cli.pool import ALONE, Pool
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.signals import stopped_by_signals
 from dragon_ros.core.batches import ticks
@@ -23,20 +23,19 @@ from dragon_ros.messages.once import once
 from dragon_ros.scenes import provenance
 
 _FRAME_ID = 'dragon'
-_WORTH_BYTES = 64 * 2**20    # total size of messages from which processes are worth starting
 
 
 def run(arguments: Namespace) -> int:
     """Write the bag; return the exit code."""
-    scene, workers = command_line.scene_from(arguments), workers_of(arguments.workers)
+    scene, pool = command_line.scene_from(arguments), Pool(arguments.workers)
     if arguments.rate is not None:
         scene = replace(scene, run=replace(scene.run, rate_hz=arguments.rate))
     count, began = compile_scene(scene).last_tick + 1, time.perf_counter()
     tick(scene, 0)      # reject a scene that cannot be simulated before replacing another bag
-    writer = BagWriter(arguments.output, arguments.force, BagOptions(arguments.compression))
+    writer = BagWriter(arguments.output, arguments.force, BagOptions(arguments.compression), pool.workers == 1)
     with prompt_switches(), stopped_by_signals() as stop, writer as bag:
         _introduce(scene, bag, arguments.namespace)
-        done = simulate(scene, bag, arguments.namespace, stop, workers)
+        done = simulate(scene, bag, arguments.namespace, stop, pool)
     simulated_s = (scene.run.time_ns(max(0, done - 1)) - scene.run.start_ns) / NS
     elapsed_s = time.perf_counter() - began
     print(f'{arguments.output}: {done} of {count} ticks, {simulated_s:g} s in {elapsed_s:.1f} s '
@@ -58,7 +57,7 @@ def _introduce(scene: Scene, bag: BagWriter, namespace: str) -> None:
     bag.flush()
 
 
-def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event, workers: int = 1) -> int:
+def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event, pool: Pool = ALONE) -> int:
     """Write the messages of every tick of the run until ``stop`` is set; return how many ticks were written.
 
     The size of the first tick determines the ticks at which chunks begin, so a bag has the same bytes with any number
@@ -71,10 +70,10 @@ def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event, workers:
     each = max(1, CHUNK_BYTES // size)
     parts = [(first, min(first + each, count)) for first in range(0, count, each)]
     with Progress('simulate', 'ticks', count) as bar:
-        if workers == 1 or count * size < _WORTH_BYTES or size > MESSAGE_BYTES:
+        if pool.workers == 1 or size > MESSAGE_BYTES:
             return _in_this_process(scene, bag, encoded, parts, stop, bar)
         done = 0
-        made = in_order(_PackedTicks, (scene, numbers, bag.options.compression), parts, workers)
+        made = pool.in_order(_PackedTicks(scene, numbers, bag.options.compression), parts)
         with closing(made):
             for (_, end), chunks in zip(parts, made, strict=True):
                 for chunk in chunks:
@@ -103,8 +102,13 @@ class _PackedTicks:
     """Ticks of a scene as packed chunks: the work of a process of ``simulate``."""
 
     def __init__(self, scene: Scene, numbers: list[int], compression: str) -> None:
+        self._settings = scene, numbers, compression
         self._scene, self._packer = scene, Packer(compression)
         self._encoders = list(zip(numbers, encoders(scene, _FRAME_ID).values(), strict=True))
+
+    def __reduce__(self) -> tuple[type['_PackedTicks'], tuple[Scene, list[int], str]]:
+        """Return how another process makes its own."""
+        return _PackedTicks, self._settings
 
     def __call__(self, part: tuple[int, int]) -> list[PackedChunk]:
         """Return the chunks of the ticks from the first up to the end."""

@@ -1,18 +1,20 @@
 """Sources for pictures and the web view: a scene, which is computed, or a bag, which is read."""
 from argparse import Namespace
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain as joined
-from itertools import count, islice
+from itertools import count, islice, repeat
 from math import floor, log10
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from dragon_ros.cli import command_line
+from dragon_ros.cli.pool import ALONE, Pool
 from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
@@ -23,6 +25,7 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.venue import Venue
 
 if TYPE_CHECKING:       # imported on use: a picture of a scene needs no bag reader, and one without contacts no search
+    from dragon_ros.bags.read.frames import BagFrame
     from dragon_ros.bags.read.reader import BagReader
     from dragon_ros.core.geometry.contacts import Observation
     from dragon_ros.core.geometry.signed_distance import Witness
@@ -34,6 +37,7 @@ _AT_ONCE = 64               # states per batch
 _SAG_M = 1e-4               # of the drawn track: smooth even in a picture of one bench
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
 Check = Callable[[], None]      # raises an exception when the work is no longer wanted
+_REMEMBERED = 8             # ticks before a contact that its tracker may use
 _HAIR_S = 1e-9
 _AROUND = 2.0               # largest margin of a window, in lengths of the dragon
 _MARGIN = 0.03              # relative to the window
@@ -97,16 +101,20 @@ class Source(Protocol):
     def moments(self, times_s: Floats) -> Iterator[Moment]:
         """Yield the dragon at increasing times; a source that has only ticks yields the nearest ones."""
 
+    def gaps(self, times_s: Floats) -> Iterator[tuple[float, float]]:
+        """Yield the time and the smallest signed gap of benches in m at increasing times, as ``moments`` does."""
+
     def first_touch(self, progress: Progress) -> Touch | None:
         """Return the first contact, or None."""
 
 
 @dataclass(frozen=True)
 class SceneSource:
-    """A dragon computed from a scene on demand."""
+    """A dragon computed from a scene on demand, by the processes of a pool where that is long."""
 
     name: str
     scene: Scene
+    pool: Pool = ALONE
 
     @property
     def span_s(self) -> tuple[float, float]:
@@ -133,15 +141,12 @@ class SceneSource:
 
     def moments(self, times_s: Floats) -> Iterator[Moment]:
         """Yield the dragon at these times."""
-        for first in range(0, len(times_s), _AT_ONCE):
-            group = times_s[first:first + _AT_ONCE].tolist()
-            chain = states(self.scene, group)
-            benches = benches_of(chain, self.scene.dragon, axes_of(chain))
-            velocity = velocity_of(self.scene, chain, group)
-            speed = np.hypot(velocity[..., 0], velocity[..., 1])
-            for n, t_s in enumerate(group):
-                one = Benches(benches.centre[n], benches.axis[n], benches.half_length, benches.half_width)
-                yield Moment(t_s, chain.p[n], one, speed[n])
+        for group in _groups(times_s):
+            yield from moments_of(self.scene, group)
+
+    def gaps(self, times_s: Floats) -> Iterator[tuple[float, float]]:
+        """Yield the time and the smallest signed gap in m at these times."""
+        yield from joined.from_iterable(self.pool.in_order(partial(_gaps_of, self.scene), _groups(times_s)))
 
     def searched(self, progress: Progress) -> 'Contact | NoContact':
         """Return the result of the search for the run's first contact."""
@@ -157,6 +162,28 @@ class SceneSource:
             return None
         name = found.obstacle.name if found.obstacle else None
         return Touch(found.t_s, found.benches, found.point_m, found.witness, obstacle=name)
+
+
+def _groups(times_s: Floats) -> list[list[float]]:
+    """Return times in groups that are computed at once."""
+    return [times_s[first:first + _AT_ONCE].tolist() for first in range(0, len(times_s), _AT_ONCE)]
+
+
+def moments_of(scene: Scene, group: list[float]) -> Iterator[Moment]:
+    """Yield the dragon of a scene at the times of one group."""
+    chain = states(scene, group)
+    benches = benches_of(chain, scene.dragon, axes_of(chain))
+    velocity = velocity_of(scene, chain, group)
+    speed = np.hypot(velocity[..., 0], velocity[..., 1])
+    for n, t_s in enumerate(group):
+        one = Benches(benches.centre[n], benches.axis[n], benches.half_length, benches.half_width)
+        yield Moment(t_s, chain.p[n], one, speed[n])
+
+
+def _gaps_of(scene: Scene, group: list[float]) -> list[tuple[float, float]]:
+    from dragon_ros.core.geometry.near_pairs import NearPairs  # few pictures need it
+    near = NearPairs()
+    return [(one.t_s, near.look(one.p, one.benches).clearance_m) for one in moments_of(scene, group)]
 
 
 def moment(source: Source, t_s: float) -> Moment:
@@ -202,10 +229,7 @@ def check_times(source: Source, times_s: Iterable[float]) -> None:
 
 def clearances(source: Source, times_s: Floats, progress: Progress) -> tuple[Floats, Floats]:
     """Return times (T,) and the smallest signed gap in m at each (T,), nan if no two benches are close."""
-    from dragon_ros.core.geometry.near_pairs import NearPairs  # few pictures need it
-    near = NearPairs()
-    rows = np.array([(one.t_s, near.look(one.p, one.benches).clearance_m)
-                     for one in progress(source.moments(times_s))]).reshape(-1, 2)
+    rows = np.array(list(progress(source.gaps(times_s)))).reshape(-1, 2)
     return rows[:, 0], np.where(np.isfinite(rows[:, 1]), rows[:, 1], np.nan)
 
 
@@ -237,10 +261,11 @@ def witness_at(moment: Moment, pair: tuple[int, int]) -> 'Witness':
 
 @dataclass(frozen=True)
 class BagSource:
-    """A dragon whose topics are in one namespace of an open bag, available at its ticks."""
+    """A dragon whose topics are in one namespace of an open bag, available at its ticks; a pool reads long bags."""
 
     bag: 'BagReader'
     namespace: str
+    pool: Pool = ALONE
 
     @property
     def name(self) -> str:
@@ -270,12 +295,12 @@ class BagSource:
     @cached_property
     def _ticks(self) -> list[tuple[int, int]]:
         """Stamp and log time of each tick, in ns, in order of stamps."""
-        from dragon_ros.messages.decode import read_stamp_ns
+        from dragon_ros.bags.read.parts import stamps_of
         handles = f'{self.namespace}/handles'
         count = next(topic.messages for topic in self.bag.topics if topic.name == handles)
         if count > PICTURE_TICKS:
             raise InputError(f'{self.bag.path}: has {count} ticks; pictures are drawn of {PICTURE_TICKS} at most')
-        rows = {read_stamp_ns(one.data): one.t_ns for one in islice(self.bag.messages([handles]), PICTURE_TICKS)}
+        rows = dict(islice(stamps_of(self.bag, handles, self.pool.in_order), PICTURE_TICKS))
         return sorted(rows.items())
 
     @cached_property
@@ -312,28 +337,112 @@ class BagSource:
 
     def first_touch(self, progress: Progress) -> Touch | None:
         """Return the first contact that a monitor finds in the bag, at the time interpolated in its bracket."""
-        from dragon_ros.bags.read.frames import surroundings_in
-        from dragon_ros.core.geometry.tracker import ContactTracker
-        tracker, first = ContactTracker(), True
-        for observation, _ in progress(self._observations(self._ticks[0][1], self._ticks[-1][1])):
-            if first:
-                tracker.surround(surroundings_in(self.bag, self.namespace, observation.frame_id))
-                first = False
-            for event in joined.from_iterable(report.begins for report in tracker.add(observation)):
-                return _touch_of(event, observation, tracker.around)
+        for touch in progress(self._touches()):
+            if touch is not None:
+                return touch     # type: ignore[no-any-return]
         return None
+
+    def _touches(self) -> Iterator[Touch | None]:
+        """Yield the first contact, and None for each tick before it.
+
+        Parts of the bag are searched for benches that touch. The tracker sees the last ticks before that part: nothing
+        before them matters to it, unless time goes back or the dragon changes. It sees all ticks of such a bag.
+        """
+        from dragon_ros.bags.read.frames import surroundings_in
+        from dragon_ros.bags.read.parts import in_parts
+        first_ns, last_ns = self._ticks[0][1], self._ticks[-1][1]
+        first = next(self._observations(first_ns, last_ns), None)
+        around = first and surroundings_in(self.bag, self.namespace, first[0].frame_id)
+        if around is not None:
+            yield from self._tracked((one for one, _ in self._observations(first_ns, last_ns)), around)
+            return
+        kept = deque['Observation'](maxlen=_REMEMBERED)
+        for part in in_parts(self.bag, self.namespace, _searched, self.pool.in_order, first_ns, last_ns + 1):
+            if not part.is_regular or (kept and part.last and not _follows(part.last[0], kept[-1])):
+                break
+            kept = deque((*kept, *part.last), None if part.is_touching else _REMEMBERED)
+            if part.is_touching:
+                yield from self._tracked(kept)
+                break
+            yield from repeat(None, part.ticks)
+        else:
+            return
+        yield from self._tracked(one for one, _ in self._observations(first_ns, last_ns))
+
+    def _tracked(self, observations: Iterable['Observation'],
+                 around: 'Surroundings | None' = None) -> Iterator[Touch | None]:
+        """Yield the contact that a monitor finds, and None for each observation before it."""
+        from dragon_ros.core.geometry.tracker import ContactTracker
+        tracker = ContactTracker()
+        tracker.surround(around)
+        for observation in observations:
+            for event in joined.from_iterable(report.begins for report in tracker.add(observation)):
+                yield _touch_of(event, observation, tracker.around)
+            yield None
+
+    def gaps(self, times_s: Floats) -> Iterator[tuple[float, float]]:
+        """Yield the time and the smallest signed gap in m of the ticks that ``moments`` yields."""
+        from dragon_ros.bags.read.parts import in_parts
+        rows = self._nearest(times_s)
+        wanted = frozenset(self._ticks[row][0] for row in rows.tolist())
+        first_ns, last_ns = (self._ticks[row][1] for row in (int(rows[0]), int(rows[-1])))
+        yield from joined.from_iterable(in_parts(self.bag, self.namespace, partial(_gaps_in, wanted),
+                                                 self.pool.in_order, first_ns, last_ns + 1))
 
     def _observations(self, first_ns: int, last_ns: int) -> Iterator[tuple['Observation', Floats | None]]:
         """Yield observations and speeds of the ticks logged between two times, in order."""
         from dragon_ros.bags.read.frames import frames
-        from dragon_ros.core.geometry.contacts import Observation
         for frame in frames(self.bag, self.namespace, first_ns, last_ns + 1):
             if frame.benches is not None:
                 speeds = None if frame.velocity_m_s is None else np.hypot(*frame.velocity_m_s.T)
-                yield Observation(frame.t_ns, frame.handles_m, frame.benches, frame.frame_id), speeds
+                yield _observed(frame), speeds
 
 
-def dragon_in(bag: 'BagReader', namespace: str | None = None) -> BagSource:
+def _observed(frame: 'BagFrame') -> 'Observation':
+    from dragon_ros.core.geometry.contacts import Observation
+    assert frame.benches is not None
+    return Observation(frame.t_ns, frame.handles_m, frame.benches, frame.frame_id)
+
+
+def _gaps_in(wanted: frozenset[int], frames: 'Iterator[BagFrame]') -> list[tuple[float, float]]:
+    """Return stamps in s and gaps of the ticks with these stamps in ns."""
+    from dragon_ros.core.geometry.near_pairs import NearPairs
+    near = NearPairs()
+    return [(frame.t_ns / NS, near.look(frame.handles_m, frame.benches).clearance_m)
+            for frame in frames if frame.benches is not None and frame.t_ns in wanted]
+
+
+class _Searched(NamedTuple):
+    """Ticks of a bag up to the first one in which benches touch; then ``last`` are all of them, else the last few.
+
+    They are regular if each one follows the one before.
+    """
+
+    ticks: int
+    is_regular: bool
+    is_touching: bool
+    last: 'list[Observation]'
+
+
+def _searched(frames: 'Iterator[BagFrame]') -> _Searched:
+    """Look for the first tick in which benches touch, and leave the ticks after it."""
+    from dragon_ros.core.geometry.near_pairs import NearPairs
+    near, seen, is_regular = NearPairs(), list['Observation'](), True
+    for frame in frames:
+        if frame.benches is None:
+            continue
+        seen.append(_observed(frame))
+        is_regular = is_regular and (len(seen) == 1 or _follows(seen[-1], seen[-2]))
+        if near.look(frame.handles_m, frame.benches).i.size:
+            return _Searched(len(seen), is_regular, True, seen)
+    return _Searched(len(seen), is_regular, False, seen[-_REMEMBERED:])
+
+
+def _follows(one: 'Observation', before: 'Observation') -> bool:
+    return one.t_ns > before.t_ns and one.p.shape == before.p.shape
+
+
+def dragon_in(bag: 'BagReader', namespace: str | None = None, pool: Pool = ALONE) -> BagSource:
     """Return the dragon in a bag. Raises InputError if it is ambiguous or if its topics are missing."""
     from dragon_ros.bags.read.frames import namespace_of
     chosen = namespace_of(bag, namespace)
@@ -342,19 +451,19 @@ def dragon_in(bag: 'BagReader', namespace: str | None = None) -> BagSource:
         if f'{chosen}/{topic}' not in having:
             raise InputError(f'{bag.path}: it has no messages on {chosen}/{topic}; pictures need '
                              'handles and benches (scene key effects)')
-    return BagSource(bag, chosen)
+    return BagSource(bag, chosen, pool)
 
 
 @contextmanager
-def opened(arguments: Namespace) -> Iterator[Source]:
+def opened(arguments: Namespace, pool: Pool = ALONE) -> Iterator[Source]:
     """Open the source that ``command_line.add_source_options`` selects, for the duration of a ``with`` block."""
     if arguments.bag is None:
         if arguments.namespace is not None:
             raise InputError('--namespace: it requires --bag; omit it for a scene')
-        yield SceneSource(Path(arguments.scene).stem, command_line.scene_from(arguments))
+        yield SceneSource(Path(arguments.scene).stem, command_line.scene_from(arguments), pool)
         return
     if command_line.gives_scene(arguments):
         raise InputError('--bag: it replaces the scene; omit --scene, --set and --accuracy')
     from dragon_ros.bags.read.reader import BagReader
     with BagReader(arguments.bag) as bag:
-        yield dragon_in(bag, arguments.namespace)
+        yield dragon_in(bag, arguments.namespace, pool)

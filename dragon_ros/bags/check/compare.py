@@ -7,12 +7,13 @@ version or with other BLAS or numpy kernels, the same tolerance applies to every
 Every message in the bag is either compared or listed as unchecked, with the reason.
 """
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from heapq import merge
 from itertools import chain, groupby
 from math import inf
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -46,7 +47,9 @@ from dragon_ros.version import __version__
 
 _HUGE = 1e100
 _MOST_LAST = 128        # ticks at the end of a led run that may lack a topic, because a killed recorder may have lagged
+_PART_BYTES = 2**23     # of the messages of a part of a run: a tenth of a second of work, about eight chunks
 _Instant = tuple[int, dict[str, list[bytes]]]
+_Span = tuple[int, int]
 _SHOWN = 'model/markers'        # markers may differ between versions; the contacts themselves are in model/contacts
 _SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # solver diagnostics, which may differ between versions
 _POINT_FIELDS = {6: '<u4', 7: '<f4', 8: '<f8'}       # arrays of a cloud: handles, coordinates, speeds
@@ -55,6 +58,20 @@ _VIEWS: dict[str, Callable[[bytes | bytearray], list[Array]]] = {
     'handles': lambda data: [read_pose_array(data).poses],
     'benches': lambda data: read_marker_array(data).geometry,
     'velocities': lambda data: [read_multi_array(data)[1]]}
+
+
+class _Fault(NamedTuple):
+    """A fault of a topic in consecutive ticks."""
+
+    name: str
+    what: str
+    first: int
+    last: int
+
+    def __str__(self) -> str:
+        """Return the line that says it."""
+        ticks = f'tick {self.last}' if self.first == self.last else f'ticks {self.first} to {self.last}'
+        return f'{ticks}: {self.name} {self.what}'
 
 
 @dataclass
@@ -78,33 +95,51 @@ class Comparison:
     fault_count: int = 0
     missing_count: int = 0
     once: int = 0
-    faults: list[str] = field(default_factory=list)
     unchecked: dict[str, tuple[int, str]] = field(default_factory=dict)
     seen: Counter[str] = field(default_factory=Counter)
-    _last: dict[str, tuple[str, int, int, int]] = field(default_factory=dict)
+    _lines: list['_Fault | str'] = field(default_factory=list)
+    _last: dict[str, tuple[int, '_Fault']] = field(default_factory=dict)
+
+    @property
+    def faults(self) -> list[str]:
+        """The first lines of faults, at most ``MOST_FAULTS``."""
+        return [str(line) for line in self._lines]
 
     def note(self, name: str, k: int, what: str, messages: int = 1) -> None:
         """Count the messages of a fault in a tick; consecutive ticks with the same fault share a line."""
-        self._note(name, k, k, what, messages)
+        self._note(_Fault(name, what, k, k), messages)
 
     def missing(self, name: str, first: int, last: int) -> None:
         """Count the missing messages of ticks ``first`` to ``last``, without a limit on their number."""
         self.missing_count += last - first + 1
-        self._note(name, first, last, 'is missing', last - first + 1)
+        self._note(_Fault(name, 'is missing', first, last), last - first + 1)
 
-    def _note(self, name: str, first: int, last: int, what: str, messages: int) -> None:
+    def _note(self, fault: '_Fault', messages: int) -> None:
         self.fault_count += messages
-        before = self._last.get(name)
-        if before and before[0] == what and before[2] == first - 1:
-            first, line = before[1], before[3]
+        line, before = self._last.get(fault.name, (MOST_FAULTS, None))
+        if before is not None and (before.what, before.last) == (fault.what, fault.first - 1):
+            fault = before._replace(last=fault.last)
         else:
-            line = len(self.faults)
+            line = len(self._lines)
             if line < MOST_FAULTS:
-                self.faults.append('')
+                self._lines.append('')
         if line < MOST_FAULTS:
-            self.faults[line] = f'tick {last}: {name} {what}' if first == last else (
-                f'ticks {first} to {last}: {name} {what}')
-        self._last[name] = what, first, last, line
+            self._lines[line] = fault
+        self._last[fault.name] = line, fault
+
+    def add(self, part: 'Comparison') -> None:
+        """Add the comparison of the ticks that follow, as if they had been compared here."""
+        self.equal += part.equal
+        self.close += part.close
+        self.worst_m = max(self.worst_m, part.worst_m)
+        self.fault_count += part.fault_count
+        self.missing_count += part.missing_count
+        self.seen += part.seen
+        for line in part._lines:
+            if isinstance(line, str):
+                self.fault(line, 0)
+            else:
+                self._note(line, 0)
 
     def stray(self, name: str, t_ns: int, count: int) -> None:
         """Count messages whose log time is not a tick."""
@@ -114,8 +149,8 @@ class Comparison:
     def fault(self, line: str, count: int) -> None:
         """Count messages that belong to no tick of the run."""
         self.fault_count += count
-        if len(self.faults) < MOST_FAULTS:
-            self.faults.append(line)
+        if len(self._lines) < MOST_FAULTS:
+            self._lines.append(line)
 
     @property
     def may_all_be_close(self) -> bool:
@@ -128,50 +163,90 @@ class Comparison:
         return not self.fault_count and self.equal + self.close > 0
 
 
+def _here(run: '_PartOfRun', jobs: Sequence[_Span]) -> Iterable[Comparison]:
+    """Compare all parts in this process."""
+    return map(run, jobs)
+
+
 def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
                        progress: Callable[[int], object] = lambda k: None, frame_id: str = 'dragon',
-                       contact_s: float | None = None) -> Comparison:
+                       contact_s: float | None = None,
+                       compared: Callable[['_PartOfRun', Sequence[_Span]], Iterable[Comparison]] = _here) -> Comparison:
     """Recompute every tick of the scene's run and compare each topic's message with the one in the bag.
 
     A run that ends in a contact consists of the ticks before ``contact_s`` and a last frame at exactly that time.
+    ``compared`` gets what compares a part of the run, and the parts; it returns the results in order, wherever they are
+    computed. A led run, and a bag with wall-clock log times, are one part.
     """
     made = bag.metadata(RECORD)
     made_by = made.get('about.dragon_ros')
-    encode = encoders(scene, frame_id)
     result = Comparison(None if made_by in (None, __version__) else made_by, other_kernel(made))
-    instants = _instants(bag, namespace, encode)
+    encode = encoders(scene, frame_id)
     if scene.is_led:
         most = 0 if bag.metadata(RECEIVED) else _MOST_LAST      # a recorder that was not killed has complete ticks
-        _compare_led(result, scene, encode, instants, most, progress)
+        _compare_led(result, scene, encode, _instants(bag, namespace, encode), most, progress)
     else:
-        _compare_run(result, scene, encode, instants, contact_s, progress)
+        run = _PartOfRun(bag, scene, namespace, frame_id, contact_s, (result.other_version, result.other_kernel))
+        spans = run.spans()
+        for (_, end), part in zip(spans, compared(run, spans), strict=True):
+            result.add(part)
+            progress(end - 1)
     _account(result, bag, scene, namespace, frame_id, set(encode))
     return result
 
 
-def _compare_run(result: Comparison, scene: Scene, encode: Mapping[str, Encode], instants: Iterable[_Instant],
-                 contact_s: float | None, progress: Callable[[int], object]) -> None:
-    """Compare the ticks of a run that is determined by the scene alone."""
-    ticks, k, last = compile_scene(scene).last_tick + 1, 0, None
-    if contact_s is not None:
-        ticks, last = min(ticks, ticks_before(scene, contact_s)), contact_frame(scene, contact_s)
-    for t_ns, recorded in instants:
-        if last and t_ns == last.t_ns:
-            k = _missing(result, encode, k, ticks)
-            _compare_tick(result, scene, encode, k, last, recorded)
-            k += 1
-            continue
-        here = scene.run.tick_at(t_ns)
-        is_tick = 0 <= here < ticks and scene.run.time_ns(here) == t_ns
-        k = _missing(result, encode, k, min(here if is_tick else here + 1, ticks))
-        if not is_tick:
-            for name, found in recorded.items():
-                result.stray(name, t_ns, len(found))
-            continue
-        _compare_tick(result, scene, encode, here, tick(scene, here), recorded)
-        progress(here)
-        k = here + 1
-    _missing(result, encode, k, ticks + (last is not None))
+class _PartOfRun:
+    """Compares parts of a run that the scene alone determines; pickled, it opens the bag again."""
+
+    def __init__(self, bag: BagReader, *settings: Any) -> None:
+        """Take the bag, then ``settings``: see the names below."""
+        self._bag, self._settings = bag, settings
+        self._scene, self._namespace, frame_id, contact_s, self._made_by = settings
+        self._encode = encoders(self._scene, frame_id)
+        self._ticks, self._last = compile_scene(self._scene).last_tick + 1, None
+        if contact_s is not None:
+            self._ticks = min(self._ticks, ticks_before(self._scene, contact_s))
+            self._last = contact_frame(self._scene, contact_s)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how another process makes its own."""
+        return _reopened, (self._bag.path, *self._settings)
+
+    def spans(self) -> list[_Span]:
+        """Return the parts: the first tick of each, and the one after its last."""
+        if not log_times_are_ticks(self._bag, self._namespace):
+            return [(0, self._ticks)]
+        size = sum(len(encode(tick(self._scene, 0))) for encode in self._encode.values())
+        each = max(1, _PART_BYTES // size)
+        return [(k, min(k + each, self._ticks)) for k in range(0, self._ticks, each)] or [(0, 0)]
+
+    def __call__(self, span: _Span) -> Comparison:
+        """Compare the ticks of a part, and the messages between them; the last part has all that follow."""
+        result, encode, scene, (k, stop) = Comparison(*self._made_by), self._encode, self._scene, span
+        is_last = stop == self._ticks
+        last = self._last if is_last else None
+        start_ns, end_ns = (scene.run.time_ns(k) if k else None), (None if is_last else scene.run.time_ns(stop))
+        for t_ns, recorded in _instants(self._bag, self._namespace, encode, start_ns, end_ns):
+            if last and t_ns == last.t_ns:
+                k = _missing(result, encode, k, stop)
+                _compare_tick(result, scene, encode, k, last, recorded)
+                k += 1
+                continue
+            here = scene.run.tick_at(t_ns)
+            is_tick = 0 <= here < stop and scene.run.time_ns(here) == t_ns
+            k = _missing(result, encode, k, min(here if is_tick else here + 1, stop))
+            if not is_tick:
+                for name, found in recorded.items():
+                    result.stray(name, t_ns, len(found))
+                continue
+            _compare_tick(result, scene, encode, here, tick(scene, here), recorded)
+            k = here + 1
+        _missing(result, encode, k, stop + (last is not None))
+        return result
+
+
+def _reopened(path: Path, *settings: Any) -> _PartOfRun:
+    return _PartOfRun(BagReader(path), *settings)
 
 
 def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode], instants: Iterable[_Instant],
@@ -269,12 +344,16 @@ def _compare_tick(result: Comparison, scene: Scene, encode: Mapping[str, Encode]
         _compare(result, name, k, frame, encode[name](frame), recorded.get(name, []), scene)
 
 
-def _instants(bag: BagReader, namespace: str, names: Iterable[str]) -> Iterator[_Instant]:
-    """Yield (time of a tick, messages by topic name) for the topics of a namespace."""
+def _instants(bag: BagReader, namespace: str, names: Iterable[str], start_ns: int | None = None,
+              end_ns: int | None = None) -> Iterator[_Instant]:
+    """Yield (time of a tick, messages by topic name) for the topics of a namespace.
+
+    Only a bag whose log times are ticks is read in part, from ``start_ns`` on and before ``end_ns``.
+    """
     if log_times_are_ticks(bag, namespace):
         rows: Iterable[tuple[int, str, bytes]] = (
             (message.t_ns, message.topic.removeprefix(f'{namespace}/'), message.data)
-            for message in bag.messages([f'{namespace}/{name}' for name in names]))
+            for message in bag.messages([f'{namespace}/{name}' for name in names], start_ns, end_ns))
     else:
         stamps: Ints = np.array([read_stamp_ns(one.data) for one in bag.messages([f'{namespace}/handles'])], np.int64)
         if np.any(back := np.diff(stamps) < 0):

@@ -1,6 +1,6 @@
 """The frames of a recorded dragon: handles, benches and velocities as arrays, read lazily, tick by tick."""
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -200,6 +200,16 @@ def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = 
     log time. Handles without benches are yielded alone. Raises InputError, which names topic and time.
     """
     root = namespace_of(bag) if namespace is None else namespace
+    yield from frames_of_part(bag, root, start_ns, end_ns, True)
+
+
+def frames_of_part(bag: BagReader, root: str, start_ns: int | None, end_ns: int | None,
+                   is_last: bool) -> Generator[BagFrame, None, bool]:
+    """Yield the ticks of a part of a bag, as ``frames`` does; return whether they are those of a reading of it all.
+
+    They are not if a tick at the end of a part that is not the last one still waits for its benches, or benches for
+    their tick; none of these is yielded.
+    """
     names = {topic.name: name for name in _TOPICS for topic in bag.topics if topic.name == f'{root}/{name}'}
     ticks = _Ticks('benches' not in names.values())
     for message in bag.messages(list(names), start_ns, end_ns):
@@ -208,7 +218,10 @@ def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = 
             ticks.add(names[message.topic], message)
         except MessageError as error:
             raise MessageError(f'{bag.path}: {message.topic} at {message.t_ns} ns: {error}') from None
+    if not (is_last or ticks.are_complete):
+        return False
     yield from _frames(bag, root, ticks.ready(END_OF_TIME_NS))
+    return True
 
 
 def _frames(bag: BagReader, root: str, ticks: Iterator[_FrameParts]) -> Iterator[BagFrame]:
@@ -240,6 +253,11 @@ class _Ticks:
             self._add_benches(self._benches.read(message.data))
         else:
             self._add_speeds(message.t_ns, _velocities(message.data))
+
+    @property
+    def are_complete(self) -> bool:
+        """Whether nothing waits for a message: every tick has its benches, and all benches have their tick."""
+        return not self._early and (self._alone or all(parts.shown for parts in self._waiting.values()))
 
     def _add_benches(self, shown: ShownBenches) -> None:
         if shown.t_ns in self._waiting:

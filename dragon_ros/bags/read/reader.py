@@ -31,6 +31,8 @@ from dragon_ros.scenes.yaml import values_of
 
 __all__ = ['BagError', 'BagReader', 'Message', 'Topic']
 END_OF_TIME_NS = 2**64
+_SPAN_BYTES = 2**20     # in the file: some dozens of milliseconds of work
+_MOST_SPANS = 2000      # each looks through all batches
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,21 @@ class BagReader:
         last_ns = END_OF_TIME_NS if end_ns is None else end_ns
         for batch, row, data in TimeOrder(batches, choose, self._learn).between(start_ns or 0, last_ns):
             yield Message(self._name(batch, row), data[row.start:row.end], row.t_ns, row.sequence, row.publish_ns)
+
+    def spans(self, start_ns: int, end_ns: int) -> list[tuple[int, int]]:
+        """Return consecutive spans from start_ns up to end_ns that have about equal shares of the bag's bytes.
+
+        They begin where batches do, so that few batches are in two of them.
+        """
+        starts = sorted((batch.start_ns, batch.place.length) for index in self._indexes for batch in index.batches)
+        each = max(_SPAN_BYTES, sum(size for _, size in starts) // _MOST_SPANS)
+        cuts, more = [start_ns], 0
+        for batch_ns, size in starts:
+            if more >= each and cuts[-1] < batch_ns < end_ns:
+                cuts.append(batch_ns)
+                more = 0
+            more += size
+        return list(zip(cuts, [*cuts[1:], end_ns], strict=True))
 
     def _learn(self, batch: MessageBatch, record: OtherRecord, data: bytes) -> None:
         """Check the schemas and channels in a chunk against the index. Raises BagError."""

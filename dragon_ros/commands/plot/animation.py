@@ -1,5 +1,7 @@
 """Animations of a run: GIF, and films in MP4 with the clearance and the speeds beside the dragon."""
-from dataclasses import replace
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass, replace
 from math import floor, log10
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,7 @@ from matplotlib.figure import Figure
 
 from dragon_ros.cli import figures
 from dragon_ros.cli.figures import HEAD, LINES, QUIET
+from dragon_ros.cli.pool import ALONE, Pool
 from dragon_ros.commands.plot.dragon import Overlaps, draw, overlaps, panel, sheet
 from dragon_ros.commands.plot.film import movie
 from dragon_ros.commands.plot.zoom import INSET_WIDTH, Inset, Zoom, contact_of
@@ -56,12 +59,26 @@ def frame_times(source: Source, start_s: float | None, stop_s: float | None, pac
 
 
 def animate(source: Source, times_s: Floats, fps: int, path: Path, drawn: 'AnimatedFigure', progress: Progress,
-            codec: str | None = None) -> Path:
-    """Draw a frame for each time into a file and return its path."""
+            codec: str | None = None, pool: Pool = ALONE) -> Path:
+    """Draw a frame for each time into a file and return its path; the processes of a pool draw."""
     with movie(path, drawn.size, fps, len(times_s), codec) as writer:
-        for one in progress(source.moments(times_s)):
-            writer.add(drawn.frame(one))
+        frames = pool.in_order(_Frames(drawn, writer.prepare), source.moments(times_s), len(times_s))
+        with closing(frames):
+            for frame in progress(frames):
+                writer.add(frame)
     return path
+
+
+@dataclass(frozen=True)
+class _Frames:
+    """Draws moments as frames of a film."""
+
+    drawn: 'AnimatedFigure'
+    prepare: Callable[[Array], Any]
+
+    def __call__(self, one: Moment) -> Any:
+        """Return the frame of a moment."""
+        return self.prepare(self.drawn.frame(one))
 
 
 class AnimatedFigure:
@@ -76,13 +93,14 @@ class AnimatedFigure:
                  film: tuple[int, int] | None = None, dpi: int = 130, progress: Progress = iter) -> None:
         """Lay out the figure with the first moment; ``film`` is a film's size in pixels."""
         first = moment(source, float(times_s[0]))
-        self._source, self._zoom, self._follow = source, zoom, follow
+        self._name, self._zoom, self._follow = source.name, zoom, follow
         self._point_m, self._near = contact_of(zoom, source), NearPairs()
         self._touch = source.first_touch(progress) if source.venue is not None else None     # with an obstacle
         samples = source.moments(times_s[thinned(0, len(times_s) - 1, _SAMPLES)])
         self._whole = window(source.track, samples)
         self._seen = self._whole if zoom is None else zoom.window(first, self._point_m)
         self.figure, axes, small = self._laid_out(film, dpi)
+        self._reach = np.array((-0.5, 0.5))[:, None] * (self._seen[1] - self._seen[0])
         self.axes = axes
         self._dragon = draw(axes, self._seen, source.track, first, venue=source.venue)
         self._ground = [one for one in (*axes.patches, *axes.lines) if one not in self._dragon.moving] if follow else []
@@ -94,6 +112,15 @@ class AnimatedFigure:
         self._canvas: Any = FigureCanvasAgg(self.figure)
         self._background: Any = None
         self._show(first)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but the pixels."""
+        self._draw_background()
+        return {key: value for key, value in vars(self).items() if key not in ('_canvas', '_background')}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore the figure, in another process."""
+        vars(self).update(state, _canvas=FigureCanvasAgg(state['figure']), _background=None)
 
     def _laid_out(self, film: tuple[int, int] | None, dpi: int) -> tuple[Figure, Any, Any]:
         """Return the figure, the axes of the dragon, and those of the inset."""
@@ -126,7 +153,7 @@ class AnimatedFigure:
         gap = f'clearance {1e3 * clearance_m:.1f} mm' if np.isfinite(clearance_m) else 'no benches to touch'
         if one.speed_m_s is not None:
             gap = figures.joined(f'{gap},', f'fastest handle {np.max(one.speed_m_s):.3f} m/s', ' ', self._width_in)
-        return f'{figures.titled(self._source.name, f"{one.t_s:.2f} s", self._width_in)}\n{gap}'
+        return f'{figures.titled(self._name, f"{one.t_s:.2f} s", self._width_in)}\n{gap}'
 
     def _parts(self) -> list[Artist]:
         """Return the moving parts, from bottom to top, and exclude them from the background."""
@@ -150,16 +177,20 @@ class AnimatedFigure:
 
     def frame(self, one: Moment) -> Array:
         """Return the picture of a moment, (H, W, 4) of uint8; it is valid until the next picture is drawn."""
-        if self._background is None:
-            self._canvas.draw()
-            self.figure.set_layout_engine('none')
-            self._canvas.draw()
-            self._background = self._canvas.copy_from_bbox(self.figure.bbox)
+        self._draw_background()
         self._show(one)
         self._canvas.restore_region(self._background)
         for part in self._moving:
             self.figure.draw_artist(part)
         return np.asarray(self._canvas.buffer_rgba())
+
+    def _draw_background(self) -> None:
+        """Lay the figure out and draw what does not move, once."""
+        if self._background is None:
+            self._canvas.draw()
+            self.figure.set_layout_engine('none')
+            self._canvas.draw()
+            self._background = self._canvas.copy_from_bbox(self.figure.bbox)
 
     def _show(self, one: Moment) -> None:
         """Show everything at a moment."""
@@ -167,8 +198,7 @@ class AnimatedFigure:
         self._dragon.show(one, self._touching(one, near.clearance_m))
         if self._follow:
             assert self._zoom is not None
-            half = 0.5 * (self._seen[1] - self._seen[0])
-            self._seen = self._zoom.window(one, self._point_m).mean(axis=0) + np.array((-half, half))
+            self._seen = self._zoom.window(one, self._point_m).mean(axis=0) + self._reach
             self.axes.set(xlim=self._seen[:, 0], ylim=self._seen[:, 1])
             lines, step_m = _ground_lines(self._seen)
             self._lines[0].set_data(*lines)

@@ -14,6 +14,7 @@ from dragon_ros.core.errors import FieldError, InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from dragon_ros.cli.pool import Pool
     from dragon_ros.commands.plot.zoom import Zoom
     from dragon_ros.commands.sources import Source
     Drawing = tuple[Figure, str]        # the run, and the times that a caption names
@@ -49,6 +50,7 @@ def options() -> argparse.ArgumentParser:
                                   help=f'{formats}; repeatable ({default})')
         one.set_defaults(default=default)
         one.add_argument('--dpi', type=int, default=130, help='dots per inch (%(default)s)')
+        command_line.add_workers_option(one, 'animation' if kind == 'animation' else 'picture')
         if kind in ('dragon', 'speeds'):
             command_line.add_times_option(one, 'seconds (the start of the run)')
         if kind in ('dragon', 'animation'):
@@ -77,23 +79,25 @@ def _run(arguments: Namespace) -> int:
         for path in paths:
             if path.suffix.lower() not in figures.FORMATS:
                 raise InputError(f'--output {path}: is no picture; end it in {", ".join(figures.FORMATS)}')
+    from dragon_ros.cli.pool import Pool
     from dragon_ros.commands.sources import opened
-    with opened(arguments) as source, figures.style():
-        for path in _draw(arguments, source, paths):
+    pool = Pool(arguments.workers)
+    with opened(arguments, pool) as source, figures.style():
+        for path in _draw(arguments, source, paths, pool):
             print(path)
     return command_line.OK
 
 
-def _draw(arguments: Namespace, source: 'Source', paths: list[Path]) -> list[Path]:
+def _draw(arguments: Namespace, source: 'Source', paths: list[Path], pool: 'Pool') -> list[Path]:
     """Draw and write one kind of picture."""
     if arguments.kind == 'animation':
-        return [_moving(arguments, source, path) for path in paths]
+        return [_moving(arguments, source, path, pool) for path in paths]
     figure, what = _FIGURES[arguments.kind](arguments, source)
     caption = f'{figures.short(source.name)}, {what}'
     return [figures.write(figure, path, arguments.dpi, caption) for path in paths]
 
 
-def _moving(arguments: Namespace, source: 'Source', path: Path) -> Path:
+def _moving(arguments: Namespace, source: 'Source', path: Path, pool: 'Pool') -> Path:
     from dragon_ros.commands.plot.animation import AnimatedFigure, animate, film_size, frame_times
     kind = path.suffix.lower()
     fps = arguments.fps or (30 if kind == '.mp4' else 20)
@@ -104,7 +108,7 @@ def _moving(arguments: Namespace, source: 'Source', path: Path) -> Path:
     zoom = _zoom(arguments)
     size = film_size(arguments.size) if kind == '.mp4' else None
     drawn = AnimatedFigure(source, times_s, zoom, arguments.follow, size, arguments.dpi, _shown('states'))
-    return animate(source, times_s, fps, path, drawn, _shown('frames', len(times_s)), arguments.codec)
+    return animate(source, times_s, fps, path, drawn, _shown('frames', len(times_s)), arguments.codec, pool)
 
 
 def _zoom(arguments: Namespace) -> 'Zoom | None':

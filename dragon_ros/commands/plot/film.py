@@ -6,7 +6,7 @@ files, ISO/IEC 14496-12); ``mp4_of`` gives it the brands and the handler of a fi
 """
 import struct
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from io import BytesIO
@@ -35,8 +35,12 @@ _PARENTS = (b'moov', b'trak', b'mdia', b'edts')
 class FilmWriter(Protocol):
     """Takes frames of one size."""
 
-    def add(self, frame: Array) -> None:
-        """Add a frame, (H, W, 4) of uint8."""
+    @property
+    def prepare(self) -> Callable[[Array], Any]:
+        """A function that makes a frame of a picture, (H, W, 4) of uint8; another process may call it."""
+
+    def add(self, frame: Any) -> None:
+        """Add a frame."""
 
     def finish(self) -> None:
         """Write the file."""
@@ -101,10 +105,13 @@ class _Gif:
     def __init__(self, path: Path, fps: int) -> None:
         self._path, self._fps, self._frames = path, fps, list[Any]()
 
-    def add(self, frame: Array) -> None:
+    @staticmethod
+    def prepare(picture: Array) -> Any:
         from PIL import Image
-        image = Image.fromarray(np.ascontiguousarray(frame[..., :3]))
-        self._frames.append(image.quantize(palette=_palette(), dither=Image.Dither.NONE))
+        return _image(picture).quantize(palette=_palette(), dither=Image.Dither.NONE)
+
+    def add(self, frame: Any) -> None:
+        self._frames.append(frame)
 
     def finish(self) -> None:
         """Write the file; its last frame is shown for a while before the animation restarts."""
@@ -114,6 +121,11 @@ class _Gif:
 
     def stop(self) -> None:
         self._frames.clear()
+
+
+def _image(picture: Array) -> Any:
+    from PIL import Image
+    return Image.fromarray(np.ascontiguousarray(picture[..., :3]))
 
 
 @lru_cache
@@ -163,22 +175,28 @@ class _Av1:
         self._thread: Thread | None = None
         self._data, self._error = BytesIO(), list[BaseException]()
 
-    def add(self, frame: Array) -> None:
-        from PIL import Image
-        image = Image.fromarray(np.ascontiguousarray(frame[..., :3]))
-        if self._thread is None:
-            self._thread = Thread(target=self._encode, args=(image,), daemon=True)
-            self._thread.start()
-        else:
-            self._put(image)
+    prepare = staticmethod(_image)
 
-    def _put(self, image: Any) -> None:
+    def add(self, frame: Any) -> None:
+        try:
+            self._queue.put_nowait(frame)
+        except Full:
+            self._put(frame)
+
+    def _put(self, frame: Any) -> None:
+        self._start()
         while True:
             if self._error:
                 raise self._error[0]
             with suppress(Full):
-                self._queue.put(image, timeout=_WAIT_S)
+                self._queue.put(frame, timeout=_WAIT_S)
                 return
+
+    def _start(self) -> None:
+        """Start the thread, once frames wait for it: before, a process can be forked."""
+        if self._thread is None:
+            self._thread = Thread(target=self._encode, args=(self._queue.get(),), daemon=True)
+            self._thread.start()
 
     def _encode(self, first: Any) -> None:
         later = [_Later(self._queue) for _ in range(self._frames - 1)]
@@ -190,8 +208,8 @@ class _Av1:
 
     def finish(self) -> None:
         self._put(None)
-        if self._thread is not None:
-            self._thread.join()
+        assert self._thread is not None
+        self._thread.join()
         if self._error:
             raise self._error[0]
         self._path.write_bytes(mp4_of(self._data.getvalue()))
@@ -203,7 +221,10 @@ class _Av1:
 
 
 def mp4_of(sequence: bytes) -> bytes:
-    """Turn an AVIF image sequence into an MP4 file: replace brands and handler, and remove the repetition."""
+    """Turn an AVIF image sequence into an MP4 file: replace brands and handler, and remove the repetition.
+
+    Times of creation are zero, so equal films have equal bytes.
+    """
     out = bytearray(sequence)
     places = {kind: (at, size) for kind, at, size in _boxes(sequence, 0, len(sequence))}
     at, size = places[b'ftyp']
@@ -217,6 +238,9 @@ def mp4_of(sequence: bytes) -> bytes:
     for kind, place in ((b'mvhd', 32), (b'tkhd', 36), (b'elst', 16)):
         at = places[kind][0]
         out[at + place:at + place + 8] = length
+    for kind in (b'mvhd', b'tkhd', b'mdhd'):
+        at = places[kind][0]
+        out[at + 12:at + 28] = bytes(16)        # created, modified
     at = places[b'elst'][0]
     out[at + 8:at + 12] = b'\1\0\0\0'   # version 1, without the repeat flag
     return bytes(out)
@@ -241,10 +265,14 @@ class _Ffmpeg:
                    '-movflags', '+faststart', str(path)]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
 
-    def add(self, frame: Array) -> None:
+    @staticmethod
+    def prepare(picture: Array) -> bytes:
+        return np.ascontiguousarray(picture).tobytes()
+
+    def add(self, frame: bytes) -> None:
         assert self._process.stdin is not None
         try:
-            self._process.stdin.write(np.ascontiguousarray(frame).tobytes())
+            self._process.stdin.write(frame)
         except BrokenPipeError:
             self.finish()
 

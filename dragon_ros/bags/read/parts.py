@@ -1,0 +1,79 @@
+"""The ticks of a long bag in parts, which several processes can read."""
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing
+from itertools import chain, islice
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from dragon_ros.bags.read.frames import BagFrame, frames, frames_of_part
+from dragon_ros.bags.read.reader import END_OF_TIME_NS, BagReader
+from dragon_ros.messages.decode import read_stamp_ns
+
+_TICKS = 64         # in a part that is read here
+R = TypeVar('R')
+_Span = tuple[int, int]
+Mapped = Callable[[Callable[[_Span], R], Sequence[_Span]], Generator[R, None, None]]
+
+
+class _PartReader(Generic[R]):
+    """Applies ``body`` to the ticks of a span of log time; pickled, it opens the bag again."""
+
+    def __init__(self, bag: BagReader, root: str, body: Callable[[Iterator[BagFrame]], R], end_ns: int) -> None:
+        self._bag, self._root, self._body, self._end_ns = bag, root, body, end_ns
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _reopened, (_PartReader, self._bag.path, self._root, self._body, self._end_ns)
+
+    def __call__(self, span: _Span) -> tuple[R, bool]:
+        """Return the result, and whether it is that of these ticks in a reading of the whole bag."""
+        whole = False
+
+        def ticks() -> Iterator[BagFrame]:
+            nonlocal whole
+            whole = yield from frames_of_part(self._bag, self._root, *span, span[1] == self._end_ns)
+        result = self._body(ticks())
+        return result, whole
+
+
+def _reopened(kind: Callable[..., Any], path: Path, *settings: Any) -> Any:
+    return kind(BagReader(path), *settings)
+
+
+def in_parts(bag: BagReader, root: str, body: Callable[[Iterator[BagFrame]], R], mapped: 'Mapped[tuple[R, bool]]',
+             start_ns: int = 0, end_ns: int = END_OF_TIME_NS) -> Generator[R, None, None]:
+    """Yield ``body`` of the ticks of one part after another, of a bag or of a span of log times; it takes all of them.
+
+    ``mapped(work, jobs)`` computes the parts, here or in other processes. Where ticks straddle parts, as they do if the
+    log times are those of a wall clock, this process reads on alone.
+    """
+    spans = bag.spans(start_ns, end_ns)
+    made = mapped(_PartReader(bag, root, body, end_ns), spans)
+    begin_ns = end_ns
+    with closing(made):
+        for span, (result, whole) in zip(spans, made, strict=True):
+            if not whole:
+                begin_ns = span[0]
+                break
+            yield result
+    left = frames(bag, root, begin_ns, end_ns)
+    while some := list(islice(left, _TICKS)):
+        yield body(iter(some))
+
+
+class _Stamps:
+    """Reads the stamp and the log time, in ns, of each message of a topic; pickled, it opens the bag again."""
+
+    def __init__(self, bag: BagReader, topic: str) -> None:
+        self._bag, self._topic = bag, topic
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _reopened, (_Stamps, self._bag.path, self._topic)
+
+    def __call__(self, span: _Span) -> list[tuple[int, int]]:
+        """Return those of a span of log times."""
+        return [(read_stamp_ns(one.data), one.t_ns) for one in self._bag.messages([self._topic], *span)]
+
+
+def stamps_of(bag: BagReader, topic: str, mapped: Mapped[list[tuple[int, int]]]) -> Iterator[tuple[int, int]]:
+    """Yield the stamp and the log time, in ns, of each message of a topic; see ``in_parts``."""
+    return chain.from_iterable(mapped(_Stamps(bag, topic), bag.spans(0, END_OF_TIME_NS)))

@@ -1,0 +1,391 @@
+"""Commands on several processes: the same output, and what is left where a process or the disk gives up."""
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dragon_ros.__main__ import main
+from dragon_ros.bags.check.compare import Comparison, compare_with_model
+from dragon_ros.bags.read.frames import frames
+from dragon_ros.bags.read.parts import in_parts
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.bags.write.writer import BagWriter
+from dragon_ros.cli.pool import ALONE, Pool, workers_of
+from dragon_ros.commands.plot.film import has_av1
+from dragon_ros.commands.sources import dragon_in
+from dragon_ros.core.errors import DragonError
+from dragon_ros.messages.channels import channels
+from dragon_ros.scenes.load import load_scene
+
+DRAGON = [sys.executable, '-m', 'dragon_ros']
+COMMAND = [*DRAGON, 'simulate', '--scene', 'winding', '--workers', '2']
+RUN = ['run.start_s=380', 'run.stop_s=413.5']       # its last second has the contact
+
+
+def squares(job):
+    return job * job + 1
+
+
+def end_at_300(job):
+    if job == 300:
+        raise DragonError(f'job {job}: no')
+    return job
+
+
+class KilledElsewhere:
+    """Ends every process but the one that made it."""
+
+    def __init__(self):
+        self.parent = os.getpid()
+
+    def __call__(self, job):
+        if os.getpid() != self.parent:
+            os.kill(os.getpid(), signal.SIGKILL)
+        time.sleep(0.01)        # so that others have jobs
+        return job
+
+
+@pytest.mark.parametrize('workers', [1, 2, 3])
+def test_results_come_in_the_order_of_the_jobs(workers):
+    assert list(Pool(workers).in_order(squares, range(500))) == [n * n + 1 for n in range(500)]
+
+
+@pytest.mark.parametrize('workers', [1, 2])
+def test_an_error_of_a_job_comes_at_its_place(workers):
+    results = Pool(workers).in_order(end_at_300, range(1000))
+    assert [next(results) for _ in range(300)] == list(range(300))
+    with pytest.raises(DragonError, match='job 300'):
+        next(results)
+
+
+def test_a_killed_process_is_said():
+    with pytest.raises(DragonError, match='worker processes was killed'):
+        list(Pool(2).in_order(KilledElsewhere(), range(10_000)))
+
+
+def test_short_work_is_done_by_this_process_unless_workers_are_asked_for():
+    """None of the results comes from a process that would have been killed."""
+    assert list(Pool().in_order(KilledElsewhere(), range(10))) == list(range(10))
+
+
+def test_workers_are_checked_and_one_for_each_core_by_default():
+    assert workers_of(None) == Pool().workers == len(os.sched_getaffinity(0))
+    assert Pool(3).workers == 3
+    for wrong in (0, 1025):
+        with pytest.raises(DragonError, match='--workers'):
+            Pool(wrong)
+
+
+@pytest.mark.parametrize('compression', ['zstd', 'none'])
+def test_a_bag_has_the_same_bytes_with_any_number_of_workers(tmp_path, compression):
+    bags = []
+    for workers in (1, 2, 3):
+        bags.append(tmp_path / f'{workers}.mcap')
+        assert main(['simulate', '--scene', 'winding', '--set', 'run.stop_s=32', '--compression', compression,
+                     '--workers', str(workers), '--output', str(bags[-1])]) == 0
+    assert bags[0].stat().st_size > 2**24
+    assert bags[1].read_bytes() == bags[0].read_bytes() == bags[2].read_bytes()
+
+
+def begun(path, least=2**22):
+    """Wait until a process writes a bag."""
+    end = time.monotonic() + 60
+    while not path.exists() or path.stat().st_size < least:
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def children(pid):
+    """The processes that a process has started to work."""
+    return [int(one) for one in Path(f'/proc/{pid}/task/{pid}/children').read_text().split()]
+
+
+def complete_ticks(path):
+    """How many ticks a bag has, all of them whole; a bag without its index is not opened."""
+    with BagReader(path) as bag:
+        counts = {topic.messages for topic in bag.topics if topic.name in ('/dragon/handles', '/dragon/benches')}
+    assert len(counts) == 1
+    return counts.pop()
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_all_processes_leaves_a_complete_bag(tmp_path, number):
+    path = tmp_path / 'a.mcap'
+    with subprocess.Popen([*COMMAND, '--output', path], stderr=subprocess.PIPE, text=True,
+                          start_new_session=True) as process:
+        begun(path)
+        os.killpg(process.pid, number)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert 'Traceback' not in errors
+    assert f'{complete_ticks(path)} of 21646 ticks' in errors
+
+
+def test_a_killed_worker_leaves_a_complete_bag(tmp_path):
+    path = tmp_path / 'a.mcap'
+    with subprocess.Popen([*COMMAND, '--output', path], stderr=subprocess.PIPE, text=True) as process:
+        begun(path)
+        for child in children(process.pid):
+            os.kill(child, signal.SIGKILL)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert 'one of the worker processes was killed' in errors
+    assert complete_ticks(path) > 0
+
+
+def test_workers_end_with_the_process_that_started_them(tmp_path):
+    path = tmp_path / 'a.mcap'
+    with subprocess.Popen([*COMMAND, '--output', path], stderr=subprocess.PIPE, text=True) as process:
+        begun(path)
+        working = children(process.pid)
+        process.kill()
+        process.wait(60)
+    assert working
+    end = time.monotonic() + 60
+    while any(Path(f'/proc/{child}').exists() for child in working):
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_a_full_disk_leaves_a_complete_bag(tmp_path):
+    path = tmp_path / 'a.mcap'
+    limited = ['bash', '-c', 'ulimit -f 8192; trap "" XFSZ; exec "$@"', 'bash']
+    done = subprocess.run([*limited, *COMMAND, '--output', path], stderr=subprocess.PIPE, text=True, timeout=120)
+    assert done.returncode == 1
+    assert 'cannot be continued' in done.stderr
+    assert path.stat().st_size <= 8192 * 1024
+    assert complete_ticks(path) > 0
+
+
+@pytest.fixture(scope='module')
+def long(tmp_path_factory):
+    """The bag of a run that takes several parts."""
+    path = tmp_path_factory.mktemp('long') / 'long.mcap'
+    changes = chain.from_iterable(('--set', one) for one in RUN)
+    assert main(['simulate', '--scene', 'winding', *changes, '--workers', '1', '--output', str(path)]) == 0
+    return path
+
+
+def changed(path, long, change):
+    """A copy of a bag; ``change`` returns the log times at which a message of a tick is written."""
+    with BagReader(long) as bag, BagWriter(path) as out:
+        for topic in bag.topics:
+            out.add_channel(topic.name, channels()[topic.name.removeprefix('/dragon/')])
+        for one in bag.messages():
+            for t_ns in change(one.topic.removeprefix('/dragon/'), one.t_ns, one.sequence - 1):
+                out.write(one.topic, one.data, t_ns, one.sequence)
+    return path
+
+
+def damaged(name, t_ns, k):
+    """Lose ticks, one topic and several, at the ends and in between; double some; move some between ticks."""
+    if name in ('scene', 'track') or k is None:
+        return [t_ns]
+    if k < 2 or 100 <= k < 400 or (name == 'handles' and k % 5 == 0) or k > 1670:
+        return []
+    return [t_ns, t_ns] if k % 331 == 0 else [t_ns + 1] if k % 200 == 3 else [t_ns]
+
+
+def late(name, t_ns, k):
+    """Log as a recorder at wall time does: each topic of a tick a little later."""
+    return [t_ns + {'handles': 1, 'velocities': 1}.get(name, 4) * 10**6]
+
+
+def run(capsys, *command):
+    code = main([*map(str, command)])
+    return code, capsys.readouterr().out
+
+
+def elsewhere(*command):
+    """The exit code and the output of a command in a process of its own, whose workers are forked."""
+    done = subprocess.run([*DRAGON, *map(str, command)], capture_output=True, text=True, timeout=120)
+    assert 'Traceback' not in done.stderr
+    return done.returncode, done.stdout
+
+
+@pytest.mark.parametrize('change', [None, damaged, late])
+def test_a_check_says_the_same_with_any_number_of_workers(capsys, tmp_path, long, change):
+    path = long if change is None else changed(tmp_path / 'a.mcap', long, change)
+    check = ['inspect', path, '--check', '--format', 'json']
+    if change is not None:      # written without the record of its run
+        with BagReader(path) as bag:
+            scene, sizes = load_scene('winding', RUN), []
+
+            def alone(part, spans):
+                sizes.append(len(spans))
+                return [part((spans[0][0], spans[-1][1])), *(Comparison() for _ in spans[1:])]
+
+            def faults(compared):
+                found = compare_with_model(bag, scene, compared=compared)
+                return (found.equal, found.close, found.fault_count, found.missing_count, found.faults, found.seen,
+                        found.unchecked)
+            whole = faults(alone)
+            assert whole == faults(Pool(2).in_order) == faults(ALONE.in_order)
+            assert (sizes[0] > 5) == (change is damaged)
+            assert whole[2] > 1000 if change is damaged else whole[2] == 0
+        return
+    one, two = run(capsys, *check, '--workers', 1), elsewhere(*check, '--workers', 2)
+    assert one == two
+    assert json.loads(one[1])['equal'] == 3 * 1676
+
+
+@given(st.lists(st.tuples(st.integers(0, 3), st.sampled_from('ab'), st.sampled_from(['differs', 'is late'])),
+                max_size=40), st.integers(0, 40))
+def test_faults_of_two_parts_are_those_of_the_whole(ticks, cut):
+    def compared(first, some):
+        out = Comparison()
+        for k, (kind, name, what) in enumerate(some, first):
+            if kind == 0:
+                out.missing(name, k, k)
+            elif kind == 1:
+                out.note(name, k, what, 2)
+            elif kind == 2:
+                out.stray(name, k, 1)
+            else:
+                out.equal += 1
+        return out
+    whole, parts = compared(0, ticks), Comparison()
+    parts.add(compared(0, ticks[:cut]))
+    parts.add(compared(cut, ticks[cut:]))
+    assert parts.faults == whole.faults
+    assert (parts.fault_count, parts.missing_count, parts.equal, parts.seen) == (
+        whole.fault_count, whole.missing_count, whole.equal, whole.seen)
+
+
+@pytest.mark.parametrize('suffix', ['csv', 'npz', 'parquet'])
+def test_an_export_has_the_same_bytes_with_any_number_of_workers(capsys, tmp_path, long, suffix):
+    more = ['--handles', '0-20', '--every', '3' if suffix == 'parquet' else '1']
+    files = [tmp_path / f'{name}.{suffix}' for name in 'ab']
+    assert run(capsys, 'export', long, '--output', files[0], '--workers', 1, *more)[0] == 0
+    assert elsewhere('export', long, '--output', files[1], '--workers', 2, *more)[0] == 0
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_an_export_of_a_bag_at_wall_time_has_the_same_bytes_too(capsys, tmp_path, long):
+    files = [tmp_path / f'{name}.csv' for name in 'abc']
+    path = changed(tmp_path / 'late.mcap', long, late)
+    for bag, file, workers in ((long, files[0], 1), (path, files[1], 1), (path, files[2], 2)):
+        assert run(capsys, 'export', bag, '--output', file, '--workers', workers, '--handles', '7')[0] == 0
+    assert files[1].read_bytes() == files[2].read_bytes()
+    without = [[line.rsplit(',', 3)[0] for line in file.read_text().splitlines()] for file in files[:2]]
+    assert without[0] == without[1]
+
+
+def stamps(some):
+    return [frame.t_ns for frame in some]
+
+
+@pytest.mark.parametrize('change', [None, damaged, late])
+def test_ticks_in_parts_are_those_of_the_bag(tmp_path, long, change):
+    path = long if change is None else changed(tmp_path / 'a.mcap', long, change)
+    with BagReader(path) as bag:
+        parts = list(in_parts(bag, '/dragon', stamps, ALONE.in_order))
+        assert list(chain.from_iterable(parts)) == stamps(frames(bag))
+        assert len(parts) > 10
+
+
+@pytest.mark.parametrize('change', [None, damaged, late])
+def test_a_bag_is_drawn_from_the_same_numbers_with_any_number_of_workers(tmp_path, long, change):
+    path = long if change is None else changed(tmp_path / 'a.mcap', long, change)
+    with BagReader(path) as bag:
+        one, two = dragon_in(bag), dragon_in(bag, pool=Pool(2))
+        assert one.span_s == two.span_s
+        ticks = []
+        assert one.first_touch(lambda rows: (ticks.append(0) or row for row in rows)) == two.first_touch(iter)
+        assert len(ticks) > 1000
+        times_s = one.ticks_s(*one.span_s, 200)
+        assert list(one.gaps(times_s)) == list(two.gaps(times_s))
+
+
+def test_a_touch_in_a_bag_is_the_one_that_a_monitor_finds(long):
+    with BagReader(long) as bag:
+        source = dragon_in(bag)
+        observed = [one for one, _ in source._observations(bag.start_ns, bag.end_ns)]
+        touch = next(one for one in source._tracked(observed) if one is not None)
+        assert source.first_touch(iter) == touch
+
+
+@pytest.mark.parametrize('suffix', ['gif', pytest.param('mp4', marks=pytest.mark.skipif(
+    not has_av1(), reason='needs Pillow 11.3'))])
+def test_an_animation_has_the_same_bytes_with_any_number_of_workers(capsys, tmp_path, suffix):
+    files = [tmp_path / f'{name}.{suffix}' for name in 'ab']
+    more = ['--start', '410', '--stop', '413', '--pace', '5', '--around', 'head', '--follow', '--dpi', '50', '--size',
+            '480x270', '--output']
+    assert run(capsys, 'plot', 'animation', '--workers', 1, *more, files[0])[0] == 0
+    assert elsewhere('plot', 'animation', '--workers', 2, *more, files[1])[0] == 0
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_a_curve_of_a_scene_has_the_same_values_with_any_number_of_workers():
+    from dragon_ros.commands.sources import SceneSource
+    scene, times_s = load_scene('winding', RUN), np.linspace(400, 413, 200)
+    assert list(SceneSource('a', scene, Pool(2)).gaps(times_s)) == list(SceneSource('a', scene).gaps(times_s))
+
+
+BROKEN_OFF = {'check': ['inspect', 'BAG', '--check'],
+              'export': ['export', 'BAG', '--output', 'a.csv'],
+              'curve': ['plot', 'clearance', '--bag', 'BAG', '--output', 'a.png'],
+              'animation': ['plot', 'animation', '--dpi', '60', '--output', 'a.gif']}
+
+
+def broken_off(folder, long, what, end):
+    """Start a command, let ``end`` end it once it has started a process; return its exit code and errors.
+
+    Nothing is left but what was there.
+    """
+    command = [str(long) if one == 'BAG' else one for one in BROKEN_OFF[what]]
+    with subprocess.Popen([*DRAGON, *command, '--workers', '2'], cwd=folder, stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
+        until = time.monotonic() + 60
+        while not children(process.pid):
+            assert time.monotonic() < until
+            time.sleep(0.005)
+        end(process)
+        _, errors = process.communicate(timeout=60)
+    assert list(folder.iterdir()) == []
+    assert 'Traceback' not in errors
+    return process.returncode, errors
+
+
+@pytest.mark.parametrize('what', BROKEN_OFF)
+def test_an_interrupt_ends_a_command_as_it_ends_a_single_process(tmp_path, long, what):
+    assert broken_off(tmp_path, long, what, lambda process: os.killpg(process.pid, signal.SIGINT))[0] == 1
+
+
+@pytest.mark.parametrize('what', BROKEN_OFF)
+def test_a_killed_worker_ends_a_command_in_one_line(tmp_path, long, what):
+    code, errors = broken_off(tmp_path, long, what, lambda process: [
+        os.kill(child, signal.SIGKILL) for child in children(process.pid)])
+    assert (code, len(errors.splitlines())) == (1, 1)
+    assert 'one of the worker processes was killed' in errors
+
+
+@pytest.mark.parametrize('what', ['export', 'animation'])
+def test_a_full_disk_leaves_nothing_of_a_file(tmp_path, long, what):
+    limited = ['bash', '-c', 'ulimit -f 64; trap "" XFSZ; exec "$@"', 'bash', *DRAGON]
+    command = [str(long) if one == 'BAG' else one for one in BROKEN_OFF[what]]
+    done = subprocess.run([*limited, *command, '--workers', '2'], cwd=tmp_path, capture_output=True, text=True,
+                          timeout=120)
+    assert (done.returncode, len(done.stderr.splitlines()), list(tmp_path.iterdir())) == (2, 1, [])
+    assert 'cannot be written' in done.stderr
+
+
+@pytest.mark.parametrize('command', [('inspect', 'a.mcap', '--check'), ('export', 'a.mcap', '--output', 'a.csv'),
+                                     ('plot', 'speeds'), ('simulate', '--output', 'a.mcap')])
+def test_every_command_checks_the_number_of_workers(capsys, command):
+    assert main([*command, '--workers', '0']) == 2
+    assert '--workers' in capsys.readouterr().err
+
+
+def test_a_summary_of_a_bag_takes_no_workers(capsys):
+    assert main(['inspect', 'a.mcap', '--workers', '2']) == 2
+    assert '--workers' in capsys.readouterr().err
