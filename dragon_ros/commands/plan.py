@@ -35,7 +35,7 @@ _COARSEST, _FEW_PAGES = 500, 4      # scales beyond 1:500 are avoided by up to f
 _AROUND_M = 2.0         # margin around the drawn objects
 _TEXT_PT = 9
 _BROKEN = '#C00000'
-_OBSTACLE_HATCH = '\\\\\\'      # also in black and white no obstacle looks like a swept area
+_OBSTACLE_HATCH = '\\\\\\'      # distinguishes obstacles from swept areas in black and white
 _CENTRE_LINE = (0, (12, 2, 2, 2))
 _ROWS = 34              # rows of a table on one page
 _NARROWEST = 3          # positions at which the required room is shown
@@ -148,7 +148,7 @@ class Plan:
 
     @cached_property
     def passes_s(self) -> tuple[Floats, Floats]:
-        """When head and tail pass the marks, to a four-hundredth of the run; nan if they do not."""
+        """The times when head and tail pass the marks, to 1/400 of the run; nan if they do not pass."""
         from dragon_ros.core.batches import states
         simulation = compile_scene(self.scene)
         run = self.scene.run
@@ -387,7 +387,7 @@ def mark_offsets(places: Floats, headings: Floats, labels: list[str]) -> list[tu
 
 
 def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Floats, float]]) -> None:
-    """Draw the smallest gaps as dimensions; those below the margin in red, and named too small."""
+    """Draw the smallest gaps as dimensions; those below the margin are red and marked as too small."""
     for gap in plan.gaps:
         middle = gap.ends_m.mean(axis=0)
         if not _seen(middle, window):

@@ -21,7 +21,7 @@ _SIDES = {text: side for side, text in KINDS.items()}
 
 @dataclass(frozen=True)
 class Located:
-    """Surroundings (None: no obstacles) in a frame; ``left_out`` says what of the message is not used.
+    """Surroundings (None: no obstacles) in a frame; ``left_out`` names the unused parts of the message.
 
     ``frame_id`` is None for the frame of the dragon, whatever its name.
     """
@@ -34,8 +34,8 @@ class Located:
 def read_venue(data: bytes) -> Located:
     """Return the obstacles in a MarkerArray: the LINE_LIST and LINE_STRIP markers in the namespace ``venue``.
 
-    Their names are the texts in the namespace ``venue names`` with the same id. The text of a marker says what it is:
-    polygon, line or inside; without it, it is a line. Raises MessageError if it is invalid or mixes frames.
+    Their names are the texts in the namespace ``venue names`` with the same id. The text of a marker is its kind:
+    polygon, line or inside; without text it is a line. Raises MessageError if a marker is invalid or frames are mixed.
     """
     markers = read_marker_array(data)
     of = np.array([run.ns for run in markers.runs], dtype=object)[markers.run_of]
@@ -90,7 +90,7 @@ def _edges(markers: Markers, marker: int) -> tuple[Complexes, Complexes]:
 def plane_pose_of(pose: Floats, what: str) -> PlanePose:
     """Return a pose (7,) in the plane; its height is ignored. Raises MessageError if it is tilted or not finite.
 
-    A quaternion of zeros, which many programs leave so, turns nothing.
+    A quaternion of zeros, which many programs send, means no rotation.
     """
     x, y, _, *quaternion = pose.tolist()
     if not all(abs(one) < FARTHEST_M for one in pose.tolist()):
@@ -104,7 +104,7 @@ def plane_pose_of(pose: Floats, what: str) -> PlanePose:
 
 @dataclass(frozen=True)
 class CellRules:
-    """Which cells of a grid are obstacles: those at ``occupied`` percent and above, and perhaps ``unknown`` ones."""
+    """The cells of a grid that are obstacles: those of at least ``occupied`` percent, optionally ``unknown`` ones."""
 
     occupied: int = 65
     unknown: bool = False
@@ -131,7 +131,7 @@ def read_grid(data: bytes, rules: CellRules) -> Located:
     occupied = cells >= rules.occupied
     if rules.unknown:
         occupied |= cells < 0
-    cell_m = float(f'{resolution_m:.7g}')       # 0.05 rather than the nearest 32-bit number
+    cell_m = float(f'{resolution_m:.7g}')       # 0.05 instead of the nearest 32-bit number
     return Located(frame_id, outlines(occupied, MAP, shift, turn * cell_m) if count else None)
 
 

@@ -1,7 +1,7 @@
 """``monitor``: observes the handles and benches of any publisher and reports contacts, clearance and health.
 
-It observes one dragon: if several publish on its topics, it stays with the known one and warns. The obstacles that it
-knows (``obstacles``) count like benches.
+It observes one dragon: if several publish on its topics, it stays with the known one and warns. Known obstacles
+(``obstacles``) count like benches.
 """
 import threading
 import time
@@ -31,7 +31,7 @@ from dragon_ros.nodes.params import MONITOR
 _PARTNER_S = 10.0       # longest wait for a tick's other message: lost ones are resent within 3 s (Fast DDS)
 _MARKER_S = 0.1           # shortest interval of clearance/marker
 _HEALTH_S = 1.0           # interval of /diagnostics in wall time
-_REST_S = 5.0             # longest time to read what arrived before a signal: a launched run ends with its source
+_REST_S = 5.0             # longest time to read earlier messages after a signal: a launched run ends with its source
 _STAMPED = 'clearance/stamped'
 _TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance', _STAMPED,
            'clearance/marker', '/diagnostics')
@@ -94,7 +94,7 @@ class Monitor(DragonNode):
             self._publish_health(always=True)
 
     def _on_timer(self) -> None:
-        """Drop messages whose partner has not arrived, look for other publishers, and publish the health."""
+        """Drop messages whose partner has not arrived, check for other publishers, and publish the diagnostics."""
         self._several = publishers.several_of(self, (*self._sources.values(), self._obstacles.venue), self._several)
         self._obstacles.look()
         self._pairs.expire(time.monotonic() - _PARTNER_S)
@@ -132,11 +132,11 @@ class Monitor(DragonNode):
         self.get_logger().warning(f'message dropped ({self.dropped} so far): {why}', throttle_duration_sec=1.0)
 
     def _report(self, report: Report) -> None:
-        """Publish the result of one tick, each topic only if it changes or has subscribers."""
+        """Publish the result of one tick: each topic only if it changes or has subscribers."""
         changed = (self._last is not None and self._last.count > 0) != (report.count > 0)
         self._last = report
         self.seen += 1
-        if self.topic_publishers[_STAMPED].get_subscription_count():    # first: recorders take the tick from it
+        if self.topic_publishers[_STAMPED].get_subscription_count():    # first, because recorders take the tick from it
             self.topic_publishers[_STAMPED].publish(stamped_clearance(report))
         if self.topic_publishers['clearance'].get_subscription_count():
             self.topic_publishers['clearance'].publish(float64_of(report.clearance_m))
@@ -175,7 +175,7 @@ class Monitor(DragonNode):
                 self.get_logger().info(status.message)
 
     def _publish_health(self, always: bool = False) -> None:
-        """Publish on /diagnostics, at changes of the level unless ``always``."""
+        """Publish on /diagnostics; without ``always`` only at changes of the level."""
         dragon = self.get_namespace().strip('/')
         level = messages.level_of(self._last, self._warn_below_m)
         if always or level != self._level:
@@ -189,7 +189,7 @@ class Monitor(DragonNode):
 
 
 def run(stop: threading.Event) -> int:
-    """Run the monitor in an executor of its own until ``stop``; return the exit code."""
+    """Run the monitor in a new executor until ``stop``; return the exit code."""
     node = Monitor()
     try:
         code = shell.spin(node, stop, rest_s=_REST_S)

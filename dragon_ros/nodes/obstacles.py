@@ -1,7 +1,7 @@
-"""The obstacles that a monitor knows, in the dragon's frame: those of a file, of the topic ``venue``, and of a map.
+"""The obstacles known to a monitor, in the dragon's frame: from a file, from the topic ``venue``, and from a map.
 
 Obstacles of all sources count together. If one is in another frame than the dragon, it is moved by the declared pose or
-by the transforms of /tf and /tf_static. Without a pose it is not used, and the log and /diagnostics say so.
+by the transforms of /tf and /tf_static. Without a pose it is not used, which the log and /diagnostics report.
 """
 import time
 from cmath import phase
@@ -29,9 +29,9 @@ from dragon_ros.scenes.load import load_venue
 
 _VENUE = 'venue'
 _GRID = 'nav_msgs/msg/OccupancyGrid'
-_PATIENCE_S = 5.0       # longest wait of the first tick for a latched message whose publisher is there
-_ASKED_S = 0.05         # interval between looks whether it has arrived
-_SAME = 1e-9            # metres and radians: smaller changes of a pose move nothing
+_PATIENCE_S = 5.0       # longest wait of the first tick for the latched message of a known publisher
+_ASKED_S = 0.05         # interval between checks whether it has arrived
+_SAME = 1e-9            # metres and radians: smaller changes of a pose are ignored
 _FRAMES_DEPTH = 100
 _HERE: PlanePose = (0j, 1 + 0j)
 
@@ -71,7 +71,7 @@ class Obstacles:
             subscribe_raw(node, shell.message_type(kind), topic, partial(self._take, topic, read), profile)
 
     def awaited(self) -> bool:
-        """Return whether the first tick waits: a publisher of obstacles is known, and its message has not arrived."""
+        """Return whether the first tick waits, because the message of a known publisher has not arrived yet."""
         if not self._waiting:
             return False
         late = [topic for topic in sorted(self._waiting) if self._node.count_publishers(topic)]
@@ -92,18 +92,18 @@ class Obstacles:
             self._resume()
 
     def see(self, frame_id: str) -> None:
-        """Take note of the frame of a tick."""
+        """Note the frame of a tick."""
         if frame_id != self._frame_id:
             self._frame_id = frame_id
             self._place()
 
     def look(self) -> None:
-        """Move what is in other frames by the newest transforms."""
+        """Move obstacles in other frames by the newest transforms."""
         if self._tree:
             self._place()
 
     def _take(self, topic: str, read: Callable[[bytes], Located], data: bytes, _: Any) -> None:
-        """Read a message. The last valid one stays if this one is not."""
+        """Read a message; if it is invalid, the last valid one is kept."""
         began_s = time.monotonic()
         try:
             located = read(data)
@@ -148,7 +148,7 @@ class Obstacles:
         self._node.get_logger().info(f"obstacles: {self._text() or 'none'}")
 
     def _pose_of(self, frame_id: str | None) -> PlanePose:
-        """Return the pose of a frame in the dragon's. Raises MessageError if it is unknown."""
+        """Return the pose of a frame in the dragon's frame. Raises MessageError if it is unknown."""
         if frame_id is None or frame_id.lstrip('/') == (self._frame_id or '').lstrip('/'):
             return _HERE
         if self._pose:
@@ -186,7 +186,7 @@ class Obstacles:
                          for source, _, pose in self._placed)
 
     def statuses(self, dragon: str) -> list[DiagnosticStatus]:
-        """Return which obstacles are used (OK), or which are not and why (WARN); nothing without a source."""
+        """Return which obstacles are used (OK), and which are not and why (WARN); nothing without a source."""
         unused = {**self._unused, **self._faults}
         if not self._located and not unused:
             return []
@@ -208,6 +208,6 @@ def _at(pose: PlanePose) -> str:
 
 
 def _alike(one: list[tuple[str, int, PlanePose]], two: list[tuple[str, int, PlanePose]]) -> bool:
-    """Return whether two lists of placed sources are the same, but for tiny moves."""
+    """Return whether two lists of placed sources are equal apart from tiny moves."""
     return len(one) == len(two) and all(a[:2] == b[:2] and all(abs(x - y) <= _SAME for x, y in zip(
         a[2], b[2], strict=True)) for a, b in zip(one, two, strict=True))

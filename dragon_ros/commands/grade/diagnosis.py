@@ -692,7 +692,7 @@ def _turn_fit(times_s: Floats, head: Floats, right: Floats) -> Turn | None:
 
 
 def _before_turn(times_s: Floats, head: Floats, noise_m: float) -> Finding:
-    """Return the circle that the head approaches, if it is right up to the entry."""
+    """Return the circle that the head approaches, if its motion is right up to the entry."""
     for circle_m in _circles_m(times_s, head):
         before = times_s < 0
         remade = _turn_state(times_s[before], _ALONE, STurn(diameter_m=circle_m), 0.0, 1.0).handles_m[:, 0]

@@ -34,8 +34,8 @@ _UNITS = {'_m': 'm', '_s': 's', '_m_s': 'm/s', '_m_s2': 'm/s²', '_rad': 'rad', 
 _FEW = 8            # fewest rows for a distribution
 _CONTOURS = 12
 _MOST_PAIRS = 12    # how many pairs of benches colours can distinguish
-_EDGE = '#444444'   # around white lines and letters, which would vanish on the light end of a map
-_MOST_LETTERS = 20  # of a row or a column of a map
+_EDGE = '#444444'   # outlines white lines and letters, which would vanish at the light end of a map
+_MOST_LETTERS = 20  # most letters in a row or a column of a map
 _PAIRS = {'contact_t_s': ('contact_inner', 'contact_outer'), 'min_pitch_m': ('min_pitch_inner', 'min_pitch_outer')}
 
 
@@ -152,7 +152,7 @@ def _pairs_panel(figure: Figure, axes: Axes, at: tuple[list[float], list[float]]
 
 
 def _letters(axes: Axes, at: tuple[list[float], list[float]], place: Floats) -> None:
-    """Write the letter of its kind on each cell of a map, or on some of many, so that no colour is needed."""
+    """Write the letter of its kind on each cell of a map (or on some of many cells), so that no colour is needed."""
     steps = [-(-count // _MOST_LETTERS) for count in place.shape]
     for n, k in ((n, k) for n in range(steps[0] // 2, place.shape[0], steps[0])
                  for k in range(steps[1] // 2, place.shape[1], steps[1])):
