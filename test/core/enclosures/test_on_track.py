@@ -8,6 +8,7 @@ from dragon_ros.core.chain.lock import head_lock_angle
 from dragon_ros.core.enclosures.on_track import (
     LinkStates,
     curvature_range,
+    direction_errors,
     enclosed,
     kinematics,
     link_states,
@@ -195,3 +196,13 @@ def test_ratios_of_speeds_that_are_enclosed_only_where_they_change_are_within_th
     steady = (r.mid == 1) & (r.rad == 0)
     assert 0 < np.mean(steady) < 1
     assert np.all(np.abs(every.r.mid - 1)[steady] < 1e-9)
+
+
+@pytest.mark.parametrize('link_m', [0.05, 0.4, 1.0, 3.0])
+def test_a_link_turns_by_no_more_than_its_error_if_both_ends_are_off_and_by_nearly_as_much(link_m):
+    off_m = 1e-5
+    (found, bare), track = direction_errors(np.array([link_m, 0.0]), (-0.5, 0.2), off_m)
+    turned = np.arctan(2 * off_m / link_m)
+    assert turned <= found <= 1.001 * turned
+    assert bare == track
+    assert 0.5 * off_m <= track <= 0.501 * off_m
