@@ -118,6 +118,19 @@ def test_the_scene_file_of_a_variant_makes_the_same_scene(server, tmp_path):
     assert yaml.safe_load(path.read_text())['track']['pitch_m'] == 0.6
 
 
+@pytest.mark.parametrize(('scene', 'closed'), [('street', [True]), ('square', [True, True, True])])
+def test_the_walls_of_a_venue_are_sent_whole(scene, closed):
+    variant = Variants(scene, scene, ['dragon.benches=3', 'run.stop_s=1']).variant('')
+    x, y = variant.data.run['walls']
+    ends = [n for n, one in enumerate(x) if one is None]
+    pieces = [list(zip(x[first + 1:last], y[first + 1:last], strict=True))
+              for first, last in zip([-1, *ends], ends, strict=False)]
+    venue = variant.scene.venue
+    parts = [*(one.points_m for one in venue.obstacles), venue.inside or ()]
+    assert {one for piece in pieces for one in piece} == {tuple(map(float, one)) for part in parts for one in part}
+    assert [True for piece in pieces if piece[0] == piece[-1]] == closed
+
+
 def test_the_last_few_variants_are_kept_and_no_more():
     variants = Variants('small', 'winding', SMALL)
     kept = [variants.variant(f'dragon.benches={n}') for n in range(2, 12)]

@@ -9,6 +9,7 @@ import numpy as np
 from dragon_ros.commands.sources import Check, Moment, Progress, Source, Touch, clearances, moment, thinned, window
 from dragon_ros.core.limits import VIEW_TICKS
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.venue import PolygonObstacle, Venue
 
 MOST_BENCHES = 2000         # most benches sent as rectangles; for more, the page computes them from the handles
 MOST_POINTS = 1500          # points per line
@@ -55,6 +56,7 @@ class ViewData:
         return {'name': self._source.name, 'benches': len(self._first.benches.centre), 'drawn': self._drawn,
                 'placed': self._placed, 'sizes': _sizes(self._first), 'handles': self._handles.tolist(),
                 'frames_each': self.frames_each, 'times_s': self.times_s.tolist(), 'track': shown,
+                'walls': _walls(self._source.venue),
                 'speeds': self._first.speed_m_s is not None, 'note': self._note(),
                 'window_m': window(track, seen).tolist(),
                 'length_m': 2 * float(np.median(self._first.benches.half_length)),
@@ -124,6 +126,21 @@ class ViewData:
         if len(self.times_s) == VIEW_TICKS:
             notes.append(f'only {VIEW_TICKS} ticks of the run are shown')
         return '; '.join(notes)
+
+
+def _walls(venue: Venue | None) -> list[list[float | None]] | None:
+    """Return x and y of the outlines of obstacles and of the inside, with None after each; None without a venue."""
+    if venue is None:
+        return None
+    x, y = list[float | None](), list[float | None]()
+    closed = [ring for one in venue.obstacles if isinstance(one, PolygonObstacle)
+              for ring in (one.points_m, *one.holes_m)]
+    closed += [] if venue.inside is None else [venue.inside]
+    lines = [one.points_m for one in venue.obstacles if not isinstance(one, PolygonObstacle)]
+    for points in [*lines, *((*ring, ring[0]) for ring in closed)]:
+        x += [*(float(one) for one, _ in points), None]
+        y += [*(float(one) for _, one in points), None]
+    return [x, y]
 
 
 def _sizes(one: Moment) -> list[tuple[int, float, float]]:

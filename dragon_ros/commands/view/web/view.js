@@ -230,6 +230,7 @@ function legend() {
   const parts = [['', COLOUR.body, say('body')], ['', COLOUR.head, say('head')]];
   if (groups()[2].length) parts.push(['', COLOUR.touching, say(contact.benches[0] ? 'touching' : 'touched')]);
   if (run.track) parts.push(['line', colour('track'), say('track')]);
+  if (run.walls) parts.push(['line', colour('quiet'), say('walls')]);
   if (contact) parts.push(['ring', colour('ink'), say('contact')]);
   element('legend').replaceChildren(...parts.map(([kind, shade, text]) => {
     const part = document.createElement('span'), sign = document.createElement('i');
@@ -253,9 +254,11 @@ async function drawScene(frame) {
   const point = {x: contact ? [contact.point_m[0]] : [], y: contact ? [contact.point_m[1]] : [],
     type: 'scatter', mode: 'markers', name: say('contact'),
     marker: {symbol: 'circle-open', size: 15, color: colour('ink'), line: {width: 1.6}}, hovertemplate: say('contact') + '<br>%{x:.6f}, %{y:.6f} m<extra></extra>'};
+  const walls = run.walls ? [{x: run.walls[0], y: run.walls[1], type: 'scatter', mode: 'lines', name: say('walls'),
+    line: {color: colour('quiet'), width: 1.6, simplify: false}, hoverinfo: 'skip'}] : [];
   const shown = element('scene').layout;
   const range = wholeRange();
-  await Plotly.newPlot('scene', [track, ...benches, point], layout({dragmode: 'pan',
+  await Plotly.newPlot('scene', [track, ...benches, point, ...walls], layout({dragmode: 'pan',
     xaxis: axis('x (m)', {range: shown ? shown.xaxis.range : range['xaxis.range']}),
     yaxis: axis('y (m)', {range: shown ? shown.yaxis.range : range['yaxis.range'], scaleanchor: 'x'})}), settings());
   player.outline = null;

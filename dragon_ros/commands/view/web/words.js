@@ -9,7 +9,7 @@ const WORDS = {
   space: ['space', '空格键'], left: ['arrow left', '左方向键'], right: ['arrow right', '右方向键'],
   pace: ['speed', '播放速度'], to_contact: ['Zoom to contact', '放大碰撞处'], whole: ['Whole dragon', '整条龙'],
   values: ['values of the scene', '场景的参数'],
-  body: ['body', '龙身'], head: ['head', '龙头'], track: ['track', '轨迹'], contact: ['first contact', '首次碰撞'],
+  body: ['body', '龙身'], head: ['head', '龙头'], track: ['track', '轨迹'], walls: ['obstacles', '障碍物'], contact: ['first contact', '首次碰撞'],
   touching: ['benches of the first contact', '首次碰撞的板凳'], touched: ['bench that the head touches', '龙头碰到的板凳'],
   bench: ['bench {bench}', '第 {bench} 号板凳'], handle: ['handle', '把手'],
   contact_at: ['contact at', '碰撞时刻'], time_s: ['time (s)', '时间 (s)'], time: ['time', '时间'],
