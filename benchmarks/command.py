@@ -9,7 +9,8 @@ from typing import Any
 
 from dragon_ros.cli import command_line, figures
 from dragon_ros.core.checks import number
-from dragon_ros.core.errors import DragonError, MissingError
+from dragon_ros.core.errors import DragonError, InputError, MissingError
+from dragon_ros.cost.measure import circumstances
 
 PAGES = {'limits': 'benchmarks.limits', 'accuracy': 'benchmarks.workprec',
          'promises': 'benchmarks.promises', 'contact': 'benchmarks.contacts',
@@ -20,7 +21,7 @@ PAGES = {'limits': 'benchmarks.limits', 'accuracy': 'benchmarks.workprec',
          'venue': 'benchmarks.venues'}
 ALL = 'all'
 _CHECKOUT = Path(__file__).parents[1]
-_CHAINS, _CHAINS_OF_ALL = 1000, 100_000
+_CHAINS = 1000
 _BUDGET_S, _MINUTES = 0.3, 10.0
 _EFFORTS = {'memory': 'minutes', 'promises': 'chains'}      # the option of these pages; all others have --budget
 _RANGES = {'budget': (_BUDGET_S, 1e-6, 1e6), 'minutes': (_MINUTES, 0.05, 1e4), 'chains': (_CHAINS, 1, 1e9)}
@@ -42,7 +43,9 @@ def main(argv: list[str]) -> int:
                          'bag: throughput and size of bags by compression; simulate: speed by the number of workers; '
                          'memory: that of a recorder during a long run; startup: start-up time of every executable; '
                          'study: rows per second of studies on Dask; venue: design fit and contact in a town; all: '
-                         'all pages one by one, for half an hour or more')
+                         'all pages one by one, but promises only with --chains')
+    options.add_argument('--resume', action='store_true', help='of all pages, omit those that this version has '
+                         'measured today')
     options.add_argument('--output', type=Path, metavar='FOLDER',
                          help='folder for the results (cost; for all: docs/cost of the checkout). An '
                          'existing page keeps its text; only its table is renewed')
@@ -51,8 +54,8 @@ def main(argv: list[str]) -> int:
     options.add_argument('--minutes', type=float, metavar='MIN',
                          help=f'length of the run of the page memory ({_MINUTES:g})')
     options.add_argument('--chains', type=float, metavar='N',
-                         help=f'how many chains the page promises draws ({_CHAINS:g}; for all: {_CHAINS_OF_ALL:g}, an '
-                         'hour); Ctrl-C ends it early with what is done')
+                         help=f'how many chains the page promises draws ({_CHAINS:g}; 100,000 take an hour); Ctrl-C '
+                         'ends it early with what is done')
     options.add_argument('--readme', type=Path, metavar='FILE', help='also renew the table between the marks in FILE '
                          '(for all: README.md of the checkout)')
     return command_line.guarded('cost', partial(_run, options.parse_args(argv)))
@@ -61,6 +64,8 @@ def main(argv: list[str]) -> int:
 def _run(arguments: Namespace) -> int:
     if arguments.page == ALL:
         return _all(arguments)
+    if arguments.resume:
+        raise InputError('--resume: it omits pages of all; leave it out')
     _page(arguments.page, arguments, arguments.output or Path('cost'), arguments.readme)
     return command_line.OK
 
@@ -70,12 +75,13 @@ def _all(arguments: Namespace) -> int:
     pages, readme = _CHECKOUT / 'docs' / 'cost', arguments.readme or _CHECKOUT / 'README.md'
     folder = arguments.output or (pages if pages.is_dir() else Path('cost'))
     failed = list[str]()
-    for n, name in enumerate(PAGES, 1):
-        print(f'cost: page {n} of {len(PAGES)}: {name}', file=sys.stderr)
+    names = [name for name in PAGES if name != 'promises' or arguments.chains is not None]      # it times nothing
+    if arguments.resume:
+        names = [name for name in names if not _is_new(folder / f'{name}.md')]
+    for n, name in enumerate(names, 1):
+        print(f'cost: page {n} of {len(names)}: {name}', file=sys.stderr)
         option = _EFFORTS.get(name, 'budget')
         effort = getattr(arguments, option)
-        if effort is None and option == 'chains':
-            effort = _CHAINS_OF_ALL
         options = ['--output', folder, *([] if effort is None else [f'--{option}', effort])]
         if readme.is_file() and _mark(name) in readme.read_text(encoding='utf-8'):
             options += ['--readme', readme]
@@ -84,8 +90,13 @@ def _all(arguments: Namespace) -> int:
             print(f'cost: page {name} failed, see above', file=sys.stderr)
             failed.append(name)
     if failed:
-        raise DragonError(f'{len(failed)} of {len(PAGES)} pages failed: {", ".join(failed)}')
+        raise DragonError(f'{len(failed)} of {len(names)} pages failed: {", ".join(failed)}')
     return command_line.OK
+
+
+def _is_new(page: Path) -> bool:
+    """Return whether a page has the circumstances of this machine, version and day."""
+    return page.is_file() and circumstances() in page.read_text(encoding='utf-8')
 
 
 def _page(name: str, arguments: Namespace, folder: Path, readme: Path | None) -> None:

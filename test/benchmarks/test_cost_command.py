@@ -3,6 +3,7 @@ import pytest
 
 from benchmarks import command
 from dragon_ros.cost.command import PAGES
+from dragon_ros.cost.measure import circumstances
 
 PAGE = """
 def measure(budget_s):
@@ -43,6 +44,9 @@ def test_all_measures_every_page_and_names_the_one_that_fails(tmp_path, monkeypa
     assert shown.rstrip().endswith('cost: 1 of 3 pages failed: broken')
     assert {path.name for path in (tmp_path / 'out').iterdir()} == {
         f'{name}.{suffix}' for name in ('quick', 'last') for suffix in ('md', 'csv', 'png', 'svg')}
+    (tmp_path / 'out' / 'quick.md').write_text(f'<!-- cost quick -->\n{circumstances()}. 2 cores.\n<!-- end -->\n')
+    assert command.main(['all', '--resume', '--output', str(tmp_path / 'out')]) == 1
+    assert 'cost: 1 of 2 pages failed: broken' in capfd.readouterr().err
 
 
 def test_the_package_knows_the_names_of_all_pages():
