@@ -1,6 +1,6 @@
-"""What obstacles cost the monitor: a look among walls near the whole dragon, and reading a large map.
+"""The cost of obstacles for the monitor: a check among walls near the whole dragon, and reading a large map.
 
-``./dragon python benchmarks/obstacle_looks.py`` prints processor times. Looks with and without obstacles are measured
+``./dragon python benchmarks/obstacle_looks.py`` prints processor times. Checks with and without obstacles are measured
 in turn, since other load changes over time.
 """
 import time
@@ -23,11 +23,11 @@ from dragon_ros.messages.observation import observation_of, read_handles
 from dragon_ros.messages.surroundings import CellRules, read_grid
 
 _TICKS, _TURNS, _FIRST = 300, 5, 2500
-_SIZE, _ROOMS = 4000, 400       # of the map in cells, and its walls
+_SIZE, _ROOMS = 4000, 400       # size of the map in cells, and its walls
 
 
 def walled(gap_m: float, corners: int = 1000) -> Scene:
-    """Return 223 benches between two uneven walls along the whole way, at about this distance from the benches."""
+    """Return 223 benches between two uneven walls along the whole way, at about a given distance from the benches."""
     scene = replace(town(8, 300.0, 223), venue=None)
     line, rng, walls = shapely.LineString(compile_scene(scene).track_line(0.1)), np.random.default_rng(1), []
     for side in (1, -1):
@@ -40,7 +40,7 @@ def walled(gap_m: float, corners: int = 1000) -> Scene:
 
 
 def looks_s(scene: Scene) -> tuple[float, float]:
-    """Return the least processor time in s of a look without and with obstacles: from the bytes to the report."""
+    """Return the least processor time in s of a check without and with obstacles: from the bytes to the report."""
     encode = encoders(scene)
     data = [(encode['handles'](frame), encode['benches'](frame))
             for frame in (tick(scene, _FIRST + k) for k in range(_TICKS))]
@@ -53,7 +53,7 @@ def looks_s(scene: Scene) -> tuple[float, float]:
 
 
 def _look(data: list[tuple[bytes, bytes]], around: Surroundings | None) -> float:
-    """Return the processor time of looks at these ticks."""
+    """Return the processor time of checks at these ticks."""
     reader, tracker = BenchReader(), ContactTracker()
     tracker.surround(around)
     began = time.process_time()

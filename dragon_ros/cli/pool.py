@@ -24,8 +24,8 @@ if TYPE_CHECKING:       # most commands start no processes
 _MOST = 1024    # largest number of --workers
 _AHEAD = 2      # jobs in flight per other process: one in work, one waiting
 _WAITING = 4    # results per worker that wait for their turn
-_SEEN_S = 0.05  # of work by which the rest is estimated
-_WORTH_S = 1.0  # of work left for one process: less is done before others pay
+_SEEN_S = 0.05  # of work, from which the remaining work is estimated
+_WORTH_S = 1.0  # of remaining work for one process, from which other processes pay off
 J = TypeVar('J')
 R = TypeVar('R')
 _pickled: bytes
@@ -40,7 +40,7 @@ def workers_of(given: int | None) -> int:
 
 @dataclass(frozen=True)
 class Pool:
-    """The processes that work: as many as ``--workers`` gives or, if None, one per core where the work is long.
+    """The worker processes: as many as ``--workers`` gives or, if None, one per core if the work is long.
 
     This process is one of the workers; it works alone until the others have started. Raises InputError for a number
     that is not allowed.
@@ -54,14 +54,14 @@ class Pool:
 
     @property
     def workers(self) -> int:
-        """The most processes that work at a time."""
+        """The largest number of processes that work at a time."""
         return workers_of(self.given)
 
     def in_order(self, work: Callable[[J], R], jobs: Iterable[J], count: int | None = None) -> Generator[R, None, None]:
         """Yield ``work(job)`` for each job, in order; ``count`` is the number of jobs if they have no length.
 
         The other processes get a pickled copy of ``work``. At most ``4 * workers`` results wait for their turn, which
-        bounds the memory. The others leave signals to this process, and end when it ends, however it does. Raises
+        bounds the memory. The others ignore signals, and end when this process ends for any reason. Raises
         DragonError if one of them is killed.
         """
         rest, workers = iter(jobs), self.workers
@@ -93,9 +93,9 @@ ALONE = Pool(1)
 
 
 def _seen(work: Callable[[J], R], rest: Iterator[J], count: int) -> Generator[R, None, float]:
-    """Yield some results of this process, and return how many seconds it would take for the others.
+    """Yield some results of this process, and return how many seconds it would take for the remaining ones.
 
-    The first one does not count: it fills caches.
+    The first result is not timed, since it fills caches.
     """
     began_s, done, taken_s = time.monotonic(), 0, 0.0
     for job in islice(rest, count):
@@ -109,10 +109,10 @@ def _seen(work: Callable[[J], R], rest: Iterator[J], count: int) -> Generator[R,
 
 
 def _started(others: int, pickled: bytes) -> tuple['ProcessPoolExecutor', list[Future[None]]]:
-    """Return a pool of processes and a future of each, done when it has begun.
+    """Return a pool of processes and, for each, a future that is done when the process has started.
 
-    They are forked where that is safe, which takes no time: this process then has a single thread of Python (that of
-    OpenBLAS ends at a fork). They are started anew elsewhere, which takes the third of a second of imports.
+    They are forked if that is safe, which takes no time: this process must have a single Python thread (that of
+    OpenBLAS ends at a fork). Otherwise they are started anew, which takes a third of a second for imports.
     """
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
@@ -129,8 +129,8 @@ def _started(others: int, pickled: bytes) -> tuple['ProcessPoolExecutor', list[F
 def _end_together(pool: Any) -> None:
     """Wait until a process of a pool ends, and end the others.
 
-    One that is killed while it sends a result keeps the lock of the queue, and the thread that reads the queue waits
-    for the rest of the result as long as any process can write to it, this one included.
+    A process that is killed while it sends a result keeps the lock of the queue, and the thread that reads the queue
+    waits for the rest of the result as long as any process, including this one, can write to it.
     """
     from multiprocessing import connection
     others, results = list(pool._processes.values()), pool._result_queue
@@ -173,7 +173,7 @@ def _blocked() -> Iterator[None]:
 
 
 def _begin(alive: tuple[int, int] | None, pickled: bytes) -> None:
-    """Begin in a new process; ``alive`` is a pipe whose other end only the process that forked it has open."""
+    """Initialise a new process; ``alive`` is a pipe whose other end is open only in the process that forked it."""
     global _pickled
     if alive is not None:
         os.close(alive[1])
@@ -193,12 +193,12 @@ def _end_with_parent(alive: tuple[int, int] | None) -> None:
 
 @cache
 def _work() -> Callable[[Any], Any]:
-    work: Callable[[Any], Any] = pickle.loads(_pickled)     # of the process that started this one
+    work: Callable[[Any], Any] = pickle.loads(_pickled)     # pickled by the process that started this one
     return work
 
 
 def _warm() -> None:
-    """Show that a process has begun, and unpickle; a job raises what fails."""
+    """Unpickle the work, which shows that the process has started; errors are raised by a job."""
     with suppress(Exception):
         _work()
 

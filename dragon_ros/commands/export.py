@@ -57,7 +57,7 @@ class _ExportedTicks:
         self._ticks = next(t.messages for t in bag.topics if t.name == f'{self._namespace}/handles')
 
     def picked(self, what: str, pick: 'Callable[[Iterator[BagFrame]], R]') -> 'Iterator[R]':
-        """Yield ``pick`` of some ticks after others, with a progress bar; several processes call it.
+        """Yield ``pick`` of the ticks, part by part, with a progress bar; several processes call it.
 
         Raises InputError if the number of handles changes.
         """
@@ -87,7 +87,7 @@ class _Picked(Generic[R]):
     shape: tuple[int, ...]
 
     def __call__(self, some: Iterator[BagFrame]) -> tuple[int, R]:
-        """Return the number of ticks, and what is picked of them."""
+        """Return the number of ticks and the picked values."""
         ticks = 0
 
         def counted() -> Iterator[BagFrame]:

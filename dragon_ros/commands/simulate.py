@@ -107,7 +107,7 @@ class _PackedTicks:
         self._encoders = list(zip(numbers, encoders(scene, _FRAME_ID).values(), strict=True))
 
     def __reduce__(self) -> tuple[type['_PackedTicks'], tuple[Scene, list[int], str]]:
-        """Return how another process makes its own."""
+        """Return how another process creates its own instance."""
         return _PackedTicks, self._settings
 
     def __call__(self, part: tuple[int, int]) -> list[PackedChunk]:

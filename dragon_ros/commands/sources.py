@@ -110,7 +110,7 @@ class Source(Protocol):
 
 @dataclass(frozen=True)
 class SceneSource:
-    """A dragon computed from a scene on demand, by the processes of a pool where that is long."""
+    """A dragon computed from a scene on demand, by the processes of a pool if that takes long."""
 
     name: str
     scene: Scene

@@ -69,7 +69,7 @@ class _Fault(NamedTuple):
     last: int
 
     def __str__(self) -> str:
-        """Return the line that says it."""
+        """Return the line that reports the fault."""
         ticks = f'tick {self.last}' if self.first == self.last else f'ticks {self.first} to {self.last}'
         return f'{ticks}: {self.name} {self.what}'
 
@@ -128,7 +128,7 @@ class Comparison:
         self._last[fault.name] = line, fault
 
     def add(self, part: 'Comparison') -> None:
-        """Add the comparison of the ticks that follow, as if they had been compared here."""
+        """Add the comparison of the following ticks, as if they had been compared here."""
         self.equal += part.equal
         self.close += part.close
         self.worst_m = max(self.worst_m, part.worst_m)
@@ -196,10 +196,10 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
 
 
 class _PartOfRun:
-    """Compares parts of a run that the scene alone determines; pickled, it opens the bag again."""
+    """Compares parts of a run that is determined by the scene alone; unpickled, it opens the bag again."""
 
     def __init__(self, bag: BagReader, *settings: Any) -> None:
-        """Take the bag, then ``settings``: see the names below."""
+        """Take the bag and ``settings``, which are named below."""
         self._bag, self._settings = bag, settings
         self._scene, self._namespace, frame_id, contact_s, self._made_by = settings
         self._encode = encoders(self._scene, frame_id)
@@ -209,11 +209,11 @@ class _PartOfRun:
             self._last = contact_frame(self._scene, contact_s)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how another process makes its own."""
+        """Return how another process creates its own instance."""
         return _reopened, (self._bag.path, *self._settings)
 
     def spans(self) -> list[_Span]:
-        """Return the parts: the first tick of each, and the one after its last."""
+        """Return the parts as (first tick, tick after the last one)."""
         if not log_times_are_ticks(self._bag, self._namespace):
             return [(0, self._ticks)]
         size = sum(len(encode(tick(self._scene, 0))) for encode in self._encode.values())
@@ -221,7 +221,7 @@ class _PartOfRun:
         return [(k, min(k + each, self._ticks)) for k in range(0, self._ticks, each)] or [(0, 0)]
 
     def __call__(self, span: _Span) -> Comparison:
-        """Compare the ticks of a part, and the messages between them; the last part has all that follow."""
+        """Compare the ticks of a part and the messages between them; the last part includes all later messages."""
         result, encode, scene, (k, stop) = Comparison(*self._made_by), self._encode, self._scene, span
         is_last = stop == self._ticks
         last = self._last if is_last else None

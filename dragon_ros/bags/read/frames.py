@@ -207,8 +207,8 @@ def frames_of_part(bag: BagReader, root: str, start_ns: int | None, end_ns: int 
                    is_last: bool) -> Generator[BagFrame, None, bool]:
     """Yield the ticks of a part of a bag, as ``frames`` does; return whether they are those of a reading of it all.
 
-    They are not if a tick at the end of a part that is not the last one still waits for its benches, or benches for
-    their tick; none of these is yielded.
+    They are not if, at the end of a part other than the last one, a tick still waits for its benches, or benches for
+    their tick; these are not yielded.
     """
     names = {topic.name: name for name in _TOPICS for topic in bag.topics if topic.name == f'{root}/{name}'}
     ticks = _Ticks('benches' not in names.values())
@@ -256,7 +256,7 @@ class _Ticks:
 
     @property
     def are_complete(self) -> bool:
-        """Whether nothing waits for a message: every tick has its benches, and all benches have their tick."""
+        """Whether nothing waits for a message: every tick has its benches, and all benches have their ticks."""
         return not self._early and (self._alone or all(parts.shown for parts in self._waiting.values()))
 
     def _add_benches(self, shown: ShownBenches) -> None:

@@ -25,7 +25,7 @@ class _PartReader(Generic[R]):
         return _reopened, (_PartReader, self._bag.path, self._root, self._body, self._end_ns)
 
     def __call__(self, span: _Span) -> tuple[R, bool]:
-        """Return the result, and whether it is that of these ticks in a reading of the whole bag."""
+        """Return the result, and whether a reading of the whole bag would give the same for these ticks."""
         whole = False
 
         def ticks() -> Iterator[BagFrame]:
@@ -41,7 +41,7 @@ def _reopened(kind: Callable[..., Any], path: Path, *settings: Any) -> Any:
 
 def in_parts(bag: BagReader, root: str, body: Callable[[Iterator[BagFrame]], R], mapped: 'Mapped[tuple[R, bool]]',
              start_ns: int = 0, end_ns: int = END_OF_TIME_NS) -> Generator[R, None, None]:
-    """Yield ``body`` of the ticks of one part after another, of a bag or of a span of log times; it takes all of them.
+    """Yield ``body`` of the ticks of each part in turn, of a bag or of a span of log times; it consumes all ticks.
 
     ``mapped(work, jobs)`` computes the parts, here or in other processes. Where ticks straddle parts, as they do if the
     log times are those of a wall clock, this process reads on alone.

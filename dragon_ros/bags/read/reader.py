@@ -31,8 +31,8 @@ from dragon_ros.scenes.yaml import values_of
 
 __all__ = ['BagError', 'BagReader', 'Message', 'Topic']
 END_OF_TIME_NS = 2**64
-_SPAN_BYTES = 2**20     # in the file: some dozens of milliseconds of work
-_MOST_SPANS = 2000      # each looks through all batches
+_SPAN_BYTES = 2**20     # bytes in the file: some tens of milliseconds of work
+_MOST_SPANS = 2000      # each searches all batches
 
 
 @dataclass(frozen=True)

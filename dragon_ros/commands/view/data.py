@@ -13,7 +13,7 @@ from dragon_ros.core.venue import PolygonObstacle, Venue
 
 MOST_BENCHES = 2000         # most benches sent as rectangles; for more, the page computes them from the handles
 MOST_POINTS = 1500          # points per line
-_CURVE_BENCHES = 4_000_000   # ticks at which the clearance is computed, in some seconds
+_CURVE_BENCHES = 4_000_000   # ticks at which the clearance is computed, which takes a few seconds
 _CHUNK_VALUES = 250_000     # size of the frames in a chunk
 _SEEN = 5                   # moments that determine the window
 
