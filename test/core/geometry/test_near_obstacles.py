@@ -118,3 +118,17 @@ def test_few_pairs_are_computed_while_a_dragon_walks_along_a_wall(monkeypatch):
         found = near.look(with_handles(some), some)
         assert found.closest[1] >= x.size or found.clearance_m < 0.5
     assert len(computed) < 100 * 6
+
+
+def test_a_bench_that_walks_into_an_obstacle_and_out_of_it_stays_in_contact_while_it_is_inside():
+    """One list lasts for all looks, since the other bench is long."""
+    around = surroundings_of(Venue((PolygonObstacle('house', square(0, 0, 0.5)),)))
+    near, touched = NearObstacles(around), []
+    for k in range(32):
+        some = benches_at(np.array([[-1.6 + 0.1 * k, 0.0], [0.0, 30.0]]), np.zeros(2), np.array([0.1, 9.0]),
+                          np.array([0.05, 0.2]))
+        found = with_handles(some)
+        seen = near.look(found, some)
+        assert told(seen) == told(with_obstacles(around, found, some))
+        touched.append(seen.i.size)
+    assert touched == [0] * 10 + [1] * 13 + [0] * 9
