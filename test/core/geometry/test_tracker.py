@@ -146,6 +146,15 @@ def test_ticks_are_interpolated_together_if_no_step_is_four_times_its_neighbour(
     assert begin.t_contact_s == pytest.approx(4.6, abs=1e-12)
 
 
+@pytest.mark.parametrize(('step_s', 'ticks'), [(3.9, 4), (4.1, 3)])
+def test_ticks_before_a_step_of_more_than_four_times_the_next_are_left_out_of_the_interpolation(step_s, ticks):
+    t = np.cumsum([0.0, step_s, 1.0, 1.0])
+    gap_m = -0.1 * (t - 1) * (t - 2) * (t - step_s - 1.6)
+    (begin,) = reports_of(zip(t, gap_m, strict=True))[-1].begins
+    roots = np.roots(np.polyfit(t[-ticks:], gap_m[-ticks:], ticks - 1))
+    assert np.min(np.abs(roots - begin.t_contact_s)) < 1e-9
+
+
 def two_pairs(t_ns, first_m, second_m):
     """Benches 0 and 3, and 1 and 4, so far apart; everything else far away."""
     centre = np.array([(0.0, 0.0), (50.0, 0.0), (100.0, 0.0), (0.0, 1 + first_m), (50.0, 1 + second_m)])
