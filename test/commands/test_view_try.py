@@ -188,9 +188,16 @@ SET = """const field = document.getElementById(arguments[0]); field.value = argu
 ANSWERS = 'return [...document.querySelectorAll("#answers dd")].map((one) => one.textContent)'
 
 
+# Whether the axes of the dragon end above what follows them.
+FITS = """const box = document.getElementById('scene').getBoundingClientRect();
+  return document.querySelector('#scene .xtitle').getBoundingClientRect().bottom <= box.bottom + 1"""
+
+
 def test_a_changed_value_moves_the_dragon_and_renews_the_answers(server, page):
+    page.look(820, 1180)        # where the legend takes three lines
     page.open_view(server.url)
     page.wait('return document.body.dataset.answered === "yes"')
+    page.wait(FITS)
     before = page.run(ANSWERS)
     page.run(SET.replace('arguments[0]', '"value-dragon.benches"').replace('arguments[1]', '"12"'))
     page.wait('return document.getElementById("facts").textContent.startsWith("12 benches")')

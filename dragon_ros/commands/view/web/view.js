@@ -427,7 +427,7 @@ function connect() {
   element('whole').addEventListener('click', async () => { await follow(false); await Plotly.relayout('scene', wholeRange()); });
   element('follow').addEventListener('click', () => follow(!player.following).catch(complain));
   pinch(element('scene'));
-  new ResizeObserver(() => { if (player.frame) { drawMany(player.frame); sayScale(); } }).observe(element('scene'));
+  new ResizeObserver(() => refit().catch(complain)).observe(element('scene'));
   element('contact').addEventListener('click', () => zoomToContact().catch(complain));
   document.addEventListener('keydown', (event) => {
     const to = (tick) => { pause(); goTo(tick); };
@@ -463,6 +463,14 @@ function describeContact() {
   const late = contact && contact.t_s > run.times_s.at(-1) ? say('late') : '';
   element('facts').textContent += (CHINESE ? '；' : '; ') + (contact ? wordsOfContact() + late : say('no_touch'));
   element('contact').hidden = !contact;
+}
+
+/** Fit the dragon's axes to their place, which shrinks when the legend above takes another line. */
+async function refit() {
+  if (!player.frame || !element('scene')._fullLayout) return;
+  await Plotly.Plots.resize('scene');
+  drawMany(player.frame);
+  sayScale();
 }
 
 /** Draw all again: in other colours, or on a page of another width. */
