@@ -111,7 +111,7 @@ class BagReader:
     def spans(self, start_ns: int, end_ns: int) -> list[tuple[int, int]]:
         """Return consecutive spans from start_ns up to end_ns that have about equal shares of the bag's bytes.
 
-        They begin where batches do, so that few batches are in two of them.
+        They begin at batches, so that few batches belong to two spans.
         """
         starts = sorted((batch.start_ns, batch.place.length) for index in self._indexes for batch in index.batches)
         each = max(_SPAN_BYTES, sum(size for _, size in starts) // _MOST_SPANS)
