@@ -282,6 +282,7 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
 
 def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, frame_id: str, each: set[str]) -> None:
     """Account for messages that belong to no tick or to a tick that could not be compared."""
+    once = dict[str, str]()
     for topic in bag.topics:
         name = topic.name.removeprefix(f'{namespace}/')
         left, row = topic.messages - result.seen[name], channels().get(name)
@@ -290,7 +291,7 @@ def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, f
         elif name in ENCODE and result.other_version is not None:
             why = 'another version draws it differently'
         elif name == 'scene' or name in ENCODE:
-            _compare_once(result, bag, scene, topic.name, frame_id)
+            once[topic.name] = name
             continue
         elif row is not None and row.each_tick:
             if left:
@@ -302,15 +303,20 @@ def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, f
             why = 'unknown to this version' if row is None else f'published by {row.publisher} at its own rate'
         if left:
             result.unchecked[name] = left, why
+    _compare_once(result, bag, scene, once, frame_id)
 
 
-def _compare_once(result: Comparison, bag: BagReader, scene: Scene, topic: str, frame_id: str) -> None:
-    """Compare the messages of a topic that is published once per run. They may be the only source of the scene."""
-    name = topic.rpartition('/')[2]
+def _compare_once(result: Comparison, bag: BagReader, scene: Scene, topics: Mapping[str, str], frame_id: str) -> None:
+    """Compare the messages of the topics that are published once per run, by full name, in one pass over the bag.
+
+    They may be the only source of the scene.
+    """
     text = bag.metadata(RECORD).get('scene')
-    wanted = ENCODE[name](scene, frame_id) if name in ENCODE else None if text is None else string_message(text)
-    for message in bag.messages([topic]):
-        if wanted is None or message.data == wanted or _nearly(scene, channels()[name].type, wanted, message.data):
+    wanted = {topic: ENCODE[name](scene, frame_id) if name in ENCODE else None if text is None else string_message(text)
+              for topic, name in topics.items()}
+    for message in bag.messages(list(topics)) if topics else ():
+        name, data = topics[message.topic], wanted[message.topic]
+        if data is None or message.data == data or _nearly(scene, channels()[name].type, data, message.data):
             result.once += 1
         else:
             result.fault(f'{name} at {message.t_ns} ns is not that of the scene', 1)
