@@ -56,7 +56,7 @@ def corners_at(scene, times_s):
 
 
 def times_of(scene, step_m, until_s=None):
-    """Return times of the run up to one, between which the leader goes no further than a step."""
+    """Return times of the run, up to a given one, so dense that the leader moves at most one step between them."""
     end_s = compile_scene(scene).end.t_s if until_s is None else until_s
     knots = [speed for _, speed in scene.head.knots] if isinstance(scene.head, Profile) else [scene.head.speed_m_s]
     start_s, fastest = scene.run.start_s, max(map(abs, knots))

@@ -177,7 +177,7 @@ def _check_text(values: dict[str, Any]) -> str:
         why = (f'version {values["other_version"]} made the bag, so the limit is twice the promise for all topics'
                if values['other_version'] else f'made with another kernel: {values["other_kernel"]}'
                if values['other_kernel'] else 'the mathematics library of another machine')
-        line += (f', {values["close"]} keep the promise of tier {values["tier"]} with different bits (the '
+        line += (f', {values["close"]} are within the accuracy of tier {values["tier"]} but differ in bits (the '
                  f'largest difference is {values["worst_m"]:.3g} m: {why})')
     missing = values['missing_count']
     line += f', {values["fault_count"] - missing} are not' + (f'; {missing} are missing' if missing else '')

@@ -193,7 +193,7 @@ def _matching(pattern: str, names: Sequence[str], found: Sequence[int]) -> list[
     """Return the entities whose whole name matches; unlike with Python's re, the time is limited."""
     import regex
     if len(pattern) > FILTER_CHARACTERS:
-        raise InputError(f'filter: {len(pattern)} characters; it may have {FILTER_CHARACTERS}')
+        raise InputError(f'filter: {len(pattern)} characters; the limit is {FILTER_CHARACTERS}')
     end_s = time.monotonic() + FILTER_S
     try:
         matches = regex.compile(pattern).fullmatch

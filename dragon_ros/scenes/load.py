@@ -314,7 +314,7 @@ def _value(document: Document, name: str, value: Any) -> Any:
 
 
 def _points(document: Document, name: str, value: Any) -> tuple[tuple[Any, ...], ...]:
-    """Return points: a list of pairs, or the shorter text of WKT (``0 0, 4 0, 4 3``)."""
+    """Return points: a list of pairs, or shorter text as in WKT (``0 0, 4 0, 4 3``)."""
     if isinstance(value, str):
         pairs = [one.split() for one in value.split(',')]
         try:

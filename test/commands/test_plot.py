@@ -284,7 +284,7 @@ def test_a_picture_shows_the_whole_dragon_with_its_track_around_it_wherever_it_i
     low, high = window(source.track, [one])
     corners = one.benches.corners.reshape(-1, 2)
     assert np.all((corners > low) & (corners < high))
-    assert max(high - low) < 6 * max(np.ptp(corners, axis=0))       # a street is no dot
+    assert max(high - low) < 6 * max(np.ptp(corners, axis=0))       # the dragon is not lost in a long street
     near = np.all(np.abs(source.track - corners.mean(axis=0)) < np.ptp(corners, axis=0).max(), axis=1)
     assert np.all((source.track[near] > low) & (source.track[near] < high))
 

@@ -1,4 +1,4 @@
-"""A folder in which nothing can be written is named in one line by every command that writes."""
+"""Every command that writes reports an unwritable folder in one line."""
 import os
 import shutil
 import subprocess

@@ -50,7 +50,7 @@ class KilledElsewhere:
     def __call__(self, job):
         if os.getpid() != self.parent:
             os.kill(os.getpid(), signal.SIGKILL)
-        time.sleep(0.01)        # so that others have jobs
+        time.sleep(0.01)        # so that other processes get jobs, too
         return job
 
 

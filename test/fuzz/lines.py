@@ -21,7 +21,7 @@ Row = tuple[str, int, bytes]        # topic, log time in ns, data
 HANDLES = '/dragon/handles'
 _TOPIC = re.compile(r'  (/\S+) +(?:\S+/msg/\S+)? +(\d+) +\d+\.\d{3} .*')
 _WHOLE = '  integrity: every length, index and CRC holds'
-_VERDICT = re.compile(r'.*: (\d+) messages are bit-identical to the model(?:, (\d+) keep the promise of .*?\))?, '
+_VERDICT = re.compile(r'.*: (\d+) messages are bit-identical to the model(?:, (\d+) are within the accuracy .*?\))?, '
                       r'(\d+) are not(?:; (\d+) are missing)?')
 _ONCE = re.compile(r'  scene and track: (\d+) messages are those of the scene')
 _UNCHECKED = re.compile(r'  unchecked: (\d+) of .* \(.*\)')

@@ -173,7 +173,7 @@ class Mix:
                              + struct.pack('<QQ', len(packed), len(data)))
 
     def finish(self) -> bytes:
-        """Return the file, with its summary: none, right, one that omits the indexes, or one that counts wrongly."""
+        """Return the file, with no summary, a correct one, one without the indexes, or one with wrong counts."""
         self.end_chunk(0)
         self.out += record(15, bytes(4))
         start, counts = len(self.out), self._counts

@@ -248,7 +248,7 @@ def test_markers_that_change_their_layout_without_end_are_refused():
         return MarkerArray(markers=[Marker(ns='bench', text='x' * (n % 2 * 9)) for n in range(count)])
 
     def message(count):
-        """The bytes of a number of markers, each with another layout than the previous one; eight layouts repeat."""
+        """Return the bytes of ``count`` markers, each with a layout unlike the previous one's; eight layouts repeat."""
         one, two = (serialization.serialize_message(markers(8 * times)) for times in (1, 2))
         return one[:4] + struct.pack('<I', count) + one[8:] + (count // 8 - 1) * two[len(one):]
 

@@ -2,7 +2,7 @@
 
 Cosmic Ray makes the mutants: another operator, another number, another branch. One at a time is written into a copy
 of the checkout, and the tests that reach its line run there, the fastest first, until one fails. They run in a fork
-of this process, which has the libraries loaded, so a mutant costs a second and its tests. A mutant that cannot be
+of this process, which has the libraries loaded, so a mutant takes a second plus its tests. A mutant that cannot be
 imported is not counted, since any test finds it. Tests marked ``snapshot``, which compare with an earlier output, are
 left out: only a property, a reference, a bound or an independent decoder counts.
 
@@ -326,15 +326,15 @@ def files(root: Path, part: str) -> list[Path]:
 
 def chosen(mutant: Mutant, lines: dict[str, dict[int, list[str]]], times: dict[str, float],
            found: dict[str, int], most_s: float) -> dict[str, float]:
-    """Return the tests that reach a mutant and what they take in s without it, together no more than ``most_s``.
+    """Return the tests that reach a mutant and their times in s without it, together at most ``most_s``.
 
-    Those that found a mutant of this file before come first, then the quickest; then all others of the same files of
-    tests, which may share what one of them has run.
+    Tests that have already found a mutant of this file come first, then the quickest ones; then all other tests of the
+    same test files, which may share results with them.
     """
     rows = lines.get(mutant.path, {})
-    at_import = mutant.line not in rows         # a constant: whatever runs in its file may use it
+    at_import = mutant.line not in rows         # a constant, which any code of its file may use
     names = {name for group in rows.values() for name in group} if at_import else {*rows[mutant.line]}
-    if mutant.path.startswith(_NODES[0]):       # they run in processes of their own, whose lines are not kept
+    if mutant.path.startswith(_NODES[0]):       # they run in separate processes, whose lines are not recorded
         names |= {name for name in times if name.startswith(_NODES[1])}
     shared = {name.partition('::')[0] for name in names}
     others = {name for name in times if name.partition('::')[0] in shared} - names

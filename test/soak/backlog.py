@@ -29,7 +29,7 @@ class _Allocated(ctypes.Structure):
 
 
 def told() -> str:
-    """Return the anonymous memory of this process, and what malloc has given out and keeps."""
+    """Return as text the anonymous memory of this process, and the memory that malloc has in use and free."""
     libc = ctypes.CDLL('libc.so.6')
     libc.mallinfo2.restype = _Allocated
     found = libc.mallinfo2()

@@ -1,4 +1,4 @@
-"""What the checker bounds of a family holds for its dragons, bench by bench, and leaves hardly any room beside them."""
+"""The checker's bounds for a family hold for every bench of its dragons, and are tight."""
 import json
 import random
 from contextlib import suppress
@@ -224,7 +224,7 @@ def test_the_head_has_passed_no_place_further_in_by_the_claimed_time():
 
 
 def test_where_some_link_might_lock_no_head_is_said_to_go():
-    """Of the curvature, 1.09 / r, times the longer link, the head's or a body bench's."""
+    """The limit is a curvature of 1.09 / r times the longer link, whether of the head or of a body bench."""
     for dragon in (Dragon(8, 2.9, 0.8, 0.2, 0.1), Dragon(8, 0.8, 2.9, 0.2, 0.1)):
         scale, least = 2 * pi / 0.5, 0.5 * 1.09 * (2 * pi / 0.5) * 2.7
         gone_s = (arc(8 * pi) - arc(least)) / scale
@@ -236,7 +236,7 @@ def test_where_some_link_might_lock_no_head_is_said_to_go():
 
 @pytest.mark.parametrize('benches', [3, 4, 5, 24, 60])
 def test_boxes_reach_out_to_the_last_bench_with_two_behind_it_and_no_further(benches):
-    """When the head starts, of the longest links on the narrowest spiral."""
+    """This holds when the head starts, with the longest links on the narrowest spiral."""
     scene = replace(SCENE, dragon=Dragon(benches, 1.5, 1.2, 0.2, 0.1), run=Run())
     proof = proof_of(scene=scene)
     last = handles(0.0, PROOF._scale[1], [PROOF._head[1], *[PROOF._body[1]] * benches])[benches - 3]

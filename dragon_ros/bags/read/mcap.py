@@ -86,14 +86,14 @@ class McapFile:
     def read(self, offset: int, length: int) -> bytes:
         """Return exactly the requested bytes. Raises BagError if there are fewer."""
         if not 0 <= length <= self.size - offset:
-            raise self.fault(offset, f'{length} bytes should follow, {max(0, self.size - offset)} do')
+            raise self.fault(offset, f'{length} bytes should follow, but only {max(0, self.size - offset)} do')
         try:
             self._file.seek(offset)
             data = self._file.read(length)
         except OSError as error:
             raise MissingError(f'{self.path}: cannot be read at byte {offset}: {error.strerror}') from None
         if len(data) != length:
-            raise self.fault(offset, f'{length} bytes should follow, {len(data)} do')
+            raise self.fault(offset, f'{length} bytes should follow, but only {len(data)} do')
         return data
 
     def place(self, offset: int, end: int | None = None) -> Location:

@@ -101,7 +101,7 @@ def _teams(arguments: Namespace) -> 'list[Team]':
 
 
 def _content(form: str, grades: 'list[TeamGrade]', whole: int, lang: str) -> str:
-    """Return the grades in a format."""
+    """Return the grades in the given format."""
     if form == 'html':
         from dragon_ros.commands.grade.report import page
         return page(grades, whole, lang)

@@ -1,6 +1,6 @@
 """Why a result differs from the truth: first units, order and axes, then mistakes reproduced with fitted parameters.
 
-Three stages are examined one by one: the head's place, how each handle follows from the previous one, and the speeds.
+Three stages are examined one by one: the head's position, how handles follow from the previous ones, and the speeds.
 The findings of all stages are combined and reproduced. They are reported only if they explain the result: the measure
 is the share of the squared error that vanishes when the result is compared with the reproduced mistakes instead of the
 truth.

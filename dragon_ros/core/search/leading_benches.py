@@ -96,7 +96,7 @@ class LeadingBenches:
     """One class of benches over a domain: the cleared part of its pairs with the benches behind, and where it ends."""
 
     def __init__(self, domain: SearchDomain, benches: list[int]) -> None:
-        """Take a class as its ``benches`` in order from the head; the first is its ``lead``."""
+        """Represent the class of ``benches``, which are in order from the head; the first one is its ``lead``."""
         self._domain, self.benches, self.lead = domain, benches, benches[0]
         self._behind = domain.dragon.benches - 1 - self.lead
         assert domain.track.from_afar

@@ -26,7 +26,7 @@ from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 _TOLERANCE = 4          # times the position error, at two states
 _SPACING = 0.5          # of the longest bench, between the first positions
 _MOST_PLACES = 50_000   # first positions of one window, to limit memory
-_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: near a contact, and near a grazing
+_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: near a contact, and near a grazing point
 _SHORTEST = 0.1         # of the error that a gap must exceed; near a contact gaps are several times that error, and
                         # steps are longer than this
 _FAR = 0.05             # of the longest bench: edges that stay further away are not examined
@@ -182,7 +182,7 @@ def phases(domain: SearchDomain, stop_m: float) -> list[tuple[float, float]]:
 
 
 def swept_bench(domain: SearchDomain, number: int) -> SweptBench:
-    """Return a bench, given its index, as one that moves along the track."""
+    """Return the bench with this index for sweeping it along the track."""
     dragon = domain.dragon
     return SweptBench(domain.track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
                       0.5 * dragon.width_m)

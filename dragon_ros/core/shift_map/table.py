@@ -333,7 +333,7 @@ class ShiftMap:
         self._last: Entrance | None = None
         self._last_before: Entrance | None = None
         self._edges: dict[tuple[int, float], Place | None] = {}
-        self._building = Lock()     # a tile may be built ahead on another thread; who needs it waits for that one
+        self._building = Lock()     # a tile may be built ahead on another thread; whoever needs it waits
 
     @property
     def tiles(self) -> list[Tile]:

@@ -1,4 +1,4 @@
-"""Velocities and accelerations of short chains with 40 digits, by differences: what kinematics is held against."""
+"""Velocities and accelerations of short chains by finite differences with 40 digits, as a reference for kinematics."""
 import mpmath
 import numpy as np
 from mpmath import mp, mpc, mpf
@@ -6,7 +6,7 @@ from mpmath import mp, mpc, mpf
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.tracks.segments import BEHIND, ArcSegment, LineSegment
 
-DIGITS, STEP = 40, mpf(10) ** -10     # differences of second order: off by STEP^2, that is 20 digits
+DIGITS, STEP = 40, mpf(10) ** -10     # second-order differences: their error is STEP^2, so 20 digits are right
 
 
 def point(segment, u):
@@ -64,7 +64,7 @@ def handles(chain, segments, links, forward_m):
 
 
 class Guess:
-    """A chain of the package as a start for the roots: on the segments that are asked for."""
+    """Initial guesses for the roots from a chain of the package, with handles on the requested segments."""
 
     def __init__(self, chain, segments):
         self.track, self.leader = chain.track, chain.leader
@@ -76,7 +76,7 @@ class Guess:
 
 
 def rates(scene, t_s, segments=None):
-    """Return velocities and accelerations (N+1, 2) of a scene's handles, handles on some segments or on their own."""
+    """Return velocities and accelerations (N+1, 2) of a scene's handles, on the given segments or on their own."""
     with mp.workdps(DIGITS):
         model = compile_scene(scene).model
         chain = model.march(scene.head.travelled_m(t_s))

@@ -54,7 +54,7 @@ def poses(centre, yaw_rad, half_length, half_width):
 
 @st.composite
 def layouts(draw):
-    """Looks at benches anywhere: shaken, moved as one, moved one by one, at other places, or other benches."""
+    """Sequences of layouts: benches shaken, moved together, moved singly, moved elsewhere, or replaced."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     spread = draw(st.sampled_from([0.3, 3.0, 10.0, 40.0]))      # from deep overlaps to few that are near
 

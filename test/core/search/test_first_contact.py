@@ -1,4 +1,4 @@
-"""First contact of dragons of every kind against a dense scan with shapely, and its special ends."""
+"""First contact of dragons of every kind against a dense scan with shapely, and special cases."""
 from dataclasses import replace
 
 import numpy as np
@@ -72,7 +72,7 @@ def test_a_head_that_moves_out_into_a_contact_finds_the_end_of_one_that_moved_in
 
 
 def meeting_time(head_length_m, pair):
-    """When the gap of a pair of a dragon with such a head vanishes near 424.5 s."""
+    """Return the time near 424.5 s at which a pair of a dragon with this head length touches."""
     scene, benches = Scene(dragon=Dragon(20, head_length_m)), [np.array([bench]) for bench in pair]
 
     def gap(t_s):
@@ -82,7 +82,7 @@ def meeting_time(head_length_m, pair):
 
 
 def test_two_pairs_that_meet_at_the_same_time_are_one_set():
-    """With a short head the body touches first, with a longer one the head does: between them both at once."""
+    """With a short head the body touches first, with a longer one the head; in between, both touch at once."""
     def lead(head_length_m):
         return meeting_time(head_length_m, (0, 7)) - meeting_time(head_length_m, (1, 8))
     length = illinois(lead, 1.8, 1.9, lead(1.8), lead(1.9))

@@ -25,7 +25,7 @@ def test_every_passage_of_a_place_is_named_once_and_none_of_a_place_beyond():
 @given(st.lists(st.floats(-2, 2), min_size=2, max_size=6), st.floats(-8, 8))
 def test_passages_are_where_the_leader_is_at_the_place_as_often_as_it_changes_sides(speeds, place_m):
     law = Profile(tuple((3.0 * n, speed) for n, speed in enumerate(speeds)))
-    # Speeds change their sign on a ramp: the leader goes one way between the breaks and these.
+    # On a ramp the speed may change its sign, and the leader its direction, between two breaks.
     end_s = 3.0 * (len(speeds) - 1) + 2.0
     travel = RangeOfTravel(law, 0.0, end_s)
     (found,) = travel.passages_s([place_m])

@@ -86,7 +86,7 @@ def test_where_all_parts_are_on_one_spiral_the_nodes_of_one_span_tell_where_thei
     monkeypatch.setattr(build, '_by_series', checked)
     tile(scene, 0.0)
     assert off_m
-    assert max(off_m) < 5e-14       # what hundreds of rows round; the promise is 2e-12
+    assert max(off_m) < 5e-14       # rounding of hundreds of rows; the promise is 2e-12
 
 
 def test_series_that_end_in_their_rounding_are_not_cut_on_and_on(monkeypatch):

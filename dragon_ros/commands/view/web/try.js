@@ -79,7 +79,7 @@ function changed() {
   waiting = setTimeout(() => follow().catch(complain), WAIT_MS);
 }
 
-/** Let the dragon and all answers follow the values; an impossible one leaves both and says why. */
+/** Update the dragon and all answers to the values; if one is impossible, show why and keep the dragon. */
 async function follow() {
   asking.abort();
   asking = new AbortController();
@@ -91,12 +91,12 @@ async function follow() {
   await Promise.all([load().then(loadContact), answerAll()]);
 }
 
-/** Show no answer about values that are not possible. */
+/** Clear the answers, since the values are impossible. */
 function forget() {
   for (const place of Object.values(answers)) place.replaceChildren('–');
 }
 
-/** Ask one question after the other, the quickest first; each shows a bar while it is worked on. */
+/** Ask the questions in turn, quickest first; each shows a progress bar until it is answered. */
 async function answerAll() {
   const mine = asking;
   for (const place of Object.values(answers)) {
