@@ -71,7 +71,7 @@ def pytest_collection_modifyitems(config, items):
 
 
 def pytest_collection_finish():
-    """Spare the garbage collector what stays to the end: thousands of tests, and the libraries."""
+    """Exempt what stays until the end from garbage collection: thousands of tests, and the libraries."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
@@ -79,7 +79,7 @@ def pytest_collection_finish():
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers():
-    """Two a processor, since tests of nodes, browsers and clusters wait for most of their time."""
+    """Return two per processor, since tests of nodes, browsers and clusters mostly wait."""
     return 2 * len(os.sched_getaffinity(0))
 
 

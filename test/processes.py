@@ -61,7 +61,7 @@ class Forked:
 
 
 def _run(arguments, environment, cwd, output):
-    """Run in the new process what ``python -m dragon_ros`` runs; nothing of the first process's surroundings stays."""
+    """Run in the new process what ``python -m dragon_ros`` runs; nothing of the first process's environment remains."""
     from dragon_ros.__main__ import run
     os.environ.clear()
     os.environ.update(environment)

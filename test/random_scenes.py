@@ -104,7 +104,7 @@ class Way(NamedTuple):
     """A track, and the leader's possible motion on it."""
 
     section: dict[str, Any]
-    onwards_m: float                # a way that is worth going, against ``sense``: positive is inwards or onwards
+    onwards_m: float                # a useful distance, against ``sense``: positive is inwards or onwards
     lead: str = 'head'
     sense: int = 1
     has_end: bool = False           # whether the model itself ends there
@@ -153,7 +153,7 @@ def _benches(dice: Dice, kind: str, unit_m: float) -> Benches:
     head = {'longer head': body * dice.one(1.55, dice.between(1, 3)), 'equal': body,
             'shorter head': max(least, body * dice.between(0.3, 1))}[how]
     head = head if how == 'equal' else figures(head)
-    head = max(head, 2 * inset)     # rounding must not eat the room of the holes
+    head = max(head, 2 * inset)     # rounding must leave room for the holes
     section = {'benches': count, 'head_length_m': head, 'body_length_m': body, **one}
     return Benches(section if dice.chance(50) else {'kind': 'equal', **section}, [head] + [body] * (count - 1), inset,
                    width)
@@ -313,7 +313,7 @@ _TRACKS = {'in': _inwards, 'out': _outwards, 'far': _far, 'turn': _turn, 'circle
 
 
 def _head(dice: Dice, way: Way, speed_m_s: float) -> tuple[dict[str, Any], float, bool]:
-    """Draw how the leader goes, when it has gone about as far as the way is worth, and if it goes on for good."""
+    """Draw the leader's law, the time at which it has gone about the useful distance, and whether it never ends."""
     lead = {'lead': way.lead} if way.lead == 'tail' or dice.chance(20) else {}
     time_s = figures(way.onwards_m / speed_m_s)
     if dice.chance(2):
@@ -327,7 +327,7 @@ def _head(dice: Dice, way: Way, speed_m_s: float) -> tuple[dict[str, Any], float
 
 
 def _knots(dice: Dice, speed_m_s: float, time_s: float) -> tuple[list[list[float]], float]:
-    """Draw a profile, and when it has gone about the way that a constant speed goes in a time."""
+    """Draw a profile, and the time at which it has covered about the distance of a constant speed."""
     knots = [[0.0, dice.one(0.0, speed_m_s)]]
     for _ in range(dice.whole(1, 7)):
         t_s, before = knots[-1]

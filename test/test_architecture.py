@@ -44,7 +44,7 @@ LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': se
              'commands': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'python_calamine', 'shapely'},
              'studies': {'numpy', 'scipy', 'yaml', 'pyarrow', 'dask', 'distributed', 'tornado'}, 'verify': {'flint'},
              'cost': {'numpy', 'matplotlib'}}
-# What stands beside the package in a checkout alone, and which of its own folders each may import.
+# Folders that exist only in a checkout, and which others each of them may import.
 BESIDE = {'hard_cases': {'hard_cases'}, 'benchmarks': {'benchmarks', 'hard_cases'}}
 
 
@@ -154,7 +154,7 @@ PLANTED = ['import {}', 'from {} import anything', 'def later():\n    import {}'
 
 
 def not_found(folder, other, upward_of):
-    """Return the forms of an import of a module, each planted in a file, of which nothing is found."""
+    """Return the forms of an import of a module, each planted in a file, that are not detected."""
     files = {folder / f'planted_{number}.py': how.format(f'dragon_ros.{other}') for number, how in enumerate(PLANTED)}
     for path, code in files.items():
         path.write_text(code)
@@ -187,7 +187,7 @@ def test_what_the_core_may_import_has_no_circle():
 
 
 def mentioned(path, known):
-    """Return the modules that one names in imports or in strings, wherever they stand in it.
+    """Return the modules that one names in imports or in strings, anywhere in it.
 
     A string that ends in a dot, such as the beginning of what ``import_module`` is given, names all that begin so.
     """

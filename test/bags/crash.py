@@ -40,7 +40,7 @@ _BEGINS, _FLUSH_EVERY, _SIZES = 'begins', 7, (40, 1200, 70_000)
 
 
 class Kill(NamedTuple):
-    """What a kill left: messages flushed, saved, and found by the library; the files, and whether all were whole."""
+    """The result of a kill: messages flushed, saved and found by the library; the files; whether all are complete."""
 
     flushed: int
     saved: int
@@ -50,7 +50,7 @@ class Kill(NamedTuple):
 
 
 def payload(n: int) -> bytes:
-    """Return message ``n``: a string that begins with its number, and goes on with text that compresses badly."""
+    """Return message ``n``: a string that begins with its number and continues with text that compresses badly."""
     return string_message(f'{n:08d}' + random.Random(n).randbytes(_SIZES[n % len(_SIZES)]).hex())
 
 

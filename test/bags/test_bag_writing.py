@@ -364,7 +364,7 @@ def test_a_bag_without_messages_gives_way_to_the_next_one(tmp_path, folder, kill
     first = BagWriter(path)
     first.describe('account', {'complete': 'true'})
     first.close()
-    if killed:      # with its header and without its end
+    if killed:      # with its header but without its end
         file = path / 'run_0.mcap' if folder else path
         file.write_bytes(file.read_bytes()[:40])
     with BagWriter(path) as bag:

@@ -1,4 +1,4 @@
-"""Bags are read by software that knows nothing of this package: rosbags, mcap-ros2-support, ros2 bag, mcap doctor."""
+"""Bags can be read by independent software: rosbags, mcap-ros2-support, ros2 bag, mcap doctor."""
 import shutil
 import subprocess
 from importlib.metadata import version

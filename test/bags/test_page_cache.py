@@ -1,4 +1,4 @@
-"""The requests of a growing file to the page cache, for whose answer nobody waits."""
+"""Page-cache requests of a growing file, which block nobody."""
 import errno
 import os
 import threading

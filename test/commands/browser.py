@@ -21,7 +21,7 @@ ABSENT = 'no chromium with chromedriver on this machine; on Debian: apt install 
 _FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-sync',
           '--disable-background-networking', '--disable-component-update', '--window-size=1400,860',
           '--use-angle=swiftshader', '--enable-unsafe-swiftshader',     # WebGL by software
-          # One process for all pages, which are ours: to start one for each takes as long as a page's test.
+          # One process serves all pages, which are trusted: starting one for each would take as long as its test.
           '--renderer-process-limit=1', '--disable-site-isolation-trials', '--disable-features='
           'SpareRendererForSitePerProcess,BackForwardCache,ProactivelySwapBrowsingInstance,RenderDocument')
 _LONGEST_S = 60.0
@@ -94,7 +94,7 @@ class Browser:
         self._call('/goog/cdp/execute', {'cmd': command, 'params': parameters})
 
     def violations(self, axe):
-        """What axe, given as its script, finds wrong with the page: the names of rules, with elements."""
+        """Run axe, given as its script; return the violated rules with their elements."""
         self.run(f'if (!window.axe) {{ {axe} }}')
         return self.run("""return axe.run({resultTypes: ['violations']}).then(({violations}) => violations.flatMap(
             ({id, nodes}) => nodes.map(({html}) => `${id}: ${html.slice(0, 200)}`)))""")

@@ -97,7 +97,7 @@ def test_a_bag_shows_what_its_scene_shows(scene, bag):
 
 
 def test_a_bag_stamped_with_wall_time_shows_its_last_tick_too(tmp_path, scene):
-    now_s = 1_800_000_000       # where doubles are 2.4e-7 s apart
+    now_s = 1_800_000_000       # so far that doubles are 2.4e-7 s apart
     data = bytes(encoders(scene)['handles'](tick(scene, 0)))
     with BagWriter(tmp_path / 'a.mcap') as bag:
         bag.add_channel('/dragon/handles', channels()['handles'])

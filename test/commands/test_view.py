@@ -433,7 +433,7 @@ APART = """const plot = document.getElementById('scene'), {range, _length} = plo
 
 def test_webgl_draws_the_picture_of_the_canvas_and_gives_way_to_it(big_server, page):
     page.open_view(big_server.url)
-    assert page.run('return cost.webgl') is False       # here software would draw it, slower than the canvas is drawn
+    assert page.run('return cost.webgl') is False       # WebGL would be drawn by software here, slower than the canvas
     apart = [page.run(APART)]
     page.press('f')
     page.wait('return shownSpan() < 20')

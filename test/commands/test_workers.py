@@ -1,4 +1,4 @@
-"""Commands on several processes: the same output, and what is left where a process or the disk gives up."""
+"""Commands on several processes: the same output, and what remains if a process or the disk fails."""
 import json
 import os
 import signal
@@ -42,7 +42,7 @@ def end_at_300(job):
 
 
 class KilledElsewhere:
-    """Ends every process but the one that made it."""
+    """Ends every process except the one that created it."""
 
     def __init__(self):
         self.parent = os.getpid()
@@ -73,7 +73,7 @@ def test_a_killed_process_is_said():
 
 
 def test_short_work_is_done_by_this_process_unless_workers_are_asked_for():
-    """None of the results comes from a process that would have been killed."""
+    """All results come from this process, since others are killed."""
     assert list(Pool().in_order(KilledElsewhere(), range(10))) == list(range(10))
 
 
@@ -340,7 +340,7 @@ BROKEN_OFF = {'check': ['inspect', 'BAG', '--check'],
 def broken_off(folder, long, what, end):
     """Start a command, let ``end`` end it once it has started a process; return its exit code and errors.
 
-    Nothing is left but what was there.
+    Only the original files remain.
     """
     command = [str(long) if one == 'BAG' else one for one in BROKEN_OFF[what]]
     with subprocess.Popen([*DRAGON, *command, '--workers', '2'], cwd=folder, stdout=subprocess.PIPE,

@@ -1,4 +1,4 @@
-"""What contacts are held against: how far benches are apart by shapely, and the paper's candidates, corrected."""
+"""References for contacts: distances of benches by shapely, and the paper's candidates, corrected."""
 import numpy as np
 import shapely
 
@@ -15,7 +15,7 @@ def smallest(scene, t_s):
 
 
 def adjacent_layer_windows(angle):
-    """The paper's first and last candidate (N,) in the next layer out, corrected, from handle angles (N+1,)."""
+    """Return the paper's first and last candidates (N,) in the next layer out, corrected, from handle angles (N+1,)."""
     count = angle.size - 1
     over = np.searchsorted(angle, angle + 2 * np.pi, side='right') - 1
     first, last = over[:-1] - 1, over[1:] + 1

@@ -1,7 +1,7 @@
-"""Balls of ``ball_arithmetic`` in arb, at 200 bits: with them the same formulas show what floats must hold.
+"""Balls of ``ball_arithmetic`` in arb, at 200 bits: the same formulas yield references for enclosures in floats.
 
-An arb's radius is rounded outwards at each operation, so what it says is true; it has 30 bits, so that is a billionth
-more than exact formulas would give, and less than what ``Ball`` adds for its own rounding.
+An arb's radius is rounded outwards at each operation, so its enclosures are rigorous. It has 30 bits, so it exceeds the
+exact value by about a billionth, which is less than what ``Ball`` adds for its own rounding.
 """
 from contextlib import contextmanager
 from functools import partial
@@ -15,7 +15,7 @@ BITS = 200
 
 @contextmanager
 def in_arb(*modules):
-    """Let modules compute with these balls, exactly (but for what bounds they put together in floats)."""
+    """Let modules compute with these balls, exactly (except for bounds that they combine in floats)."""
     before, ctx.prec = ctx.prec, BITS
     names = {'Ball': ArbBall.of, 'between': between, 'side_by_side': side_by_side, 'ABOVE': 1.0}
     patches = [patch.object(module, name, new) for module in modules for name, new in names.items()
@@ -31,7 +31,7 @@ def in_arb(*modules):
 
 
 def upper(x):
-    """Return a float that is no less than |x|; infinite where nothing is known."""
+    """Return a float that is at least |x|; infinite if nothing is known."""
     most = x.abs_upper()
     return float(np.nextafter(float(most), np.inf)) if most.is_finite() else np.inf
 

@@ -1,4 +1,4 @@
-"""Budgets of what comes from outside: all in one table, all used, and told in the documents."""
+"""Budgets for untrusted input: all in one table, all used, and all documented."""
 from pathlib import Path
 
 from dragon_ros.core import limits

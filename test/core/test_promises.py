@@ -1,6 +1,6 @@
 """Promises on random short chains, through state, states and tick, at every tier: where a chain has no table as well.
 
-Each scene is held against forward placement at the exact tier, which test_accuracy holds against 50 digits. The long
+Each scene is compared with forward placement at the exact tier, which test_accuracy compares with 50 digits. The long
 form is ``./dragon cost promises --chains 100000``.
 """
 from dataclasses import replace
@@ -38,7 +38,7 @@ def test_chains_whose_last_links_once_followed_unchecked_keep_their_promise(accu
 def test_a_head_with_a_short_link_leaves_all_speeds_as_exact_as_the_others_do(number):
     scene, times_s = promises.random_scene(number)
     assert scene.dragon.link_lengths_m[0] < 0.2 * scene.dragon.link_lengths_m[1]
-    assert np.max(shares(scene, times_s)) < 0.3     # 0.75 where the leader's motion was cut for a link of its length
+    assert np.max(shares(scene, times_s)) < 0.3     # 0.75 if the leader's motion were cut for a link of its length
 
 
 lengths = st.floats(0.05, 6)

@@ -1,4 +1,4 @@
-"""Scenes: settings alone, frozen, normalised, equal where they mean the same, pickled small, importing no solver."""
+"""Scenes: settings alone, frozen, normalised, equal if they mean the same, small when pickled, importing no solver."""
 import json
 import pickle
 import subprocess

@@ -1,4 +1,4 @@
-"""A venue is settings: frozen, equal where it means the same, and nothing that is no place for a dragon."""
+"""A venue is settings: frozen, equal if it means the same, and invalid ones are rejected."""
 import pickle
 from math import nan
 

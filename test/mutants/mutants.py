@@ -55,7 +55,7 @@ ROOMS = {
                  'test/nodes/test_monitor_topics.py', 'test/nodes/test_overload.py',
                  'test/messages/test_monitor_markers.py']),
 }
-# Of the operators on two operands those that look like a slip: others, such as a shift for a sum, any test finds.
+# Binary operators that resemble a slip; any test finds others, such as a shift instead of a sum.
 _SLIPS = {'Add_Sub', 'Sub_Add', 'Mul_Div', 'Div_Mul', 'FloorDiv_Mul', 'Mod_FloorDiv', 'Pow_Mul', 'BitAnd_BitOr',
           'BitOr_BitAnd'}
 _IGNORED = ('core/VariableInserter', 'core/VariableReplacer', 'core/NoOp', 'core/RemoveDecorator', 'core/AddNot',
@@ -67,9 +67,9 @@ _OTHER = {**dict(_BOTH_WAYS), **{b: a for a, b in _BOTH_WAYS}, 'inf': '0.0', 'ab
 _LOADED = ('numpy', 'shapely', 'hypothesis.extra.numpy', 'mpmath', 'flint', 'scipy.optimize', 'scipy.integrate', 'yaml',
            'matplotlib.figure', 'coverage')
 _UNUSED = ('xdist', 'cov', 'cacheprovider', 'stepwise', 'launch_testing', 'launch_pytest', 'ament_copyright')
-_SLACK = 4.0        # times the processor time that a test takes without a mutant, and
-_EXTRA_S = 3.0      # s of it: then a mutant counts as found, for a loop that does not end
-_WAITED = 20.0      # times these of all tests, by the clock, for a mutant that waits for ever
+_SLACK = 4.0        # times the processor time of a test without a mutant, plus
+_EXTRA_S = 3.0      # these seconds; then a mutant counts as found, since it loops forever
+_WAITED = 20.0      # times those of all tests, in wall time, for a mutant that waits forever
 _NODES = ('dragon_ros/nodes/', 'test/nodes/')
 _ALIVE = ('survived', 'unreached')
 
@@ -127,7 +127,7 @@ def operators() -> dict[str, Operator]:
 
 
 def mutants_of(path: str, source: str, known: dict[str, Operator]) -> Iterator[Mutant]:
-    """Yield every mutant of a file but those where nothing is computed: see ``_unused``."""
+    """Yield every mutant of a file except in code that computes nothing (see ``_unused``)."""
     nodes = list(ast_nodes(get_ast(source)))
     inside = [(part.start_pos, part.end_pos) for node in nodes for part in _unused(node)]
     for name, operator in known.items():
@@ -172,7 +172,7 @@ def copied(room: str) -> Path:
 class Order:
     """A plugin of pytest that keeps some tests, in their order, and remembers the one that failed.
 
-    A test that takes too much processor time, beside its ``times`` in s, ends the process.
+    A test that takes too much processor time, compared with its ``times`` in s, ends the process.
     """
 
     tests: list[str]
@@ -271,7 +271,7 @@ def run(arguments: list[str], plugin: object) -> int:
 def reached(tree: Path, room: str, folder: Path) -> tuple[dict[str, dict[int, list[str]]], dict[str, float]]:
     """Return which tests run which lines, and how long each test takes, from one run without a mutant.
 
-    What is known of a file of tests is kept until that file or the room changes.
+    Data about a test file is cached until that file or the room changes.
     """
     parts, tests = ROOMS[room]
     sources = [path for part in parts for path in files(ROOT, part)]
@@ -306,7 +306,7 @@ def in_functions(source: str) -> set[int]:
 
 
 def lines_of(tree: Path, file: str, sources: list[Path]) -> tuple[dict[str, dict[int, list[str]]], dict[str, float]]:
-    """Return what each test of a file runs in the sources, and its processor time."""
+    """Return the source lines that each test of a file runs, and its processor time."""
     def work() -> object:
         plugin = Lines(sources)
         code = run([file], plugin)

@@ -129,7 +129,7 @@ def node(domain):
 
 @pytest.fixture
 def other_node(domain):
-    """A second node of the test, as another program would have it."""
+    """A second node of the test, as in another program."""
     with made_node('stranger') as node:
         yield node
 

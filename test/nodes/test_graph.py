@@ -135,7 +135,7 @@ def test_a_replayed_bag_gives_the_same_bytes_and_the_same_event(start, node, tmp
                    '/dragon/handles=2,/dragon/benches=2,/dragon/velocities=1')
     assert replay.end() == 0, replay.text
     node.until(lambda: events)
-    assert monitor.stop(signal.SIGTERM) == 0, monitor.text      # which ends once the recorder has its event
+    assert monitor.stop(signal.SIGTERM) == 0, monitor.text      # it ends once the recorder has received its event
     assert record.stop() == 0, record.text
     first, second = by_topic(path), by_topic(again)
     assert {name: second[name] for name in first} == first

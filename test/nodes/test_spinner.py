@@ -1,4 +1,4 @@
-"""A spinner serves what an executor of rclpy serves: messages, timers, requests, events, and later additions."""
+"""A spinner handles all that an rclpy executor does: messages, timers, requests, events, and later additions."""
 import gc
 import threading
 import time

@@ -21,7 +21,7 @@ def svg(tmp_path, body, head=HEAD):
 
 
 def on_paper(x, y):
-    """Where units of the viewBox above lie at 1:200: half a millimetre each, from the lower left corner upwards."""
+    """Return the position of viewBox units at 1:200: half a millimetre each, with the origin at the lower left."""
     return 200 * 0.0005 * complex(x, 200 - y)
 
 

@@ -87,7 +87,7 @@ def ended(process: subprocess.Popen[bytes], number: int = signal.SIGINT) -> int:
 
 
 def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
-    """Run one; without controls it ends when the dragon does, which on a busy machine lags behind the clock."""
+    """Run one; without controls it ends with the dragon, which lags behind the clock on a busy machine."""
     folder, rng = run.folder, random.Random(seed)
     whole = run.start('record', '--output', folder / 'whole', '--split-duration-s', 300)
     monitor, extra = run.start('monitor'), run.start('record', '--output', folder / 'extra_0.mcap')
@@ -153,13 +153,13 @@ def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
 
 
 def set_of(minutes: float, controls_s: float) -> list[str]:
-    """Return the scene as options: with controls it is ended by a signal, and must be long enough."""
+    """Return the scene as options: with controls a signal ends the run, which must be long enough."""
     return ['--scene', 'unwinding', '--set', f'run.stop_s={60 * minutes * (2 if controls_s else 1)}',
             '--set', f'run.rate_hz={RATE_HZ}']
 
 
 def waited_for(bag: Path) -> bool:
-    """Wait until a chunk of a bag is on disk: what is killed before holds nothing to compare."""
+    """Wait until a chunk of a bag is on disk: a recorder killed before that leaves nothing to compare."""
     until = time.monotonic() + _BEGUN_S
     while time.monotonic() < until:
         if bag.exists() and bag.stat().st_size >= _BEGUN_BYTES:

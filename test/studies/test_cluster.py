@@ -85,7 +85,7 @@ def undisturbed(study, without_times):
 
 
 def half_way(act):
-    """Return what is told of progress and acts once, half way."""
+    """Return a progress callback that acts once, half way."""
     acts = [act]
 
     def tell(progress):

@@ -152,7 +152,7 @@ def test_the_clearance_is_that_of_all_benches_however_far_apart():
 
 
 def test_tolerances_of_a_venue_have_the_gap_the_obstacle_and_the_first_touch():
-    """A wider dragon has half the difference less room beside the wall, and touches one that is in its way."""
+    """The gap to the wall shrinks by half the additional width, and a wide dragon touches a wall in its way."""
     rows = []
     for width_m in (0.3, 0.4, 0.6):
         wall = LineObstacle('wall', ((21.0, 0.25), (40.0, 0.25)))

@@ -19,7 +19,7 @@ from dragon_ros.verify.segments import SpiralSegment
 from dragon_ros.verify.track import Place, Track, track_of
 
 BENCHES = 9
-STEP = 1e-9         # of differences: places are known to 1e-28, so that a second difference errs by 1e-10
+STEP = 1e-9         # of differences: positions are known to 1e-28, so second differences to 1e-10
 
 
 def mirrored(track):
@@ -76,7 +76,7 @@ def made(kind, dragon):
 
 
 def reach_m(track, benches):
-    """About the places between which the head may be: up to a lock, or to the track's end."""
+    """Return roughly the range of the head's position: up to a lock, or to the end of the track."""
     if track.to_centre:
         return 0.0, float(Leader(track, benches, False, Budget(10**7)).limits(1e-12, None)[1].gone)
     links = sum(bench.link.near for bench in benches.benches)
@@ -85,7 +85,7 @@ def reach_m(track, benches):
 
 
 def made_with_reach(kind, dragon):
-    """What ``made`` returns, and the reach of the head; examples that bend too tightly or reach nowhere are dropped."""
+    """Return ``made(...)`` and the head's range; reject examples with too tight bends or an empty range."""
     made_of = made(kind, dragon)
     track, benches, bend = made_of
     assume(bend is None or bend * max(benches.longest_links) < 1.98)

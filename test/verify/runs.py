@@ -92,7 +92,7 @@ class Draw:
 
 
 def certificates(seed):
-    """Yield (number, scene, certificate) of all runs that the solver has an answer and a certificate for."""
+    """Yield (number, scene, certificate) of all runs for which the solver has an answer and a certificate."""
     for number in count():
         try:
             scene = Draw(f'{seed}.{number}').scene()

@@ -1,4 +1,4 @@
-"""Honest certificates of every kind of run are accepted, and what they prove is said."""
+"""Honest certificates of every kind of run are accepted, and the result says what they prove."""
 import json
 from itertools import islice, pairwise
 from pathlib import Path

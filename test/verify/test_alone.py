@@ -1,4 +1,4 @@
-"""The checker is a process that knows nothing of the solver."""
+"""The checker runs as a process without the solver."""
 import json
 import random
 import re

@@ -1,4 +1,4 @@
-"""The slack of a contact's place excuses no time: a contact is proved where the leader first comes to it alone."""
+"""The slack of a contact's place excuses no wrong time: a contact is proved only where the leader first reaches it."""
 from dataclasses import replace
 
 import pytest
@@ -23,7 +23,7 @@ PAIR = FOUND['benches']
 
 
 def contact_m():
-    """How far the head has gone where its benches begin to overlap, to the last float."""
+    """Return how far the head has gone when benches begin to overlap, to the last bit of a float."""
     track, benches, _ = compiled(BODY, TRACK)
     low, high = FOUND['t_s'] - 1e-9, FOUND['t_s'] + 1e-9
     while low < (middle := 0.5 * (low + high)) < high:
@@ -44,7 +44,7 @@ def claim(head, t_s=None, stop_s=None, start_s=0.0, grazing=False):
 
 
 def there_and_back(beyond_m):
-    """A head that turns back so far beyond the contact, rests for an hour and returns; when it turns, and returns."""
+    """Return a head that turns back this far beyond the contact, rests for an hour and returns; and both times."""
     turn_s = THERE_M + beyond_m
     back_s = turn_s + BACK_S
     again_s = back_s + HOUR
@@ -95,7 +95,7 @@ def test_a_leader_that_rests_just_beyond_a_contact_came_to_it_before():
 
 @pytest.mark.parametrize('early_m', [-9e-10, 0.0, 9e-10])
 def test_where_the_leader_creeps_through_the_slack_both_times_are_told(early_m):
-    """At a picometre a second: the contact's place is known to a nanometre, and its time to half an hour."""
+    """At a picometre per second, a slack of a nanometre makes the time uncertain by half an hour."""
     slow_s = THERE_M - 2e-9
     head = Profile(((0.0, 1.0), (slow_s, 1.0), (slow_s, 1e-12), (slow_s + 4000.0, 1e-12), (slow_s + 4000.0, 1.0)))
     t_s = slow_s + 2000.0 + early_m * 1e12
@@ -131,7 +131,7 @@ def test_at_the_start_benches_overlap_as_far_on_as_the_leader_goes_and_no_furthe
 
 
 def test_a_contact_that_a_leader_overshoots_on_its_way_back_is_not_proved_an_hour_later():
-    """By half a nanometre, so that the slack alone would excuse it."""
+    """The leader overshoots by half a nanometre, which is within the slack."""
     scene = Scene(dragon=Dragon(30, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), head=Head(-1.0), run=Run(0, 5))
     found = first_contact(scene)
     turn_s = found.t_s + 5e-10

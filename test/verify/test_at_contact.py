@@ -1,4 +1,4 @@
-"""A result that says it is complete is proved, however near to its contact a run starts or stops."""
+"""A result that claims to be complete is proved, however close to its contact a run starts or stops."""
 from collections import Counter
 from dataclasses import replace
 from math import inf, nextafter
@@ -36,7 +36,7 @@ def contacts(seeds):
 
 
 def around(scene, t_s):
-    """Times at a contact, a float away, and a nanometre and a micrometre of the leader's way."""
+    """Times of a contact, one float from it, and a nanometre and a micrometre of the leader's travel from it."""
     unit = min(1.0, float(max(scene.dragon.bench_lengths_m))) / (abs(scene.head.speed_at_m_s(t_s)) or 1.0)
     return [t_s, nextafter(t_s, inf), nextafter(t_s, -inf), *(t_s + way * unit for way in (1e-9, -1e-9, 1e-6, -1e-6))]
 

@@ -1,4 +1,4 @@
-"""The checker's bounds hold on whole intervals: no corner bends more, and no point goes further, than they say."""
+"""The checker's bounds hold on whole intervals: no corner bends more and no point moves further."""
 from contextlib import suppress
 
 import pytest
@@ -30,7 +30,7 @@ def bends(postures, n):
 
 
 def check(track, benches, bend, start, stop, count=3):
-    """Hold all bounds of an interval against what happens inside."""
+    """Compare all bounds of an interval with samples inside it."""
     ends = tuple(Posture(track, benches, 0, track.place_at(arb(place))) for place in (start, stop))
     interval = Interval(track, benches, 0, ends, bend)
     inside = [start + (stop - start) * (k + 0.37) / count for k in range(count)]

@@ -29,7 +29,7 @@ SCENE = Scene(dragon=Dragon(BENCHES, 1.5, 1.2, 0.2, 0.1), track=Spiral(0.5, 4.0)
 WITHIN = {'dragon.width_m': 0.01, 'dragon.head_length_m': 0.02, 'dragon.body_length_m': 0.03,
           'dragon.hole_inset_m': 0.005, 'track.pitch_m': 0.004}
 UNTIL_S = 11.0
-NEVER_MIND = 1e-12      # of radians: what these tests' own floats round
+NEVER_MIND = 1e-12      # rad: rounding of the floats in these tests
 
 
 def family_of(within=WITHIN, until_s=UNTIL_S, scene=SCENE):
@@ -45,7 +45,7 @@ PROOF = proof_of()
 
 
 def root(f, low, high):
-    """Where a growing function is 0."""
+    """Return the root of an increasing function."""
     for _ in range(200):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if f(middle) > 0 else (middle, high)
@@ -77,7 +77,7 @@ def handles(t_s, scale, links):
 
 
 def one_of(draw, ends):
-    """Mostly an end of an interval, else something in it."""
+    """Return an end of an interval, or less often a value inside it."""
     low, high = ends
     return draw.choice([low, high, draw.uniform(low, high)])
 
@@ -157,7 +157,7 @@ def test_what_links_span_in_a_box_is_what_they_do_at_its_ends():
 
 
 def held(lead, box, ahead):
-    """Whether what is left of a box holds another bench, or says that it is out of reach."""
+    """Return whether the remaining box contains another bench, or how it misses it."""
     left = PROOF._occurring(lead, box)
     if left is None:
         return 'nothing'
@@ -166,7 +166,7 @@ def held(lead, box, ahead):
 
 
 def rectangle(theta, rear, angle, scale, half, over):
-    """A bench as large as any of the family, its front handle at an angle and its rear one further on."""
+    """Return a largest bench of the family, by the angles of its front and rear handles."""
     front = theta * complex(cos(angle), sin(angle))
     back = rear * complex(cos(angle + rear - theta), sin(angle + rear - theta))
     u = (front - back) / abs(front - back)
@@ -181,7 +181,7 @@ def around(value, wide):
 
 @pytest.mark.parametrize('wide', [1e-9, 0.02])
 def test_all_pairs_of_all_dragons_up_to_the_claimed_time_are_in_the_boxes_and_none_is_left_out(wide):
-    """At their start and at the claimed time as well. Pairs that count as out of reach do not touch."""
+    """This includes their start and the claimed time. Pairs that count as out of reach do not touch."""
     draw, first, seen = random.Random(9), PROOF._first(), {'held': 0, 'beyond': 0}
     for _ in range(12):
         scale, links = dragon(draw)
@@ -206,13 +206,13 @@ def test_all_pairs_of_all_dragons_up_to_the_claimed_time_are_in_the_boxes_and_no
 @pytest.mark.parametrize('lead', [0, 1])
 @pytest.mark.parametrize(('t_s', 'sense'), [(UNTIL_S, -1), (3.0, 1)])
 def test_what_is_a_hair_before_the_start_or_after_the_claimed_time_does_not_occur(lead, t_s, sense):
-    """Of the head at the start, and of head and first body bench at the claimed time, whatever their tolerances."""
+    """Tested: the head at the start, and the head and first body bench at the claimed time, for all tolerances."""
     for scale in (PROOF._scale if sense < 0 else PROOF._scale[:1]):
         links = [PROOF._head[0]] + [PROOF._body[0]] * 3
         theta = handles(t_s, scale, links)[lead]
         box = [around(theta, 1e-9), (0.0, 9e9), (scale, scale), (links[lead], links[lead]), (links[2], links[2])]
         assert PROOF._occurring(lead, tuple(box)) is not None
-        box[THETA] = around(theta + sense * (1e-6 if lead else 3e-9), 1e-9)     # six passes bound where the head is
+        box[THETA] = around(theta + sense * (1e-6 if lead else 3e-9), 1e-9)     # six passes bound the head's position
         if lead == 0 or sense < 0:
             assert PROOF._occurring(lead, tuple(box)) is None
         links, inside = ((PROOF._head, PROOF._body)[lead], PROOF._body), around(theta - sense * 2e-9, 1e-9)
@@ -241,7 +241,7 @@ def test_boxes_reach_out_to_the_last_bench_with_two_behind_it_and_no_further(ben
     proof = proof_of(scene=scene)
     last = handles(0.0, PROOF._scale[1], [PROOF._head[1], *[PROOF._body[1]] * benches])[benches - 3]
     row = [box[THETA] for lead, box in proof._first() if lead]
-    if benches == 3:        # of which the head alone has two behind it
+    if benches == 3:        # only the head has two benches behind it
         assert not row
     else:
         assert last - NEVER_MIND * benches <= row[-1][1] < last + 1e-9 * benches
@@ -271,7 +271,7 @@ def test_strips_reach_from_the_shortest_links_to_the_longest_and_no_further(thet
 
 
 def reach(theta, scale, link, other, half, over):
-    """Up to how far ahead another bench counts, on a track without ends."""
+    """Return how far ahead another bench is still considered, on a track without ends."""
     wide = SimpleNamespace(_half=half, _over=over, _head=link, _body=link, _start=arb(1e6),
                            _gone_m=(arb(0), arb(1e9)), _gone_by=lambda theta, scale: arb(0.5),
                            _strips=lambda lead, box: box[AHEAD])
@@ -281,7 +281,7 @@ def reach(theta, scale, link, other, half, over):
 @pytest.mark.parametrize(('theta', 'link', 'half', 'over'), [
     (30.0, 0.3, 2.0, 0.01), (30.0, 0.3, 1.0, 0.3), *((8.0, 0.8, 0.1 + 0.03 * n, 0.001) for n in range(12))])
 def test_wide_and_long_benches_that_are_out_of_reach_do_not_touch_all_round(theta, link, half, over):
-    """On a narrow spiral, where one bench after the other passes along all sides of the inner one."""
+    """On a narrow spiral, successive benches pass all sides of the inner one."""
     scale = 10.0
     far = reach(*((value, value) for value in (theta, scale, link, link)), half, over)
     inner = rectangle(theta, behind(theta, scale * link), 0.0, scale, half, over)
@@ -340,7 +340,7 @@ def test_distances_and_slopes_of_a_box_hold_those_of_its_points(seed, wide):
 @pytest.mark.parametrize('rows', [*((row,) for row in range(5)), (0, 1), (2, 3, 4), (0, 1, 2, 3, 4)], ids=str)
 @pytest.mark.parametrize('seed', thinned(range(3), lambda seed: seed == 0))
 def test_a_box_is_cleared_while_its_benches_are_apart_and_no_longer(rows, seed):
-    """A box that is widened from a small gap: what the mean value theorem loses is of second order."""
+    """The box is widened from a small gap: the mean value theorem loses only a second-order term."""
     draw, over = random.Random(seed), 0.2
     point = [value * draw.uniform(0.97, 1.03) for value in MIDDLE]
     half = root(lambda half: -gap(point, half, over) + 0.02, 0.0, 3.0)

@@ -1,4 +1,4 @@
-"""Where handles are on an interval, and how far they go on it: no handle leaves what the checker says of it."""
+"""Positions and travel of handles on an interval: no handle leaves the checker's bounds."""
 from types import SimpleNamespace
 
 import pytest
@@ -13,8 +13,8 @@ from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.motion import _turning, furthest
 from dragon_ros.verify.track import Place
 
-TURN_M = 432.7581345      # of the head's way: there handle 1 of the classic dragon turns back
-NEVER_LESS = 1 - 1e-12      # of a bound: what balls and floats may make of an equality
+TURN_M = 432.7581345      # travel of the head at which handle 1 of the classic dragon turns back
+NEVER_LESS = 1 - 1e-12      # of a bound: rounding of balls and floats where both are equal
 
 
 def gone_m(track, one, two):
@@ -23,7 +23,7 @@ def gone_m(track, one, two):
 
 
 def hold(made_of, start, stop, shares):
-    """Hold all handles of an interval against where they are inside of it, and how far from both ends."""
+    """Compare the bounds of all handles with their positions inside an interval and their distances from both ends."""
     track, benches, _ = made_of
     piece, ends = interval(made_of, start, stop)
     inside = [at(track, benches, start + (stop - start) * share) for share in shares]
@@ -43,7 +43,7 @@ def hold(made_of, start, stop, shares):
 
 
 def held(kind, dragon, begin, length, shares):
-    """Hold an interval of a track, which begins at a share of the way."""
+    """Check an interval of a track that begins at a share of the head's reach."""
     made_of, low, high = made_with_reach(kind, dragon)
     try:
         start = low + begin * (high - low)
@@ -114,7 +114,7 @@ def test_a_handle_that_turns_back_anywhere_in_an_interval_stays_within_its_bound
 @examples(60)
 @given(st.floats(0.1, 9), st.floats(0.1, 9), st.floats(0, 1), st.booleans())
 def test_the_mean_value_theorem_bounds_what_turns_once_and_no_less(down, up, share, first_up):
-    """A function on [0, 1] with slopes from -down to up, which goes one way up to a share and then the other."""
+    """A function on [0, 1] with slopes from -down to up, which changes direction at a share of the interval."""
     slopes = (up, -down) if first_up else (-down, up)
     turn = 5 + slopes[0] * share
     last = turn + slopes[1] * (1 - share)
@@ -122,7 +122,7 @@ def test_the_mean_value_theorem_bounds_what_turns_once_and_no_less(down, up, sha
     low, high = _turning(front, (arb(5), arb(last)), (arb(100), arb(-100)), ratio)
     assert float(low) <= min(5, turn, last) + 1e-7       # a radius has 30 bits
     assert float(high) >= max(5, turn, last) - 1e-7
-    less, more = -max(down, (down + up) / 2), max(up, (down + up) / 2)      # of a ball times one from 0 to 1
+    less, more = -max(down, (down + up) / 2), max(up, (down + up) / 2)      # the product of a ball and [0, 1]
     assert float(low) == pytest.approx(max(5 + less, last - more), abs=1e-6)
     assert float(high) == pytest.approx(min(5 + more, last - less), abs=1e-6)
 
@@ -136,7 +136,7 @@ def test_a_place_is_as_far_from_two_others_as_at_the_bound_that_is_further_from_
 
 @pytest.mark.parametrize('half', [0.01, 0.03])
 def test_how_far_handles_go_that_turn_back_is_bounded_tightly(half):
-    """By five times at most: the bound by the mean value theorem takes the steepest slope for all of an interval."""
+    """It is at most five times too large: the mean value theorem takes the steepest slope of the whole interval."""
     track, benches, bend = centred(Dragon(BENCHES), 0.55, 16.0)
     middle = float(track.distance(Place(0, arb(14.863))))
     piece, ends = interval((track, benches, bend), middle - half, middle + half)

@@ -1,4 +1,4 @@
-"""How handles and links move: no derivative leaves its bounds, and on short intervals these are hardly wider."""
+"""Motion of handles and links: no derivative leaves its bounds, which are tight on short intervals."""
 from math import inf, sin
 
 import pytest
@@ -13,7 +13,7 @@ from dragon_ros.verify import motion
 from dragon_ros.verify.balls import size
 from dragon_ros.verify.errors import Refused
 
-SLACK = 1e-7        # of derivatives that are taken from differences
+SLACK = 1e-7        # error of derivatives from finite differences
 DRAGON = Dragon(BENCHES, 1.9, 1.7, 0.2, 0.2)
 
 
@@ -24,7 +24,7 @@ def derivatives(values):
 
 
 def turned(postures, n):
-    """The angles of a link, from the one in the middle."""
+    """The angles of a link, relative to the one in the middle."""
     axes = [posture.pose(n).axis for posture in postures]
     return [(axis * axes[1].conjugate()).arg() for axis in axes]
 
@@ -50,7 +50,7 @@ def truths(track, postures, piece, n):
 
 
 def hold(made_of, start, stop, shares, wide=inf):
-    """Hold derivatives inside of an interval against their bounds, and these against a width."""
+    """Compare derivatives inside an interval with their bounds, and the width of these with a limit."""
     track, benches, _ = made_of
     piece, _ = interval(made_of, start, stop)
     for share in shares:
@@ -89,7 +89,7 @@ def test_on_short_intervals_bounds_are_hardly_wider_than_what_happens(kind, shar
 
 @pytest.mark.parametrize('length', [0.3, 0.8])
 def test_across_a_joint_of_two_equal_arcs_directions_are_those_that_are_taken_and_no_others(length):
-    """There the link and the tangents turn by as much as bends allow."""
+    """The link and the tangents turn there by as much as the bends allow."""
     bent = Composite((Arc(2.0, 180.0), Arc(2.0, 150.0)), 8.0)
     track, benches, bend = made_of = compiled(Dragon(4, 1.6, 1.6, 0.2, 0.2), bent)
     joint = float(track.joints[0])

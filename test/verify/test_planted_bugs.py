@@ -47,7 +47,7 @@ def start(patch):
 
 
 def end(patch):
-    """A run that ends a second before it is told to."""
+    """A run that ends a second early."""
     true = model.Simulation.end.func
     patch.setattr(model.Simulation, 'end', cached_property(lambda self: replace(true(self), t_s=true(self).t_s - 1.0)))
     model.Simulation.end.__set_name__(model.Simulation, 'end')
@@ -66,13 +66,13 @@ def law_integral(patch):
 
 
 def rest_of_a_ramp(patch):
-    """A law that is thought to go one way only."""
+    """A law that is assumed to move in one direction only."""
     patch.setattr(head_module.Profile, 'breaks_s', cached_property(lambda self: [0.0, self.knots[-1][0]]))
     head_module.Profile.breaks_s.__set_name__(head_module.Profile, 'breaks_s')
 
 
 def tail_lead(patch):
-    """A tail that starts where a link less would put it."""
+    """A tail that starts as if there were one link less."""
     true = model.Leader
 
     def leader(track, links, start_m, direction):
@@ -140,7 +140,7 @@ def constant_of_the_second_order_bound(patch):
 
 
 def constant_of_the_lipschitz_bound(patch):
-    """Benches that are thought to go a thousandth of what they go, and to bend as little."""
+    """Benches whose travel and curvature are assumed to be a thousandth of the true values."""
     space = conservative_advancement._ChainIntervals
     true = space._moved
     patch.setattr(space, '_moved', lambda *given: 1e-3 * true(*given))
@@ -160,13 +160,13 @@ BUGS = [(lock, LOCKING), (start, SHORT), (end, SHORT), (end, TURN), (stop, LOCKI
 
 
 def again(run):
-    """The same run, of which nothing is remembered."""
+    """The same run, with nothing cached."""
     return replace(run, dragon=replace(run.dragon), track=replace(run.track), head=replace(run.head))
 
 
 @lru_cache
 def honest(run):
-    """What the solver writes of a run without a bug, which the checker accepts."""
+    """The certificates that the solver writes without a bug, which the checker accepts."""
     values = written(again(run))
     assert proved(values)
     return values

@@ -1,4 +1,4 @@
-"""What a bench of the checker is in the plane, held against what can be said by hand."""
+"""The checker's benches in the plane, compared with results derived by hand."""
 from argparse import ArgumentTypeError
 from math import asin, hypot, inf
 

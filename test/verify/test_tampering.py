@@ -1,4 +1,4 @@
-"""Whatever is changed in a certificate so that it is not true any more is refused, each with its line."""
+"""Each change that makes a certificate false is refused with its own error."""
 import copy
 import re
 from math import inf, nan
@@ -63,7 +63,7 @@ def scene(section, key):
     return 'scene', section, key
 
 
-FALSE = 'overlap|do not|beyond|after the|exceeds the track'       # refused by what is proved
+FALSE = 'overlap|do not|beyond|after the|exceeds the track'       # refused by the proof
 TAMPERINGS = [
     # The contact: another time, other benches, or none
     ('contact', T, more(3e-9), FALSE), ('contact', T, more(-3e-9), FALSE), ('contact', T, more(0.1), FALSE),
@@ -128,7 +128,7 @@ TAMPERINGS = [
     ('joined', (*PIECES, 1, 'heading_deg'), 31.0, 'ends .* from there'),
     ('joined', scene('track', 'start_m'), 0.01, FALSE), ('other', scene('track', 'start_m'), 70.0, 'beyond its end'),
     ('other', (*PIECES, 1, 'radius_m'), 1.0, 'links could lock'),
-    # Intervals that speak of what nobody clears
+    # Intervals with invalid benches or positions
     ('contact', (*ROW, 'lead'), 'tail', 'names no bench'),
     ('contact', (*ROW, 'lead'), 'bench 10', 'no two benches behind'),
     ('contact', (*ROW, 'behind'), 12, 'only 11 benches'), ('contact', (*ROW, 'behind'), -1, 'not between'),
@@ -141,7 +141,7 @@ TAMPERINGS = [
     ('turn', (*ROW, 'stop_m'), 50.0, 'exceeds the track'),
     ('start', ('intervals',), [{'lead': 'head', 'start_m': 412.0, 'stop_m': 412.2, 'behind': 11}],
      'exceeds the track'),
-    # Claims that nobody checks, and scenes that leave something open
+    # Claims that are not checked, and incomplete scenes
     ('contact', ('version',), 4, 'not between 1.0 and 3.0'), ('contact', ('version',), 0, 'not between'),
     ('contact', ('version',), '2', 'not a whole number'), ('contact', ('version',), 2.0, 'not a whole number'),
     ('contact', ('start_gap_m',), 0.1, 'is not checked'), ('contact', ('certified',), True, 'is not checked'),
@@ -184,7 +184,7 @@ OPPOSITE = {'left': 'right', 'right': 'left', 'head': 'tail', 'tail': 'head', 's
 
 @pytest.mark.parametrize('kind', [kind for kind in KINDS if kind not in ('none', 'lock', 'other')])
 def test_no_contact_is_proved_of_a_scene_with_a_sign_a_side_or_a_sense_changed(honest, kind):
-    """But where a track begins and how it is turned, an arc that nobody reaches, and a law at the start."""
+    """Except for a track's start and heading, an arc that is never reached, and the law of a contact at the start."""
     values = honest[kind]
     moves = values['contact']['t_s'] > values['scene']['run']['start_s']
     changes = [(path, change) for path, change in shifted(values['scene'])

@@ -1,4 +1,4 @@
-"""The checker's own track, chain and law are the solver's, to the solver's last digits, and known far better."""
+"""The checker's own track, chain and law equal the solver's to its last digits, and are far more precise."""
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise

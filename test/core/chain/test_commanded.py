@@ -1,4 +1,4 @@
-"""A led leader: its speeds keep the limits and stop short of every end, and what was walked is exact for good."""
+"""A commanded leader: speeds respect the limits, it stops before every end, and past motion stays exact."""
 import itertools
 from dataclasses import replace
 from fractions import Fraction
@@ -32,7 +32,7 @@ SCENE = Scene(Dragon(benches=20), head=LED, run=Run(3, 100, 30), effects=Effect.
 
 
 def walk(scene, wanted, keep_s=10.0):
-    """Return the ticks (t_s, speed) and the laws of a run that is led by these wishes."""
+    """Return the ticks (t_s, speed) and the laws of a run that follows these commands."""
     law, rows, laws = None, [], []
     back, onwards = compile_scene(scene).model.limits
     ends_m = back.gone_m if back else -inf, onwards.gone_m if onwards else inf
@@ -79,7 +79,7 @@ def test_a_leader_says_which_end_it_brakes_before_while_it_does(wanted, end):
     first = seen.index(end)
     assert seen == [0] * first + [end] * (300 - first)
     assert float(law.reached_m[-1]) == pytest.approx(end * 2.0, abs=2 * SHORT_M)
-    assert next_law(law, 301 / 50, -wanted, (-2.0, 2.0))[1] == 0        # back it may go
+    assert next_law(law, 301 / 50, -wanted, (-2.0, 2.0))[1] == 0        # it may still move back
 
 
 def test_a_leader_that_is_called_back_brakes_before_the_end_that_it_still_moves_to():

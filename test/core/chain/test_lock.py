@@ -1,4 +1,4 @@
-"""Where a chain locks, which link does, and what is said."""
+"""Where a chain locks, which link locks, and the error for it."""
 from math import inf, pi
 
 import numpy as np

@@ -49,7 +49,7 @@ def subsets():
 
 
 def _subsets():
-    every = [effect for effect in known().values() if effect != Effect.PATH]     # which no tick has
+    every = [effect for effect in known().values() if effect != Effect.PATH]     # not part of a tick
     for size in range(len(every) + 1):
         for chosen in combinations(every, size):
             effects = Effect.NONE
@@ -272,7 +272,7 @@ EVERYWHERE = [
 @pytest.mark.parametrize('scene', EVERYWHERE, ids=['turn', 'tail', 'turn, tail and law', 'law', 'mixed'])
 @pytest.mark.parametrize('t_s', [6.0, 23.0])
 def test_on_every_track_tensions_accelerate_all_handles_but_the_leader_and_its_link_does_their_work(scene, t_s):
-    """One handle more than links feels the end that is free; the leader is moved from outside."""
+    """There is one handle more than links, so the last one is free; the leader is moved from outside."""
     frame = frame_of(compile_scene(scene), None, round(t_s * 1e9), state(scene, t_s))
     pull = frame.tension_n_kg[:, None] * frame.axis
     force = np.zeros_like(frame.acceleration_m_s2)

@@ -1,4 +1,4 @@
-"""What a larger dragon's handles and links do is what differences of marched chains say, to the digits of these."""
+"""Derivatives by the scale of a dragon equal the differences of marched chains, within their accuracy."""
 import numpy as np
 import pytest
 
@@ -13,7 +13,7 @@ from dragon_ros.core.tracks.spec import Spiral
 
 UNIT = track_of(Spiral(2 * np.pi))
 DRAGONS = [Dragon(12), Dragon(12, 6.0, 2.2), Mixed((Group(3.4), Group(1.2, 3), Group(2.2, 5)))]
-STEP = 2e-3     # of the variable: differences are off by its square, and by 1e-13 over it
+STEP = 2e-3     # of the variable: differences err by its square, and by 1e-13 divided by it
 
 
 def placed(links, theta):
@@ -45,7 +45,7 @@ def test_by_scale_angles_and_directions_change_as_differences_say(dragon, radius
     theta, _ = placed(scale * links, scale * radius_m)
     moving = by_scale._motion(*balls(theta, scale * links))
     p, a, turned, rate = differences(lambda s: placed(s * links, s * radius_m), scale, STEP * scale)
-    none = scale * radius_m         # what all turn by in common
+    none = scale * radius_m         # the common rotation
     for found, true, atol in ((moving.p, scale * p, 1e-8), (moving.a, scale**2 * a, 1e-5),
                               (moving.turned, scale * p - none, 1e-8), (moving.w, scale * turned - none, 1e-8),
                               (moving.w_rate, scale**2 * rate, 1e-5)):

@@ -1,4 +1,4 @@
-"""Numbers with first derivatives: on a box both hold all samples, and on a small box hardly more than these."""
+"""Numbers with first derivatives: on a box both contain all samples, and on a small box they are tight."""
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +7,7 @@ from properties import examples
 
 from dragon_ros.core.enclosures.gradients import Graded, Vector, polar, variables
 
-# Each by boxes, and in the plain way of numbers; complex ones give derivatives without cancellation.
+# Each for boxes and for plain numbers; complex ones give derivatives without cancellation.
 FORMULAS = {
     'sum': (lambda x, y: x + y, lambda x, y: x + y),
     'difference': (lambda x, y: x - y, lambda x, y: x - y),

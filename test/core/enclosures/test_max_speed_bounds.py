@@ -1,4 +1,4 @@
-"""What is derived between two states of a chain holds in every state in between."""
+"""Bounds derived from two states of a chain hold in every state in between."""
 from itertools import pairwise
 
 import numpy as np
@@ -68,7 +68,7 @@ def test_near_the_centre_no_handle_is_faster_than_its_bound_where_none_turns_bac
     low = lock_m - apart_m - np.geomspace(1e-6, 6, 60)
     low = np.array([one for one in low.tolist() if not any(one < turn < one + apart_m for turn in turning)])
     above, seen = tops(leader, low, low + apart_m), logs_between(leader, low, low + apart_m)
-    # Near the lock C-fold what the last bit of the head's place moves, relative to a link, squared for a speed.
+    # Near the lock, rounding of the head's position relative to a link grows C-fold, and squared for a speed.
     off = 1e-14 * np.exp(2 * np.max(seen, axis=(0, 2)))
     assert np.all(seen <= above + off[:, None])
     assert np.count_nonzero(np.all(np.isfinite(above), axis=1)) > 10
@@ -86,7 +86,7 @@ def test_between_the_places_where_a_handle_turns_back_every_handle_goes_one_way(
     for low, high in pairwise(ends):
         along = np.diff(states(leader, np.linspace(low, high, 400)).links.along_m, axis=0)
         assert np.all((np.min(along, axis=0) >= -1e-12) | (np.max(along, axis=0) <= 1e-12))
-    for turn in turning:    # and at each of them one does turn
+    for turn in turning:    # and at each of them a handle does turn back
         before, here, after = states(leader, turn + np.array([-1e-4, 0.0, 1e-4])).links.along_m
         assert np.any((here - before) * (after - here) < 0)
 

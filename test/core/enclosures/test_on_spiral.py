@@ -1,4 +1,4 @@
-"""The bound on second derivatives holds on whole stretches, and what it rests on."""
+"""The bound on second derivatives holds on whole stretches, and so do the bounds on which it rests."""
 from itertools import pairwise
 
 import numpy as np
@@ -222,7 +222,7 @@ def test_balls_hold_every_result(a, b, c, d, one, two):
 
 
 def nearly_straight(at_rad, links_rad, head, width, inset, length_rad):
-    """Bounds (benches,) of how far benches stay behind the first one along its axis, and the least that they do."""
+    """Bounds (benches,) on how far benches stay behind the first one along its axis, and the sampled minima."""
     link = links_rad * np.hypot(1, at_rad)
     dragon = Dragon(9, (head + 2 * inset) * link, (1 + 2 * inset) * link, width * link, inset * link)
     watch = BenchSampler(track_of(Spiral(2 * np.pi)), dragon, (0,), 9, lambda states: None, 0.0)
@@ -236,8 +236,8 @@ def nearly_straight(at_rad, links_rad, head, width, inset, length_rad):
 @given(st.floats(-2, 5), st.floats(1e-3, 0.07), st.floats(0.3, 3), st.floats(-2, 1), st.floats(0, 0.4),
        st.floats(0, 0.3))
 @example(-2, 0.06, 1.0, -2, 0.0, 0.0)       # next to the centre directions turn by two radians a radian
-@example(3, 0.05, 1.0, 1, 0.0, 0.0)         # wide benches turn their corners forwards
-@example(3, 0.001, 1.0, -2, 0.4, 0.0)       # a line, on which insets are all that counts
+@example(3, 0.05, 1.0, 1, 0.0, 0.0)         # corners of wide benches turn forwards
+@example(3, 0.001, 1.0, -2, 0.4, 0.0)       # nearly a line, where only insets matter
 def test_benches_of_a_nearly_straight_chain_stay_behind_by_the_links_between_them(out, links_rad, head, width, inset,
                                                                                   length_rad):
     bound, true, link = nearly_straight(10**out, links_rad, head, 10**width, inset, length_rad)
@@ -250,7 +250,7 @@ def test_the_links_of_a_nearly_straight_chain_are_all_that_its_bound_loses(out):
     bound, true, link = nearly_straight(10**out, 1e-4, 1.4, 0.01, 0.2, 0.0)
     assert np.all(true - bound < 2e-5 * link)
     bound, true, link = nearly_straight(10**out, 0.05, 1.4, 1.0, 0.2, 0.0)
-    counts = np.arange(1, 8)        # links in between; what they span in all is a twentieth of a radian more for each
+    counts = np.arange(1, 8)        # links in between; each adds a twentieth of a radian
     turn = 2 * 0.05 * (counts + 2.6)
     assert np.all(np.isfinite(bound) == (turn <= 1.0)[:len(bound)])
     lost = link * (counts * (1 - np.cos(turn)) + 0.5 * turn)

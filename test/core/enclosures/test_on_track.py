@@ -1,4 +1,4 @@
-"""What is enclosed between two states of a chain holds of every motion in between, on any track, led by either end."""
+"""Enclosures from two states of a chain hold for every motion in between, on any track, led by either end."""
 import numpy as np
 import pytest
 
@@ -39,7 +39,7 @@ def sampled(leader, gone_m, links_m=LINKS):
 
 
 def holds(ball, values, off):
-    """Whether values (places, M, K) lie in a ball (M, K), or off by so much."""
+    """Return whether values (places, M, K) are in a ball (M, K) or within ``off`` of it."""
     with np.errstate(invalid='ignore'):
         return bool(np.all(~(np.abs(values - ball.mid) > ball.rad + off)))
 
@@ -81,7 +81,7 @@ def test_on_a_short_way_a_tenth_of_the_enclosures_are_within_a_stated_factor_of_
     for factor, ball, seen, least in ((v, moving.v, speed, 1e-6), (w, moving.w, np.diff(yaw, axis=0) / step, 1e-6),
                                       (a, moving.a, np.diff(speed, axis=0) / step, 1e-4),
                                       (w_rate, moving.w_rate, np.diff(yaw, 2, axis=0) / step**2, 1e-4)):
-        occurs = np.ptp(seen, axis=0) * (COUNT - 1) / (seen.shape[0] - 1)       # what means of parts leave out
+        occurs = np.ptp(seen, axis=0) * (COUNT - 1) / (seen.shape[0] - 1)       # means leave out some of the range
         told = (occurs > least) & np.isfinite(ball.rad)
         assert np.count_nonzero(told) > 300
         assert np.percentile(2 * ball.rad[told] / occurs[told], 10) <= factor
@@ -117,7 +117,7 @@ JOINTS = {'to the other side': (track_of(Composite((Line(40.0), Arc(3.0, 90.0), 
 
 
 def passing(leader):
-    """What the leader has gone where any handle passes a joint of the track."""
+    """Return the leader's distances at which a handle passes a joint of the track."""
     gone = np.linspace(0, 30, 301)
     _, _, along_m = sampled(leader, gone)
     out = []

@@ -31,7 +31,7 @@ def box_of(theta, ahead, size, width):
 
 
 def bench(theta, angle, chord, scale):
-    """The rectangle of a bench in units of b, in the plain way."""
+    """The rectangle of a bench in units of b, computed directly."""
     delta = step(theta, chord, first_guess(theta, chord))[0]
     front, rear = theta * np.exp(1j * angle), (theta + delta) * np.exp(1j * (angle + delta))
     u = (front - rear) / abs(front - rear)

@@ -52,7 +52,7 @@ def missed(p, benches, reach_m=None):
 
 
 def falls_back(p, benches):
-    """Whether only boxes can promise."""
+    """Return whether only the boxes can guarantee the result."""
     sectors = broad_phase._sectors(p, benches, default_reach_m(benches))
     return sectors is None or broad_phase._polar_pairs(sectors) is None
 
@@ -129,7 +129,7 @@ def test_a_bench_over_more_layers_than_turns_are_tried_is_left_to_boxes():
 
 
 def outside_windows(scene, t_s, reach_m):
-    """The pairs beyond the next but two within reach, by all candidates, and those the paper's windows leave out."""
+    """Return the pairs within reach that are more than three benches apart, and those that the paper's windows omit."""
     p, benches = placed(scene, t_s=t_s)
     first, last = adjacent_layer_windows(state(replace(scene, solver='march'), t_s).u)
     i, j = candidates(p, benches, reach_m)

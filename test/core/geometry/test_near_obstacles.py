@@ -1,4 +1,4 @@
-"""What is kept of near edges decides how long a look takes and nothing else, and the looks agree with shapely."""
+"""The stored near edges affect only the time of an evaluation, and the results agree with shapely."""
 import numpy as np
 import pytest
 import shapely
@@ -40,7 +40,7 @@ def random_venue(rng):
 
 @st.composite
 def walks(draw):
-    """A venue, and looks at benches that walk, drift, turn on the spot, stand or jump in it."""
+    """A venue, and layouts of benches that walk, drift, turn on the spot, stand or jump in it."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     count = int(rng.integers(1, 14))
     centre, yaw = rng.uniform(-28, 28, (count, 2)), rng.uniform(-4, 4, count)

@@ -1,4 +1,4 @@
-"""What is kept of near pairs decides how long a look takes and nothing else: each look equals a search of all pairs."""
+"""The stored near pairs affect only the time of an evaluation: each result equals that of a search of all pairs."""
 import numpy as np
 import pytest
 from hypothesis import given
@@ -103,7 +103,7 @@ def test_looks_at_any_layouts_equal_a_search_of_all_pairs(first_part, looks):
 
 @st.composite
 def converging(draw):
-    """Looks at benches that move evenly, each its own way and turn: most of them towards each other, or on the spot."""
+    """Layouts of benches that move and turn evenly, each differently: mostly towards each other, or on the spot."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     count = int(rng.integers(3, 25))
     pace, spin, spread = draw(st.sampled_from([(0.05, 0.0, 15), (0.01, 0.02, 10), (0.002, 0.0, 5), (0.0, 0.1, 4)]))
@@ -160,7 +160,7 @@ def lying(centre, half=1.0, side=0.1):
 
 
 def both_sides(step):
-    """Benches 0 and 2 each go a step towards the other; 4 and 6 are closest until those meet; 5 is held fast."""
+    """Benches 0 and 2 each move a step towards the other; 4 and 6 are closest until those meet; 5 does not move."""
     return lying(np.array([-1.3 + step, 20j, 1.3 - step, -20j, 10j, -10.65j, 10.25j]))
 
 

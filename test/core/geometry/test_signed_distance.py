@@ -1,4 +1,4 @@
-"""The signed gap and its witnesses, against shapely and against what can be said by hand."""
+"""The signed gap and its witnesses, against shapely and against results derived by hand."""
 import numpy as np
 import pytest
 import shapely

@@ -1,4 +1,4 @@
-"""Boxes of a search: their parts fill them and no more."""
+"""Boxes of a search: their parts cover exactly the box."""
 import numpy as np
 import pytest
 

@@ -26,7 +26,7 @@ from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.spec import Composite, Line
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
 
-TELL = 1e-9         # s: what shapely may call a touch is so near to the contact
+TELL = 1e-9         # s: so close to a contact shapely may already find a touch
 ALONG = Scene(Dragon(5), Composite((Line(200.0),), 20.0), run=Run(stop_s=60.0))
 TENT = PolygonObstacle('tent', ((-9.0, -9.0), (99.0, -9.0), (99.0, 9.0), (-9.0, 9.0)))
 TRACK = 'track={kind: joined, pieces: [{kind: line, length_m: 200}], start_m: 20}'
@@ -34,7 +34,7 @@ WALL = LineObstacle('wall', ((60.0, -2.0), (60.0, 2.0)))
 
 
 def compare(scene, step_m):
-    """Compare the first contact with what shapely sees, so many metres of the leader's way apart."""
+    """Compare the first contact with shapely's results at positions of the leader ``step_m`` apart."""
     found = first_contact(scene)
     touched_s = found.t_s if isinstance(found, Contact) else compile_scene(scene).end.t_s
     times = times_of(scene, step_m, touched_s - TELL) if touched_s - TELL > scene.run.start_s else []
@@ -127,7 +127,7 @@ def test_a_slow_kiss_of_an_arc_and_a_wall_grazes_or_touches_as_its_gap_says():
 
 @pytest.mark.parametrize('name', SCENES)
 def test_windows_hold_every_place_of_every_bench_once(name):
-    """What the front handles of one length go through is what their windows hold, phase by phase."""
+    """In each phase, the windows of a length contain exactly the positions that its front handles pass."""
     scene = with_venue(SCENES[name], 1)
     travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
     for sense in travel.senses:

@@ -1,4 +1,4 @@
-"""What is proved of a family holds for its dragons, is nearly all that can be proved, and says what it is not for."""
+"""A proof for a family holds for its dragons, proves nearly all that is possible, and states its limits."""
 from dataclasses import replace
 from functools import cache
 from itertools import product

@@ -71,10 +71,10 @@ def fastest_seen(scene, count):
 
 
 def check(scene, found, count=200):
-    """Hold an answer against many states: none is faster, and where it is said that one is, one is."""
+    """Compare an answer with many states: none is faster, and the named handle attains the speed at the named time."""
     seen, leader = fastest_seen(scene, count)
     top = _top(scene) or 1.0
-    assert seen <= found.bound * top * (1 + 1e-9)       # states at once keep their promise, not each bit
+    assert seen <= found.bound * top * (1 + 1e-9)       # batched states are accurate but not bit-identical
     assert leader <= top * (1 + 1e-15)
     assert found.ratio <= found.bound
     t_s = _when(scene, found.gone_m)
@@ -131,7 +131,7 @@ SCENES = {
 def test_no_handle_is_faster_on_any_track_under_any_law_behind_head_or_tail(name):
     found = max_speed(SCENES[name])
     check(SCENES[name], found, 400)
-    rounding = 1e-11 * found.ratio**2       # what positions may err, by a link of 1 m, times the square
+    rounding = 1e-11 * found.ratio**2       # position error relative to a link of 1 m, times the square of the ratio
     assert found.bound / found.ratio - 1 < rounding
 
 
@@ -228,7 +228,7 @@ def test_the_leaders_largest_speed_is_that_of_its_law_with_both_sides_of_each_ju
 
 
 def test_a_leader_that_all_but_rests_is_asked_once():
-    # Cutting times between which it goes nowhere tells nothing more.
+    # Cutting an interval in which it hardly moves yields no further information.
     dragon = Mixed((Group(1.3, 2), Group(3.41, 2), Group(1.9, 2)))
     for speed_m_s in (-1e-308, 1e-170, 1e-18):
         found = max_speed(Scene(dragon, STurn(1.98, 10.0, 0.95, -17.0), Profile(((0.0, speed_m_s),)), Run(0.0, 3.0)))

@@ -1,4 +1,4 @@
-"""Design questions of mixed benches: what is refused, and answers that hold every sample of the run."""
+"""Design questions of mixed benches: rejected input, and answers that hold for every sample of the run."""
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Where a leader goes and when: on laws whose distances are known in closed form."""
+"""Positions and times of a leader, for laws whose distances are known in closed form."""
 from itertools import pairwise
 from math import inf, sqrt
 

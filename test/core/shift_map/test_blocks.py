@@ -68,9 +68,9 @@ def dance(pieces, lead):
 
 
 def agree(scene, t_s):
-    """Hold the chain, its velocities and those of many against the march, in metres of the promise."""
+    """Compare the chain and its velocities, alone and in a batch, with the march, within the promise."""
     one, other, many = state(scene, t_s), state(march(scene), t_s), states(scene, [t_s, t_s])
-    atol = 0.5 * compile_scene(scene).promise_m        # each may be a quarter off
+    atol = 0.5 * compile_scene(scene).promise_m        # each may err by a quarter
     v = velocity_of(march(scene), other, t_s)
     fast = max(1.0, float(np.max(np.hypot(*v.T)))) ** 2
     np.testing.assert_allclose(one.p, other.p, rtol=0, atol=atol)
@@ -173,7 +173,7 @@ def test_benches_of_any_mix_are_where_the_march_puts_them(mix, direction, part):
     for p, v in ((one.p, one.velocities(1.5)), (many.p[0], many.velocities(1.5)[0])):
         np.testing.assert_allclose(p, other.p, rtol=0, atol=3e-13)
         np.testing.assert_allclose(v, other.velocities(1.5), rtol=0, atol=1e-12)
-    if metres not in track.joints_m:        # from a joint itself the first link is marched, and of many all
+    if metres not in track.joints_m:        # at a joint the first link is marched, and in a batch all links are
         assert one.solver == many.solver == ('table' if place.maps else 'march')
 
 
@@ -323,7 +323,7 @@ def test_benches_whose_links_have_no_length_keep_their_heading_where_handles_bef
 @pytest.mark.parametrize('track', [Spiral(), STurn(before_m=100.0)])
 def test_what_tables_serve_whole_takes_no_evaluation(track):
     scene, times = Scene(Dragon(60, 2.2, 2.2), track), [50.0, 60.0, 70.0]
-    states(scene, times)        # the tables are there now
+    states(scene, times)        # this builds the tables
     assert states(scene, times).evaluations == 0
     assert state(scene, 60.0).evaluations == 0
     assert states(replace(scene, solver='march'), times).evaluations >= 3 * 60

@@ -19,7 +19,7 @@ LINKS_M = np.array([2.86] + [1.65] * 222)
 
 
 def hold(model, gone_m):
-    """Hold a model's chain against the march; return its parts."""
+    """Compare a model's chain with the march; return its parts."""
     chain, other = model.place((gone_m, 0.0)), model.march((gone_m, 0.0))
     np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=1e-13)
     np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=2e-13)
@@ -60,7 +60,7 @@ def test_leaders_next_to_a_joint_are_in_the_product_of_their_block_too(scene, al
 
 
 def test_leaders_whose_series_beyond_a_joint_would_not_converge_are_marched():
-    simulation = compile_scene(CASES['hairpin'])        # on its arc the head link could hardly be longer
+    simulation = compile_scene(CASES['hairpin'])        # the head link is almost as long as its arc allows
     chains = [hold(simulation.model, gone_m) for gone_m in np.linspace(5.2, 8.0, 57)]
     assert 0 < sum(parts[0].links == 1 for parts in chains) < len(chains)
 

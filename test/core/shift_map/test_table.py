@@ -266,7 +266,7 @@ def kept(scene):
 @pytest.mark.parametrize('dragon', [Dragon(60), Mixed((Group(3.41), Group(2.2, 12), Group(2.5, 12)))],
                          ids=['classic', 'mixed'])
 def test_a_run_of_any_length_keeps_the_series_of_a_few_cells(dragon):
-    """Of 3 km, through several tiles and many stretches: in a soak the memory of sim grew by 45 kB a second."""
+    """The run is 3 km long, through several tiles and many stretches; in a soak test, sim's memory grew by 45 kB/s."""
     scene = Scene(dragon=dragon, track=Spiral(0.55, 1e5), run=Run(0.0, 3000.0, 1.0))
     first = tick(scene, 0).chain.p.tobytes()
     most = 0

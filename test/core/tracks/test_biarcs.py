@@ -1,4 +1,4 @@
-"""Biarcs: they join what they are asked to, and know how far points are from them."""
+"""Biarcs: they join the given points and directions, and return the distances of points from them."""
 import cmath
 from math import pi
 

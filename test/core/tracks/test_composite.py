@@ -35,7 +35,7 @@ def test_every_link_of_a_dance_has_its_length_and_the_next_handle_is_the_first_s
 
 
 def _no_nearer_root(chain, front, link_m):
-    """Look at 500 places between two handles: all nearer than the link."""
+    """Check that 500 positions between two handles are all closer than the link."""
     track = chain.track
     far = [track.distance_of(_place(chain, n))[0] for n in (front, front + 1)]
     for metres in np.linspace(far[1], far[0], 502)[1:-1]:
@@ -133,7 +133,7 @@ def test_where_a_float_tells_a_joint_less_exactly_than_the_promise_a_link_across
 
 
 def test_where_a_piece_is_shorter_than_places_can_be_told_apart_links_are_marched():
-    """Joints 6 nm apart, 24 km along the track, would be one for the table, and speeds off by millionths."""
+    """The table would merge joints 6 nm apart, 24 km along the track, and speeds would err by millionths."""
     link_m = 0.00165
     track = Composite((SpiralArc(3.317378948186499e-05, 559.5, 15357.25, 'right'),
                        Arc(link_m, -360.0), Line(6e-9), Arc(link_m, -180.0)))

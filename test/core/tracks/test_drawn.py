@@ -1,4 +1,4 @@
-"""Drawn lines become tracks: round corners, fitted curves, no kink, nothing that cannot be walked, and true figures."""
+"""Drawn lines become tracks: rounded corners, fitted curves, no kinks, nothing impassable, and correct figures."""
 import cmath
 from math import cos, pi, radians, sqrt, tan
 

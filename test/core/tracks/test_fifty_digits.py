@@ -1,4 +1,4 @@
-"""Random joined tracks, long and short, near and far, against the walk of 60 digits that makes the reference data."""
+"""Random joined tracks, long and short, near and far, against the 60-digit code that made the reference data."""
 import importlib
 from dataclasses import replace
 from math import exp, log
@@ -68,7 +68,7 @@ def test_on_any_joined_track_every_handle_is_where_sixty_digits_put_it(walk, par
             with walk.mp.workdps(60):
                 try:
                     points = [point for point, _ in walk.chain_at(scene, t_s)]
-                except (AssertionError, IndexError):      # the walk has no ends of tracks, and no roots that are double
+                except (AssertionError, IndexError):      # the walk supports neither ends of tracks nor double roots
                     continue
                 off_m = [float(abs(walk.mpc(*p.tolist()) - point)) for handles in (state(scene, t_s).p, at_once)
                          for p, point in zip(handles, points, strict=True)]

@@ -1,4 +1,4 @@
-"""Segments in the plane: what a coordinate's low part is worth far out."""
+"""Segments in the plane: the effect of a coordinate's low part far from the origin."""
 from math import inf
 
 import mpmath
