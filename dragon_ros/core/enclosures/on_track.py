@@ -351,8 +351,7 @@ def second_derivatives(moving: Kinematics, one: Views, two: Views, row: Ints, i:
                    for n, handle in enumerate((i, i + 1, j, j + 1))]
         (v_x, v_y), (a_x, a_y) = ([0.5 * (c + d - a - b) for a, b, c, d in zip(*parts, strict=True)]
                                   for parts in zip(*handles, strict=True))
-        off_m = 3 * moving.error_m + axis_error * np.maximum(np.hypot(*one.middle), np.hypot(*two.middle))
-        x, y, u_x, u_y = _middle(one, two, (v_x, v_y), turn, gone_m, off_m)
+        x, y, u_x, u_y = _middle(one, two, (v_x, v_y), turn, gone_m, _off_m(one, two, axis_error, moving.error_m))
         square = turn.squared()
         first = ABOVE * np.hypot((a_x + 2 * turn * u_y + turn_rate * y + square * x).most,
                          (a_y - 2 * turn * u_x - turn_rate * x + square * y).most)
@@ -381,6 +380,12 @@ def _handle(moving: Kinematics, row: Ints, handle: Ints, track: tuple[Floats, Fl
     sin, cos = Ball(ends.mid, np.where(reach < 0.5 * np.pi, np.maximum(ends.rad, reach), np.inf)).sin_cos()
     bent = k * v.squared()
     return (v * cos, v * sin), (a * cos - bent * sin, a * sin + bent * cos)
+
+
+def _off_m(one: Views, two: Views, axis_error: Floats, error_m: float) -> Floats:
+    """Return the errors in m of the second bench's middle, as seen from the first, at both states."""
+    out: Floats = 3 * error_m + axis_error * np.maximum(np.hypot(*one.middle), np.hypot(*two.middle))
+    return out
 
 
 def _middle(one: Views, two: Views, v: tuple[Ball, Ball], turn: Ball, gone_m: Floats,

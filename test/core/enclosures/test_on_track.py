@@ -5,8 +5,12 @@ import pytest
 from dragon_ros.core.chain.chain import marched_many
 from dragon_ros.core.chain.leader import Leader
 from dragon_ros.core.chain.lock import head_lock_angle
+from dragon_ros.core.enclosures.ball_arithmetic import Ball
 from dragon_ros.core.enclosures.on_track import (
     LinkStates,
+    Views,
+    _middle,
+    _off_m,
     curvature_range,
     direction_errors,
     enclosed,
@@ -206,3 +210,25 @@ def test_a_link_turns_by_no_more_than_its_error_if_both_ends_are_off_and_by_near
     assert turned <= found <= 1.001 * turned
     assert bare == track
     assert 0.5 * off_m <= track <= 0.501 * off_m
+
+
+def seen_at(middle):
+    """A view of one pair whose second middle, a complex number, is seen there."""
+    return Views((np.array([middle.real]), np.array([middle.imag])), np.zeros((1, 4, 2)))
+
+
+@pytest.mark.parametrize('far_m', [0.5, 10.0])
+def test_a_middle_that_goes_half_round_a_bench_stays_in_its_enclosure_which_is_no_wider_than_it_is_far(far_m):
+    still, turn = Ball(np.zeros(1), np.zeros(1)), Ball(np.array([-np.pi]), np.zeros(1))
+    x, y, _, _ = _middle(seen_at(far_m + 0j), seen_at(-far_m + 0j), (still, still), turn, np.ones(1), np.zeros(1))
+    assert x.mid == y.mid == 0
+    assert far_m <= y.rad[0] <= far_m * (1 + 1e-9)
+    assert far_m <= x.rad[0] <= 2 * far_m * (1 + 1e-9)
+
+
+@pytest.mark.parametrize('ways_m', [(1.0, 30.0), (30.0, 1.0)])
+def test_a_middle_is_no_further_off_than_told_at_either_state_and_nearly_so_far(ways_m):
+    turned, error_m = 1e-6, 1e-7
+    off_m = _off_m(*(seen_at(way_m * np.exp(0.3j)) for way_m in ways_m), np.array([turned]), error_m)[0]
+    most = max(abs(way_m * np.expm1(1j * turned)) + 2 * error_m for way_m in ways_m)     # both benches are off
+    assert most <= off_m <= 1.01 * most

@@ -17,6 +17,7 @@ from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.enclosures.on_track import kinematics, link_states, second_derivatives, views
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.geometry.signed_distance import parted_between, placement
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search import conservative_advancement
@@ -335,3 +336,19 @@ def test_the_bound_on_how_corners_leave_lines_is_within_a_fifth_for_a_tenth_of_t
     before, here, after = (seen(domain, gone_m + k * step, i, j) for k in (-1, 0, 1))
     second = np.max(np.hypot(*(before - 2 * here + after)), axis=-1) / step**2
     assert np.percentile(most / second, 10) <= 1.2
+
+
+@pytest.mark.parametrize(('gone_m', 'track'), [(3.0, STurn()), (5.0, STurn()), (9.0, BENT)])
+def test_bounds_between_states_leave_room_for_how_corners_leave_lines_and_for_hardly_more(gone_m, track):
+    domain, step = domain_of(Dragon(12), track, 'head'), 1e-3
+    i, j = np.triu_indices(12, 2)
+    space, row = conservative_advancement._ChainIntervals(domain, False, {}), np.zeros_like(i)
+    ends = [space.sample(np.array([gone_m + k * step]), row[:1]) for k in (-1, 1)]
+    bound_m, _ = space._bent(*ends, row, i, j)
+    before, here, after = (seen(domain, gone_m + k * step, i, j) for k in (-1, 0, 1))
+    sag_m = np.max(np.hypot(*(0.5 * (before + after) - here)), axis=-1)
+    placed = [placement(*space._rectangles(end, row, i, j)) for end in ends]
+    true_m, _ = parted_between(placed, tuple(sag_m))
+    straight_m, _ = parted_between(placed, tuple(np.zeros_like(sag_m)))
+    assert np.all(bound_m <= true_m)
+    assert np.min((straight_m - bound_m) / (straight_m - true_m)) <= 1.01
