@@ -27,7 +27,7 @@ import numpy as np
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, is_even
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.checks import number
-from dragon_ros.core.enclosures.ball_arithmetic import between
+from dragon_ros.core.enclosures.ball_arithmetic import Ball, between
 from dragon_ros.core.enclosures.by_scale import bend_by_scale
 from dragon_ros.core.enclosures.on_spiral import ABOVE, BenchSamples, bend, line_distance, samples_of
 from dragon_ros.core.errors import DragonError, FieldError
@@ -346,13 +346,17 @@ class _Descending:
         arm = scale[1] * 0.5 * np.hypot(dragon.bench_lengths_m[benches], dragon.width_m)
         link = dragon.link_lengths_m[benches]
         chord = between(scale[0] * link, scale[1] * link)
-        off = self._angle_errors(placed.theta[ends[0]], scale[1])
-        theta = between(placed.theta[ends[0]], placed.theta[ends[3]], off)
-        delta = between(placed.delta[ends[1]], placed.delta[ends[2]], 2 * off[:, :-1])
+        theta, delta = self._angles(placed, ends, scale[1])
         by_radius = bend(theta, delta, chord, arm) * (scale[1] * (cells[1] - cells[0])[:, None])[..., None] ** 2
         by_scale = bend_by_scale(theta, delta, chord, arm) * ((scale[1] - scale[0]) / scale[0])[..., None] ** 2
         out: Floats = np.stack((by_radius, by_scale), axis=-1)[:, :, [0, 0, 0, 0, 1, 1, 1, 1]] * (ABOVE / 8)
         return out
+
+    def _angles(self, placed: BenchSamples, ends: Ints, scale: Floats) -> tuple[Ball, Ball]:
+        """Return the polar angles of handles and the angles spanned by links in cells with larger ``scale`` (n, 1)."""
+        off = self._angle_errors(placed.theta[ends[0]], scale)
+        return (between(placed.theta[ends[0]], placed.theta[ends[3]], off),
+                between(placed.delta[ends[1]], placed.delta[ends[2]], 2 * off[:, :-1]))
 
     def _angle_errors(self, theta: Floats, scale: Floats) -> Floats:
         """Return the error of polar angles: twice the position error, divided by a handle's travel per radian."""
@@ -374,7 +378,7 @@ class _Descending:
         reach = placed.theta[ends[2], 1] / cells[2] + np.hypot(overhang, 0.5 * dragon.width_m)
         link, off = float(dragon.link_lengths_m[-1]), self._angle_errors(placed.theta[ends[1], -2], cells[3])
         line = line_distance(link * cells[2], placed.delta[ends[1], -1], 2 * off) / cells[2] - 0.5 * dragon.width_m
-        if np.any(line <= reach + 2 * self._tolerance_m):
+        if np.any(line <= reach + self._tolerance_m):
             raise DragonError('min-pitch: one turn of benches is too few to prove this dragon, which is not covered')
 
     def _note(self, places: Floats, separation: Floats) -> None:

@@ -6,8 +6,10 @@ from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.enclosures.ball_arithmetic import between
 from dragon_ros.core.enclosures.by_scale import bend_by_scale
-from dragon_ros.core.enclosures.on_spiral import bend
+from dragon_ros.core.enclosures.on_spiral import bend, line_distance
+from dragon_ros.core.errors import DragonError
 from dragon_ros.core.numerics.double_double import DoubleDouble
+from dragon_ros.core.search.driver import Boxes
 from dragon_ros.core.search.min_pitch import _Descending, _PitchTask, separations, windings
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import BEHIND
@@ -19,6 +21,10 @@ DRAGONS = [Dragon(), Dragon(benches=60, width_m=0.4, head_length_m=1.0), Dragon(
 
 def winding(radius_m, scale, dragon=DRAGONS[0], first=0):
     return windings(dragon, first, COUNT, np.asarray(radius_m), np.asarray(scale))
+
+
+def descending(first, dragon=DRAGONS[0]):
+    return _Descending(_PitchTask(dragon, 4.5, 16.0, 1.0, 1e-9), first, 0.3, lambda states: None)
 
 
 def bounds(radii, scales, dragon, first):
@@ -95,14 +101,16 @@ def test_of_benches_so_wide_that_their_turning_is_all_the_bounds_are_within_a_tw
 
 
 @pytest.mark.parametrize('first', [0, 1])
-def test_in_a_cell_angles_lie_between_those_of_its_corners(first):
-    rng = np.random.default_rng(7)
+def test_in_a_cell_angles_lie_in_their_enclosures_and_reach_both_ends(first):
+    rng, search = np.random.default_rng(7), descending(first)
     for pitch, radius in zip(rng.uniform(0.3, 1.0, 40), rng.uniform(3.0, 12.0, 40), strict=True):
         scale = 2 * np.pi / pitch
         u, v = (np.append(row, rng.uniform(0, 1, 30)) for row in ([0.0, 0, 1, 1], [0.0, 1, 0, 1]))
         seen = winding(radius + 0.4 * u, scale * (1 + 0.05 * v), first=first)
-        assert np.all((seen.theta[0] <= seen.theta + 1e-12) & (seen.theta <= seen.theta[3] + 1e-12))
-        assert np.all((seen.delta[2] <= seen.delta + 1e-12) & (seen.delta <= seen.delta[1] + 1e-12))
+        for ball, values in zip(search._angles(seen, np.arange(4)[:, None], np.array([[1.05 * scale]])),
+                                (seen.theta, seen.delta), strict=True):
+            assert np.all(np.abs(values - ball.mid) <= ball.rad)
+            assert np.all(2 * ball.rad <= 1.001 * np.ptp(values, axis=0))
 
 
 @pytest.mark.parametrize('first', [0, 1])
@@ -149,7 +157,7 @@ def test_where_the_head_starts_on_the_circle_no_handle_is_further_out_than_told_
 @pytest.mark.parametrize('first', [0, 1])
 @pytest.mark.parametrize('pitch', [0.451, 0.7])
 def test_the_sag_of_a_cell_is_that_of_second_derivatives_by_radius_and_by_scale(first, pitch):
-    search = _Descending(_PitchTask(Dragon(), 4.5, 16.0, 1.0, 1e-9), first, 0.3, lambda states: None)
+    search = descending(first)
     scale, wide, tall = 2 * np.pi / pitch, 2e-3, 2e-4
     cell = np.array([[4.6], [4.6 + wide], [scale], [scale * (1 + tall)]])
     corner_cells = [cell[[i, j]] for i in (0, 1) for j in (2, 3)]
@@ -161,3 +169,43 @@ def test_the_sag_of_a_cell_is_that_of_second_derivatives_by_radius_and_by_scale(
         for part, side in ((found[:, :4], 0), (found[:, 4:], 1)):
             assert np.all(true[:, side, None] <= part * (1 + 1e-3) + 1e-12)
             assert np.max(part) <= most * np.max(true[:, side])
+
+
+@pytest.mark.parametrize(('share', 'noted'), [(0.999, True), (1.001, False)])
+def test_a_touch_of_the_head_counts_up_to_where_it_starts_and_not_beyond(share, noted):
+    search, pitch_m = descending(0), 0.5
+    search._note(np.array([[share * 16.0 * pitch_m], [2 * np.pi / pitch_m]]), np.full((1, 3, 8), -1.0))
+    assert bool(search.touch) == noted
+
+
+def test_a_search_that_is_given_up_names_the_largest_pitch_that_is_not_proved():
+    search = descending(0)
+    search._done = 1_000_000
+    scales = 2 * np.pi / np.array([0.5, 0.75, 0.6])
+    with pytest.raises(DragonError, match='below a pitch of 0.75 m'):
+        search.judge(Boxes(np.stack((np.full(3, 5.0), scales)), np.stack((np.full(3, 6.0), 1.01 * scales))))
+
+
+@pytest.mark.parametrize('first', [0, 1])
+def test_benches_further_behind_are_left_unexamined_only_if_their_lines_keep_the_tolerance_and_hardly_more(first):
+    def spare(width_m):
+        """At least how many tolerances the line of the last link keeps from the leading bench; whether they suffice."""
+        dragon = Dragon(width_m=width_m)
+        search, cell = descending(first, dragon), np.array([[5.0], [5.0], [2 * np.pi], [2 * np.pi]])
+        placed = windings(dragon, first, 20, cell[0], cell[2])
+        overhang_m = 0.5 * (dragon.bench_lengths_m[first] - dragon.link_lengths_m[first])
+        reach_m = placed.theta[0, 1] / (2 * np.pi) + np.hypot(overhang_m, 0.5 * width_m)
+        off = 2 * search._angle_errors(placed.theta[0, -2], 2 * np.pi)
+        line_m = line_distance(2 * np.pi * dragon.link_lengths_m[-1], placed.delta[0, -1], off) / (2 * np.pi)
+        left = (line_m - 0.5 * width_m - reach_m) / search._tolerance_m
+        try:
+            search._check_rest(cell, placed, np.zeros((4, 1), dtype=np.int64))
+        except DragonError:
+            return left, False
+        return left, True
+
+    low, high = 0.01, 3.0
+    while high - low > 1e-13:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if spare(middle)[1] else (low, middle)
+    assert 0.99 <= spare(low)[0] <= 1.1

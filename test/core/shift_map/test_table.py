@@ -3,6 +3,7 @@
 Its promises against the 50-digit reference are kept in test_accuracy.
 """
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from dragon_ros.core.batches import states
 from dragon_ros.core.chain.chain import MarchedLink
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
-from dragon_ros.core.chain.forward import Block, forward_many
+from dragon_ros.core.chain.forward import Block, forward_many, placed
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import ChainLockError, FieldError
 from dragon_ros.core.model import compile_scene
@@ -307,3 +308,48 @@ def test_a_mistake_in_looking_up_a_cell_is_not_taken_for_a_place_without_a_table
     monkeypatch.setattr(Entrance, '_cell', mistaken)
     with pytest.raises(error, match='planted'):     # on the same stretch, in another cell
         placement.place(model.leader.place((3.0, 0.0)))
+
+
+def test_nodes_on_a_spiral_that_are_placed_by_series_are_where_links_put_them_or_else_there_is_no_series():
+    track = compile_scene(CLASSIC).model.track
+    segment, found = track.segments[0], []
+    chord = 0.5 / segment.curve.b_m
+    for from_chords, wide_rad in product((0.8, 1.0, 3.0), (1.0, 2.0, 4.0)):
+        begin = from_chords * chord + wide_rad * np.linspace(0, 1, 2 * build.NODES)
+        rows = build._by_series(segment, begin, np.zeros_like(begin), np.full((12, 1), chord))
+        found.append(rows is not None)
+        if rows:
+            u, lo, *_ = placed(segment, (begin, np.zeros_like(begin)), np.full((12, 1), chord))
+            assert np.max(np.abs((rows[0] - u) + (rows[1] - lo))) < 5e-15
+    assert 3 < sum(found) < 9
+
+
+LAST = {'places': (1.0, 1.0), 'motions': (1.0, 2.0), 'coordinates': (5.0, 1.0), 'inverse': (5.0, 1.0)}
+
+
+@pytest.mark.parametrize('term', [-2, -1])
+@pytest.mark.parametrize('name', LAST)
+def test_what_either_of_the_last_two_terms_contributes_is_told_in_units_of_the_error(name, term):
+    """Half a part is 5 m, a link 2 m: so far a place moves by a coordinate's term, and a velocity is multiplied."""
+    parts, rows, error_m = 2, 3, np.array([1e-3, 1e-6, 1e-3])
+    series = {key: np.zeros((parts, build.NODES, rows * (2 if key in ('places', 'motions') else 1))) for key in LAST}
+    series['places'][:, 1, ::2] = 5.0
+    series[name][1, term, 2 if name in ('places', 'motions') else 1] = -0.25
+    half_m, link_m = LAST[name]
+    found = build._left(build._RowSeries(np.zeros((rows, parts), dtype=np.int64), (np.zeros(1), np.zeros(1)),
+                                         slice(0, rows), error_m, error_m, series['coordinates'], series['places'],
+                                         series['motions']), series['coordinates'], series['inverse'], 2.0)
+    assert found == pytest.approx([0.0, 0.25 * half_m * link_m / 1e-6])
+
+
+@pytest.mark.parametrize('scene', [CLASSIC, Scene(track=STurn(before_m=100.0), run=Run(0, 200)),
+                                   Scene(track=Composite((Line(30.0), Arc(9.0, -90.0), Line(5.0)), start_m=20.0)),
+                                   Scene(dragon=Dragon(3), track=Composite((Line(5.0), Arc(6.0, 120.0))))])
+def test_no_place_on_a_track_is_beyond_what_stands_for_its_ends(scene):
+    model = compile_scene(scene).model
+    shift, track = ShiftMap(model.track, 1.65, 20, model.direction, model.tier), model.track
+    (rear, fore), segments = (shift._end(side) for side in (-1, 1)), track.segments
+    assert (rear.segment, fore.segment) == (0, len(segments) - 1)
+    for end, place, side in ((rear, segments[0].first, -1), (fore, segments[-1].last, 1)):
+        rate = segments[end.segment].rate(place)
+        assert abs(place) == np.inf == abs(end.u.hi) or side * (end.u.hi - place) * np.sign(rate) >= 1
