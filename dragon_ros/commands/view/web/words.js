@@ -26,7 +26,7 @@ const WORDS = {
   by_webgl: ['; {kb} kB and one draw call a frame by WebGL', '；WebGL 绘制，每帧 {kb} kB、一次绘制调用'],
   rate: [', {rate} frames a second', '，每秒 {rate} 帧'],
   // The values of --try
-  what_if: ['What if', '试改参数'], as_it_was: ['As it was', '恢复原值'], working: ['working', '正在计算'], the_end: ['the end', '到结束'],
+  what_if: ['What if', '试改参数'], as_it_was: ['Reset values', '恢复原值'], working: ['working', '正在计算'], the_end: ['the end', '到结束'],
   slider: ['{key}: the slider goes from {low} to {high}', '{key}：滑块范围 {low} 至 {high}'],
   more: ["{count} more values are in the scene's file", '场景文件中还有 {count} 个参数'],
   ask_contact: ['First contact', '首次碰撞'], ask_speed: ['Fastest handle', '最快的把手'], ask_room: ['Room needed', '所需空间'],
