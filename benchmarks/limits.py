@@ -39,7 +39,7 @@ _NUMBER = 8                         # bytes
 _NAMES = {'none': 'not compressed', 'zstd': 'zstd'}
 _RATES = {'product': 'multiplications and additions in a product', 'cache': 'bytes copied within the cache',
           'memory': 'bytes copied through memory', 'zstd': "bytes of a tick's messages that zstd alone compresses",
-          'file': 'bytes written to a file, which the system brings to the disk later'}
+          'file': 'bytes written to a file, which the system writes to disk later'}
 
 
 @dataclass(frozen=True)

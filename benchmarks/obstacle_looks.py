@@ -94,7 +94,7 @@ def main() -> None:
     """Print the times."""
     for gap_m in (0.2, 0.5, 1.0):
         without, among = looks_s(walled(gap_m))
-        print(f'223 benches, 1,000 corners of walls at {gap_m:g} m: {without * 1e6:.0f} us a look without, '
+        print(f'223 benches, 1,000 corners of walls at {gap_m:g} m: {without * 1e6:.0f} us per check without, '
               f'{among * 1e6:.0f} us with, ratio {among / without:.2f}')
     data = map_message()
     turns = [_read(data) for _ in range(3)]

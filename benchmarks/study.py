@@ -120,13 +120,13 @@ def _most_mb() -> float:
 def table(rows: list[Row]) -> str:
     """Return the measured and extrapolated rows as Markdown, with the circumstances above them."""
     lines = [f'{circumstances()}.', '',
-             '| study | workers | rows | rows a second | CPU of a row (ms) | besides it (ms) | part of it | most '
+             '| study | workers | rows | rows per second | CPU per row (ms) | overhead (ms) | overhead (%) | peak '
              'memory of a worker (MB) |', '|---|---:|---:|---:|---:|---:|---:|---:|']
     lines += [f'| {row.task} | {row.workers or "none"} | {row.rows:,} | {row.rate:.3g} | {1e3 * row.row_s:.3g} '
               f'| {1e3 * row.overhead_s:.3g} | {row.overhead_s / row.row_s:.1%} | {row.memory_mb:.0f} |'
               for row in rows]
-    lines += ['', f'On paper, {_PAPER_ROWS:,} rows take (from the CPU seconds of the most workers; nothing of it was '
-              'run):', '', f'| study | {" | ".join(f"{cores:,} cores" for cores in CORES)} |',
+    lines += ['', f'Extrapolated time of {_PAPER_ROWS:,} rows (from the CPU seconds with the most workers; not '
+              'measured):', '', f'| study | {" | ".join(f"{cores:,} cores" for cores in CORES)} |',
               '|---|' + '---:|' * len(CORES)]
     for row in _most_workers(rows):
         spent = [_PAPER_ROWS * (row.row_s + row.overhead_s) / cores for cores in CORES]

@@ -1,4 +1,4 @@
-"""``cost venue``: the time of answers in a venue, and its growth with corners of obstacles, way and benches.
+"""``cost venue``: the time of answers in a venue, and its growth with corners of obstacles, travel and benches.
 
 The venue is a synthetic town: square houses of 8 m on a grid of 14 m, those nearest to the track, along a street with
 one corner.

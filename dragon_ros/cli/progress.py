@@ -61,7 +61,7 @@ class Progress:
 
     def _show(self) -> None:
         from tqdm import tqdm
-        tqdm.monitor_interval = 0       # no thread, beside which a process could not be forked
+        tqdm.monitor_interval = 0       # no monitor thread, since this process may fork
         self._bar = tqdm(leave=False, **self._options)
         self._bar.start_t = self._began_s - time.monotonic() + self._bar.start_t
         self._bar.set_postfix_str(self._note, refresh=False)

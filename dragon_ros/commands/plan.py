@@ -420,7 +420,7 @@ def _free_offset(axes: 'Axes', at: Floats, label: str, taken: list[tuple[Floats,
 
 
 def _widest(plan: Plan) -> list[tuple[float, float, float]]:
-    """Return the places that require most room: distances along the track, and the room to its left and right."""
+    """Return the places that require the most room: distances along the track, and the room to its left and right."""
     stations, room = plan.room_m
     out: list[tuple[float, float, float]] = []
     for n in np.argsort(-room.sum(axis=1), kind='stable').tolist():

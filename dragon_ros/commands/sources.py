@@ -299,7 +299,7 @@ class BagSource:
         handles = f'{self.namespace}/handles'
         count = next(topic.messages for topic in self.bag.topics if topic.name == handles)
         if count > PICTURE_TICKS:
-            raise InputError(f'{self.bag.path}: has {count} ticks; pictures are drawn of {PICTURE_TICKS} at most')
+            raise InputError(f'{self.bag.path}: has {count} ticks; pictures can show at most {PICTURE_TICKS}')
         rows = dict(islice(stamps_of(self.bag, handles, self.pool.in_order), PICTURE_TICKS))
         return sorted(rows.items())
 

@@ -219,7 +219,7 @@ def _arc(u: Number) -> Number:
 
 @dataclass
 class _DecimalTrack:
-    """Pieces, the distance along the track at each piece's u = anchor, and the head's place at t = 0."""
+    """Pieces, the distance along the track at each piece's u = anchor, and the head's position at t = 0."""
 
     pieces: list[_Piece]
     origins: list[Number]

@@ -78,7 +78,7 @@ def _matrix(quaternion: Floats, child: str) -> Floats:
     """Return the rotation matrix of a quaternion. Raises MessageError unless it has unit length."""
     x, y, z, w = quaternion.tolist()
     if not abs(x * x + y * y + z * z + w * w - 1) < _UNIT:
-        raise MessageError(f'/tf: the rotation of the frame {child!r} is no unit quaternion')
+        raise MessageError(f'/tf: the rotation of the frame {child!r} is not a unit quaternion')
     s = 2 / (x * x + y * y + z * z + w * w)
     return np.array([[1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
                      [s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)],

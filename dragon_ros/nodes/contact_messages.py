@@ -54,7 +54,7 @@ def end_status_of(end: EpisodeEnd) -> DiagnosticStatus:
         'phase': 'end', **_pair(end), 't_end_s': f'{end.t_end_s:.9f}',
         'deepest_gap_m': f'{end.deepest_gap_m:.12f}', 't_deepest_s': f'{end.deepest_ns / NS:.9f}',
         'cause': end.cause}
-    how = _HOW.get(end.cause, 'contact left behind by another venue')
+    how = _HOW.get(end.cause, 'contact ended by another venue')
     return _status(
         DiagnosticStatus.OK, 'dragon: collision', f'{how}: {pair_words(end.benches, end.obstacle)} at '
         f'{end.t_end_s:.6f} s, deepest {end.deepest_gap_m:.6f} m at {end.deepest_ns / NS:.6f} s', values)

@@ -131,7 +131,7 @@ class Interval:
 
     @cached_property
     def _tightest(self) -> float:
-        """The largest curvature on which the leading bench and those behind it are; infinite if they may turn back.
+        """The largest curvature under the leading bench and those behind it; infinite if they may turn back.
 
         If the track begins with an inward spiral, it is the curvature at the front handle, because curvature falls
         towards the tail.

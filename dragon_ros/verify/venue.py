@@ -27,7 +27,7 @@ _MOST_CELLS = 1000  # along an edge; longer edges are always checked
 _REACH = 2.0        # times the longest bench: intervals over which a bench moves further are cut without a check
 _NEAR_M = 1e-5      # times the scale of rounding: edges of an obstacle this close to a bench may touch it
 _INSIDE_HEAD = [(0.0, 0.0), (0.37, 0.21), (-0.41, 0.33), (0.19, -0.57), (-0.23, -0.47), (0.61, 0.71)]
-                    # fractions of half a length and half a width: points of a bench, some of them level with no corner
+                    # fractions of half a length and half a width: points of a bench, some level with no corner
 
 
 @dataclass(frozen=True, eq=False)

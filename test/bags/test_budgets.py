@@ -34,7 +34,7 @@ def test_a_folder_of_too_many_files_is_refused(tmp_path):
         (tmp_path / f'{number}.mcap').touch()
     assert len(folder.files_of(tmp_path)) == FOLDER_FILES
     (tmp_path / 'one_more.mcap').touch()
-    with pytest.raises(BagError, match=f'has {FOLDER_FILES + 1} files; the most that are read are {FOLDER_FILES}'):
+    with pytest.raises(BagError, match=f'has {FOLDER_FILES + 1} files; the limit is {FOLDER_FILES}'):
         BagReader(tmp_path)
 
 
@@ -47,7 +47,7 @@ def test_a_bag_of_too_many_ticks_is_not_drawn(tmp_path, monkeypatch):
             if holds:
                 assert np.allclose(source.span_s, (412, 412.06))
             else:
-                with pytest.raises(InputError, match='has 4 ticks; pictures are drawn of 3 at most'):
+                with pytest.raises(InputError, match='has 4 ticks; pictures can show at most 3'):
                     source.span_s    # noqa: B018
 
 

@@ -37,7 +37,7 @@ from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.load import load_scene
 from dragon_ros.version import __version__
 
-# Boxes on the way to a track, of ISO base media files.
+# Boxes of ISO base media files that contain tracks.
 PARENTS = (b'moov', b'trak', b'mdia', b'edts', b'minf', b'stbl')
 STARTS = {'.png': b'\x89PNG', '.svg': b'<?xml', '.pdf': b'%PDF', '.gif': b'GIF8', '.html': b'<!DOCTYPE html>'}
 

@@ -148,7 +148,7 @@ def test_the_monitor_sees_the_same_in_either_byte_order(style, frame_id):
 @pytest.mark.parametrize('text', ['', 'x', 'xx', 'xxxx', 'xxxxxxxx'])
 @pytest.mark.parametrize('ns', ['bench', 'be'])
 def test_cubes_with_any_string_lengths_are_viewed_in_one_or_two_runs(text, ns):
-    """A layout that is no whole number of 8 bytes moves the second marker; from there on all are alike."""
+    """A layout that is not a multiple of 8 bytes shifts the second marker; all later ones are alike."""
     serialization = pytest.importorskip('rclpy.serialization')
     from visualization_msgs.msg import MarkerArray
     scene = Scene(dragon=Dragon(40), run=Run(400, 413))
@@ -229,7 +229,7 @@ def test_the_health_of_a_dragon_has_the_time_of_its_tick_and_all_else_has_none()
         return examined_ns(bytes(serialization.serialize_message(DiagnosticArray(status=rows))), 'red')
     assert of('2147483647.000000001') == 2147483647 * 10**9 + 1
     assert [of('soon'), of('1.5'), of('-1.000000000'), of('1.000000000', name='blue: clearance')] == [None] * 4
-    assert of('1.000000000', more=9999) is None         # no monitor writes as much
+    assert of('1.000000000', more=9999) is None         # more than any monitor writes
     assert examined_ns(b'\0\1\0\0', 'red') is None
 
 

@@ -88,7 +88,7 @@ def test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_a
 
 
 class Map:
-    """A map server in the test's node: latched grids on a topic, as Nav2's."""
+    """A map server in the test's node: latched grids on a topic, like Nav2's."""
 
     def __init__(self, node, topic='/map'):
         from nav_msgs.msg import OccupancyGrid
@@ -201,7 +201,7 @@ def test_a_venue_may_come_late_change_and_vanish_and_one_of_a_file_counts_with_i
     dragon.wait('dragon', "contact of bench 0 and obstacle 'gate' at 4.020000 s")
     out.publish(once(replace(scene, venue=wall(50.0, 'other gate')), 'dragon')['venue'])
     dragon.show(202)
-    dragon.wait('dragon', "contact left behind by another venue: bench 0 and obstacle 'gate'")
+    dragon.wait('dragon', "contact ended by another venue: bench 0 and obstacle 'gate'")
     out.publish(b'\x00\x01\x00\x00\x07\x00\x00\x00')
     dragon.wait('dragon', 'venue: not used: 8 bytes cannot hold 7 markers')
     out.publish(bytes.fromhex('0001000000000000'))

@@ -82,7 +82,7 @@ def examine(path: Path, progress: Callable[[int], object] = lambda size: None) -
         with closing(file):
             _examine(contents, file, progress)
     for each in unlisted(path):
-        contents.problems.note(f'{each}: is not listed in metadata.yaml, as a recorder that was killed leaves a part: '
+        contents.problems.note(f'{each}: is not listed in metadata.yaml, probably because its recorder was killed: '
                                '`inspect BAG --repair OUT` writes all parts to a complete bag')
     return contents
 

@@ -26,7 +26,7 @@ def files_of(path: Path) -> list[Path]:
         raise BagError(f'{folder}: is a folder without .mcap files; give a bag (rosbag2 folders in sqlite3 can be '
                        'turned into MCAP with `ros2 bag convert`)')
     if len(listed) + len(others) > FOLDER_FILES:
-        raise BagError(f'{folder}: has {len(listed) + len(others)} files; the most that are read are {FOLDER_FILES}')
+        raise BagError(f'{folder}: has {len(listed) + len(others)} files; the limit is {FOLDER_FILES}')
     return listed + others
 
 
@@ -62,7 +62,7 @@ def _number(part: Path) -> tuple[str, int]:
 def _listed(path: Path) -> list[Path]:
     """Return the parts that metadata.yaml lists; reject paths outside its folder and duplicates."""
     if path.stat().st_size > FOLDER_BYTES:
-        raise BagError(f'{path}: has {path.stat().st_size} bytes; the largest that is read has {FOLDER_BYTES}')
+        raise BagError(f'{path}: has {path.stat().st_size} bytes; the limit is {FOLDER_BYTES}')
     section = read_document(path).values.get(_ROOT)
     section = section if isinstance(section, dict) else {}
     names = section.get('relative_file_paths')
@@ -79,5 +79,5 @@ def _listed(path: Path) -> list[Path]:
         raise BagError(f'{path}: lists {twice} {names.count(twice)} times; a file is a part of a bag once')
     for name in names:
         if not (path.parent / name).exists():
-            raise MissingError(f'{path}: lists {name}, which is not there')
+            raise MissingError(f'{path}: lists {name}, which does not exist')
     return [path.parent / name for name in names]

@@ -181,8 +181,8 @@ def walked_scene(bag: BagReader, scene: Scene, namespace: str) -> Scene:
         law = law_on(scene, law, t_ns, speed_m_s)
         walked.append((t_ns / NS, speed_m_s))
     if not walked:
-        raise InputError(f'{bag.path}: its dragon was led from outside, and topic leader does not say from the first '
-                         'tick on how fast; record a run from its beginning')
+        raise InputError(f'{bag.path}: its dragon was led from outside, and the speeds on topic leader do not begin '
+                         'with the first tick; record a run from its beginning')
     return replace(scene, head=profile_of(scene.head, walked), run=replace(scene.run, stop_s=walked[-1][0]))
 
 

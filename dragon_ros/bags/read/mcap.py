@@ -100,13 +100,13 @@ class McapFile:
         """Return the record at an offset. Raises BagError if it ends after ``end`` (by default the file's end)."""
         end = self.size if end is None else min(end, self.size)
         if offset + HEAD.size > end:
-            raise self.fault(offset, f'a record should begin, {max(0, end - offset)} bytes are left')
+            raise self.fault(offset, f'a record should begin, but only {max(0, end - offset)} bytes remain')
         place = Location(*_at(HEAD.unpack(self.read(offset, HEAD.size)), offset))
         if place.opcode == 0:
             raise self.fault(offset, 'a record with opcode 0, which does not exist')
         if place.end > end:
             raise self.fault(offset, f'a record with opcode {place.opcode} claims {place.length} bytes, '
-                             f'{end - place.content} are left')
+                             f'{end - place.content} remain')
         return place
 
     def places(self, offset: int, end: int | None = None) -> Iterator[Location]:
@@ -121,7 +121,7 @@ class McapFile:
         """Return the fields of a small record; ``parse`` is a reader from ``mcap.records``."""
         if place.length > RECORD_BYTES:
             raise self.fault(place.offset, f'a record with opcode {place.opcode} has {place.length} bytes; '
-                             f'the largest that is read is {RECORD_BYTES}')
+                             f'the limit is {RECORD_BYTES}')
         try:
             return parse_fields(self.read(place.content, place.length), parse)
         except ValueError as error:
@@ -156,7 +156,7 @@ class _Exact(ReadDataStream):
 
     def read(self, length: int) -> bytes:
         if length > self._left:
-            raise ValueError(f'a field claims {length} bytes, {self._left} are left')
+            raise ValueError(f'a field claims {length} bytes, {self._left} remain')
         self._left -= length
         return super().read(length)
 
@@ -230,8 +230,7 @@ def chunk_data(file: McapFile, place: Location, checked: bool = True) -> bytes:
     """Return a chunk's records, decompressed and checked against size and, if asked, CRC. Raises BagError."""
     head = chunk_head(file, place)
     if head.size > CHUNK_BYTES or head.length > (1 + _PACKED_MORE) * CHUNK_BYTES:
-        raise file.fault(place.offset, f'a chunk of {max(head.size, head.length)} bytes; the largest that is read has '
-                         f'{CHUNK_BYTES}')
+        raise file.fault(place.offset, f'a chunk of {max(head.size, head.length)} bytes; the limit is {CHUNK_BYTES}')
     unpack = _UNPACK.get(head.compression)
     if unpack is None:
         raise file.fault(place.offset, f'a chunk with compression {head.compression!r}; supported are zstd, lz4 and '
@@ -264,7 +263,7 @@ def records_in(data: bytes) -> Iterator[StoredMessage | OtherRecord]:
         opcode, length = HEAD.unpack_from(data, at)
         start, end = at + HEAD.size, at + HEAD.size + length
         if end > size:
-            raise ValueError(f'its record at {at} claims {length} bytes, {size - start} are left')
+            raise ValueError(f'its record at {at} claims {length} bytes, {size - start} remain')
         if opcode == 0:
             raise ValueError(f'a record with opcode 0 at {at}, which does not exist')
         if opcode != Opcode.MESSAGE:
@@ -407,7 +406,7 @@ class Index:
             if self._learned > SUMMARY_BYTES:
                 raise ValueError(f'its schemas and channels are more than {SUMMARY_BYTES} bytes')
         elif found != known:
-            raise ValueError(f'it declares {type(found).__name__.lower()} {found.id} a second time, in another way')
+            raise ValueError(f'it declares {type(found).__name__.lower()} {found.id} a second time, differently')
 
     def fault(self, error: BagError) -> None:
         """Note an unreadable record."""
@@ -442,7 +441,7 @@ def summary_index(file: McapFile) -> Index | None:
         raise file.fault(at.offset, f'the footer puts the summary at {footer.summary_start}')
     length = at.offset - footer.summary_start
     if length > SUMMARY_BYTES:
-        raise file.fault(at.offset, f'a summary of {length} bytes; the largest that is read has {SUMMARY_BYTES}')
+        raise file.fault(at.offset, f'a summary of {length} bytes; the limit is {SUMMARY_BYTES}')
     data = file.read(footer.summary_start, length)
     crc = zlib.crc32(file.read(at.offset, HEAD.size + 16), zlib.crc32(data))
     if footer.summary_crc and footer.summary_crc != crc:
@@ -583,8 +582,7 @@ class _Scan:
         """Add a message to the current batch, or end that batch and start another."""
         file, run = self.index.file, self._run
         if place.length > CHUNK_BYTES:
-            raise file.fault(place.offset, f'a message of {place.length} bytes; the largest that is read has '
-                             f'{CHUNK_BYTES}')
+            raise file.fault(place.offset, f'a message of {place.length} bytes; the limit is {CHUNK_BYTES}')
         t_ns = message_time_ns(file, place)
         if not run or run[-1][0].end != place.offset or place.end - run[0][0].offset > _RUN:
             self._end_batch()

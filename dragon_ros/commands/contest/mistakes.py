@@ -308,7 +308,7 @@ def _less(gap: Callable[[float], float], near_m: float) -> Callable[[float], flo
 
 # Question 3: the smallest pitch.
 def gap_at(pitch_m: float, radius_m: float, gap: Gap = head_gap) -> float:
-    """Return a gap with the head at a radius, on a spiral of a pitch."""
+    """Return the gap when the head is at a radius, on a spiral with the given pitch."""
     scene = Scene(dragon=Dragon(27), track=Spiral(pitch_m, radius_m / pitch_m), solver='march')
     return gap(state(scene, 0.0).p, 0.3)
 

@@ -64,7 +64,7 @@ def _format_of(arguments: Namespace) -> str:
     suffix = {'.html': 'html', '.htm': 'html', '.json': 'json', '.csv': 'csv', '.txt': 'text'}
     of_output = None if arguments.output is None else suffix.get(arguments.output.suffix.lower())
     if arguments.output is not None and of_output is None and arguments.output.suffix:
-        raise InputError(f'--output {arguments.output}: is no format of grade; end it in .html, .json, .csv or .txt')
+        raise InputError(f'--output {arguments.output}: is not a format of grade; end it in .html, .json, .csv or .txt')
     if arguments.format and of_output and arguments.format != of_output:
         raise InputError(f'--format {arguments.format}: contradicts --output {arguments.output}; leave one of them out')
     form = str(arguments.format or of_output or 'text')
@@ -92,7 +92,7 @@ def _teams(arguments: Namespace) -> 'list[Team]':
         by_team = answers_by_team(arguments.answers)
         unknown = sorted(by_team.keys() - {team.name for team in teams})
         if unknown:
-            raise InputError(f'{arguments.answers}: {unknown[0]}: is no team here; the first is {teams[0].name}')
+            raise InputError(f'{arguments.answers}: {unknown[0]}: is not a team here; the first is {teams[0].name}')
         for team in teams:
             team.answers = by_team.get(team.name, {})
     if given:

@@ -28,7 +28,7 @@ def teams_of(paths: list[Path]) -> list[Team]:
     """
     missing = [path for path in paths if not path.exists()]
     if missing:
-        raise MissingError(f'{missing[0]}: is not there; give workbooks, or a folder with a folder for each team')
+        raise MissingError(f'{missing[0]}: does not exist; give workbooks, or a folder with a folder for each team')
     files = [path for path in paths if not path.is_dir()]
     teams = _split(_name_of(files), files) if files else []
     for path in paths:

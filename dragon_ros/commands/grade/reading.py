@@ -63,7 +63,7 @@ def read_book(path: Path) -> list[WorkbookSheet]:
         if not merged:
             raise InputError(f'{path}: holds no sheets; save it again as an Excel workbook (.xlsx)')
         if len(merged) > BOOK_SHEETS:
-            raise InputError(f'{path}: has {len(merged)} sheets; the most are {BOOK_SHEETS}')
+            raise InputError(f'{path}: has {len(merged)} sheets; the limit is {BOOK_SHEETS}')
         files = _files_of_sheets(parts)
         return [WorkbookSheet(name, rows, merged.get(files.get(name, ''), ()))
                 for name, rows in _read(path, _plain(parts))]
@@ -86,7 +86,7 @@ def _bytes_of(path: Path) -> bytes:
     except ValueError as error:
         raise MissingError(f'a path cannot be read: {error}') from None
     if len(data) > BOOK_BYTES:
-        raise InputError(f'{path}: has more than {BOOK_BYTES} bytes, the most of a workbook; keep the result sheets '
+        raise InputError(f'{path}: has more than {BOOK_BYTES} bytes, the limit for a workbook; keep the result sheets '
                          'alone')
     if data.startswith(_OLD):
         raise InputError(f'{path}: is protected by a password; save it without one' if _ENCRYPTED in data else
@@ -102,7 +102,7 @@ def _parts(path: Path, data: bytes) -> dict[str, bytes]:
     with zipfile.ZipFile(BytesIO(data)) as book:
         entries = book.infolist()
         if len(entries) > BOOK_PARTS:
-            raise InputError(f'{path}: has {len(entries)} files in it; the most of a workbook are {BOOK_PARTS}')
+            raise InputError(f'{path}: has {len(entries)} files in it; the limit for a workbook is {BOOK_PARTS}')
         names = [entry.filename for entry in entries]
         lower = [name.lower() for name in names]
         if any('vbaproject' in name or 'macrosheets' in name for name in lower):
@@ -129,7 +129,7 @@ def _unpacked(path: Path, book: zipfile.ZipFile, needed: list[zipfile.ZipInfo]) 
                 room -= len(piece)
                 pieces.append(piece)
         if room < 0:
-            raise InputError(f'{path}: unpacks to more than {BOOK_UNPACKED_BYTES} bytes, the most of a workbook')
+            raise InputError(f'{path}: unpacks to more than {BOOK_UNPACKED_BYTES} bytes, the limit for a workbook')
         part = b''.join(pieces)
         if b'<!DOCTYPE' in part or b'<!ENTITY' in part or b'\0' in part:
             raise InputError(f'{path}: {entry.filename} is not plain XML in UTF-8; save it again as .xlsx')
@@ -145,7 +145,7 @@ def _checked(path: Path, name: str, part: bytes) -> tuple[tuple[int, int, int, i
     for what, size, most in (('rows', rows, BOOK_ROWS), ('columns', columns, BOOK_COLUMNS),
                              ('cells', rows * columns, BOOK_CELLS)):
         if size > most:
-            raise InputError(f'{path}: {name} has {size} {what}; the most of a sheet are {most}; delete what is not '
+            raise InputError(f'{path}: {name} has {size} {what}; the limit for a sheet is {most}; delete what is not '
                              'part of the result')
     if b'f>' in part and _FORMULA.search(part) and (empty := _UNVALUED.search(part)):
         place = re.search(rb'r\s*=\s*["\'](\w+)["\']', empty[1])

@@ -264,7 +264,7 @@ def film_size(text: str) -> tuple[int, int]:
     """Return WIDTHxHEIGHT as pixels. Raises InputError."""
     parts = text.lower().split('x')
     if len(parts) != 2 or not all(part.isascii() and part.isdigit() and len(part) < 6 for part in parts):
-        raise InputError(f'--size {text}: is no size; write WIDTHxHEIGHT in pixels, such as 1920x1080')
+        raise InputError(f'--size {text}: is not a size; write WIDTHxHEIGHT in pixels, such as 1920x1080')
     width, height = map(int, parts)
     if width % 2 or height % 2 or not (320 <= width <= 7680 and 240 <= height <= 4320):
         raise InputError(f'--size {text}: both must be even, from 320x240 to 7680x4320; try 1920x1080')

@@ -78,7 +78,7 @@ def _run(arguments: Namespace) -> int:
     if arguments.kind != 'animation':
         for path in paths:
             if path.suffix.lower() not in figures.FORMATS:
-                raise InputError(f'--output {path}: is no picture; end it in {", ".join(figures.FORMATS)}')
+                raise InputError(f'--output {path}: is not a picture; end it in {", ".join(figures.FORMATS)}')
     from dragon_ros.cli.pool import Pool
     from dragon_ros.commands.sources import opened
     pool = Pool(arguments.workers)

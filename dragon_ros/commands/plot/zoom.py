@@ -49,7 +49,7 @@ def zoom_of(around: str | None, span_m: float | None) -> Zoom | None:
     try:
         x, y = map(float, around.split(','))
     except ValueError:
-        raise InputError(f'--around {around}: is no place; give {", ".join(_PLACES)}, or X,Y in m, such as '
+        raise InputError(f'--around {around}: is not a place; give {", ".join(_PLACES)}, or X,Y in m, such as '
                          '--around 1.5,-2') from None
     return Zoom((number('--around', x, low=-1e9, high=1e9), number('--around', y, low=-1e9, high=1e9)), span_m)
 

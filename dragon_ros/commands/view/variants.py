@@ -140,11 +140,11 @@ class Variants:
         changes = []
         for key, text in parse_qsl(query, keep_blank_values=True):
             if key not in known:
-                raise InputError(f'{key[:_CHARACTERS]}: is no value of this scene that can be changed here', field=key)
+                raise InputError(f'{key[:_CHARACTERS]}: is not a value of this scene that can be changed', field=key)
             changes.append(f'{key}={_number(key, text)}')
         scene = load_scene(self._scene, [*self._overrides, *changes])
         if scene.dragon.benches > SEARCHED_BENCHES:
-            raise FieldError('dragon.benches', scene.dragon.benches, f'a page tries {SEARCHED_BENCHES} at most',
+            raise FieldError('dragon.benches', scene.dragon.benches, f'a page supports at most {SEARCHED_BENCHES}',
                              'give fewer')
         return scene
 

@@ -8,7 +8,7 @@ separation along the axis that parted it best, as in ``near_pairs``: a bench tha
 it. Only pairs that may be nearer than the closest two benches or than the nearest edge are computed.
 
 A bench on the wrong side of an obstacle's edges (``misplaced_benches``) touches it, even if it meets none of them: its
-signed gap is then minus its distance from the nearest one. This state affects the time of a sample, and nothing else.
+signed gap is then minus its distance from the nearest one. This state affects only the time of a sample.
 """
 from dataclasses import dataclass, replace
 from math import inf

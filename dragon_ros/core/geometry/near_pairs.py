@@ -42,7 +42,7 @@ from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 TOUCH_M = 1e-10         # positions are accurate to 2e-12 m: a smaller gap counts as contact
 _SKIN = 0.45            # relative to the mean half length: with more, a list lasts longer and takes longer
 _HAIR = 2.0**-40        # relative to coordinates and sizes
-_MOST_EACH = 32         # listed pairs per bench: with more, a crowd is searched from scratch
+_MOST_EACH = 32         # listed pairs per bench: with more, each sample is searched from scratch
 _FEW = 8                # pairs that are computed one by one; more are computed as arrays
 _FIRST_PART = 512       # benches of the innermost part; each further part reaches twice as far
 _OVERLAP = 2.5          # benches of all parts and those that follow, per bench: with more, the dragon is not split
@@ -135,7 +135,7 @@ class _NearList:
 
 def _listed(bodies: _ComplexBenches, p: Floats, benches: Benches, part: tuple[int, int, int], reach_m: float,
             above_m: float) -> tuple[_NearList, Floats] | None:
-    """Return the list of the pairs of a part with gaps up to ``reach_m``, and their separations; None for a crowd.
+    """Return the list of the pairs of a part with gaps up to ``reach_m``, and their separations; None for too many.
 
     ``above_m`` is an upper bound on the clearance.
     """
@@ -168,7 +168,7 @@ def _middle(bodies: _ComplexBenches, first: int, end: int) -> int:
 
 def _seen_part(part: _NearList, bodies: _ComplexBenches, p: Floats, benches: Benches, limit_m: float,
                skin_m: float) -> tuple[_NearList, Ints] | None:
-    """Return a part after one more sample, and which of its pairs may be within a limit; None for a crowd."""
+    """Return a part after one more sample, and which of its pairs may be within a limit; None if too many are."""
     change_m = part.change_m(bodies)
     if not part.beyond_m - part.spent_m - change_m > limit_m:
         listed = _listed(bodies, p, benches, (part.first, part.stop, part.end), max(limit_m, 0.0) + skin_m, limit_m)
@@ -227,7 +227,7 @@ class _Kept:
 
 
 def _first_kept(p: Floats, benches: Benches, found: Closeness) -> _Kept | None:
-    """Return the state after a sample from scratch; None for a crowd."""
+    """Return the state after a sample from scratch; None if too many pairs are near."""
     assert found.closest
     skin_m = _SKIN * float(np.mean(benches.half_length))
     bodies = _bodies(benches, np.hypot(benches.half_length, benches.half_width))

@@ -32,7 +32,7 @@ _SHOWN = 8
 _UNEVEN = 4             # the largest ratio of time steps between ticks that are interpolated together
 
 _KEY = 2**32        # a pair (i, j) has the key i * _KEY + j
-_LAST = 8           # an observation that is not older than the last so many may just be late
+_LAST = 8           # an observation no older than this many before the last one may just be late
 _LATE_NS = 10**9    # by at most this
 _IN_A_ROW = 3       # this many late observations in a row indicate a restarted run
 
@@ -218,7 +218,7 @@ class ContactTracker:
         return self._obstacles.around if self._obstacles else None
 
     def surround(self, around: Surroundings | None) -> None:
-        """Examine later observations in these surroundings. Contacts with obstacles of others end.
+        """Examine later observations in these surroundings. Contacts with obstacles of other surroundings end.
 
         Surroundings with the same names are the same ones, moved.
         """

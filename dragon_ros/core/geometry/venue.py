@@ -57,7 +57,7 @@ class Surroundings:
         return next(iter(np.flatnonzero(self.side == WITHIN).tolist()), None)
 
     def moved(self, pose: PlanePose) -> 'Surroundings':
-        """Return them as seen from a frame in which theirs has this pose."""
+        """Return the surroundings in another frame, in which their own frame has this pose."""
         shift, turn = pose
         return replace(self, start=_kept(shift + self.start * turn), stop=_kept(shift + self.stop * turn))
 

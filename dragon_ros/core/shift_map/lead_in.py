@@ -150,7 +150,7 @@ def _next_to_joints(track: Track, table: Table, rows: Ints, cells: Ints, links_m
 def _on_extended(track: Track, k: int, leaders: Places, followers: Floats, link_m: float) -> Places:
     """Return the leaders (C, nodes) of followers (C, nodes, 2) on segment k, extended beyond its ends.
 
-    Not a number for cells without a smooth solution that is the leader wherever that is on the segment itself.
+    NaN for cells without a smooth solution that equals the leader wherever the leader is on the segment itself.
     """
     segment, (number, own, own_lo) = track.segments[k], leaders
     point = followers[..., 0] + 1j * followers[..., 1]

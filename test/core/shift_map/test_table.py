@@ -35,7 +35,7 @@ MARCHED_CASES = {'centre', 'joined-handles', 'almost-joined', 'mixed-lock'}
 
 
 def tiles(scene):
-    """Return the tiles that are built of a scene with one shift map."""
+    """Return the tiles that are built for a scene with one shift map."""
     shift, = compile_scene(scene).model.placement.maps.values()
     return shift.tiles
 
