@@ -49,7 +49,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--output', type=Path, metavar='FOLDER',
                          help='folder for the results (cost; for all: docs/cost of the checkout). An '
                          'existing page keeps its text; only its table is renewed')
-    options.add_argument('--budget', type=float, metavar='S', help=f'seconds per timing ({_BUDGET_S:g}); not of '
+    options.add_argument('--budget', type=float, metavar='S', help=f'seconds per timing ({_BUDGET_S:g}); not for '
                          'the pages memory and promises')
     options.add_argument('--minutes', type=float, metavar='MIN',
                          help=f'length of the run of the page memory ({_MINUTES:g})')

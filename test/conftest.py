@@ -44,7 +44,7 @@ def pytest_terminal_summary(terminalreporter):
 
 def pytest_configure():
     os.environ['LC_ALL'] = 'C.UTF-8'        # commands speak the language of the locale
-    # A job in the background ignores SIGINT, one of nohup SIGHUP, and so would the processes that are ended here.
+    # A background job ignores SIGINT, a job of nohup SIGHUP, and processes started and ended here would inherit that.
     for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
@@ -55,7 +55,7 @@ def pytest_make_parametrize_id(val):
     return f'{val[:40]!a} of {len(val)}' if isinstance(val, str | bytes) and len(val) > 1000 else None
 
 
-# These take ten seconds and more: last, each would leave the other processors idle.
+# These take ten seconds or more; if one ran last, the other processors would be idle.
 LONGEST = ('test_types_hold_strictly', 'test_no_scene_on_the_topic_ends_or_blinds_a_recorder',
            'test_the_demo_can_be_run_again_in_one_place',
            'test_recorders_killed_at_random_moments_lose_at_most_the_flush_interval_and_are_repaired',

@@ -133,7 +133,7 @@ def kind_of(seed: int) -> str:
 
 
 def _benches(dice: Dice, kind: str, unit_m: float) -> Benches:
-    """Draw the benches; circles and composites get fewer, since every bench of theirs is searched for itself."""
+    """Draw the benches; circles and composites get fewer, since each of their benches is searched separately."""
     most = 300 if kind in ('in', 'out', 'turn') else 120
     count = dice.one_by_parts({dice.whole(2, 8): 10, dice.whole(8, 40): 50, dice.whole(30, most): 40})
     count = 1 if dice.chance(1) else count
@@ -174,7 +174,7 @@ def _groups(dice: Dice, count: int, least_m: float, body_m: float) -> list[dict[
 
 
 def _pitch(dice: Dice, benches: Benches, radius_m: float) -> float:
-    """Draw a pitch: one at which the longest benches touch the next turn about at a radius, or too little, or plenty.
+    """Draw a pitch: about enough for the longest benches not to touch the next turn at a radius, too little, or plenty.
 
     A bench of length L on a circle of radius r sags L^2 / (8 r) inwards at its middle.
     """
@@ -204,7 +204,7 @@ def _spiral(dice: Dice, pitch: float, turns: float) -> dict[str, Any]:
 
 
 def _outwards(dice: Dice, benches: Benches) -> Way:
-    """A single spiral, left by a head that goes back or by a tail that draws the others."""
+    """A single spiral, left by a head that moves back or by a tail that pulls the others."""
     start_m = benches.longest_link_m * dice.between(0.8, 4)
     pitch = _pitch(dice, benches, start_m * dice.scaled(0.5, 1.2))
     radius_m = max(start_m, pitch * dice.between(0.5, 2))
@@ -345,7 +345,7 @@ def _knots(dice: Dice, speed_m_s: float, time_s: float) -> tuple[list[list[float
 
 
 def _run(dice: Dice, arrives: bool, stop_s: float) -> dict[str, Any]:
-    """Draw when the run starts and stops; one that gets to an end of the model may go without a stop."""
+    """Draw when the run starts and stops; one that reaches an end of the model may have no stop."""
     run: dict[str, Any] = {}
     if not (arrives and dice.chance(40)):
         run['stop_s'] = figures(stop_s * dice.one(1, 1, 1, 1, dice.between(0.1, 1)))

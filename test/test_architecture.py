@@ -189,7 +189,7 @@ def test_what_the_core_may_import_has_no_circle():
 def mentioned(path, known):
     """Return the modules that one names in imports or in strings, anywhere in it.
 
-    A string that ends in a dot, such as the beginning of what ``import_module`` is given, names all that begin so.
+    A string that ends in a dot, such as a prefix for ``import_module``, names all modules with this prefix.
     """
     found = named(path)
     return {name for one in found if one.endswith('.') for name in known if name.startswith(one)} | found & known

@@ -1,9 +1,9 @@
 """A crash oracle: kill a writer of bags at any moment, and compare what the tools recover with what it had written.
 
 A child process writes numbered messages through the recorder's writer thread and says, after each flush, how many are
-in the file. Killed with SIGKILL, it must leave a bag of which ``--repair`` saves every message that was flushed, and of
-those after them whatever is whole in the files; nothing else, nothing twice, nothing out of order. The library's own
-stream reader is the second opinion: what it finds in the files must be saved, too.
+in the file. After SIGKILL, ``--repair`` must save every flushed message of the bag, and every later one that is
+complete in the files; nothing else, nothing twice, nothing out of order. The library's own stream reader is a second
+opinion: all messages that it finds in the files must be saved, too.
 
 By hand, for as many kills as wanted: ``./dragon python test/bags/crash.py --kills 1000``
 """

@@ -111,7 +111,7 @@ def test_a_part_that_is_not_listed_and_cut_anywhere_is_named_and_saved(tmp_path,
 @pytest.mark.parametrize(('text', 'says'), [
     ('rosbag2_bagfile_information: {relative_file_paths: [a.mcap, b.mcap, a.mcap]}', 'lists a.mcap 2 times'),
     ('', 'relative_file_paths'), ('a: [', 'not YAML'), ('rosbag2_bagfile_information: 3', 'relative_file_paths'),
-    ('rosbag2_bagfile_information: {relative_file_paths: [gone.mcap]}', 'not there'),
+    ('rosbag2_bagfile_information: {relative_file_paths: [gone.mcap]}', 'does not exist'),
     ('rosbag2_bagfile_information: {relative_file_paths: [../a.mcap]}', 'in its folder'),
     ('rosbag2_bagfile_information: {relative_file_paths: [a.db3]}', 'names of .mcap files'),
     ('rosbag2_bagfile_information: {relative_file_paths: []}', 'without .mcap files')])

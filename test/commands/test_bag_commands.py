@@ -104,7 +104,7 @@ def test_what_is_not_published_each_tick_is_not_missing(capsys, tmp_path):
         for name, every in (('handles', 1), ('clearance/marker', 5), ('clearance', 1)):
             bag.add_channel(f'/dragon/{name}', channels()[name])
             for k in range(0, 101, every):
-                t_ns = scene.run.time_ns(k + (name == 'clearance' and 30 < k < 50))     # without a stamp: by guess
+                t_ns = scene.run.time_ns(k + (name == 'clearance' and 30 < k < 50))     # without a stamp: guessed
                 bag.write(f'/dragon/{name}', encoders(scene)['handles'](tick(scene, k)), t_ns, k + 1)
     _, out, _ = run(capsys, 'inspect', path, '--format', 'json', '--looks', '1')
     rows = {row['topic']: row for row in json.loads(out)['topics']}

@@ -75,8 +75,8 @@ def test_books_have_the_same_numbers_under_the_same_names_as_the_text_files(fold
 def the_organisers_rows(name, sheet):
     """The names that the organisers' empty result files have, read from copies of them that teams published.
 
-    As handed out they are in the repositories julymiaw/CUMCM2024A (all three) and zty2004/CUMCM2024 (result4, the same
-    bytes); filled in in Diraw/Code-for-the-2024-CUMCM-Problems-A and in walker4869/CUMCM-2024-Problem-A.
+    The original files are in the repositories julymiaw/CUMCM2024A (all three) and zty2004/CUMCM2024 (result4, the same
+    bytes); completed ones are in Diraw/Code-for-the-2024-CUMCM-Problems-A and in walker4869/CUMCM-2024-Problem-A.
     """
     names = ['龙头', *(f'第{n}节龙身' for n in range(1, 222)), '龙尾', '龙尾（后）']
     if sheet == '位置':

@@ -403,7 +403,7 @@ def test_many_benches_are_drawn_where_they_are_at_every_zoom(big, big_server, pa
     assert [said for level, said in page.log() if level != 'WARNING'] == []    # of reading its pixels
 
 
-# How pictures of WebGL differ from that of the canvas: drawn alike, and moved right by a pixel. Each is the share of
+# How WebGL pictures differ from the canvas: drawn at the same place, and a pixel to the right. Each is the share of
 # pixels that differ by more than an eighth of all shades, of the whole picture and of 40 pixels about the first handle.
 APART = """const plot = document.getElementById('scene'), {range, _length} = plot._fullLayout.xaxis;
   const pixels = (webgl, moved) => {

@@ -99,8 +99,8 @@ def test_a_run_without_contact_is_said_to_have_none(server):
     ({'dragon.width_m': 'nan'}, 'dragon.width_m', 'finite number'),
     ({'dragon.width_m': '1e999'}, 'dragon.width_m', 'finite number'),
     ({'track.start_turns': '0.1'}, '', ''),
-    ({'solver': 'march'}, 'solver', 'no value'),
-    ({'dragon.groups.1.count': '3'}, 'dragon.groups.1.count', 'no value')])
+    ({'solver': 'march'}, 'solver', 'not a value'),
+    ({'dragon.groups.1.count': '3'}, 'dragon.groups.1.count', 'not a value')])
 def test_a_value_that_is_not_possible_is_refused_beside_its_field(server, change, key, words):
     error = ask(server, 'form.json', **change)['error']
     assert error['key'] == key or not key

@@ -105,12 +105,12 @@ def begun(path, least=2**22):
 
 
 def children(pid):
-    """The processes that a process has started to work."""
+    """The worker processes that a process has started."""
     return [int(one) for one in Path(f'/proc/{pid}/task/{pid}/children').read_text().split()]
 
 
 def complete_ticks(path):
-    """How many ticks a bag has, all of them whole; a bag without its index is not opened."""
+    """Return the number of ticks in a bag, all of them complete; a bag without its index cannot be opened."""
     with BagReader(path) as bag:
         counts = {topic.messages for topic in bag.topics if topic.name in ('/dragon/handles', '/dragon/benches')}
     assert len(counts) == 1
@@ -187,7 +187,7 @@ def changed(path, long, change):
 
 
 def damaged(name, t_ns, k):
-    """Lose ticks, one topic and several, at the ends and in between; double some; move some between ticks."""
+    """Drop ticks of one topic and of several, at the ends and in between; duplicate some; move some between ticks."""
     if name in ('scene', 'track') or k is None:
         return [t_ns]
     if k < 2 or 100 <= k < 400 or (name == 'handles' and k % 5 == 0) or k > 1670:
@@ -206,7 +206,7 @@ def run(capsys, *command):
 
 
 def elsewhere(*command):
-    """The exit code and the output of a command in a process of its own, whose workers are forked."""
+    """The exit code and the output of a command in a separate process, whose workers are forked."""
     done = subprocess.run([*DRAGON, *map(str, command)], capture_output=True, text=True, timeout=120)
     assert 'Traceback' not in done.stderr
     return done.returncode, done.stdout

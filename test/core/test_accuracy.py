@@ -88,7 +88,7 @@ def test_links_that_are_solved_one_step_less_break_the_exact_promise(monkeypatch
         simulation = compile_scene(problem.scene)
         if 'lock' in name or simulation.size_m > 20 or simulation.size_m < 1e-2:
             continue
-        assert simulation.end       # found with the step that is asked for
+        assert simulation.end       # found with the requested step
         loose = sqrt(0.5 * 1e3 * EXACT.promise_m / simulation.model.length_m)
         for module in (spiral, forward):
             monkeypatch.setattr(module, 'TIGHT', loose)

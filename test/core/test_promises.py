@@ -1,4 +1,4 @@
-"""Promises on random short chains, through state, states and tick, at every tier: where a chain has no table as well.
+"""Promises on random short chains, through state, states and tick, at every tier, with and without a table.
 
 Each scene is compared with forward placement at the exact tier, which test_accuracy compares with 50 digits. The long
 form is ``./dragon cost promises --chains 100000``.

@@ -99,7 +99,7 @@ def small_bag(path: Path) -> bytes:
 
 
 def with_crcs(data: bytes) -> bytes:
-    """Return an MCAP file with the CRCs of its uncompressed chunks and of its summary as they should be."""
+    """Return an MCAP file with correct CRCs of its uncompressed chunks and of its summary."""
     out, at, summary = bytearray(data), _MAGIC, None
     while at + _HEAD.size <= len(out):
         opcode, length = _HEAD.unpack_from(out, at)

@@ -34,7 +34,7 @@ RANGES = {'b': (-128, 127), 'B': (0, 255), 'h': (-2**15, 2**15 - 1), 'H': (0, 2*
 
 
 def filled(message, rng):
-    """Fill a message object with random values; texts and sequences have random lengths, so every alignment comes."""
+    """Fill a message object with random values; texts and sequences have random lengths, so every alignment occurs."""
     for name, kind in message.get_fields_and_field_types().items():
         setattr(message, name, random_value(kind, getattr(message, name), rng))
     return message

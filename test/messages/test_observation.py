@@ -83,7 +83,7 @@ def test_joined_handles_leave_the_longer_side_as_the_length():
 
 
 def other_cut(message):
-    """Cut each bench along its other diagonal, wind each triangle anyhow, start it anywhere."""
+    """Cut each bench along its other diagonal, and give each triangle an arbitrary winding and first corner."""
     points = message.markers[0].points
     for n in range(0, len(points), 6):
         a, b, c, _, _, d = points[n:n + 6]

@@ -59,7 +59,7 @@ def test_what_is_tilted_or_no_rotation_or_not_finite_is_refused():
         tree.pose('wall', 'map')
     assert tree.pose('under', 'wall') is not None
     upside = message(('map', 'down', (0, 0, 0), np.pi / 2, (np.sqrt(0.5), 0)))
-    with pytest.raises(MessageError, match='no unit quaternion'):
+    with pytest.raises(MessageError, match='not a unit quaternion'):
         tree.take(upside)
     for bad in (np.nan, 1e10):
         with pytest.raises(MessageError, match="pose of the frame 'b' is not finite"):

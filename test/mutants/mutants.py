@@ -347,7 +347,7 @@ def chosen(mutant: Mutant, lines: dict[str, dict[int, list[str]]], times: dict[s
 
 @contextmanager
 def written(tree: Path, mutant: Mutant, known: dict[str, Operator]) -> Iterator[None]:
-    """Write a mutant into a copy, for as long as the block lasts."""
+    """Write a mutant into a copy for the duration of the block."""
     path = tree / mutant.path
     source = path.read_text()
     cached = Path(importlib.util.cache_from_source(str(path)))

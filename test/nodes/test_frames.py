@@ -78,7 +78,7 @@ def test_nobody_waits_for_the_tables_of_a_run_and_one_is_built_once(nothing_buil
     whole = ShiftMap._built
 
     def slowly(self, number):
-        """Build the tile; those after the first one wait to be told."""
+        """Build the tile; all but the first wait for a signal."""
         begun.append(number)
         assert len(begun) == 1 or go.wait(60)
         return whole(self, number)

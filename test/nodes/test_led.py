@@ -60,7 +60,7 @@ def test_a_led_dragon_walks_as_commanded_and_its_bag_is_recomputed_bit_for_bit(s
     sim.wait_for('command dropped')
     leader.keep_saying(9.0, lambda: leader.speeds[-1] == 1.5)       # no faster than the scene allows
     leader.keep_saying(-0.25, lambda: leader.speeds[-1] == -0.25)
-    node.until(lambda: leader.speeds[-1] == 0.0)                    # nobody leads any more
+    node.until(lambda: leader.speeds[-1] == 0.0)                    # no command is valid any more
     assert sim.stop() == 0, sim.text
     assert record.end() == 0, record.text
     assert '3 not finite, 2 stale' in sim.text

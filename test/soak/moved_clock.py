@@ -95,7 +95,7 @@ def once(folder: Path, preloaded: Path, rng: random.Random) -> list[str]:
 
 
 def main(argv: list[str]) -> int:
-    """Try some times, and print what went wrong."""
+    """Try several times, and print what went wrong."""
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
     options.add_argument('--times', type=int, default=8, help='runs (8)')
     options.add_argument('--seed', type=int, default=1, help='of the moments at which the clock is set (1)')

@@ -4,7 +4,7 @@ By hand, with as many as you like:
 
     python test/verify/runs.py SEED COUNT
 
-writes the certificate of each run that the solver finds an answer for, checks it, and tells which were refused.
+writes the certificate of each run that the solver finds an answer for, checks it, and prints which were refused.
 """
 import random
 import sys

@@ -24,7 +24,7 @@ from dragon_ros.core.tracks.composite import Place
 _FIRST, _FIRST_RAD = 1.173, 2.0     # spacing of the first samples: lengths of the longest bench, or rad, whichever
                         # is larger. How adjacent layers interact depends on the angle: far from a contact, 2 rad
                         # are cleared at once
-_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: near a contact, and near a grazing
+_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: near a contact, and near a grazing point
 _MOST_PLACES = 50_000   # first samples of one window, to limit memory
 _MOST_RAD = 2e6         # of a domain: a million first samples
 _TOGETHER, _USUAL = 2**20, 256      # handles at the first samples of windows that are cleared together, to limit

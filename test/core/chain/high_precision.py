@@ -20,7 +20,7 @@ def point(segment, u):
 
 
 def metres(segment, u):
-    """Return an arc length up to a coordinate, positive in the head's way."""
+    """Return an arc length up to a coordinate, positive in the head's direction."""
     if isinstance(segment, LineSegment):
         return u
     if isinstance(segment, ArcSegment):
@@ -42,9 +42,9 @@ def root(function, start):
 
 
 def handles(chain, segments, links, forward_m):
-    """Return the handles as complex numbers when the leader is further in the head's way, on fixed segments.
+    """Return the handles as complex numbers when the leader is further in the head's direction, on fixed segments.
 
-    Segments go on beyond their ends: at a joint the result is the side of the segment that is asked for.
+    Segments continue beyond their ends: at a joint the result is that on the side of the requested segment.
     """
     track, order = chain.track, range(len(segments)) if chain.leader == 0 else range(len(segments) - 1, -1, -1)
     out = [None] * len(segments)

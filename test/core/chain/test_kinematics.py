@@ -29,7 +29,7 @@ BENDY = Composite((Line(25.0), Arc(2.0, 170.0), Line(1.0), Arc(1.9, -100.0), Spi
 
 
 def accelerations(scene, t_s):
-    """Return what the effect says."""
+    """Return the accelerations of the effect."""
     scene = replace(scene, effects=Effect.ACCELERATIONS)
     return frame_of(compile_scene(scene), None, round(t_s * NS), state(scene, t_s)).acceleration_m_s2
 

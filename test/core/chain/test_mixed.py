@@ -1,4 +1,4 @@
-"""Mixed benches: a list that spells out the classic dragon is that dragon, and any other keeps the same promises."""
+"""Mixed benches: a list of the classic dragon's benches equals that dragon, and the promises hold for all lists."""
 from dataclasses import replace
 from math import inf
 

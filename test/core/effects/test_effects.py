@@ -1,4 +1,4 @@
-"""Effects: what is off is absent, what is on is right, and none changes another."""
+"""Effects: absent if off, correct if on, and independent of each other."""
 import json
 import pickle
 import subprocess

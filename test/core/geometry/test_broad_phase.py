@@ -1,4 +1,4 @@
-"""Candidates miss nothing that all pairs find, whatever the layout; and they are few where the dragon winds."""
+"""Candidates miss nothing that all pairs find, whatever the layout; and they are few if the dragon winds."""
 from dataclasses import replace
 
 import numpy as np

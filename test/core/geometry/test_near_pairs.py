@@ -19,7 +19,7 @@ from hard_cases.problems import MIXED
 
 
 def of_all_pairs(benches):
-    """Clearance, closest pair, and the pairs that touch with their gaps, from all pairs; by other code than ours."""
+    """Clearance, closest pair, and the pairs that touch with their gaps, from all pairs, by independent code."""
     i, j = np.triu_indices(benches.half_length.size, 2)
     if not i.size:
         return np.inf, None, [], []
@@ -177,7 +177,7 @@ def test_gaps_are_taken_to_change_by_both_steps_and_no_more(step):
 
 
 def in_a_row(step, end=None):
-    """Benches in a row outwards from the origin, those before the first part's end a step out, those after it in."""
+    """Benches in a row from the origin; those before the first part's end move a step outwards, later ones inwards."""
     n = np.arange(24)
     return lying(0.5 + 0.11 * n + step * np.where(n < 4, 1, np.where(n >= (end or 24), -1, 0)) + 0j, 0.1, 0.001)
 

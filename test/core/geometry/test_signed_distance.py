@@ -82,7 +82,7 @@ def test_the_shortest_vector_is_as_long_as_the_gap_and_brings_or_parts_the_bench
 @example((0, 0, 0, 2, 1), (0, 1.0000001, 1e-9, 2, 1), 1.0, 0.0)         # near-parallel edges
 @example((0, 0, 0.3, 4, 0.05), (0.1, 0, 0.3, 4, 0.05), 1.0, 1e8)        # parallel, nested
 @example((0, 0, 0, 4, 0.1), (0, 0, np.pi / 2, 4, 0.1), 1e-6, 0.0)       # crossing: no corner inside
-@example((0, 0, 0, 4, 0), (1, 0, 0, 4, 0), 1.0, 0.0)                    # lines upon each other
+@example((0, 0, 0, 4, 0), (1, 0, 0, 4, 0), 1.0, 0.0)                    # coinciding lines
 @example((0, 0, 0, 4, 0), (0, 0, 1.0, 4, 0), 1.0, 0.0)                  # lines that cross
 @example((0, 0, 0, 0, 0), (3, 4, 1.0, 0, 0), 1.0, 1e8)                  # points
 @example((0, 0, 0, 2, 2), (0.5, 0, 1.0, 0, 0), 1.0, 0.0)                # a point inside

@@ -104,7 +104,7 @@ def test_no_gap_between_two_looks_is_below_the_bound(benches, head, body, width,
 
 
 def spoken_for(scene, intervals, t_s):
-    """Each pair's gap at a time, by shapely, and the bounds of all intervals that speak for it then."""
+    """Return each pair's gap at a time, by shapely, and the bounds of all intervals that apply to it then."""
     chain = state(replace(scene, solver='march'), t_s)
     along_m = chain.track.distances(chain.segment, chain.u)
     shapes = shapely.polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners)
@@ -291,7 +291,7 @@ def test_on_a_circle_nothing_moves_as_benches_see_each_other(lead):
 
 
 def ways_of(domain, gone_m, way_m, count=40):
-    """The bounds on the ways of benches on an interval, and the ways of their farthest corners, sampled."""
+    """Return the bounds on the travel of benches on an interval, and the sampled travel of their farthest corners."""
     ways = conservative_advancement._ChainIntervals(domain, False, {})
     samples = ways.sample(np.array([gone_m, gone_m + way_m]), np.zeros(2, dtype=np.int64))
     corners = np.stack([domain.benches(place_m).corners for place_m in np.linspace(gone_m, gone_m + way_m, count)])

@@ -1,4 +1,4 @@
-"""However extreme a valid scene is, its first contact is an answer or one line, after few states, with no warning."""
+"""However extreme a valid scene is, its search ends with an answer or a one-line error, after few states."""
 from contextlib import suppress
 
 import pytest

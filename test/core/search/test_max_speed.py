@@ -94,7 +94,7 @@ def _top(scene):
 
 
 def _when(scene, gone_m):
-    """Return a time of the run at which the leader has gone so far."""
+    """Return a time of the run at which the leader has gone this far."""
     times = np.linspace(scene.run.start_s, compile_scene(scene).end.t_s, 401)
     gone = np.array([scene.head.travelled_m(t)[0] for t in times.tolist()])
     n = int(np.argmin(np.abs(gone - gone_m)))

@@ -1,4 +1,4 @@
-"""A place has the same bits in any run and any process, whatever was asked before."""
+"""Positions are bit-identical across runs and processes, whatever was computed before."""
 import pickle
 import subprocess
 import sys

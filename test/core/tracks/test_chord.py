@@ -1,4 +1,4 @@
-"""The chord equation of a spiral: stable, solved to the smallest root, and as fast as Newton is."""
+"""The chord equation of a spiral: stable, solved for the smallest root, and as fast as Newton's method."""
 from math import inf
 
 import mpmath
