@@ -86,3 +86,27 @@ def test_a_time_beyond_the_lock_is_an_error_with_time_link_and_radius():
 def test_a_chain_without_room_at_the_start_says_so():
     with pytest.raises(ChainLockError, match='locked from the start'):
         _ = compile_scene(Scene(track=Spiral(0.01))).end
+
+
+@pytest.mark.parametrize('chords', [[8.0], [33.0], [33.0, 20.0], [5.0, 19.0], [7.0, 7.0, 7.0]])
+def test_the_place_where_a_handle_turns_back_is_found_in_any_short_range_around_it(chords):
+    def rear(theta):
+        for chord in chords:
+            theta = follower(theta, chord)
+        return theta
+
+    first = head_lock_angle(chords)[0] + 1e-3
+    heads = np.linspace(first, first + 12, 6001)
+    place = heads[np.argmin([rear(head) for head in heads])]
+    for before, after in ((0.1, 0.05), (0.01, 0.3)):
+        found = turning_places(chords, place - before, place + after)
+        assert found == [pytest.approx(place, abs=heads[1] - heads[0])]
+
+
+def test_a_handle_turns_back_three_times_if_the_handle_before_it_reverses_just_behind_where_its_link_does():
+    low, high = head_lock_angle([8.0, 13.75])[0] + 1e-3, 6.0
+    heads = np.linspace(low, high, 20001)
+    rear = np.array([follower(follower(head, 8.0), 13.75) for head in heads])
+    back = np.flatnonzero(np.diff(np.sign(np.diff(rear)))) + 1
+    assert turning_places([8.0, 13.75], low, high) == pytest.approx(heads[back], abs=heads[1] - heads[0])
+    assert back.size == 3

@@ -1,5 +1,6 @@
 """Composite tracks: links across joints, the first place at a link's length, and what is refused."""
 from dataclasses import replace
+from fractions import Fraction
 from itertools import pairwise
 from math import pi
 
@@ -14,8 +15,9 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.tracks.composite import Place, track_of
-from dragon_ros.core.tracks.spec import Arc, Composite, Line, SpiralArc, STurn
+from dragon_ros.core.tracks.composite import Place, _guessed, track_of
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 from hard_cases.dances import dances
 
 CASES = {problem.name: problem for problem in dances()}
@@ -181,3 +183,23 @@ def test_an_arc_goes_round_up_to_a_million_degrees_either_way(angle_deg):
     assert Composite((Arc(3.0, angle_deg),)).pieces[0].angle_deg == angle_deg
     with pytest.raises(FieldError, match='angle_deg'):
         Composite((Arc(3.0, 1.001 * angle_deg),))
+
+
+@pytest.mark.parametrize('turn_deg', [300.0, -300.0])
+@pytest.mark.parametrize('direction', [AHEAD, BEHIND])
+@pytest.mark.parametrize('chord_m', [0.8, 2.0, 3.0, 3.6])
+def test_the_first_guess_of_a_link_from_a_line_onto_an_arc_has_its_length_however_far_round_it_is(turn_deg, direction,
+                                                                                                  chord_m):
+    arc = track_of(Composite((Line(10.0), Arc(2.0, turn_deg), Line(5.0)))).segments[1]
+    near = arc.first if direction == AHEAD else arc.last
+    here = complex(arc.at(near)) - direction * complex(arc.heading(near)) * np.array([0.05, 0.5])
+    ahead_m = _guessed(arc, near, here, chord_m, direction)
+    assert np.abs(arc.at(near + direction * ahead_m / abs(arc.rate(near))) - here) == pytest.approx(chord_m, rel=1e-12)
+
+
+@pytest.mark.parametrize('turns', [16.0, 5.0, *np.linspace(3, 20, 25).tolist()])
+def test_a_spiral_that_the_tail_leads_out_on_includes_the_start_and_ends_there(turns):
+    spiral = Spiral(0.55, turns)
+    last = Fraction(track_of(spiral, AHEAD).segments[0].last)
+    start = Fraction(spiral.start.hi) + Fraction(spiral.start.lo)
+    assert last <= start < Fraction(np.nextafter(float(last), np.inf).item())

@@ -142,6 +142,17 @@ def test_noise_below_the_tolerance_is_smoothed_away():
     assert apart_m(route, drawn) <= route.strays_m + 1e-3 <= 0.052
 
 
+@pytest.mark.parametrize('seed', [1, 2])
+def test_noise_of_half_the_tolerance_is_smoothed_to_few_pieces_within_the_tolerance(seed):
+    rng = np.random.default_rng(seed)
+    x = np.arange(0, 15, 0.05)
+    drawn = x + 6j * np.sin(x / 6) + 0.018 * (rng.uniform(-1, 1, x.size) + 1j * rng.uniform(-1, 1, x.size))
+    route = along([drawn], 5.0, 1.0, 0.05)
+    assert not route.off_m
+    assert len(route.pieces) < 18
+    assert apart_m(route, drawn) <= 0.05
+
+
 TURN = st.floats(-140, 140)
 LEG = st.floats(0.3, 30)
 
