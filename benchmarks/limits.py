@@ -162,7 +162,7 @@ def table(rows: Measured) -> str:
     """Return rates and stages as Markdown with the circumstances above them."""
     lines = [f'{circumstances()}. Rates of one thread; medians.', '', '| rate | a second |', '|---|---:|']
     lines += [f'| {text} | {_amount(rows.rates[name])} |' for name, text in _RATES.items()]
-    lines += ['', '| stage | it takes (µs) | the machine needs (µs) | times that | bound by |',
+    lines += ['', '| stage | time (µs) | limit of the machine (µs) | ratio | bound by |',
               '|---|---:|---:|---:|---|']
     for stage in rows.stages:
         limit_s, rate = stage.limit(rows.rates)

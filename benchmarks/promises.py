@@ -109,7 +109,7 @@ def _piece(dice: Random) -> Piece:
 
 @dataclass(frozen=True)
 class Measured:
-    """Errors over promises of M chains, (M, 3, 2); their tiers' places in PROMISING and scenes' numbers, (M,)."""
+    """Errors over promises of M chains, (M, 3, 2); their tiers' indices in PROMISING and scenes' numbers, (M,)."""
 
     shares: Floats
     tiers: Ints

@@ -1,4 +1,4 @@
-"""Write ``scene.schema.json`` and ``study.schema.json`` from the code. Run it after a change of a format.
+"""Write ``scene.schema.json`` and ``study.schema.json`` from the code. Run it when a format changes.
 
 Both files are committed.
 PYTHONPATH=. python msg_configs/make_scene_schema.py

@@ -76,7 +76,7 @@ class StudyProgress:
 
     @property
     def refused(self) -> int:
-        """Rows of this run without all their answers."""
+        """The number of rows of this run that lack an answer."""
         return sum(count for status, count in self.statuses.items() if status != OK)
 
 

@@ -63,7 +63,7 @@ def test_ctrl_c_ends_the_subscriber_of_the_tutorial_quietly_while_messages_come(
 
 
 def quiet_end(child):
-    """End an example as a person does; it prints nothing."""
+    """End an example as a user does; it must print nothing."""
     child.send_signal(signal.SIGINT)
     rest = child.stdout.read()
     child.wait()

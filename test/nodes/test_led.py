@@ -16,7 +16,7 @@ READERS = 'wait_subscribers:=[handles=1,leader=2,velocities=1,benches=1,scene=1]
 
 
 class Leader:
-    """Publishes speeds, ten while a command is valid, and hears the motion of the leading handle."""
+    """Publishes speeds, ten per timeout of a command, and receives the motion of the leading handle."""
 
     def __init__(self, node, stamped=True):
         from geometry_msgs.msg import Twist, TwistStamped

@@ -86,8 +86,8 @@ def _bytes_of(path: Path) -> bytes:
     except ValueError as error:
         raise MissingError(f'a path cannot be read: {error}') from None
     if len(data) > BOOK_BYTES:
-        raise InputError(f'{path}: has more than {BOOK_BYTES} bytes, the limit for a workbook; keep the result sheets '
-                         'alone')
+        raise InputError(f'{path}: has more than {BOOK_BYTES} bytes, the limit for a workbook; keep only the '
+                         'result sheets')
     if data.startswith(_OLD):
         raise InputError(f'{path}: is protected by a password; save it without one' if _ENCRYPTED in data else
                          f'{path}: is a workbook of Excel 97 (.xls); save it as .xlsx')

@@ -24,7 +24,7 @@ class Benches:
         return yaw
 
     def some(self, index: Ints) -> 'Benches':
-        """Return some of them, if they are not of many instants."""
+        """Return a subset of the benches, which must be those of a single instant."""
         return Benches(self.centre[index], self.axis[index], self.half_length[index], self.half_width[index])
 
     @property

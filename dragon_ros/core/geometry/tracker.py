@@ -174,7 +174,7 @@ class Episodes:
     reported: Bools
 
     def some(self, which: Bools) -> 'Episodes':
-        """Return some of them."""
+        """Return a subset of the episodes."""
         return Episodes(self.key[which], self.deepest_m[which], self.deepest_ns[which], self.reported[which])
 
     def advance(self, t_ns: int, key: Ints, gap_m: Floats) -> tuple['Episodes', Bools, Bools]:

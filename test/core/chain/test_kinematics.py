@@ -89,7 +89,7 @@ LAWS = st.builds(lambda lead, ramps, speeds: Profile(tuple((4.0 * n, v) for n, v
 @given(DRAGONS, TRACKS, LAWS, st.floats(0, 12))
 @example(Mixed((Group(3.41), Group(0.55), Group(2.2))), Spiral(0.55, 1.0), Profile(((0.0, 0.0), (4.0, 1.0))), 2.0)
 def test_accelerations_agree_with_40_digits_anywhere(dragon, track, law, t_s):
-    t_s = round(t_s * NS) / NS      # frames are stamped so
+    t_s = round(t_s * NS) / NS      # as frames are stamped
     try:
         scene = Scene(dragon, track, law, Run(stop_s=20.0))
         assume(compile_scene(scene).end.t_s > t_s)

@@ -156,7 +156,7 @@ def test_ticks_before_a_step_of_more_than_four_times_the_next_are_left_out_of_th
 
 
 def two_pairs(t_ns, first_m, second_m):
-    """Benches 0 and 3, and 1 and 4, so far apart; everything else far away."""
+    """Benches 0 and 3, and 1 and 4, with these gaps; everything else is far away."""
     centre = np.array([(0.0, 0.0), (50.0, 0.0), (100.0, 0.0), (0.0, 1 + first_m), (50.0, 1 + second_m)])
     half, axis, p = np.full(5, 0.5), np.tile([1.0, 0.0], (5, 1)), np.array([(n, (-1.0) ** n) for n in range(6)])
     return Observation(t_ns, p, Benches(centre, axis, half, half))
