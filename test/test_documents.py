@@ -108,7 +108,7 @@ def blocks(path):
 
 
 def planned(command):
-    """Return the arguments of dragon_ros to run for a command, or None; KeyError where it is not known how."""
+    """Return the arguments of dragon_ros to run for a command, or None; raise KeyError for an unknown command."""
     bare = ' '.join(shlex.split(command, comments=True))
     for start in sorted(SUBSTITUTES, key=len, reverse=True):
         if bare.startswith(start):

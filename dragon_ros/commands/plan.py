@@ -424,7 +424,7 @@ def _widest(plan: Plan) -> list[tuple[float, float, float]]:
     stations, room = plan.room_m
     out: list[tuple[float, float, float]] = []
     for n in np.argsort(-room.sum(axis=1), kind='stable').tolist():
-        if room[n].sum() < room.min(axis=0).sum() + _NEARLY_M:      # no more than on a straight line
+        if room[n].sum() < room.min(axis=0).sum() + _NEARLY_M:      # little more than on a straight line
             break
         if all(abs(stations[n] - at) > _MARK_M for at, *_ in out):
             out.append((float(stations[n]), float(room[n, 0]), float(room[n, 1])))

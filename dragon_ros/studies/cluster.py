@@ -210,7 +210,7 @@ def check_versions(client: Client) -> None:
 def _asked(call: Callable[[], Any]) -> Any:
     try:
         return call()
-    except Exception as error:  # noqa: BLE001 - whatever a process without dragon_ros raises is told of it
+    except Exception as error:  # noqa: BLE001 - report whatever a process without dragon_ros raises
         return error
 
 

@@ -244,7 +244,7 @@ def forked(tree: Path, work: Callable[[], object], seconds: float = 1000.0) -> t
             os.dup2(quiet, 1)
             os.dup2(quiet, 2)
             answer.write_text(json.dumps(work()))
-        except Exception:   # noqa: BLE001 - a fork must not go on as its parent
+        except Exception:   # noqa: BLE001 - a fork must not continue as its parent
             traceback.print_exc()
         finally:
             sys.stderr.flush()
@@ -296,7 +296,7 @@ def reached(tree: Path, room: str, folder: Path) -> tuple[dict[str, dict[int, li
 
 
 def in_functions(source: str) -> set[int]:
-    """Return the lines inside of functions: others run at import, and any test may use what they make.
+    """Return the lines inside of functions: others run at import, and any test may use their results.
 
     A module that is imported on first use runs them in whichever test comes first.
     """

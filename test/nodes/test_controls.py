@@ -284,7 +284,7 @@ def test_sim_and_monitor_share_an_executor_of_somebody_else(domain, kind, scale,
         rclpy.shutdown()
     del executor
     gc.collect()
-    assert 'never retrieved' not in capfd.readouterr().err      # what a callback raised without being asked
+    assert 'never retrieved' not in capfd.readouterr().err      # an unhandled exception of a callback
 
 
 @pytest.mark.parametrize('arguments', [['sim', '--scene', 'first_contact', '--set', 'run.stop_s=403'],

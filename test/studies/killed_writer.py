@@ -61,7 +61,7 @@ def ended(act, *arguments) -> int:
     if child == 0:
         try:
             act(*arguments)
-        except BaseException as error:  # noqa: BLE001 - the child must not go on as its parent
+        except BaseException as error:  # noqa: BLE001 - the child must not continue as its parent
             print(repr(error), file=sys.stderr)
             os._exit(1)
         os._exit(0)

@@ -102,7 +102,7 @@ def certificates(seed):
 
 
 def main(seed, wanted):
-    """Check certificates, and print the refused, the slow, and how many there were of each kind."""
+    """Check certificates, and print the refused and the slow ones, and the number of each kind."""
     sys.path.insert(0, str(Path(__file__).parents[1]))
     from certificates import proved
 

@@ -1,4 +1,4 @@
-"""The room that a run takes: bounds that meet, and no corner at any time outside, on every track and head law."""
+"""The room that a run takes: bounds that meet, and no corner ever outside them, on every track and head law."""
 from dataclasses import replace
 
 import numpy as np

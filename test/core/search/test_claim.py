@@ -1,4 +1,4 @@
-"""What a search claims of a contact: how fast the gap closes there."""
+"""The claim of a search about a contact: how fast the gap closes there."""
 import pytest
 
 from dragon_ros.core.chain.dragon import Dragon

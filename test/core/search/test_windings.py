@@ -189,7 +189,7 @@ def test_a_search_that_is_given_up_names_the_largest_pitch_that_is_not_proved():
 @pytest.mark.parametrize('first', [0, 1])
 def test_benches_further_behind_are_left_unexamined_only_if_their_lines_keep_the_tolerance_and_hardly_more(first):
     def spare(width_m):
-        """At least how many tolerances the line of the last link keeps from the leading bench; whether they suffice."""
+        """Return a lower bound on the distance of the last link's line, in tolerances, and whether it is accepted."""
         dragon = Dragon(width_m=width_m)
         search, cell = descending(first, dragon), np.array([[5.0], [5.0], [2 * np.pi], [2 * np.pi]])
         placed = windings(dragon, first, 20, cell[0], cell[2])
