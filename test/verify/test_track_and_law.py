@@ -2,6 +2,7 @@
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.chain.lock import head_lock_angle
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
@@ -23,7 +25,7 @@ from dragon_ros.verify.cover import Budget
 from dragon_ros.verify.law import Law
 from dragon_ros.verify.posture import Dragon as Benches
 from dragon_ros.verify.posture import Posture
-from dragon_ros.verify.run import Leader
+from dragon_ros.verify.run import Leader, Limit, _Locks, run_of
 from dragon_ros.verify.track import track_of
 
 BENT = Composite((Line(50.0), Arc(3.0, -200.0), Line(1.0), SpiralArc(1.2, 2, 4.0)), start_m=70.0)
@@ -148,3 +150,23 @@ def test_the_legs_of_a_law_say_which_way_the_leader_goes_at_any_time(rows, smoot
         assert law.legs_at((leg.since_s + until_s) / 2, Fraction(0)) == [leg]
         assert leg in law.legs_at(leg.since_s - Fraction(1, 8), Fraction(1, 8))
         assert leg in law.legs_at(until_s + Fraction(1, 8), Fraction(1, 8))
+
+
+@pytest.mark.parametrize('speed', [1, -1])
+@pytest.mark.parametrize('stop_s', [20.0, None])
+def test_a_run_that_a_limit_ends_goes_up_to_the_limit_but_for_its_slack(speed, stop_s):
+    precise(16.0)
+    back, on = Limit(arb(-5), 0.5, 'back'), Limit(arb(7), 0.5, 'on')
+    leader, scene = SimpleNamespace(limits=lambda *_: (back, on)), SimpleNamespace(start_s=2.0, stop_s=stop_s)
+    found = run_of(Law(((Fraction(0), Fraction(speed)),), False), leader, scene, None, 0.5)
+    assert (found.why, found.end_s) == (('on', 7.0) if speed > 0 else ('back', 5.0))
+    ends = [[0.0, 6.5], [2.0, 6.5]] if speed > 0 else [[-4.5, 0.0], [-4.5, -2.0]]
+    assert [[*map(float, each)] for each in (found.whole, found.part)] == [pytest.approx(each) for each in ends]
+
+
+@pytest.mark.parametrize('chords', [[4.0, 20.0], [30.0, 12.0], [3.0, 3.0, 25.0]])
+def test_a_lock_is_seen_in_floats_where_the_solver_has_it_whether_or_not_links_of_no_length_are_in_between(chords):
+    lock, _ = head_lock_angle(chords)
+    for every in (chords, [value for chord in chords for value in (chord, 0.0)], [0.0, *chords]):
+        longest = [max(every[n:]) for n in range(len(every))]
+        assert _Locks(every, longest, Budget(10**6)).first(lock + 1, lock - 1) == pytest.approx(lock, rel=1e-9)
