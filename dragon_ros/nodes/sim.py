@@ -65,7 +65,7 @@ class Sim(DragonNode):
     def __init__(self, interrupted: Callable[[], bool] = lambda: False, **overrides: Any) -> None:
         """Declare parameters, load the scene, and advertise the topics of its effects.
 
-        If ``on_contact`` requires it, the first contact is searched here. Raises InterruptedError if ``interrupted()``
+        If ``on_contact`` requires it, the first contact is found here. Raises InterruptedError if ``interrupted()``
         becomes true meanwhile, and DragonError if the parameters do not describe a valid scene.
         """
         super().__init__('sim', SIM, overrides)

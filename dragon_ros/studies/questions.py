@@ -32,7 +32,7 @@ _SHARED = 64        # cached answers, for other rows of a batch
 
 
 class Asked:
-    """A scene with results that several questions need, so that its first contact is searched only once."""
+    """A scene with results that several questions need, so that the first contact is computed only once."""
 
     def __init__(self, scene: Scene, tell: Tell) -> None:
         """Take the scene. ``tell(states)`` is called during the work, and may raise an exception to end it."""

@@ -37,7 +37,7 @@ _LEGEND_IN = 5.0, 0.7       # width and height, including the figure's title
 def dragon_picture(source: Source, times_s: list[float], zoom: Zoom | None = None) -> Figure:
     """Return a figure with one panel per time, all with the same window (figure 7 of the paper: 60 s and 240 s).
 
-    With a ``zoom`` each panel has its own window, and an inset that shows its place. Raises InputError for times
+    With a ``zoom`` each panel has its own window, and an inset that shows its position. Raises InputError for times
     outside the source, and for more panels than fit on a page.
     """
     if len(times_s) > _MOST_PANELS:

@@ -64,7 +64,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class _Searched(SceneSource):
-    """A scene whose first contact is searched only once, for the picture and all answers."""
+    """A scene whose first contact is computed only once, for the picture and all answers."""
 
     _found: 'list[Contact | NoContact]' = field(default_factory=list)
 

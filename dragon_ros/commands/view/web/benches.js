@@ -1,7 +1,7 @@
-// Draws a dragon of many benches on a canvas over the axes: what is in view, at the density of the screen. Where there is
-// a graphics processor webgl.js draws the same picture.
-// Benches of some pixels are rectangles. Narrower ones are a line through all handles, as wide as a bench: where
-// layers are closer than pixels, their shades mix as the areas do. No line leads from one layer to another.
+// Draws a dragon of many benches on a canvas over the axes: what is in view, at the density of the screen. If there is
+// a graphics processor, webgl.js draws the same picture.
+// Benches several pixels wide are rectangles. Narrower ones are a line through all handles, as wide as a bench: if
+// layers are closer than pixels, their shades mix in proportion to area. No line leads from one layer to another.
 'use strict';
 
 const LEAST_PX = 2.5;       // width of a bench that is drawn as a rectangle
@@ -44,7 +44,7 @@ function cornersOf(p, halves, bench) {
     cx - a * l + b * w, cy - b * l - a * w, cx + a * l + b * w, cy + b * l - a * w];
 }
 
-/** How metres become pixels of the canvas, which is laid over the axes and takes their size. */
+/** The map from metres to pixels of the canvas, which covers the axes and has their size. */
 function scaleOf(plot) {
   const {xaxis, yaxis} = plot._fullLayout, ratio = window.devicePixelRatio || 1;
   if (canvas.parentNode !== plot.parentNode) plot.parentNode.append(canvas);
@@ -56,7 +56,7 @@ function scaleOf(plot) {
   return {left, top, right, bottom, x: width / (right - left), y: height / (top - bottom), ratio};
 }
 
-/** A line through points, as wide as given in pixels; those out of view, or on the last pixel drawn, are left out. */
+/** Draw a line of a given width in pixels, without points out of view or on the last drawn pixel. */
 function strokeLine(context, scale, count, xOf, yOf, shade, width) {
   const margin = width + 2, [wide, high] = [canvas.width, canvas.height];
   const toX = (n) => (xOf(n) - scale.left) * scale.x, toY = (n) => (scale.top - yOf(n)) * scale.y;

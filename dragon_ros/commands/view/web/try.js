@@ -1,5 +1,5 @@
-// What if: fields and sliders for the values of the scene. The address has those that were changed, and nothing else
-// tells the server which dragon is meant. A change ends what was asked about the one before.
+// What if: fields and sliders for the values of the scene. The address contains the changed values, and it
+// alone selects the dragon on the server. A change cancels the questions about the previous dragon.
 'use strict';
 
 const UNITS = {m: 'm', m_s: 'm/s', m_s2: 'm/s²', s: 's', deg: '°', hz: 'Hz', rad: 'rad'};
@@ -27,7 +27,7 @@ function wordsOf(key) {
     unit ? UNITS[unit] : ''];
 }
 
-/** The address of the values that were changed; it is shown, so that it can be kept and shared. */
+/** The address with the changed values; it is shown, so that it can be stored and shared. */
 function keepAddress() {
   const changed = new URLSearchParams();
   for (const [key, {own, number}] of fields) if (number.value !== textOf(own)) changed.set(key, number.value);
@@ -128,7 +128,7 @@ reset.addEventListener('click', () => {
   changed();
 });
 
-/** Build the panel from what the server says of the address. */
+/** Build the panel from the server's answer about the address. */
 async function open() {
   const panel = element('values'), form = await json('form.json');
   panel.append(make('h2', {textContent: say('what_if')}), list, make('menu', {}, reset, scene), general);

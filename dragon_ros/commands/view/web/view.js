@@ -24,7 +24,7 @@ const player = {t: 0, tick: 0, playing: false, pace: 1, last: 0, drawing: false,
 /** A colour of view.css, in the light or the dark. */
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
-/** What the server answers about the run of this address, or what stands in the page itself. */
+/** The server's answer about the run of this address, or the data in the page itself. */
 async function get(path) {
   if (window.EMBEDDED) return new Response(Uint8Array.from(atob(window.EMBEDDED[path]), (letter) => letter.charCodeAt(0)));
   const answer = await fetch(path + query, {signal: asking.signal});
@@ -53,7 +53,7 @@ function chunk(number) {
   return chunks.get(number);
 }
 
-/** The frame of a tick; null while it is on its way. The next chunk is asked for ahead of time. */
+/** The frame of a tick; null until it has arrived. The next chunk is requested in advance. */
 function frameOf(tick) {
   const number = Math.floor(tick / run.frames_each);
   const entry = chunk(number);
@@ -113,7 +113,7 @@ function layout(more) {
     font: {family: 'system-ui, sans-serif', size: 12, color: colour('ink')}, hovermode: 'closest', ...more};
 }
 
-/** On a narrow page fingers scroll it, and there is no room for a toolbar. */
+/** On a narrow page, dragging scrolls the page, and there is no room for a toolbar. */
 const settings = () => ({...SETTINGS, displayModeBar: NARROW.matches ? false : 'hover'});
 const dragging = (mode) => (NARROW.matches ? false : mode);
 
@@ -131,7 +131,7 @@ function outline() {
 const pixelsWide = () => element('scene')._fullLayout.xaxis._length / Math.abs(shownSpan());
 const shownSpan = () => element('scene')._fullLayout.xaxis.range[1] - element('scene')._fullLayout.xaxis.range[0];
 
-/** Fit outlines to the zoom, and say how wide a bench is on the screen. */
+/** Fit outlines to the zoom, and show how wide a bench is on the screen. */
 async function scaleOutlines() {
   const width = outline();
   if (run.drawn && width !== player.outline) {
@@ -180,13 +180,13 @@ function lookAt([x, y], ratio = 1) {
   return Plotly.relayout('scene', {'xaxis.range': [x - wide, x + wide], 'yaxis.range': [y - high, y + high]});
 }
 
-/** Zoom about the middle of the window, which is the head where that is followed. */
+/** Zoom about the middle of the window, which is the head if it is followed. */
 function zoom(ratio) {
   const {xaxis, yaxis} = element('scene')._fullLayout;
   return lookAt([xaxis, yaxis].map(({range}) => 0.5 * (range[0] + range[1])), ratio);
 }
 
-/** Keep a choice for a year: in a cookie, which the next page has too, whatever its port; a file has storage instead. */
+/** Store a choice for a year: in a cookie, which pages on any port share, or for a file in local storage. */
 function remember(name, value) {
   document.cookie = `${name}=${value}; max-age=31536000; path=/; SameSite=Strict`;
   try { localStorage.setItem(name, value); } catch { /* a page without storage forgets it */ }
@@ -198,7 +198,7 @@ function remembered(name) {
   try { return localStorage.getItem(name); } catch { return null; }
 }
 
-/** Follow the head, or stop; a window that shows the whole comes closer. The next page remembers it. */
+/** Follow the head, or stop; a window that shows everything zooms in. The next page remembers this. */
 async function follow(on) {
   player.following = on;
   element('follow').setAttribute('aria-pressed', on);
@@ -208,7 +208,7 @@ async function follow(on) {
   await lookAt(headOf(player.frame), far ? NEAR_LENGTHS * run.length_m / shownSpan() : 1);
 }
 
-/** Two fingers zoom about the place between them. */
+/** Zoom with two fingers about the point between them. */
 function pinch(scene) {
   let before = 0;
   const apart = ([a, b]) => Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
@@ -302,7 +302,7 @@ function speedRange(speeds) {
   return [low - margin, high + margin];
 }
 
-/** Draw a frame; while one is being drawn only the newest request waits. */
+/** Draw a frame; while one is being drawn, only the newest request waits. */
 async function show(frame, t) {
   player.wanted = {frame, t};
   if (player.drawing) return;
@@ -330,7 +330,7 @@ async function draw(frame, t) {
   if (speeds) await drawSpeedsNow(speeds);
 }
 
-/** Count frames, and say once a second how many there are. */
+/** Count frames, and show their rate once per second. */
 function countFrames() {
   const now = performance.now();
   if (!player.since || now - player.since > 3000) [player.since, player.count] = [now, 0];
@@ -401,7 +401,7 @@ async function zoomToContact() {
   await show(new Float32Array(bytes), contact.t_s);
 }
 
-/** Go where the address says: #contact, or a time as in #t=410. */
+/** Go to the moment in the address: #contact, or a time as in #t=410. */
 async function goToHash() {
   const t = parseFloat(location.hash.replace('#t=', ''));
   if (location.hash === '#contact' && contact) await zoomToContact();
@@ -465,7 +465,7 @@ function describeContact() {
   element('contact').hidden = !contact;
 }
 
-/** Fit the dragon's axes to their place, which shrinks when the legend above takes another line. */
+/** Fit the dragon's axes to their element, which shrinks if the legend above needs another line. */
 async function refit() {
   if (!player.frame || !element('scene')._fullLayout) return;
   await Plotly.Plots.resize('scene');
@@ -473,7 +473,7 @@ async function refit() {
   sayScale();
 }
 
-/** Draw all again: in other colours, or on a page of another width. */
+/** Redraw everything, in other colours or on a page of another width. */
 async function redraw() {
   if (!player.frame) return;
   await drawScene(player.frame);
@@ -481,7 +481,7 @@ async function redraw() {
   if (curve) await drawClearance();
 }
 
-/** Fetch and draw a run, at the time that is shown where it has it; then its contact, then its clearance. */
+/** Fetch and draw a run, at the current time if the run contains it; then its contact, then its clearance. */
 async function load() {
   const loaded = await json('run.json');
   chunks.clear();

@@ -1,7 +1,7 @@
-// Draws a dragon of many benches by WebGL, as benches.js does on a canvas: one upload and one draw call a frame.
+// Draws a dragon of many benches by WebGL, as benches.js does on a canvas: one upload and one draw call per frame.
 // Six vertices of that call are a rectangle: a piece of the track, a bench, its outline. Each pixel is shaded by the
-// share of it that the rectangle covers. Places are in pixels, made by the page in double precision. (Instances would
-// do with four vertices; software renderers draw each instance by itself, a hundred times slower.)
+// fraction that the rectangle covers. Positions are in pixels, computed by the page in double precision. (Instances
+// would need only four vertices, but software renderers draw each one separately, a hundred times slower.)
 'use strict';
 
 const ROW = 1024;           // places in a row of a texture
@@ -78,7 +78,7 @@ float covered(float x, float h) { return clamp(min(h, x + 0.5) - max(-h, x - 0.5
 float inside(vec2 h) { return h.x > 0.0 && h.y > 0.0 ? covered(at.x, h.x) * covered(at.y, h.y) : 0.0; }
 
 void main() {
-  // Pieces of a line follow each other: a pixel belongs to the one that its middle lies beside, so none counts twice.
+  // Pieces of a line follow each other: a pixel belongs to the piece beside its middle, so none counts twice.
   float share = edge < 0.0 ? (at.x >= -reach.x && at.x < reach.x ? covered(at.y, reach.y) : 0.0)
     : edge > 0.0 ? inside(reach + edge) - inside(reach - edge) : inside(reach);
   colour = vec4(shade, 1.0) * share;
@@ -90,7 +90,7 @@ function partsOf(shade) {
   return [0, 1, 2].map((n) => parseInt(shade.slice(1 + digits * n, 1 + digits * (n + 1)), 16) / (16 ** digits - 1));
 }
 
-/** Whether this machine draws by a graphics processor, not by software that stands in for one. */
+/** Whether this machine draws with a graphics processor, not with software that emulates one. */
 function hasProcessor() {
   const gl = document.createElement('canvas').getContext('webgl2', {failIfMajorPerformanceCaveat: true});
   if (!gl) return false;
@@ -112,7 +112,7 @@ function programOf(gl) {
   return gl.getProgramParameter(program, gl.LINK_STATUS) ? program : null;
 }
 
-/** A texture of pairs of numbers: `put` sends them, after making room for them where they have become more. */
+/** A texture of pairs of numbers: `put` uploads them, in a larger texture if they no longer fit. */
 function pairsOf(gl, unit) {
   let rows = 0, values = null;
   gl.activeTexture(gl.TEXTURE0 + unit);
@@ -135,7 +135,7 @@ function pairsOf(gl, unit) {
   };
 }
 
-/** A function that draws on a canvas as paintOnCanvas does; null where there is no WebGL 2. */
+/** A function that draws on a canvas as paintOnCanvas does; null without WebGL 2. */
 function webglPainter(surface) {
   const gl = surface.getContext('webgl2', {antialias: false, depth: false});
   const program = gl && programOf(gl);
