@@ -158,7 +158,10 @@ class Simulated:
         return self.simulation.last_tick + 1
 
     def state(self, t_s: float) -> Motion:
-        """Return all handles at any time up to the end of the model. Raises ModelEnd beyond it, FieldError."""
+        """Return all handles at any time up to the end of the model.
+
+        Raises ModelEnd beyond it, and FieldError for an invalid time.
+        """
         t_s = number('t_s', t_s)
         chain = state(self.scene, t_s)
         return Motion(np.array(t_s), chain.p, velocity_of(self.scene, chain, t_s), self.simulation.promise_m)

@@ -237,7 +237,7 @@ def _by_openpyxl(path: Path, plain: BytesIO) -> list[tuple[str, list[list[Cell]]
             for row in sheet.iter_rows(values_only=True):
                 rows.append(list(row))
                 if len(rows) > BOOK_ROWS or len(row) > BOOK_COLUMNS:
-                    raise InputError(f'{path}: {sheet.title} is larger than a sheet that is read')
+                    raise InputError(f'{path}: {sheet.title} exceeds the limits for a sheet')
             out.append((sheet.title, rows))
         return out
     finally:
