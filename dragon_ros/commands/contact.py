@@ -1,5 +1,6 @@
 """``contact``: find the first contact of a scene."""
 import json
+import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable
@@ -107,6 +108,10 @@ def _scene_of(arguments: Namespace) -> 'Scene':
         if scene is None:
             raise InputError(f'{arguments.bag}: it does not contain its scene; record it with dragon_ros, or give '
                              '--scene')
+        topic = f'{namespace}/collision/obstacles'
+        if any(row.name == topic and row.messages for row in bag.topics):
+            print(f'contact: the obstacles on {topic}, which the monitor had from a file or a map, are not in the '
+                  "bag's scene and are not searched; inspect reports contacts with them", file=sys.stderr)
         return walked_scene(bag, scene, namespace)
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from dragon_ros.bags.read.frames import BagFrame, claimed_contact, frames, surroundings_in
+from dragon_ros.bags.read.frames import BagFrame, RecordedObstacles, claimed_contact, frames
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli.progress import Progress
 from dragon_ros.core.errors import InputError
@@ -114,7 +114,7 @@ class Clearance:
 def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
     """Return the clearance over time from the topic with stamps or, without that topic, from ``looks`` ticks (0: all).
 
-    Obstacles on the topic ``venue`` count too.
+    Obstacles in the bag count too.
 
     The topic ``clearance`` has no stamps: in a bag made by an earlier version or another recorder, its values may be
     logged at another tick's time.
@@ -125,15 +125,18 @@ def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
         rows = [_stamped(m.data) for m in bag.messages([f'{namespace}/{_STAMPED}'])]
         return _of(rows, _STAMPED, len(rows), ticks)
     seen = _every(bag, namespace, ticks) if looks == 0 or looks >= ticks else _some(bag, namespace, looks)
-    rows, examined, near, obstacles = [], 0, NearPairs(), list[NearObstacles]()
+    rows, examined, near = [], 0, NearPairs()
+    recorded: RecordedObstacles | None = None
+    obstacles: NearObstacles | None = None
     for frame in seen:
-        if not examined and (around := surroundings_in(bag, namespace, frame.frame_id)):
-            obstacles.append(NearObstacles(around))
+        recorded = recorded or RecordedObstacles(bag, namespace, frame.frame_id)
+        around = recorded.at(frame.t_ns)
+        if around is not (obstacles and obstacles.around):
+            obstacles = NearObstacles(around) if around else None
         examined += 1
         if frame.benches is not None:
             found = near.look(frame.handles_m, frame.benches)
-            for one in obstacles:
-                found = one.look(found, frame.benches)
+            found = obstacles.look(found, frame.benches) if obstacles else found
             rows.append((frame.t_ns / NS, found.clearance_m))
     return _of(rows, 'benches', examined, ticks)
 

@@ -25,7 +25,7 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.venue import Venue
 
 if TYPE_CHECKING:       # imported on use: a picture of a scene needs no bag reader, and one without contacts no search
-    from dragon_ros.bags.read.frames import BagFrame
+    from dragon_ros.bags.read.frames import BagFrame, RecordedObstacles
     from dragon_ros.bags.read.reader import BagReader
     from dragon_ros.core.geometry.contacts import Observation
     from dragon_ros.core.geometry.signed_distance import Witness
@@ -348,13 +348,13 @@ class BagSource:
         Parts of the bag are searched for benches that touch. The tracker sees the last ticks before that part: nothing
         before them matters to it, unless time goes back or the dragon changes. It sees all ticks of such a bag.
         """
-        from dragon_ros.bags.read.frames import surroundings_in
+        from dragon_ros.bags.read.frames import RecordedObstacles
         from dragon_ros.bags.read.parts import in_parts
         first_ns, last_ns = self._ticks[0][1], self._ticks[-1][1]
         first = next(self._observations(first_ns, last_ns), None)
-        around = first and surroundings_in(self.bag, self.namespace, first[0].frame_id)
-        if around is not None:
-            yield from self._tracked((one for one, _ in self._observations(first_ns, last_ns)), around)
+        obstacles = first and RecordedObstacles(self.bag, self.namespace, first[0].frame_id)
+        if obstacles and obstacles.some:
+            yield from self._tracked((one for one, _ in self._observations(first_ns, last_ns)), obstacles)
             return
         kept = deque['Observation'](maxlen=_REMEMBERED)
         for part in in_parts(self.bag, self.namespace, _searched, self.pool.in_order, first_ns, last_ns + 1):
@@ -370,12 +370,14 @@ class BagSource:
         yield from self._tracked(one for one, _ in self._observations(first_ns, last_ns))
 
     def _tracked(self, observations: Iterable['Observation'],
-                 around: 'Surroundings | None' = None) -> Iterator[Touch | None]:
+                 obstacles: 'RecordedObstacles | None' = None) -> Iterator[Touch | None]:
         """Yield the contact that a monitor finds, and None for each observation before it."""
         from dragon_ros.core.geometry.tracker import ContactTracker
         tracker = ContactTracker()
-        tracker.surround(around)
         for observation in observations:
+            around = obstacles.at(observation.t_ns) if obstacles else None
+            if around is not tracker.around:
+                tracker.surround(around)
             for event in joined.from_iterable(report.begins for report in tracker.add(observation)):
                 yield _touch_of(event, observation, tracker.around)
             yield None

@@ -48,6 +48,7 @@ HELD_BYTES = 64 * MB
 REPLAYED_BYTES = 64 * MB
 MAP_BYTES = 256 * MB
 MAP_EDGES = 400_000
+SHOWN_EDGES = 20_000
 KNOWN_FRAMES = 10_000
 RECORDED_SCENES = 16
 SUBSCRIBERS = 1000
@@ -126,6 +127,8 @@ LIMITS = (
     Limit('REPLAYED_BYTES', 'messages of one log time that `replay` holds', 'bytes', 'published in parts'),
     Limit('MAP_BYTES', 'a map for the monitor', 'bytes', 'not used, as `/diagnostics` says'),
     Limit('MAP_EDGES', 'the edges of the occupied cells of a map', 'edges', 'likewise'),
+    Limit('SHOWN_EDGES', 'obstacles on `collision/obstacles`', 'edges',
+          'those of a file or map are not published, with a warning'),
     Limit('KNOWN_FRAMES', 'the frames of `/tf` and `/tf_static` that the monitor keeps', 'frames', 'further ones are '
                                                                                                  'ignored'),
     Limit('RECORDED_SCENES', 'different scenes that a recorder reads and attaches to one bag', 'scenes',

@@ -173,8 +173,7 @@ def _points(data: memoryview, benches: int, start: int, each: int, z_m: float) -
 
 def contact_markers(t_ns: int, frame_id: str, benches: Iterable[MarkerSpec], others: Iterable[MarkerSpec]) -> bytes:
     """Return a MarkerArray that replaces the last one: DELETEALL, then ``red_benches`` and other markers, if any."""
-    return _marker_array(t_ns, frame_id, [MarkerSpec('', 0, 0, _NO_SCALE, _NO_COLOUR, action=DELETE_ALL),
-                                          *benches, *others])
+    return _marker_array(t_ns, frame_id, [delete_all(), *benches, *others])
 
 
 def red_benches(ns: str, ids: Iterable[int], centre: Floats, axis: Floats, size: Floats) -> list[MarkerSpec]:
@@ -192,6 +191,11 @@ def single_marker(t_ns: int, frame_id: str, spec: MarkerSpec) -> bytes:
     writer = Writer()
     put_marker(writer, spec, frame_id, t_ns)
     return bytes(writer.finish())
+
+
+def delete_all() -> MarkerSpec:
+    """Return the marker that deletes all markers of its topic."""
+    return MarkerSpec('', 0, 0, _NO_SCALE, _NO_COLOUR, action=DELETE_ALL)
 
 
 def deleted(ns: str) -> MarkerSpec:

@@ -1,12 +1,15 @@
-"""The venue of a scene as markers: the edges of each obstacle and of the inside, and their names."""
+"""Obstacles as markers: the edges of each obstacle and of the inside, and their names."""
+from collections.abc import Sequence
+
 import numpy as np
 
-from dragon_ros.core.geometry.venue import LINE, OUTSIDE, WITHIN
+from dragon_ros.core.geometry.venue import LINE, OUTSIDE, WITHIN, Surroundings
+from dragon_ros.core.limits import MARKER_RUNS, SHOWN_EDGES
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.venue import INSIDE, LineObstacle, Points, Venue
 from dragon_ros.messages.cdr import Writer
-from dragon_ros.messages.markers import BLACK, LINE_LIST, TEXT_VIEW_FACING, Colour, MarkerSpec, put_marker
+from dragon_ros.messages.markers import BLACK, LINE_LIST, TEXT_VIEW_FACING, Colour, MarkerSpec, delete_all, put_marker
 
 EDGES, NAMES = 'venue', 'venue names'       # namespaces; the id is the obstacle's number, the last one is the inside
 _WIDTH_M, _LETTER_M, _ABOVE_M = 0.08, 0.6, 0.5
@@ -20,9 +23,24 @@ def venue_message(scene: Scene, frame_id: str) -> bytes:
 
     It is stamped with the start of the run, and empty without a venue.
     """
-    drawn = _drawn(scene.venue) if scene.venue is not None else []
-    writer, t_ns = Writer(), scene.run.start_ns
-    writer.put('I', 2 * len(drawn))
+    return _message(_drawn(scene.venue) if scene.venue is not None else [], frame_id, scene.run.start_ns)
+
+
+def fits_message(around: Surroundings) -> bool:
+    """Return whether surroundings are small enough for ``obstacles_message``, and for readers of messages."""
+    return around.start.size <= SHOWN_EDGES and 1 + 2 * len(around.names) <= MARKER_RUNS
+
+
+def obstacles_message(around: Surroundings | None, frame_id: str, t_ns: int) -> bytes:
+    """Return a DELETEALL and then the markers of ``venue_message``, for the surroundings that count from t_ns on."""
+    return _message(_drawn_around(around) if around else [], frame_id, t_ns, [delete_all()])
+
+
+def _message(drawn: list[tuple[str, int, Floats]], frame_id: str, t_ns: int, first: Sequence[MarkerSpec] = ()) -> bytes:
+    writer = Writer()
+    writer.put('I', len(first) + 2 * len(drawn))
+    for spec in first:
+        put_marker(writer, spec, frame_id, t_ns)
     for number, (name, side, edges) in enumerate(drawn):
         _put_edges(writer, MarkerSpec(EDGES, number, LINE_LIST, (_WIDTH_M, 0.0, 0.0), _colour(name), len(edges),
                                       text=KINDS[side]), edges, frame_id, t_ns)
@@ -48,6 +66,15 @@ def _drawn(venue: Venue) -> list[tuple[str, int, Floats]]:
     out = [(one.name, LINE, _edges([one.points_m], False)) if isinstance(one, LineObstacle) else
            (one.name, OUTSIDE, _edges(one.rings_m, True)) for one in venue.obstacles]
     return [*out, *([] if venue.inside is None else [(INSIDE, WITHIN, _edges([venue.inside], True))])]
+
+
+def _drawn_around(around: Surroundings) -> list[tuple[str, int, Floats]]:
+    """Return name, side and the ends (2 n, 2) of n edges in m of each obstacle, in order."""
+    ends = np.stack((around.start, around.stop), axis=1)
+    order = np.argsort(around.owner, kind='stable')
+    parts = np.split(ends[order], np.flatnonzero(np.diff(around.owner[order])) + 1)
+    return [(name, side, part.reshape(-1, 1).view(np.float64))
+            for name, side, part in zip(around.names, around.side.tolist(), parts, strict=True)]
 
 
 def _edges(lines: tuple[Points, ...] | list[Points], closed: bool) -> Floats:

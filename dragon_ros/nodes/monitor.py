@@ -33,7 +33,8 @@ _MARKER_S = 0.1           # shortest interval of clearance/marker
 _HEALTH_S = 1.0           # interval of /diagnostics in wall time
 _REST_S = 5.0             # longest time to read earlier messages after a signal: a launched run ends with its source
 _STAMPED = 'clearance/stamped'
-_TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance', _STAMPED,
+_OBSTACLES = 'collision/obstacles'
+_TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', _OBSTACLES, 'clearance', _STAMPED,
            'clearance/marker', '/diagnostics')
 _VECTOR = 'clearance/vector'
 
@@ -50,7 +51,8 @@ class Monitor(DragonNode):
         self._read: dict[str, Callable[[bytes], Any]] = {'handles': read_handles, 'benches': BenchReader().read}
         self._sources = {name: publishers.Publishers(self, self.resolve_topic_name(name))
                          for name in ('handles', 'benches')}
-        self._obstacles = Obstacles(self, self._tracker.surround, lambda: self._inbox.work())
+        self._obstacles = Obstacles(self, self._tracker.surround, lambda: self._inbox.work(),
+                                    lambda data: self.topic_publishers[_OBSTACLES].publish(data))
         self._inbox = Inbox(self, self._sources, self._take, self._skip, self._obstacles.awaited)
         self.pace, self._numbers = messages.Pace(), dict[int, int]()
         self._several: dict[str, list[str]] = {}
@@ -123,7 +125,7 @@ class Monitor(DragonNode):
         observation = observation_of(*pair)
         for source in self._sources.values():       # these two publish a dragon: observe this one from now on
             source.streams.adopt(observation.t_ns)
-        self._obstacles.see(observation.frame_id)
+        self._obstacles.see(observation.frame_id, observation.t_ns)
         for report in self._tracker.add(observation):
             self._report(report)
 

@@ -2,6 +2,8 @@
 
 Obstacles of all sources count together. If one is in another frame than the dragon, it is moved by the declared pose or
 by the transforms of /tf and /tf_static. Without a pose it is not used, which the log and /diagnostics report.
+
+Obstacles of a file or a map are published for bags, with the stamp of the first tick at which they count.
 """
 import time
 from cmath import phase
@@ -16,11 +18,13 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from dragon_ros.core.checks import plane_pose
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.venue import PlanePose, Surroundings, joined, surroundings_of
+from dragon_ros.core.limits import SHOWN_EDGES
 from dragon_ros.core.venue import Venue
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import MessageError
 from dragon_ros.messages.surroundings import CellRules, Located, read_grid, read_venue
 from dragon_ros.messages.transforms import FrameTree
+from dragon_ros.messages.venue_markers import fits_message, obstacles_message
 from dragon_ros.nodes import publishers, qos, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.raw_subscription import subscribe_raw
@@ -37,16 +41,19 @@ _HERE: PlanePose = (0j, 1 + 0j)
 
 
 class Obstacles:
-    """Reads obstacles from their sources; ``changed`` receives all of them when they change."""
+    """Reads obstacles from their sources; ``changed`` receives all of them when they change.
+
+    ``publish`` receives them as a message, if some are of a file or a map.
+    """
 
     def __init__(self, node: DragonNode, changed: Callable[[Surroundings | None], None],
-                 resume: Callable[[], None]) -> None:
+                 resume: Callable[[], None], publish: Callable[[bytes], None]) -> None:
         """Read the file and subscribe; ``resume`` is called when ``awaited`` becomes false.
 
         Raises InputError for an invalid file or pose.
         """
         value, row = node.setting, channels()[_VENUE]
-        self._node, self._changed, self._resume = node, changed, resume
+        self._node, self._changed, self._resume, self._publish = node, changed, resume, publish
         self._pose = plane_pose('parameter venue_pose', value['venue_pose']) if value['venue_pose'] else None
         self._rules = CellRules(value['map_occupied'], value['map_unknown'] == 'occupied')
         self._file: Venue | None = load_venue(value['venue']) if value['venue'] else None
@@ -54,6 +61,8 @@ class Obstacles:
         self._unused, self._faults = dict[str, str](), dict[str, str]()
         self._frame_id: str | None = None
         self._placed: list[tuple[str, int, PlanePose]] = []
+        self._parts: list[tuple[str, Surroundings]] = []
+        self._is_published = self._is_new = False
         self._tree: FrameTree | None = None
         self._has_frames = False
         if self._file:
@@ -91,11 +100,25 @@ class Obstacles:
             self._timer.cancel()
             self._resume()
 
-    def see(self, frame_id: str) -> None:
-        """Note the frame of a tick."""
+    def see(self, frame_id: str, t_ns: int) -> None:
+        """Note the frame of a tick, and publish the obstacles if they count from this tick on."""
         if frame_id != self._frame_id:
             self._frame_id = frame_id
+            self._is_new = self._is_published
             self._place()
+        if self._is_new:
+            self._is_new = False
+            self._publish(obstacles_message(self._published(), frame_id, t_ns))
+
+    def _published(self) -> Surroundings | None:
+        """Return the obstacles in use; if they are too many, only those of the topic ``venue``."""
+        around = _all([part for _, part in self._parts])
+        if around is None or fits_message(around):
+            return around
+        self._node.get_logger().warning(
+            f'obstacles of files and maps are not published, because they have more than {SHOWN_EDGES} edges or too '
+            'many parts: a bag of this run does not contain them')
+        return _all([part for source, part in self._parts if source == _VENUE])
 
     def look(self) -> None:
         """Move obstacles in other frames by the newest transforms."""
@@ -142,9 +165,10 @@ class Obstacles:
         if _alike(key, self._placed):
             return
         self._placed = key
-        parts = [located.around if pose == _HERE else located.around.moved(pose)
-                 for _, located, pose in placed if located.around]
-        self._changed(None if not parts else parts[0] if len(parts) == 1 else joined(parts))
+        self._parts = [(source, located.around if pose == _HERE else located.around.moved(pose))
+                       for source, located, pose in placed if located.around]
+        self._changed(_all([part for _, part in self._parts]))
+        self._is_published = self._is_new = self._is_published or any(source != _VENUE for source, _ in self._parts)
         self._node.get_logger().info(f"obstacles: {self._text() or 'none'}")
 
     def _pose_of(self, frame_id: str | None) -> PlanePose:
@@ -196,6 +220,10 @@ class Obstacles:
         message = '; '.join(f'{source}: not used: {why}' for source, why in unused.items()) or self._text() or 'none'
         return [DiagnosticStatus(level=level, name=f'{dragon}: monitor: obstacles', hardware_id=dragon, message=message,
                                  values=[KeyValue(key=key, value=value) for key, value in values.items()])]
+
+
+def _all(parts: list[Surroundings]) -> Surroundings | None:
+    return None if not parts else parts[0] if len(parts) == 1 else joined(parts)
 
 
 def _counted(around: Surroundings | None) -> str:

@@ -6,9 +6,10 @@ import pytest
 
 from dragon_ros.__main__ import main
 from dragon_ros.bags.check.compare import compare_with_model
-from dragon_ros.bags.read.frames import frames, surroundings_in
+from dragon_ros.bags.read.frames import RecordedObstacles, frames
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.commands.contacts_in_bag import first_contact_in
+from dragon_ros.commands.sources import dragon_in
 from dragon_ros.core.geometry.near_obstacles import with_obstacles
 from dragon_ros.core.geometry.near_pairs import closeness
 from dragon_ros.core.model import compile_scene
@@ -51,9 +52,25 @@ def clearances(bag):
             for m in bag.messages(['/dragon/clearance/stamped'])}
 
 
+def searched(bag):
+    """The clearance at each tick, from the benches and obstacles in the bag, from scratch."""
+    obstacles = RecordedObstacles(bag, '/dragon', 'dragon')
+    return {one.t_ns: with_obstacles(obstacles.at(one.t_ns), closeness(one.handles_m, one.benches), one.benches
+                                     ).clearance_m for one in frames(bag)}
+
+
+def recorded_replay(start, bag, again, topics, *parameters):
+    """Replay topics of a bag to a monitor and a recorder, until it ends."""
+    monitor, record = start('monitor', '--ros-args', *parameters), start('record', '--output', again)
+    names = [f'/dragon/{topic}' for topic in topics]
+    needed = [f'{name}={1 + (name.split("/")[-1] in ("handles", "benches", "obstacles"))}' for name in names]
+    replay = start('replay', bag, '--rate', '0', '--topics', ','.join(names), '--wait-subscribers', ','.join(needed))
+    assert (replay.end(), record.end(), monitor.stop()) == (0, 0, 0), replay.text + record.text + monitor.text
+
+
 def test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_an_obstacle(start, tmp_path, scene_file,
                                                                                           capsys):
-    bag, again = tmp_path / 'run.mcap', tmp_path / 'again.mcap'
+    bag, again, third = (tmp_path / f'{name}.mcap' for name in ('run', 'again', 'third'))
     monitor, record = start('monitor'), start('record', '--output', bag)
     sim = start('sim', '--scene', scene_file, '--ros-args', '-p', READERS, '-p', 'time_scale:=0.0')
     assert (sim.end(), record.end(), monitor.stop()) == (0, 0, 0), sim.text + record.text + monitor.text
@@ -64,9 +81,8 @@ def test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_a
         first, *_ = collisions(run)
         seen = clearances(run)
         reported = first_contact_in(run, '/dragon', scene)
-        around = surroundings_in(run, '/dragon', 'dragon')
-        again_seen = {one.t_ns: with_obstacles(around, closeness(one.handles_m, one.benches), one.benches).clearance_m
-                      for one in frames(run)}
+        again_seen = searched(run)
+        reports, names = collisions(run), [topic.name for topic in run.topics if topic.messages]
     assert (first.values['inner'], first.values['outer'], first.values['obstacle']) == ('0', '6', 'post')
     assert "contact of bench 0 and obstacle 'post' at" in first.message
     assert float(first.values['t_before_s']) < found.t_s <= float(first.values['t_after_s'])
@@ -78,13 +94,30 @@ def test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_a
     assert seen == pytest.approx(model, abs=1e-14)      # poses lose their last bits in quaternions
     assert main(['inspect', str(bag), '--check']) == 0, capsys.readouterr().out
 
-    monitor, record = start('monitor'), start('record', '--output', again)
-    replay = start('replay', bag, '--rate', '0', '--topics', '/dragon/handles,/dragon/benches,/dragon/venue',
-                   '--wait-subscribers', '/dragon/handles=2,/dragon/benches=2,/dragon/venue=2')
-    assert (replay.end(), record.end(), monitor.stop()) == (0, 0, 0), replay.text + record.text + monitor.text
-    with BagReader(bag) as run, BagReader(again) as second:
-        assert clearances(second) == seen
-        assert collisions(second) == collisions(run)
+    assert '/dragon/collision/obstacles' not in names
+
+    # The monitor of a replay without the venue has the obstacles from a file, and the third from the second bag alone.
+    recorded_replay(start, bag, again, ('handles', 'benches', 'scene', 'model/clearance', 'model/contacts'),
+                    '-p', f'venue:={scene_file}')
+    recorded_replay(start, again, third, ('handles', 'benches', 'collision/obstacles'),
+                    '-r', 'venue:=collision/obstacles')
+    for one in (again, third):
+        with BagReader(one) as run:
+            names = [topic.name for topic in run.topics if topic.messages]
+            assert '/dragon/venue' not in names
+            assert '/dragon/collision/obstacles' in names
+            assert clearances(run) == searched(run) == seen
+            assert collisions(run) == reports
+            touch = dragon_in(run).first_touch(iter)
+        assert (touch.obstacle, touch.benches) == ('post', (0,))
+        assert f'{touch.t_s:.9f}' == first.values['t_contact_s']
+    capsys.readouterr()
+    assert main(['inspect', str(again), '--check']) == 0, capsys.readouterr().out
+    assert 'of collision/obstacles (published by monitor at its own rate)' in capsys.readouterr().out
+    assert main(['contact', str(again)]) == 0
+    assert 'the obstacles on /dragon/collision/obstacles, which the monitor had' in capsys.readouterr().err
+    assert main(['inspect', str(again)]) == 0
+    assert "first contact: bench 0 and obstacle 'post' at" in capsys.readouterr().out
 
 
 class Map:
@@ -153,6 +186,9 @@ def watching(start, name, **given):
 
 
 def test_a_map_is_turned_by_its_origin_moved_by_the_declared_pose_and_never_overlaid_without_one(start, node):
+    from visualization_msgs.msg import MarkerArray
+
+    from dragon_ros.nodes import qos
     scene = load_scene('street', ['dragon.benches=5', 'venue=null', 'run.stop_s=20'])
     # The head walks along y = 0, from x = 20 m on. In the dragon's frame the grid's corner is (25, -0.75), and its rows
     # are parallel to the x axis, so that one occupied cell goes from (26, -0.25) to (26.5, 0.25).
@@ -162,6 +198,9 @@ def test_a_map_is_turned_by_its_origin_moved_by_the_declared_pose_and_never_over
     moved = watching(start, 'moved', venue_pose='"10,0,90"')
     unknown = watching(start, 'unknown', venue_pose='"10,0,90"', map_unknown='occupied')
     server, dragon = Map(node), Dragon(node, scene, 'lost', 'moved', 'unknown')
+    shown = []
+    node.create_subscription(MarkerArray, '/moved/collision/obstacles', shown.append,
+                             qos.of_channel(channels()['collision/obstacles']))
     corner = -1j * ((25 - 0.75j) - 10)      # in the frame map, whose pose is (10, 0), 90 degrees
     server.show(cells, 0.5, (corner.real, corner.imag), -90)
     for one in (lost, moved, unknown):
@@ -177,6 +216,14 @@ def test_a_map_is_turned_by_its_origin_moved_by_the_declared_pose_and_never_over
     (first,) = [{pair.key: pair.value for pair in status.values} for status in dragon.events['unknown'][:1]]
     assert float(first['t_contact_s']) == pytest.approx(25 - 20 - 0.275, abs=1e-6)
     assert not dragon.events['lost']
+    node.until(lambda: shown)
+    (one,) = shown
+    assert [marker.text for marker in one.markers] == ['', 'polygon', 'map']
+    server.show(np.indices((150, 150)).sum(axis=0) % 2 * 100, 0.5, (1000.0, 0.0), 0)
+    moved.wait_for('/map: 1 obstacles with 45000 edges')
+    dragon.show(400)
+    moved.wait_for('obstacles of files and maps are not published, because they have more than 20000 edges')
+    node.until(lambda: [len(one.markers) for one in shown] == [3, 1])
 
 
 def wall(x, name):
@@ -184,13 +231,17 @@ def wall(x, name):
 
 
 def test_a_venue_may_come_late_change_and_vanish_and_one_of_a_file_counts_with_it(start, node, tmp_path):
-    from visualization_msgs.msg import MarkerArray
+    from geometry_msgs.msg import Vector3Stamped
+    from visualization_msgs.msg import Marker, MarkerArray
 
     from dragon_ros.nodes import qos
     (tmp_path / 'far.geojson').write_text('{"type": "Feature", "units": "m", "properties": {"name": "far wall"}, '
                                           '"geometry": {"type": "LineString", "coordinates": [[28, -1], [28, 1]]}}')
     scene = load_scene('street', ['dragon.benches=5', 'venue=null', 'run.stop_s=20'])
-    start('monitor', '--ros-args', '-p', 'venue:=far.geojson')
+    start('monitor', '--ros-args', '-p', 'venue:=far.geojson', '-p', 'clearance_vector:=true')
+    vectors, shown = list[Vector3Stamped](), list[MarkerArray]()
+    for kind, topic, to in ((Vector3Stamped, 'clearance/vector', vectors), (MarkerArray, 'collision/obstacles', shown)):
+        node.create_subscription(kind, topic, to.append, qos.of_channel(channels()[topic]))
     dragon = Dragon(node, scene, 'dragon')
     dragon.show(0, 200)      # the front is at 24.275 m
     dragon.wait('dragon', '1 obstacles with 1 edges of file far.geojson')
@@ -205,11 +256,26 @@ def test_a_venue_may_come_late_change_and_vanish_and_one_of_a_file_counts_with_i
     out.publish(b'\x00\x01\x00\x00\x07\x00\x00\x00')
     dragon.wait('dragon', 'venue: not used: 8 bytes cannot hold 7 markers')
     out.publish(bytes.fromhex('0001000000000000'))
-    dragon.show(203, 400)
+    later = iter(range(203, 380))
+
+    def vector_is_heard():
+        if not vectors:
+            dragon.show(next(later))
+        return vectors
+    node.until(vector_is_heard)
+    dragon.show(380, 400)
     dragon.wait('dragon', "contact of bench 0 and obstacle 'far wall' at 7.725")
     node.until(lambda: dragon.health['dragon'][-1].message == '1 obstacles with 1 edges of file far.geojson')
     begins = [status for status in dragon.events['dragon'] if status.level == b'\x02']
     assert len(begins) == 2
+    node.until(lambda: vectors[-1].header.stamp.sec == 8)
+    (gap,) = [one.vector for one in vectors if (one.header.stamp.sec, one.header.stamp.nanosec) == (7, 600_000_000)]
+    assert (gap.x, gap.y) == pytest.approx((0.125, 0), abs=1e-9)     # from the front at 27.875 m to the far wall
+    assert {one.markers[0].action for one in shown} == {Marker.DELETEALL}
+    names = [[marker.text for marker in one.markers if marker.ns == 'venue names'] for one in shown]
+    assert names == [['far wall'], ['far wall', 'gate'], ['far wall', 'other gate'], ['far wall']]
+    assert [round(one.markers[0].header.stamp.sec + 1e-9 * one.markers[0].header.stamp.nanosec, 9) for one in shown[:3]
+            ] == [0, 4.02, 4.04]
 
 
 @pytest.mark.parametrize(('given', 'why'), [

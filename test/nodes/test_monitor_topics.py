@@ -250,7 +250,7 @@ def test_the_sim_never_publishes_what_only_a_monitor_may_say(start, node):
     start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'discovery_s:=0.0')
     node.until(lambda: node.count_publishers('handles') == 1)
     mine = [row.name for row in channels().values() if row.publisher == 'monitor']
-    assert len(mine) == 9
+    assert len(mine) == 10
     assert [node.count_publishers(name) for name in mine] == [0] * len(mine)
 
 

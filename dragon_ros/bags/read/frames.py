@@ -25,6 +25,7 @@ from dragon_ros.messages.decode import (
     read_odometry,
     read_stamp_ns,
     read_string,
+    stamp_of_message,
 )
 from dragon_ros.messages.observation import ShownBenches, observation_of, read_handles
 from dragon_ros.scenes.load import ABOUT, strangers_scene
@@ -94,14 +95,47 @@ def frame_of_bag(bag: BagReader, namespace: str | None = None) -> str:
     return str(_about(bag, namespace).get('frame_id', FRAME_ID))
 
 
-def surroundings_in(bag: BagReader, namespace: str, frame_id: str) -> Surroundings | None:
-    """Return the obstacles on the last message of the topic ``venue``; None without any, or if it has another frame."""
-    from dragon_ros.messages.surroundings import read_venue  # few bags have a venue
-    located = None
-    for message in bag.messages([f'{namespace}/venue']):
+class RecordedObstacles:
+    """The obstacles in a bag, at one tick after the other; those in another frame do not count.
+
+    They are those on the last message of the topic ``venue`` and, from its first stamp on, those of the topic
+    ``collision/obstacles``: there a monitor publishes all that count.
+    """
+
+    def __init__(self, bag: BagReader, namespace: str, frame_id: str) -> None:
+        """Read the topic ``venue``; messages of the other topic are read when they are due."""
+        self._frame_id = frame_id
+        self._now: Surroundings | None = None
+        for message in bag.messages([f'{namespace}/venue']):
+            self._take(message)
+        self._left = bag.messages([f'{namespace}/collision/obstacles'])
+        self._next = next(self._left, None)
+
+    @property
+    def some(self) -> bool:
+        """Whether obstacles count at this or a later tick."""
+        return self._now is not None or self._next is not None
+
+    def at(self, t_ns: int) -> Surroundings | None:
+        """Return the obstacles at a tick; ticks must be given in order."""
+        while self._next is not None and _marker_stamp_ns(self._next) <= t_ns:
+            self._take(self._next)
+            self._next = next(self._left, None)
+        return self._now
+
+    def _take(self, message: Message) -> None:
+        from dragon_ros.messages.surroundings import read_venue  # few bags have obstacles
         with suppress(MessageError):        # a recorder stores anything
             located = read_venue(message.data)
-    return located.around if located and located.frame_id == frame_id else None
+            self._now = located.around if located.frame_id == self._frame_id else None
+
+
+def _marker_stamp_ns(message: Message) -> int:
+    """Return the stamp of a message's first marker, or its log time without one."""
+    t_ns = None
+    with suppress(MessageError):
+        t_ns = stamp_of_message('visualization_msgs/msg/MarkerArray', message.data)
+    return message.t_ns if t_ns is None else t_ns
 
 
 def ends_in_contact(bag: BagReader, namespace: str | None = None) -> bool:
