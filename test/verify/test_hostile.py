@@ -16,7 +16,7 @@ from dragon_ros.scenes import certificate
 from dragon_ros.scenes.load import load_scene
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.proof import prove
-from dragon_ros.verify.reading import claims_of, read
+from dragon_ros.verify.reading import _pose, _spiral, claims_of, read
 
 STRANGE = [None, True, -1, 0, 2, 1e308, -1e308, 1e-308, 10**400, float('nan'), float('inf'), '', 'x', '1', [], [[]], {},
            {'lead': 'head'}]
@@ -129,3 +129,17 @@ def test_equal_keys_that_readers_could_take_for_one_another_are_refused(proof):
     text = json.dumps(proof).replace('"width_m": 0.3', '"width_m": 0.3, "width_m": 0.1')
     with pytest.raises(Refused, match='occurs twice'):
         check(text.encode())
+
+
+@pytest.mark.parametrize('most', [1e6, -1e6])
+def test_a_heading_is_read_up_to_its_limit_and_refused_beyond(most):
+    assert _pose('piece', {'heading_deg': most}).heading_deg == most
+    with pytest.raises(Refused, match='heading_deg'):
+        _pose('piece', {'heading_deg': most * (1 + 5e-7)})
+
+
+def test_a_pitch_is_read_up_to_its_limit_and_refused_beyond():
+    spiral = {'kind': 'spiral', 'start_turns': 3.0}
+    assert _spiral('track', {**spiral, 'pitch_m': 1e12}).pitch_m == 1e12
+    with pytest.raises(Refused, match='pitch_m'):
+        _spiral('track', {**spiral, 'pitch_m': 1e12 * (1 + 5e-7)})

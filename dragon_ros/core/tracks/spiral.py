@@ -33,7 +33,7 @@ TINY = 1e-300           # keeps 0 / 0 at 0
 _ROUNDING = 1e-15       # relative to the length: a distance to the centre may exceed it by rounding
 _NEWTON_STEPS = 20
 _NEAR_RAD = 1e-6        # a Newton step towards an angle: the next error is smaller by at least four digits
-_SMOOTH_RAD = 10.0      # from here on, one Newton step from the asymptotic series is accurate to 1e-9
+_SMOOTH_RAD = 10.0      # from here on, one Newton step from the asymptotic series is accurate to 1e-7
 TIGHT = 1e-8            # a Newton step relative to the angle: half its square is below the resolution of floats
 _TAME_RAD = 1.5         # smaller spans are solved by plain Newton, which converges from any of the guesses here
 _CHORD_STEPS = 12      # more than Newton's method needs for these; then the bracketed solver takes over
@@ -108,7 +108,7 @@ class SpiralCurve:
 
     def _corrected(self, turned: Any, distance_m: Any, distance_lo_m: Any, root: Any = sqrt,
                    asinh_of: Any = asinh) -> tuple[Any, Any]:
-        """Return the position after an angle turned, refined from 1e-9 to the last digit.
+        """Return the position after an angle turned, refined from 1e-7 to the last digit.
 
         2 S = theta^2 + theta / (w + theta) + asinh theta, w^2 = 1 + theta^2: only the squares need extra digits.
         """
@@ -160,7 +160,7 @@ _ARRAYS = np.sqrt, np.arcsinh, np.log      # instead of the functions for floats
 
 
 def _is_smooth(theta: float, arc: Any) -> Any:
-    """Whether ``_almost_turned`` is accurate to 1e-9: start and end are some turns away from the centre."""
+    """Whether ``_almost_turned`` is accurate to 1e-7: start and end are some turns away from the centre."""
     return (theta > _SMOOTH_RAD) & (theta * theta - 2 * arc > _SMOOTH_RAD * _SMOOTH_RAD)
 
 

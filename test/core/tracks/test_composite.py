@@ -10,7 +10,7 @@ import pytest
 from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
-from dragon_ros.core.errors import FieldError
+from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
@@ -203,3 +203,12 @@ def test_a_spiral_that_the_tail_leads_out_on_includes_the_start_and_ends_there(t
     last = Fraction(track_of(spiral, AHEAD).segments[0].last)
     start = Fraction(spiral.start.hi) + Fraction(spiral.start.lo)
     assert last <= start < Fraction(np.nextafter(float(last), np.inf).item())
+
+
+def test_a_link_that_would_reach_a_tenth_of_its_length_beyond_the_end_of_a_track_does_not_fit():
+    track = track_of(Composite((Line(10.0), Arc(5.0, 60.0))))
+    for beyond_m in (0.1, 0.5):
+        with pytest.raises(TrackEndError, match='too short'):
+            track.next(track.place_at(track.end_m - 1 + beyond_m), 1.0, AHEAD)
+    reached, _ = track.next(track.place_at(track.end_m - 1.01), 1.0, AHEAD)
+    assert track.distance_of(reached)[0] < track.end_m

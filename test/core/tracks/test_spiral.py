@@ -8,8 +8,21 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from dragon_ros.core.errors import FieldError, TrackEndError
+from dragon_ros.core.numerics.double_double import DoubleDouble
+from dragon_ros.core.tracks.composite import track_of
+from dragon_ros.core.tracks.segments import AHEAD
 from dragon_ros.core.tracks.spec import Spiral
-from dragon_ros.core.tracks.spiral import SpiralCurve, arc_between, points, tangents
+from dragon_ros.core.tracks.spiral import (
+    SpiralCurve,
+    arc_between,
+    first_guess,
+    first_guesses,
+    first_guesses_in,
+    points,
+    step,
+    step_in,
+    tangents,
+)
 
 turns = st.floats(0.01, 1000)
 
@@ -104,3 +117,46 @@ def test_the_distance_of_a_place_has_more_digits_than_a_float(start_turns, share
         metres, rest = spiral.distance_of(theta, lo)
         off_m = abs(mpmath.mpf(metres) + mpmath.mpf(rest) - exact)
     assert off_m <= 1e-15 * spiral.b_m * (1 + theta) + 1e-15 * min(float(abs(exact)), 1.0)
+
+
+@pytest.mark.parametrize('theta', [5.0, 20.0, 1e4])
+@pytest.mark.parametrize('share', [0.01, 0.5, 1.0])
+def test_first_guesses_of_links_are_within_a_thirtieth_both_outwards_and_inwards(theta, share):
+    chord = share * theta
+    outwards, _ = step(theta, chord, first_guess(theta, chord))
+    inwards, _ = step_in(theta, chord, 0.5 * share, 3 * chord)
+    assert first_guesses(np.array([theta]), chord) == pytest.approx([outwards], rel=1 / 30)
+    assert first_guesses_in(np.array([theta]), chord) == pytest.approx([inwards], rel=1 / 30)
+
+
+@pytest.mark.parametrize('inner', [4.9, 5.1, 7.0, 9.9, 10.1, 13.0])
+@pytest.mark.parametrize('start_turns', [3.0, 16.0])
+def test_places_some_radians_from_the_centre_are_exact_to_the_last_digit(inner, start_turns):
+    spiral = SpiralCurve.of(Spiral(0.55, start_turns))
+    distance_m = spiral.distance_to(inner)
+    found = spiral.inward(distance_m)
+    with mpmath.workdps(40):
+        def half_arc(theta):
+            return theta * mpmath.sqrt(1 + theta * theta) + mpmath.asinh(theta)
+        b, start = mpmath.mpf(0.55) / (2 * mpmath.pi), 2 * mpmath.pi * mpmath.mpf(start_turns)
+        wanted = half_arc(start) - 2 * mpmath.mpf(distance_m) / b
+        true = mpmath.findroot(lambda theta: half_arc(theta) - wanted, inner)
+        assert abs(mpmath.mpf(found.hi) + mpmath.mpf(found.lo) - true) < 3e-15
+
+
+@pytest.mark.parametrize('theta', [1.0, 5.0, 20.0])
+@pytest.mark.parametrize('share', [0.1, 0.5, 1.0])
+def test_inwards_a_bad_first_guess_leads_to_the_same_place_in_few_more_steps(theta, share):
+    chord = share * theta
+    found, _ = step_in(theta, chord, 1.2 * share, 3 * chord)
+    for guess in (-1.0, 3.0, 8.0):
+        other, evaluations = step_in(theta, chord, guess, 3 * chord)
+        assert other == pytest.approx(found, rel=1e-15)
+        assert evaluations <= 9
+
+
+def test_inwards_links_behind_the_third_are_predicted_so_well_that_they_take_one_step():
+    segment, count = track_of(Spiral(0.55, 16.0), AHEAD).segments[0], 100
+    highs, _, evaluations = segment._march_in(DoubleDouble(200.0, 0.0), (count, 1.65), segment.last)
+    assert len(highs) == count
+    assert evaluations <= count + 10
