@@ -21,7 +21,7 @@ from dragon_ros.core.search.bounding_box import by_length
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
-from dragon_ros.core.search.obstacle_contact import phases, swept_bench, windows_of
+from dragon_ros.core.search.obstacle_contact import Obstacles, phases, swept_bench, windows_of
 from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.spec import Composite, Line
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
@@ -168,6 +168,16 @@ def test_the_bound_at_one_place_is_the_gap_less_what_it_may_be_rounded_by():
     gap_m = bounds.gaps(state, edge)
     lost_m = float((gap_m - bounds.bounds(state, state, (gap_m, gap_m), edge))[0])
     assert lost_m == pytest.approx(2 * far_m * 2.0**-46, rel=0.1)
+
+
+@pytest.mark.parametrize(('errors', 'is_clear'), [(3.8, False), (4.6, True)])
+def test_a_bench_along_a_wall_is_clear_only_if_errors_of_its_handles_cannot_turn_a_corner_into_it(errors, is_clear):
+    link_m = 2.2 / 3.9      # a corner errs by the error of a handle times 1 + 2 overhang / link
+    scene = replace(ALONG, dragon=Dragon(2, 2.2, 2.2, 0.3, 0.5 * (2.2 - link_m)), run=Run(0.0, 1.0))
+    wall = LineObstacle('wall', ((14.0, 0.15 + errors * 2e-12), (23.0, 0.15 + errors * 2e-12)))
+    domain = SearchDomain(replace(scene, venue=Venue((wall,))), RangeOfTravel(scene.head, 0.0, 1.0), 1, lambda _: None)
+    assert domain.error_m == pytest.approx(2e-12, rel=0.5)
+    assert (Obstacles(domain).clear(1.0) is None) == is_clear
 
 
 def test_without_a_venue_nothing_of_venues_is_imported():
