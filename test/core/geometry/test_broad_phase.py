@@ -160,3 +160,21 @@ def test_steps_that_are_looked_up_together_have_the_pairs_that_each_has_alone(be
     together = broad_phase.pairs_on_steps(low, high, np.linspace(0, reach, steps))
     for found, one, within in zip(together, corners, np.linspace(0, reach, steps).tolist(), strict=True):
         np.testing.assert_array_equal(found, broad_phase.swept_pairs(one, within))
+
+
+@pytest.mark.parametrize('reach', [0.0, 0.3])
+def test_a_bench_enlarged_by_half_the_reach_is_in_its_sector_with_room_for_rounding_and_hardly_more(reach):
+    p, benches = placed(Scene(), t_s=300.0)
+    sectors = broad_phase._sectors(p, benches, reach)
+    wider = replace(benches, half_length=benches.half_length + 0.5 * reach, half_width=benches.half_width + 0.5 * reach)
+    corners = wider.corners @ np.array([1, 1j])
+    middle = 0.5 * (sectors.low + sectors.high)[:, None]
+    angle = middle + np.angle(corners * np.exp(-1j * middle))
+    room = np.concatenate((np.min(angle, axis=1) - sectors.low, sectors.high - np.max(angle, axis=1)))
+    far = sectors.outer - np.max(np.abs(corners), axis=1)
+    assert np.all((room > 5e-10) & (room < 2e-8))
+    assert np.all((far > 5e-10) & (far < 5e-8))
+    sides = np.concatenate([corners + share * (np.roll(corners, 1, axis=1) - corners)
+                            for share in np.linspace(0, 1, 2001)], axis=1)
+    near = np.min(np.abs(sides), axis=1) - sectors.inner
+    assert np.all((near > 5e-10) & (near < 1e-6))
