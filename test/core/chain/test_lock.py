@@ -105,7 +105,7 @@ def test_the_place_where_a_handle_turns_back_is_found_in_any_short_range_around_
 
 def test_a_handle_turns_back_three_times_if_the_handle_before_it_reverses_just_behind_where_its_link_does():
     low, high = head_lock_angle([8.0, 13.75])[0] + 1e-3, 6.0
-    heads = np.linspace(low, high, 20001)
+    heads = np.linspace(low, high, 4001)
     rear = np.array([follower(follower(head, 8.0), 13.75) for head in heads])
     back = np.flatnonzero(np.diff(np.sign(np.diff(rear)))) + 1
     assert turning_places([8.0, 13.75], low, high) == pytest.approx(heads[back], abs=heads[1] - heads[0])
