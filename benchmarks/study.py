@@ -63,7 +63,7 @@ class Row:
 
 
 def measure(budget_s: float = 0.3) -> list[Row]:
-    """Measure everything: each study for about a hundred budgets on each number of workers, all started beforehand."""
+    """Measure each study with each number of workers, started beforehand, for about a hundred budgets."""
     jobs = [(name, workers) for name in TASKS for workers in (0, *WORKERS)]
     return [_timed(name, workers, _BUDGETS * budget_s) for name, workers in
             Progress('cost study', 'parts', len(jobs))(jobs)]

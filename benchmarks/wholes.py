@@ -1,4 +1,4 @@
-"""Whole ticks of the classic dragon side by side."""
+"""Compare the times of whole ticks of the classic dragon."""
 import time
 from dataclasses import dataclass, replace
 from itertools import cycle

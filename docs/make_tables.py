@@ -175,7 +175,7 @@ def tiers() -> str:
 def _tier_row(tier: Tier, size_m: float) -> tuple[str, str, str]:
     if tier.promise_m == inf:
         return f'`{tier.name}`', 'no promise: up to 14 m', _GONE
-    grows = ' up to 20 m from the centre, in proportion beyond' if tier.name == 'exact' else ''
+    grows = ' up to 20 m from the centre, proportionally more beyond' if tier.name == 'exact' else ''
     return f'`{tier.name}`', f'{tier.promise_m:.0e} m{grows}', f'{tier.series_m(size_m):.1e} m'
 
 

@@ -2,10 +2,10 @@
 
     ./dragon python -m hard_cases.make_dances
 
-It needs mpmath and some minutes, and shares no numerical code with the package: it reads the scene's floats as exact
-numbers and constructs the track independently. The next handle is found by steps that cannot pass it: if a position is
-g metres short of the chord, there is no root within g metres of track. Everything is computed twice, the second time
-with more digits, and compared.
+It needs mpmath and takes a few minutes. It shares no numerical code with the package: it reads the scene's floats as
+exact numbers and constructs the track independently. The next handle is found by steps that cannot pass it: if a
+position is g metres short of the chord, there is no root within g metres of track. Everything is computed twice, the
+second time with more digits, and compared.
 """
 import json
 from collections.abc import Iterator

@@ -21,7 +21,7 @@ def proved(values, effort=1.0):
 
 
 def refusal(values, effort=1.0):
-    """The line with which a certificate is refused."""
+    """The error message that rejects a certificate."""
     with pytest.raises(Refused) as refused:
         proved(values, effort)
     return str(refused.value)

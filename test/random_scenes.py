@@ -288,7 +288,7 @@ def _piece(dice: Dice, benches: Benches, first: bool) -> dict[str, Any]:
 
 
 def _length_m(piece: dict[str, Any]) -> float:
-    """Return about how long a piece is."""
+    """Return the approximate length of a piece."""
     if piece['kind'] == 'line':
         return float(piece['length_m'])
     if piece['kind'] == 'arc':

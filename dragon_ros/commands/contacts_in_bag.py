@@ -60,7 +60,7 @@ def searched(scene: Scene, trust: bool) -> Contact | NoContact:
 
 
 def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) -> tuple[float | None, str | None]:
-    """Return when a run ends in its contact (None without one), and the proved sentence if no search was made.
+    """Return when a run ends in its contact (None if there is none), and the proved sentence if no search was made.
 
     If a search would exceed its budgets, the claim in the bag is used, once the checker has proved it. Raises
     InputError.

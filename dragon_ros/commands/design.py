@@ -71,7 +71,7 @@ def _turn_answer(arguments: Namespace) -> dict[str, Any]:
 
 
 def _contact_m(scene: 'Scene', diameter_m: float) -> float | None:
-    """Return the head's distance from the entry of the smallest turn at its first contact; None without one.
+    """Return the head's distance from the entry of the smallest turn at its first contact; None if there is none.
 
     The search covers the run from the head's entry until the whole dragon has left the turn.
     """

@@ -68,7 +68,7 @@ def run(arguments: Namespace) -> int:
 class Gap:
     """The smallest gap to a named part of the venue, between two points (2, 2) in m.
 
-    ``within_m`` is how much smaller it may be.
+    The exact gap is smaller by at most ``within_m``.
     """
 
     name: str

@@ -274,7 +274,7 @@ class BagSource:
 
     @cached_property
     def _scene(self) -> Scene | None:
-        """The scene in the bag, including the walk of a led dragon; None without one."""
+        """The scene in the bag, including the walk of a led dragon; None if there is none."""
         from dragon_ros.bags.read.frames import scene_of_bag, walked_scene
         try:
             scene = scene_of_bag(self.bag, self.namespace)
@@ -284,7 +284,7 @@ class BagSource:
 
     @cached_property
     def track(self) -> Floats | None:
-        """The part of the track on which handles are during the run, by the scene in the bag; None without one."""
+        """The part of the track on which handles are during the run, by the scene in the bag; None if there is none."""
         return compile_scene(self._scene).track_line(_SAG_M) if self._scene else None
 
     @property

@@ -121,7 +121,7 @@ class Interval:
         return away_m > up(lead.over_m + other.over_m + other.sizes[1] * turned)
 
     def _turned(self, n: int) -> float:
-        """Return the largest angle that the track turns along the links up to the n-th bench's; sum lengths too."""
+        """Return the largest angle by which the track turns along the links up to the n-th bench; also sum lengths."""
         while len(self._turns) <= n:
             k = len(self._turns)
             half = up(0.5 * self._tightest * self._benches[self._lead + k].link.near)

@@ -22,7 +22,7 @@ from dragon_ros.verify.track import Place, Track
 
 _SAMPLES = 4000         # positions at which a lock is searched for
 _HALVINGS = 80          # of times and positions that are only reported or are proved later
-_SHARE = 10             # links in floats that count as one step of the budget
+_SHARE = 10             # links placed in floats per step of the budget
 
 
 @dataclass(frozen=True)

@@ -70,7 +70,7 @@ def _width(value: acb) -> float:
 
 
 class Edges:
-    """All edges of a venue, by the cells of the plane that they pass."""
+    """All edges of a venue, indexed by the cells of the plane that they pass through."""
 
     def __init__(self, venue: Venue, longest_m: float) -> None:
         """Take a venue; ``longest_m`` is the length of the longest bench."""

@@ -150,7 +150,7 @@ def test_bad_input_exits_with_2_and_a_clear_line(capsys, arguments, says):
 
 @pytest.mark.parametrize('name', [*EXECUTABLES, *(f'plot {kind}' for kind in command._KINDS)])
 def test_the_example_in_the_help_of_every_executable_is_understood(capsys, monkeypatch, name):
-    """Everything but the work itself is done: the parsed command would be run."""
+    """Do everything but the work itself: the parsed command is accepted."""
     monkeypatch.setattr(command_line, 'guarded', lambda name, body: 0)
     if EXECUTABLES[name.split()[0]].module.startswith('dragon_ros.nodes'):
         pytest.importorskip('rclpy')

@@ -194,7 +194,7 @@ FITS = """const box = document.getElementById('scene').getBoundingClientRect();
 
 
 def test_a_changed_value_moves_the_dragon_and_renews_the_answers(server, page):
-    page.look(820, 1180)        # where the legend takes three lines
+    page.look(820, 1180)        # at this size the legend takes three lines
     page.open_view(server.url)
     page.wait('return document.body.dataset.answered === "yes"')
     page.wait(FITS)

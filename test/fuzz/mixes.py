@@ -239,7 +239,7 @@ def hold_frames(bag: BagReader, read: Counter[Row]) -> None:
 
 
 def hold_check(bag: BagReader, read: Counter[Row]) -> None:
-    """Compare an accepting check with the messages: each tick has each topic once, as in the model, and no other."""
+    """If the check accepts a bag, each tick must have exactly one message per topic, as in the model, and no others."""
     found = compare_with_model(bag, SCENE, '/dragon')
     each = {f'/dragon/{name}' for name, row in channels().items() if row.each_tick}
     ticks = Counter({row: count for row, count in read.items() if row[0] in each})

@@ -55,7 +55,7 @@ ROOMS = {
                  'test/nodes/test_monitor_topics.py', 'test/nodes/test_overload.py',
                  'test/messages/test_monitor_markers.py']),
 }
-# Binary operators that resemble a slip; any test finds others, such as a shift instead of a sum.
+# Replaced operators that resemble a programming slip; any test finds others, such as a shift instead of a sum.
 _SLIPS = {'Add_Sub', 'Sub_Add', 'Mul_Div', 'Div_Mul', 'FloorDiv_Mul', 'Mod_FloorDiv', 'Pow_Mul', 'BitAnd_BitOr',
           'BitOr_BitAnd'}
 _IGNORED = ('core/VariableInserter', 'core/VariableReplacer', 'core/NoOp', 'core/RemoveDecorator', 'core/AddNot',
@@ -363,7 +363,7 @@ def tried(tree: Path, mutant: Mutant, times: dict[str, float], known: dict[str, 
           extra_s: float = _EXTRA_S) -> tuple[str, str]:
     """Return 'caught', 'survived', 'unreached' or 'incompetent' for a mutant, and the test that found it.
 
-    ``times`` are of the tests to run, in this order, in s without a mutant.
+    ``times`` maps the tests to run, in this order, to their times in s without a mutant.
     """
     def work() -> object:
         sys.dont_write_bytecode = True

@@ -1,8 +1,8 @@
-"""The memory of a recorder grows only with the longest time for which it did not run.
+"""The memory of a recorder grows only with the longest time for which it is stopped.
 
-Started by hand: ``./dragon python test/soak/backlog.py``. A sim at 100 Hz runs beside it. The recorder is stopped for
-increasing times, three times each, and then runs for three minutes. ``in use`` is the memory that malloc has given to
-Python and the middleware; ``free`` is the memory that malloc keeps.
+Started by hand: ``./dragon python test/soak/backlog.py``. A sim at 100 Hz runs alongside. The recorder is stopped for
+increasing durations, three times each, and then runs for three minutes. ``in use`` is the memory that malloc has given
+to Python and the middleware; ``free`` is the memory that malloc keeps.
 """
 import argparse
 import ctypes

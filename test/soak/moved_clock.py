@@ -32,7 +32,7 @@ class Moved:
     """Processes of one domain whose clock moves."""
 
     def __init__(self, folder: Path, preloaded: Path, rng: random.Random) -> None:
-        """The clock starts to move some seconds from now, perhaps while nodes look for each other."""
+        """The clock starts to move a few seconds from now, perhaps while nodes look for each other."""
         self._file, self._over = folder / 'moved', threading.Event()
         self._file.unlink(missing_ok=True)
         self._environment = {**local_environment(free_domain()), 'LD_PRELOAD': str(preloaded),

@@ -3,7 +3,7 @@
 Started by hand, never by the tests: ``./dragon python test/soak/soak.py --minutes 60 --controls 2``. It reports its
 progress every minute, and at the end the losses, the differences from the model, the drift of stamps against the clock,
 and the growth of memory; the exit code is 1 if a tick was lost or differs. With controls the dragon is paused, stepped,
-sent back by some seconds, and its speed changed: ticks repeat, none is skipped.
+moved back by a few seconds, and its speed is changed: ticks repeat, none is skipped.
 """
 import argparse
 import json

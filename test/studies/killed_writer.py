@@ -33,7 +33,7 @@ def write(folder: Path) -> None:
 
 
 def kill_at(number: int, folder: Path) -> None:
-    """Kill this process before its change ``number`` of a file in the folder."""
+    """Kill this process just before change number ``number`` to a file in the folder."""
     left = [number]
 
     def hook(event: str, arguments: tuple[object, ...]) -> None:

@@ -206,7 +206,7 @@ def test_all_pairs_of_all_dragons_up_to_the_claimed_time_are_in_the_boxes_and_no
 @pytest.mark.parametrize('lead', [0, 1])
 @pytest.mark.parametrize(('t_s', 'sense'), [(UNTIL_S, -1), (3.0, 1)])
 def test_what_is_a_hair_before_the_start_or_after_the_claimed_time_does_not_occur(lead, t_s, sense):
-    """Tested: the head at the start, and the head and first body bench at the claimed time, for all tolerances."""
+    """Test the head at the start, and the head and first body bench at the claimed time, for all tolerances."""
     for scale in (PROOF._scale if sense < 0 else PROOF._scale[:1]):
         links = [PROOF._head[0]] + [PROOF._body[0]] * 3
         theta = handles(t_s, scale, links)[lead]

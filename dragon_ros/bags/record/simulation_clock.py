@@ -111,9 +111,9 @@ class SimulationClock:
         return times, source_ns
 
     def _is_after_turn(self, source_ns: int) -> bool:
-        """Return whether a source time must be later than the clock's last set-back, and not of a message in transit.
+        """Return whether a source time is from after the clock's last set-back, not of a message delayed in transit.
 
-        If the clock was set back by less than a second, this remains ambiguous for rare messages for up to a second.
+        If the clock was set back by less than a second, the answer may be ambiguous for up to a second, in rare cases.
         """
         before_ns, after_ns = self._turn_ns
         if before_ns - after_ns < _SURELY_NS:

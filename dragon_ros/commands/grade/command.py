@@ -92,7 +92,7 @@ def _teams(arguments: Namespace) -> 'list[Team]':
         by_team = answers_by_team(arguments.answers)
         unknown = sorted(by_team.keys() - {team.name for team in teams})
         if unknown:
-            raise InputError(f'{arguments.answers}: {unknown[0]}: is not a team here; the first is {teams[0].name}')
+            raise InputError(f'{arguments.answers}: {unknown[0]} is not a team here; the first is {teams[0].name}')
         for team in teams:
             team.answers = by_team.get(team.name, {})
     if given:

@@ -475,7 +475,7 @@ def _grid_of(theta: Floats, step: Floats, off: Floats, noise_m: float,
 
 
 def _step_of(step: Floats, blur: float, percent: float = 95.0) -> float | None:
-    """Return the largest common step size that divides all steps, to within a blur; None without one."""
+    """Return the largest common step size that divides all steps, to within a blur; None if there is none."""
     for grid in _GRIDS:
         if blur > 0.2 * grid:
             return None
@@ -486,7 +486,7 @@ def _step_of(step: Floats, blur: float, percent: float = 95.0) -> float | None:
 
 
 def _within_of(off: Floats, before: Floats, noise_m: float) -> float | None:
-    """Return a common tolerance that all chords meet but no chord one step earlier; None without one."""
+    """Return a common tolerance that all chords meet but no chord one step earlier; None if there is none."""
     lowest, highest = -float(np.nanmin(off)), -float(np.nanmax(before))
     return next((w for w in (0.0, *_NICE) if lowest - noise_m <= w <= highest + noise_m), None)
 

@@ -76,7 +76,7 @@ class ViewData:
         return self._touch[0]
 
     def contact(self, check: Check = _wanted) -> dict[str, Any] | None:
-        """Return the first contact as JSON values; None without one. The search starts at the first call."""
+        """Return the first contact as JSON values; None if there is none. The search starts at the first call."""
         with self._lock:
             touch = self._first_touch(check)
         return None if touch is None else {'t_s': touch.t_s, 'benches': touch.benches, 'point_m': touch.point_m,

@@ -94,7 +94,7 @@ class Variant:
         return self.scene if t_s is None else replace(self.scene, run=replace(self.scene.run, stop_s=t_s))
 
     def contact_s(self, check: Check) -> float | None:
-        """Return the time of the first contact; None without one."""
+        """Return the time of the first contact; None if there is none."""
         touch = self.data.contact(check)
         return None if touch is None else float(touch['t_s'])
 

@@ -361,7 +361,8 @@ def bend(theta: Ball, delta: Ball, chord: Ball, arm: Floats, pairs: _Pairs | Non
 def corners(moving: SpiralMotion, arm: Floats, growth: float = 0.0, pairs: _Pairs | None = None) -> Floats:
     """Return bounds as ``bend`` does, or (P, 2) for selected pairs; arms grow by ``growth`` of their length per unit.
 
-    An arm of a bench that turns at W relative to the other one accelerates by i (W' + 2 growth W) - W^2 times itself.
+    If a bench turns at W relative to the other one, the second derivative of its arm is the arm times
+    i (W' + 2 growth W) - W^2.
     """
     pairs, arm = pairs or _all_pairs(moving.w.mid.shape[1]), np.broadcast_to(arm, moving.w.mid.shape)
     with np.errstate(all='ignore'):

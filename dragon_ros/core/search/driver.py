@@ -201,7 +201,7 @@ def clear(space: Space, windows: list[Floats], finest_m: tuple[float, ...]) -> l
     """Clear windows, given as monotone positions, each up to the first position that cannot be cleared.
 
     Intervals are cut down to the first length of ``finest_m``. If such an interval is neither cleared nor touching, the
-    rest of its window is searched again from there down to the next length.
+    rest of its window is searched again from there, with intervals down to the next length.
     """
     out, left = [Cleared([], None, False) for _ in windows], dict(enumerate(windows))
     for finest in finest_m:

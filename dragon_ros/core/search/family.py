@@ -128,9 +128,9 @@ def first_contact_within(scene: Scene, within: Mapping[str, float],
                          progress: Callable[[int], object] = lambda states: None) -> FamilyProof:
     """Return the time up to which no dragon with benches and track pitch within tolerances touches itself.
 
-    ``within`` has a tolerance in metres, to either side, for some of ``TOLERANCES``. ``progress(boxes)`` is called with
-    the number of boxes examined since the last call. Raises FieldError for unknown tolerances and for scenes that are
-    not covered, and DragonError, naming the tolerance to blame, if nothing can be proved.
+    ``within`` maps some of ``TOLERANCES`` to values in metres, each allowed in both directions. ``progress(boxes)`` is
+    called with the number of boxes examined since the last call. Raises FieldError for unknown tolerances and for
+    scenes that are not covered, and DragonError, naming the tolerance to blame, if nothing can be proved.
     """
     family = family_of(scene, within)
     nominal = first_contact(scene)

@@ -108,7 +108,7 @@ class RangeOfTravel:
         return illinois(lambda t_s: self.gone_m(t_s) - gone_m, before, after, one - gone_m, two - gone_m)
 
     def arrival_s(self, gone_m: float, sense: int) -> float:
-        """Return when the leader has first travelled a distance, on or back from its start, or when it is nearest."""
+        """Return when the leader first reaches a distance, ahead of or behind its start, or when it is nearest."""
         if isinstance(self.law, Head):
             return float(np.clip(gone_m / self.law.speed_m_s, self.start_s, self.end_s)) if self.law.speed_m_s else (
                 self.start_s)

@@ -23,7 +23,7 @@ _MOST_BYTES = 256_000_000   # for the series of one table
 _ROUNDS = 5                 # of splitting parts in three
 NOISE = 4                  # the largest effect of rounding on the last terms, in units of the error
 _SPAN_NODES = 16            # for a whole span on a spiral, which is as smooth as a line
-_SPAN_ENDS = 2.0**-46       # of half its length: rounding in hundreds of rows may leave a quarter in the last terms
+_SPAN_ENDS = 2.0**-46       # of half its length: rounding in hundreds of rows may leave a quarter of that in last terms
 _HAIR = 1e-12               # relative to a distance along the track: closer positions count as one
 _FREE = 12_000              # multiplications per tick, which take 0.3 of the time of the calls around the product
 

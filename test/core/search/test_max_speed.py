@@ -1,4 +1,4 @@
-"""The largest speed of any handle, and so of the leader: on every track, under every law, behind head and tail."""
+"""The largest speed of any handle, and hence of the leader: on every track, under every law, led by head and tail."""
 from dataclasses import replace
 from itertools import pairwise
 from math import inf, nextafter
