@@ -27,10 +27,10 @@ from hard_cases.truth import truth
 _TICK_S = 1.0           # step between ticks for integrating solvers
 _EULER_S = (1.0, 0.1, 0.01)
 _MARCHED = ', marched'
-_LABELS = {'plain Newton 1e-3 rad': ('right', -7, -3), 'fine, marched': ('left', 7, -11),
+_LABELS = {'plain Newton 1e-3 rad': ('right', -7, -3), 'preview, marched': ('center', 0, -13),
            'Euler 0.01 s': ('right', -7, -3),
            'plain Newton 1e-6 rad': ('right', -7, -3), 'plain Newton 1e-4 rad': ('left', 7, -3),
-           'preview': ('left', 0, -13), 'paper': ('right', -9, -3),
+           'preview': ('center', 0, -13), 'paper': ('right', -9, -3),
            'exact, 301 at once': ('center', 0, 9), 'exact, 1,000 at once': ('center', 0, -13)}
 Way = tuple[str, str]   # tier and solver
 _WRONG_M = 0.01         # a solver without a promise is marked above this error
@@ -262,12 +262,14 @@ def picture(rows: list[Row]) -> Figure:
 
 
 def _labels(rows: list[Row]) -> dict[str, str]:
-    """Return the labels of solvers; tiers with equal errors, from one table, share a label."""
+    """Return the labels of solvers; tiers with equal errors, each with its table or each marched, share a label."""
     labels = {row.solver: f'{row.solver} (wrong)' if row.verdict == 'WRONG' else row.solver for row in rows}
     for error_m in {row.error_m for row in rows}:
-        alike = [row.solver for row in rows if row.solver in TIERS and row.error_m == error_m]
-        if len(alike) > 1:
-            labels |= {**dict.fromkeys(alike, ''), alike[0]: f'{alike[0]} to {alike[-1]}'}
+        for way in ('', _MARCHED):
+            alike = [tier for tier in TIERS if any((row.solver, row.error_m) == (tier + way, error_m) for row in rows)]
+            if len(alike) > 1:
+                labels |= {**dict.fromkeys((tier + way for tier in alike), ''),
+                           alike[0] + way: f'{alike[0]} to {alike[-1]}{way}'}
     return labels
 
 
