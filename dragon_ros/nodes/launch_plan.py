@@ -1,5 +1,5 @@
 """The executables and parameters that ``dragon.launch.py`` starts for its arguments, without the launch library."""
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -167,19 +167,19 @@ def _on(given: Mapping[str, str], name: str) -> bool:
 
 def _number(given: Mapping[str, str], name: str) -> float:
     """Return an argument as a number. Raises InputError."""
-    try:
-        return float(given[name])
-    except ValueError:
-        raise InputError(f'launch argument {name}:={given[name]}: is not a number; write for example {name}:=1.0',
-                         field=name) from None
+    return _parsed(given, name, float, 'a number', '1.0')
 
 
 def _whole(given: Mapping[str, str], name: str) -> int:
     """Return an argument as a whole number. Raises InputError."""
+    return int(_parsed(given, name, int, 'a whole number', '65'))
+
+
+def _parsed(given: Mapping[str, str], name: str, kind: Callable[[str], float], what: str, example: str) -> float:
     try:
-        return int(given[name])
+        return kind(given[name])
     except ValueError:
-        raise InputError(f'launch argument {name}:={given[name]}: is not a whole number; write for example {name}:=65',
+        raise InputError(f'launch argument {name}:={given[name]}: is not {what}; write for example {name}:={example}',
                          field=name) from None
 
 
