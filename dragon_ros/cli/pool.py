@@ -85,8 +85,7 @@ class Pool:
             raise DragonError('one of the worker processes was killed, perhaps for lack of memory; give fewer '
                               '--workers') from None
         finally:
-            pool.shutdown(cancel_futures=True)
-            watch.join()
+            _end(pool, watch)
 
 
 ALONE = Pool(1)
@@ -130,7 +129,8 @@ def _end_together(pool: Any) -> None:
     """Wait until a process of a pool ends, and end the others.
 
     A process that is killed while it sends a result keeps the lock of the queue, and the thread that reads the queue
-    waits for the rest of the result as long as any process, including this one, can write to it.
+    waits for the rest of the result as long as any process, including this one, can write to it. Only this thread
+    closes this process's end: a second close could close a file that was opened in between.
     """
     from multiprocessing import connection
     others, results = list(pool._processes.values()), pool._result_queue
@@ -139,6 +139,14 @@ def _end_together(pool: Any) -> None:
         for one in others:
             one.kill()
         results._writer.close()
+
+
+def _end(pool: Any, watch: threading.Thread) -> None:
+    """Shut a pool down and wait for its threads; ``watch`` runs `_end_together`."""
+    manager = pool._executor_manager_thread
+    pool.shutdown(wait=False, cancel_futures=True)      # waiting, it closes what the watch closes
+    watch.join()
+    manager.join()
 
 
 def _shared(pool: 'ProcessPoolExecutor', work: Callable[[J], R], rest: Iterator[J], workers: int) -> Iterator[R]:

@@ -72,6 +72,29 @@ def test_a_killed_process_is_said():
         list(Pool(2).in_order(KilledElsewhere(), range(10_000)))
 
 
+_SLOW_TO_CLOSE = """
+import threading, time
+from multiprocessing.connection import Connection
+from dragon_ros.cli.pool import Pool
+
+def slow(self, close=Connection._close):
+    one = threading.current_thread()
+    if one.daemon and 'Feeder' not in one.name:     # the thread that waits for the end of a process
+        time.sleep(0.1)
+    close(self)
+
+Connection._close = slow
+for _ in range(3):
+    assert list(Pool(3).in_order(abs, range(30))) == list(range(30))
+"""
+
+
+def test_a_pool_closes_no_file_twice():
+    # by chance about one pool in sixty did, when a process had ended just before the pool was shut down
+    done = subprocess.run([sys.executable, '-c', _SLOW_TO_CLOSE], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, '')
+
+
 def test_short_work_is_done_by_this_process_unless_workers_are_asked_for():
     """All results come from this process, since others are killed."""
     assert list(Pool().in_order(KilledElsewhere(), range(10))) == list(range(10))
