@@ -2,7 +2,7 @@
 import signal
 
 if __name__ == '__main__' and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)        # during imports, Ctrl-C ends without a traceback
+    signal.signal(signal.SIGINT, signal.SIG_DFL)        # Ctrl-C during imports ends the process without a traceback
 
 import gc
 import importlib
@@ -14,7 +14,7 @@ from typing import NoReturn
 from dragon_ros.executables import EXECUTABLES, NODES
 
 _SPIN = '16'            # an idle thread of OpenBLAS spins for 2^16 cycles instead of 2^26, the default
-_GARBAGE = 20_000       # new containers before a garbage collection; the default of 700 is far too low
+_GARBAGE = 20_000       # new containers that trigger a garbage collection; the default of 700 is far too low
 
 
 def main(argv: list[str]) -> int:
@@ -42,7 +42,7 @@ def main(argv: list[str]) -> int:
         if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
             signal.signal(signal.SIGINT, signal.default_int_handler)
         code: int = getattr(importlib.import_module(executable.module), executable.function)(rest)
-    except KeyboardInterrupt:       # a node that is interrupted during its start ends like a running one
+    except KeyboardInterrupt:       # a node interrupted during its start ends like a running one
         return 0 if executable.module == NODES else 1
     except ModuleNotFoundError as error:
         if executable.module != NODES or error.name is None or error.name.startswith('dragon_ros'):
@@ -81,5 +81,5 @@ def run(argv: list[str], program: Callable[[list[str]], int] = main) -> NoReturn
 
 if __name__ == '__main__':
     if not getattr(sys.flags, 'safe_path', False):
-        del sys.path[0]     # the working directory, by `python -m`: the package must not import from it
+        del sys.path[0]     # `python -m` inserts the working directory, from which the package must not import
     run(sys.argv[1:])

@@ -11,7 +11,7 @@ def folder() -> Path:
     """Return the ``msg_configs`` folder that belongs to the running code.
 
     The search order is: a source tree (a checkout, ``--symlink-install``, ``pip install -e``), the install prefix of
-    this file, the ament index, the Python prefix. An older installed copy thus never shadows a checkout.
+    this file, the ament index, and the Python prefix. An older installed copy therefore never shadows a checkout.
     """
     for candidate in _candidates():
         if (candidate / 'topics.yaml').is_file():

@@ -13,17 +13,17 @@ if TYPE_CHECKING:       # --help must not import numpy
     from dragon_ros.core.scene import Scene
 
 OK, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
-_MOST_SHOWN = 400       # characters of an error message of argparse
+_MOST_SHOWN = 400       # longest error message of argparse, in characters
 
 
 class _Default(str):
-    """A default, distinguishable from an equal value that was given."""
+    """A default value that can be distinguished from an equal value given by the user."""
 
     __slots__ = ()
 
 
 _SUFFIXES = {'.csv': 'csv', '.json': 'json', '.npz': 'npz', '.parquet': 'parquet', '.txt': 'text', '.xlsx': 'xlsx'}
-_OTHERS = frozenset(('.docx', '.html', '.jpg', '.mat', '.ods', '.pdf', '.png', '.svg', '.tex', '.xls'))   # not tables
+_OTHERS = frozenset(('.docx', '.html', '.jpg', '.mat', '.ods', '.pdf', '.png', '.svg', '.tex', '.xls'))   # no tables
 DEFAULT_SCENE = _Default('winding')
 
 
@@ -47,7 +47,7 @@ class Parser(argparse.ArgumentParser):
         self.register('type', int, _whole)
 
     def parse_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:
-        """Parse the arguments; if a shell asks for completions, print them and exit."""
+        """Parse the arguments; if the shell requests completions, print them and exit."""
         if '_ARGCOMPLETE' in os.environ:
             from dragon_ros.cli import completion
             completion.answer(self)
@@ -59,7 +59,7 @@ class Parser(argparse.ArgumentParser):
         return arguments
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        """Parse, and reject unknown options here, where the command or subcommand is known."""
+        """Parse the arguments; reject unknown options here, because the command or subcommand is known here."""
         arguments, unknown = super().parse_known_args(args, namespace)
         if unknown and '_ARGCOMPLETE' not in os.environ:
             known = [name for action in self._actions for name in action.option_strings]
@@ -69,7 +69,7 @@ class Parser(argparse.ArgumentParser):
 
     @staticmethod
     def _scene_hint(word: str, known: Sequence[str]) -> str:
-        """Return a hint for a scene that is given without --scene."""
+        """Return a hint if a scene is given without --scene."""
         from dragon_ros.configuration import scene_names
         scene = '--scene' in known and (word in scene_names() or word.endswith(('.yaml', '.yml')))
         return f'write --scene {word}' if scene else ''
@@ -115,13 +115,13 @@ def program() -> str:
 
 
 def parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
-    """Return a parser with the executable's name, its purpose and an example that begins with its name."""
+    """Return a parser that shows the executable's name, its purpose and an example that begins with its name."""
     return Parser(prog=name, description=text, epilog=f'example: {program()} {example}', allow_abbrev=False,
                   formatter_class=argparse.RawDescriptionHelpFormatter)
 
 
 def add_scene_options(options: argparse.ArgumentParser, scene: str | None = DEFAULT_SCENE) -> None:
-    """Add --scene, --set and --accuracy. If --scene has no default, a node's parameter applies."""
+    """Add --scene, --set and --accuracy. If --scene has no default, a node uses its parameter."""
     options.add_argument('--scene', default=scene, metavar='NAME|FILE',
                          help='name or file of the scene' + (' (%(default)s)' if scene else ''))
     options.add_argument('--set', action='append', default=[], metavar='KEY=VALUE', dest='overrides',
@@ -149,7 +149,7 @@ def add_bag(options: argparse.ArgumentParser, text: str, required: bool = False)
 
 
 def add_times_option(options: argparse.ArgumentParser, text: str) -> None:
-    """Add --times, or --time: numbers and ranges (``cli.ranges``)."""
+    """Add --times and its alias --time, which take numbers and ranges (``cli.ranges``)."""
     options.add_argument('--times', '--time', metavar='T,...|FIRST-LAST|START:STOP:STEP', help=text)
 
 
@@ -160,7 +160,7 @@ def add_workers_option(options: argparse.ArgumentParser, what: str, of: str = ''
 
 
 def add_handles_option(options: argparse.ArgumentParser) -> None:
-    """Add --handles: numbers and ranges (``cli.ranges``)."""
+    """Add --handles, which takes numbers and ranges (``cli.ranges``)."""
     options.add_argument('--handles', metavar='I,...|FIRST-LAST|START:STOP:STEP', help='handles (all)')
 
 
@@ -172,7 +172,7 @@ def add_output_options(options: argparse.ArgumentParser, formats: tuple[str, ...
 
 def add_format_option(options: argparse.ArgumentParser, formats: tuple[str, ...], pictures: Collection[str] = (),
                       ) -> None:
-    """Add --format, which defaults to the suffix of --output; ``pictures`` are other suffixes."""
+    """Add --format, which defaults to the suffix of --output; ``pictures`` lists further allowed suffixes."""
     options.add_argument('--format', choices=formats, default=_Default(formats[0]),
                          help='output format (%(default)s, or by the suffix of --output)')
     options.set_defaults(formats=formats, pictures=pictures)
@@ -224,13 +224,13 @@ def scene_from(arguments: argparse.Namespace) -> 'Scene':
 
 
 def overrides_from(arguments: argparse.Namespace) -> list[str]:
-    """Return the options' changes of the scene, as ``key=value``."""
+    """Return the changes to the scene that the options request, as ``key=value``."""
     accuracy = [f'accuracy={arguments.accuracy}'] if arguments.accuracy is not None else []
     return [*arguments.overrides, *accuracy]
 
 
 def check_is_bag(path: Path) -> None:
-    """Raise InputError if a recording is expected and a scene's name or file is given."""
+    """Raise InputError if the name or file of a scene is given instead of a recording."""
     from dragon_ros.configuration import scene_names
     if path.suffix in ('.yaml', '.yml') or (str(path) in scene_names() and not path.exists()):
         raise InputError(f'BAG {path}: it is a scene, not a recording; write --scene {path}')
@@ -246,7 +246,7 @@ def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
 
 
 def write_output(path: Path | None, content: str | bytes) -> None:
-    """Write to a file, or text to standard output. Raises InputError, MissingError."""
+    """Write to a file, or write text to standard output. Raises InputError, MissingError."""
     if path is None:
         if isinstance(content, bytes):
             raise InputError('--format: this format can only be written to a file; give --output FILE', field='output')

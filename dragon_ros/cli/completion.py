@@ -7,7 +7,7 @@ from typing import Any
 
 
 def chosen(names: Iterable[str]) -> str:
-    """Return the executable's name on the line and continue after it; or complete the name and exit."""
+    """Return the executable's name from the command line and continue after it; or complete the name and exit."""
     from argcomplete.lexers import split_line
     words = split_line(os.environ['COMP_LINE'], int(os.environ['COMP_POINT']))[3]
     start = int(os.environ['_ARGCOMPLETE'])

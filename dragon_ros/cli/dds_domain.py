@@ -7,15 +7,15 @@ from collections import deque
 from collections.abc import Sequence
 
 _PORTS = 7400, 250      # DDS-RTPS 9.6.1: the first port, and the number of ports per domain
-_MOST_KEPT = 16         # most domains that a process reserves; earlier ones are held by their participants, if used
+_MOST_KEPT = 16         # most domains that a process reserves; participants hold earlier domains that are in use
 _KEPT: deque[socket.socket] = deque()
 
 
 def free_domain(among: Sequence[int] = range(1, 102)) -> int:
-    """Return a domain without participants on this host; if all have some, any domain.
+    """Return a domain without participants on this host; if all domains have participants, return any of them.
 
-    The domain is reserved for this process: the port of a 120th participant is bound, so a concurrent search that runs
-    before this process has its first participant takes another domain.
+    The domain is reserved for this process: the port of a 120th participant is bound, so a concurrent search takes
+    another domain even before this process has its first participant.
     """
     domains = random.SystemRandom().sample(among, len(among))
     return next((domain for domain in domains if _is_free(domain) and _keep(domain)), domains[0])
@@ -39,7 +39,7 @@ def _keep(domain: int) -> bool:
 
 
 def local_environment(domain: int) -> dict[str, str]:
-    """Return this process's environment with a domain; discovery stays on this host unless that widens it."""
+    """Return this process's environment with a domain; discovery stays on this host unless a variable widens it."""
     return {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', **os.environ, 'ROS_DOMAIN_ID': str(domain)}
 
 

@@ -7,16 +7,16 @@ from typing import Any
 from dragon_ros.core.errors import MissingError
 from dragon_ros.version import __version__
 
-# Okabe-Ito colours, which are distinguishable for colour-blind people, by meaning.
+# Okabe-Ito colours by meaning; colour-blind people can distinguish them.
 BODY, HEAD, TOUCHED, TRACK, POINT = '#56B4E9', '#D55E00', '#E69F00', '#999999', '#000000'
 LINES = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9')
-HATCH = '////'          # hatch of benches that touch, since the colours look alike in black and white
+HATCH = '////'          # hatch of touching benches, because the colours look alike in black and white
 DASHES: tuple[Any, ...] = ('solid', (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1, 1, 1, 1, 1)),
                            (0, (8, 3)))
 QUIET = '#555555'       # colour of notes and guide lines
 OBSTACLE = '#DDD8CE'    # colours of a venue's obstacles and of everything outside its boundary
 
-PAGE_IN, TEXT_PT = 9.1, 9     # width of a page, some 880 pixels, on which a text of this size is still that large
+PAGE_IN, TEXT_PT = 9.1, 9     # a page (about 880 pixels) shows a figure of this width unscaled, so text keeps this size
 
 _STYLE = {
     'figure.constrained_layout.use': True, 'figure.constrained_layout.h_pad': 0.1,
@@ -27,14 +27,14 @@ _STYLE = {
     'svg.hashsalt': 'dragon_ros', 'axes.formatter.useoffset': False,
     'figure.titlesize': 12, 'hatch.linewidth': 0.5, 'svg.fonttype': 'none', 'pdf.fonttype': 42,
 }
-_LONGEST_NAME = 40          # characters of a name in a title
-_CHARACTERS_PER_INCH = 11   # text size of a title
+_LONGEST_NAME = 40          # longest name in a title, in characters
+_CHARACTERS_PER_INCH = 11   # at the text size of a title
 _UNDATED: dict[str, dict[str, Any]] = {'.png': {'Software': None}, '.svg': {'Date': None},
                                        '.pdf': {'CreationDate': None}}
 FORMATS = tuple(_UNDATED)
 TRACK_ID = 'track'      # id of the track in a picture and in its SVG
 _SVG_DPI = 72
-_CAPTION_IN, _LEGEND_IN = 0.26, 0.3      # room for a caption below a figure
+_CAPTION_IN, _LEGEND_IN = 0.26, 0.3      # space below a figure for its caption and its legend
 _CAPTION_ID = 'caption'
 # Files of Chinese fonts on Linux, Windows and macOS.
 _CHINESE_FONTS = ('notosanscjk-regular', 'notosanssc-regular', 'notosanscjksc-regular', 'sourcehansanssc-regular',
@@ -60,7 +60,7 @@ def joined(one: str, other: str, by: str, inches: float) -> str:
 
 
 def legend_below(axes: Any, columns: int = 2, **options: Any) -> None:
-    """Put the legend below the axes, where it covers nothing; constrained layout makes room for it."""
+    """Put the legend below the axes, where it covers nothing; constrained layout reserves space for it."""
     axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.13), ncols=columns, **options)
 
 
@@ -83,14 +83,14 @@ def style(chinese: bool = False) -> Iterator[None]:
     Raises MissingError if no Chinese font is installed.
     """
     import matplotlib
-    # Type 42 does not support the OpenType fonts of most systems.
+    # Type 42 does not support the OpenType fonts that most systems have.
     more = {'font.family': ['DejaVu Sans', _chinese_font()], 'pdf.fonttype': 3} if chinese else {}
     with matplotlib.rc_context({**_STYLE, **more}):
         yield
 
 
 def _chinese_font() -> str:
-    """Return the name of an installed Chinese font, found by its file, as Matplotlib's list of fonts may be old."""
+    """Return the name of an installed Chinese font, found by its file, because Matplotlib's font list may be old."""
     from matplotlib.font_manager import FontProperties, findSystemFonts, fontManager
     files = {Path(file).stem.lower(): file for file in findSystemFonts()}
     for stem in _CHINESE_FONTS:
@@ -120,14 +120,14 @@ def write(figure: Any, path: Path, dpi: int = 130, caption: str = '') -> Path:
 
 
 def _add_caption(figure: Any, caption: str) -> None:
-    """Write a caption below a figure and its legends, once, after making room for it."""
+    """Reserve space below a figure and its legends and write a caption there, once."""
     if any(one.get_gid() == _CAPTION_ID for one in figure.texts):
         return
     width, height = figure.get_size_inches().tolist()
     height += _CAPTION_IN
     figure.set_size_inches(width, height)
     below = _CAPTION_IN / height
-    legends = _LEGEND_IN / height if figure.legends else 0.0       # a layout with rect reserves no room for legends
+    legends = _LEGEND_IN / height if figure.legends else 0.0       # a layout with rect reserves no space for legends
     figure.get_layout_engine().set(rect=(0, below + legends, 1, 1 - below - legends))
     for legend in figure.legends:
         legend.set_bbox_to_anchor((0, below, 1, 1 - below), figure.transFigure)

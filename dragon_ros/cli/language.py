@@ -13,7 +13,7 @@ def add_lang_option(parser: ArgumentParser, what: str) -> None:
 
 
 def language_of(given: str | None) -> str:
-    """Return the given language; without one, ``zh`` if the locale of the environment is Chinese, otherwise ``en``."""
+    """Return the given language; if None, return ``zh`` for a Chinese locale of the environment, otherwise ``en``."""
     if given is not None:
         return given
     locale = next((value for name in ('LC_ALL', 'LC_MESSAGES', 'LANG') if (value := os.environ.get(name))), '')

@@ -18,14 +18,14 @@ from dragon_ros.cli.signals import ending
 from dragon_ros.core.checks import whole
 from dragon_ros.core.errors import DragonError
 
-if TYPE_CHECKING:       # most commands start no processes
+if TYPE_CHECKING:       # imported lazily, since most commands start no processes
     from concurrent.futures import ProcessPoolExecutor
 
 _MOST = 1024    # largest number of --workers
 _AHEAD = 2      # jobs in flight per other process: one in work, one waiting
-_WAITING = 4    # results per worker that wait for their turn
-_SEEN_S = 0.05  # of work, from which the remaining work is estimated
-_WORTH_S = 1.0  # of remaining work for one process, from which other processes pay off
+_WAITING = 4    # most results per worker that wait for their turn
+_SEEN_S = 0.05  # seconds of work from which the remaining work is estimated
+_WORTH_S = 1.0  # seconds of remaining work above which other processes pay off
 J = TypeVar('J')
 R = TypeVar('R')
 _pickled: bytes
@@ -58,7 +58,7 @@ class Pool:
         return workers_of(self.given)
 
     def in_order(self, work: Callable[[J], R], jobs: Iterable[J], count: int | None = None) -> Generator[R, None, None]:
-        """Yield ``work(job)`` for each job, in order; ``count`` is the number of jobs if they have no length.
+        """Yield ``work(job)`` for each job, in order; ``count`` is the number of jobs if ``jobs`` has no length.
 
         The other processes get a pickled copy of ``work``. At most ``4 * workers`` results wait for their turn, which
         bounds the memory. The others ignore signals, and end when this process ends for any reason. Raises
@@ -92,7 +92,7 @@ ALONE = Pool(1)
 
 
 def _seen(work: Callable[[J], R], rest: Iterator[J], count: int) -> Generator[R, None, float]:
-    """Yield some results of this process, and return how many seconds it would take for the remaining ones.
+    """Yield the first results of this process, and return how many seconds it would take for the remaining ones.
 
     The first result is not timed, since it fills caches.
     """
@@ -110,8 +110,8 @@ def _seen(work: Callable[[J], R], rest: Iterator[J], count: int) -> Generator[R,
 def _started(others: int, pickled: bytes) -> tuple['ProcessPoolExecutor', list[Future[None]]]:
     """Return a pool of processes and, for each, a future that is done when the process has started.
 
-    They are forked if that is safe, which takes no time: this process must have a single Python thread (that of
-    OpenBLAS ends at a fork). Otherwise they are started anew, which takes a third of a second for imports.
+    They are forked if that is safe, which takes no time: this process must have a single Python thread (OpenBLAS ends
+    its threads before a fork). Otherwise new interpreters are started, and their imports take a third of a second.
     """
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
@@ -144,7 +144,7 @@ def _end_together(pool: Any) -> None:
 def _end(pool: Any, watch: threading.Thread) -> None:
     """Shut a pool down and wait for its threads; ``watch`` runs `_end_together`."""
     manager = pool._executor_manager_thread
-    pool.shutdown(wait=False, cancel_futures=True)      # waiting, it closes what the watch closes
+    pool.shutdown(wait=False, cancel_futures=True)      # with wait=True, it would close the pipe that ``watch`` closes
     watch.join()
     manager.join()
 
@@ -201,12 +201,12 @@ def _end_with_parent(alive: tuple[int, int] | None) -> None:
 
 @cache
 def _work() -> Callable[[Any], Any]:
-    work: Callable[[Any], Any] = pickle.loads(_pickled)     # pickled by the process that started this one
+    work: Callable[[Any], Any] = pickle.loads(_pickled)     # by the process that started this one
     return work
 
 
 def _warm() -> None:
-    """Unpickle the work, which shows that the process has started; errors are raised by a job."""
+    """Unpickle the work, which shows that the process has started; a job raises the errors."""
     with suppress(Exception):
         _work()
 

@@ -1,4 +1,4 @@
-"""Show the progress of long work on a terminal. For work of less than a second nothing is shown or imported."""
+"""Show the progress of long work on a terminal. If work takes less than a second, nothing is shown or imported."""
 import sys
 import time
 from collections.abc import Iterable, Iterator
@@ -24,7 +24,7 @@ class Progress:
         self._is_seen = sys.stderr is not None and sys.stderr.isatty()
 
     def update(self, more: float = 1) -> None:
-        """Count some more."""
+        """Increase the count."""
         self.done += more
         if self._bar is not None:
             self._bar.update(more)
@@ -32,7 +32,7 @@ class Progress:
             self._show()
 
     def reach(self, done: float) -> None:
-        """Count up to a number."""
+        """Raise the count to a number."""
         self.update(done - self.done)
 
     def note(self, text: str) -> None:

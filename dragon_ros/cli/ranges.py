@@ -5,8 +5,8 @@ from re import compile as pattern
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError, shown
 
-_LATEST_S = 1e10        # beyond any time stamp
-_MOST = 10**7           # most values of one option
+_LATEST_S = 1e10        # later than any time stamp
+_MOST = 10**7           # largest number of values of one option
 _DASHED = pattern(r'([\d.]+)-([\d.]+)')
 
 
@@ -17,7 +17,7 @@ def times_of(text: str, option: str = '--times') -> list[float]:
 
 
 def handles_of(text: str | None, benches: int, option: str = '--handles') -> list[int]:
-    """Return the handles of a text such as ``0,1,51``, ``0-10`` or ``0:223:10``; all handles if there is no text."""
+    """Return the handles of a text such as ``0,1,51``, ``0-10`` or ``0:223:10``; all handles if no text is given."""
     if text is None:
         return list(range(benches + 1))
     handles = [int(value) for value in _values(text, option, int)]
@@ -29,7 +29,7 @@ def handles_of(text: str | None, benches: int, option: str = '--handles') -> lis
 
 
 def _values(text: str, option: str, read: Callable[[str], float]) -> Iterator[float]:
-    """Yield the values of each part. Raises InputError for an invalid part, and for too many values."""
+    """Yield the values of each part. Raises InputError for an invalid part or too many values."""
     room = _MOST
     for part in text.split(','):
         try:

@@ -12,9 +12,9 @@ from dragon_ros.core.search.certificate import ALL, Contact, Interval, NoContact
 from dragon_ros.core.search.family import FamilyProof
 from dragon_ros.scenes.load import scene_values
 
-_VERSION = 2        # of the format and the meaning of its claims; certificates made up to 0.2.0 lack it and count as 1
-_WITH_VENUE = 3     # for a scene with a venue
-_MOST = 20_000      # rows of a certificate, which are only hints where to split
+_VERSION = 2        # version of the format and of its claims' meaning; without it (up to 0.2.0), 1
+_WITH_VENUE = 3     # version for a scene with a venue
+_MOST = 20_000      # largest number of rows of a certificate; rows are only hints where to split
 _NAMES = {ALL: 'all', 0: 'head', 1: 'body'}
 
 
@@ -63,7 +63,7 @@ def _contact(found: Contact | NoContact) -> dict[str, Any]:
 
 
 def _rows(intervals: Sequence[Interval]) -> list[dict[str, Any]]:
-    """Return the rows; if there are more intervals than rows, each row covers several consecutive ones."""
+    """Return the rows; if there are too many intervals for one per row, each row covers several consecutive ones."""
     most, joined = ceil(len(intervals) / _MOST), 1
     out: list[dict[str, Any]] = []
     for row in map(_row, intervals):

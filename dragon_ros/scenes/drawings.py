@@ -1,7 +1,7 @@
 """Read the line to walk from a drawing (SVG, GeoJSON, WKT or CSV) as parts in metres, with y upwards.
 
 svgelements interprets SVG paths, shapes, transforms, units and viewBox. It receives only the chosen element and its
-groups, from a parser that rejects files that are too large, nested too deeply or declare entities.
+groups, from a parser that rejects files that are too large, are nested too deeply or declare entities.
 """
 import csv
 import io
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 _SVG = '{http://www.w3.org/2000/svg}'
 _LABEL = '{http://www.inkscape.org/namespaces/inkscape}label'
 _SHAPES = ('path', 'polyline', 'line', 'polygon', 'rect', 'circle', 'ellipse')
-_AROUND = ('svg', 'g', 'a', 'switch')     # whose contents are not drawn in place
-_PX_M = 0.0254 / 96     # CSS: a pixel is a 96th of an inch
+_AROUND = ('svg', 'g', 'a', 'switch')     # containers whose contents are drawn in place
+_PX_M = 0.0254 / 96     # in CSS, a pixel is a 96th of an inch
 _MOST_LISTED = 12
 _SIZE = re.compile(r'\s*(\d{1,20}(?:\.\d{0,20})?|\.\d{1,20})\s*(mm|cm|in|pt|pc)\s*')
 _MM = {'mm': 1.0, 'cm': 10.0, 'in': 25.4, 'pt': 25.4 / 72, 'pc': 25.4 / 6}
-_JOINED = 1e-9          # relative to a coordinate: ends closer than this are one point
+_JOINED = 1e-9          # relative to a coordinate; ends closer than this are one point
 _SCALE = re.compile(r'1\s*:\s*(\d+(?:\.\d*)?)')
-METRES = 'metres of the SVG: '      # then six numbers a to f, in the description: x = a u + c v + e, y = b u + d v + f
+METRES = 'metres of the SVG: '      # before six numbers a to f in the description: x = a u + c v + e, y = b u + d v + f
 _NUMBER = r'[-+0-9.eE]{1,30}'
 _METRES = re.compile(METRES + r'matrix\((' + ', '.join([_NUMBER] * 6) + r')\)')
 # Errors that svgelements raises for invalid drawings.
@@ -63,7 +63,7 @@ def _turned_round(part: DrawnPart) -> DrawnPart:
 
 
 def metres_a_unit(scale: str | None, unit_m: float | None) -> tuple[float, bool] | None:
-    """Return metres per unit, and whether the unit is a metre on paper; None if neither scale nor unit is given.
+    """Return metres per unit, and whether the unit is a metre on paper; return None if neither scale nor unit is given.
 
     Raises FieldError.
     """
@@ -109,7 +109,7 @@ def chosen(path: Path, what: str, names: list[str], asked: str | None, option: s
 # CSV
 
 def csv_line(path: Path, unit_m: float) -> DrawnLine:
-    """Return the points of a CSV file: columns x and y (or x_m, y_m), or the first two columns if it has no header."""
+    """Return the points of a CSV file from columns x and y (or x_m, y_m), or from the first two if it has no header."""
     text = _text(path, bytes_of(path))
     try:
         rows = [(number, row) for number, row in enumerate(csv.reader(io.StringIO(text), _dialect(text)), 1)
@@ -197,7 +197,7 @@ def svg_line(path: Path, asked: str | None, scale: tuple[float, bool] | None) ->
     """Return a path of an SVG file by its id or Inkscape label; the lower left corner of the page is (0, 0).
 
     ``scale`` is metres per unit of the viewBox, or per metre on paper. Pictures that define their own scale, such as
-    those of ``plot``, accept none.
+    those of ``plot``, do not accept one.
     """
     root = _tree(path, bytes_of(path))
     shapes = list(_shapes(root, [root]))
@@ -213,7 +213,7 @@ def svg_line(path: Path, asked: str | None, scale: tuple[float, bool] | None) ->
 
 
 def _id_of(shapes: list[tuple[list['Element'], 'Element']], names: list[str], asked: str | None) -> str | None:
-    """Return the id of the only path with this label, if no path has it as an id."""
+    """Return the id of the only path with this label if no path has the label as its id."""
     labelled = [name for name, shape in zip(names, shapes, strict=True) if asked in _said(*shape, _LABEL)]
     return labelled[0] if asked is not None and asked not in names and len(labelled) == 1 else asked
 
@@ -224,12 +224,12 @@ def _name(number: int, above: list['Element'], element: 'Element') -> str:
 
 
 def _said(above: list['Element'], element: 'Element', key: str) -> list[str]:
-    """Return an attribute of a shape and of the groups that contain nothing else."""
+    """Return the values of an attribute of a shape, and of its group if that contains nothing else."""
     return [value for one in (element, *(above[-1:] if len(above[-1]) == 1 else [])) if (value := one.get(key))]
 
 
 def _tree(path: Path, data: bytes) -> 'Element':
-    """Parse a file without entities, checking depth and number of elements on the way."""
+    """Parse a file that declares no entities; check its depth and number of elements while parsing."""
     builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate(namespace_separator='}')
     depth, count = 0, 0
 
@@ -255,7 +255,7 @@ def _tree(path: Path, data: bytes) -> 'Element':
         parser.Parse(data, True)
     except expat.ExpatError as error:
         raise InputError(f'{path}: it is not SVG: {error}') from None
-    except ValueError as error:     # an encoding unknown to Python
+    except ValueError as error:     # Python does not know the encoding
         raise InputError(f'{path}: it is not SVG: {shown(str(error))[1:-1]}') from None
     return builder.close()
 
@@ -279,7 +279,7 @@ def _shapes(element: 'Element', above: list['Element']) -> Iterator[tuple[list['
 
 
 def _metres_of(root: 'Element') -> tuple[float, ...] | None:
-    """Return the matrix from user units to metres in a picture's description."""
+    """Return the matrix from user units to metres that a picture's description contains."""
     for element in root.iter():
         found = _METRES.search(element.text or '')
         if found:

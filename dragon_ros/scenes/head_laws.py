@@ -19,7 +19,7 @@ KEYS = ('kind', 'law', 'settings')
 
 
 def plugged(document: Document) -> Head | Profile:
-    """Return the custom head law that section head names. Raises InputError if it is missing or invalid."""
+    """Return the custom head law that the section head names. Raises InputError if it is missing or invalid."""
     given = document.section('head')
     document.check_keys('head.', given, KEYS)
     name, settings = given.get('law'), given.get('settings', {})
@@ -43,7 +43,7 @@ def plugged(document: Document) -> Head | Profile:
 
 def _found(document: Document, name: Any) -> 'EntryPoint':
     """Return the entry point with a name, without loading it."""
-    from importlib.metadata import entry_points  # importing this takes a tenth of the time of command `table`
+    from importlib.metadata import entry_points  # this import takes a tenth of the time of the command `table`
     known = entry_points(group=GROUP)
     found = [one for one in known if one.name == name]
     if len(found) != 1:

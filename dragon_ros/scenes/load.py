@@ -29,9 +29,9 @@ SECTIONS: dict[str, dict[str, type]] = {
     'noise': {'': Noise},
     'trails': {'': Trails},
     'venue': {'': Venue},
-}       # by kind; the first kind is the default
-_ABSENT = ('venue',)        # sections that have no default
-# Lists of mappings in a section, by their key.
+}       # each by its kinds; the first kind is the default
+_ABSENT = ('venue',)        # sections without a default
+# Keys that hold a list of mappings.
 PARTS: dict[str, dict[str, type]] = {'pieces': dict(PIECES), 'groups': {'': Group}, 'obstacles': dict(OBSTACLES)}
 _EXAMPLES = {'pieces': '{kind: line, length_m: 5}', 'groups': '{count: 100, length_m: 2.2}',
              'obstacles': '{kind: line, name: wall, points_m: [[0, 0], [9, 0]]}'}
@@ -39,10 +39,10 @@ _PAIRS = {'at_m': 'a point; write for example [1.5, 2]', 'origin_deg': 'a positi
 _WORDS = ('lead', 'ramps', 'side', 'name')
 CHOICES = ('solver', 'markers')
 SINGLES = ('accuracy', 'effects', *CHOICES)
-_MOST_SHOWN = 100       # characters of a --set in an error
-# Lines of corners of a venue, as provenance writes them.
+_MOST_SHOWN = 100       # longest --set in an error message, in characters
+# Lines with corners of a venue, as provenance writes them.
 _CORNERS = re.compile(r"^[ -]*(?:points_m|inside)?:? *'?[-+.e0-9, ]+'?\n", re.MULTILINE)
-ABOUT = 'about'     # free notes on a scene, without effect
+ABOUT = 'about'     # notes on a scene, which have no effect
 
 
 def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
@@ -74,7 +74,7 @@ def load_venue(name_or_file: str) -> Venue:
 
 
 def _read(name_or_file: str) -> Document:
-    """Return the document of a name or file, including the venue file that it names."""
+    """Return the document of a scene's name or file, including the venue file that it names."""
     path = _find(name_or_file)
     document = read_document(path)
     _take_file(document, path.parent)
@@ -161,13 +161,13 @@ def strangers_scene(name: str, text: str, trust: bool = False) -> Scene:
         _within(name, 'benches', scene.dragon.benches, SCENE_BENCHES)
     _check_compiled(document, scene)
     if not trust:
-        with suppress(FieldError):      # an endless run is rejected later, where its ticks are iterated
+        with suppress(FieldError):      # an endless run is rejected later, when its ticks are iterated
             _within(name, 'ticks', compile_scene(scene).last_tick + 1, SCENE_TICKS)
     return scene
 
 
 def _characters_of_corners(text: str) -> int:
-    """Return how many characters of a scene's text are in lines that contain only corners of a venue."""
+    """Return the number of characters in those lines of a scene's text that contain only corners of a venue."""
     return sum(map(len, _CORNERS.findall(text)))
 
 
@@ -263,7 +263,7 @@ def _build(document: Document, name: str, kinds: dict[str, type]) -> Any:
 
 
 def _made(document: Document, name: str, kinds: dict[str, type], given: dict[str, Any]) -> Any:
-    """Return the dataclass of a kind; keys and shapes are checked here, values by the dataclass."""
+    """Return the dataclass of a kind; keys and shapes are checked here, and the dataclass checks the values."""
     chosen = given.pop('kind', next(iter(kinds))) if len(kinds) > 1 else ''
     if not isinstance(chosen, str) or chosen not in kinds:
         document.refuse(f'{name}.kind', f'{shown(chosen)} is not known; '
@@ -289,7 +289,7 @@ def _part(document: Document, name: str, key: str, given: Any) -> Any:
 
 
 def _value(document: Document, name: str, value: Any) -> Any:
-    """Return numbers as numbers, and the lists of some keys as tuples."""
+    """Return the value of a key: numbers as numbers, and the lists of certain keys as tuples."""
     key = name.rpartition('.')[2]
     if key == 'knots':
         if not isinstance(value, list) or not all(_is_pair(knot) for knot in value):
@@ -314,7 +314,7 @@ def _value(document: Document, name: str, value: Any) -> Any:
 
 
 def _points(document: Document, name: str, value: Any) -> tuple[tuple[Any, ...], ...]:
-    """Return points: a list of pairs, or shorter text as in WKT (``0 0, 4 0, 4 3``)."""
+    """Return points from a list of pairs, or from the shorter text of WKT (``0 0, 4 0, 4 3``)."""
     if isinstance(value, str):
         pairs = [one.split() for one in value.split(',')]
         try:

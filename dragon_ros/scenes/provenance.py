@@ -68,7 +68,7 @@ def scene_file(scene: Scene, settings: Mapping[str, Any] | None = None) -> str:
     if scene.venue is None:
         return yaml.safe_dump(values, sort_keys=False)
     values['venue'] = _with_short_points(values['venue'])
-    return yaml.safe_dump(values, sort_keys=False, width=inf)       # points on one line each
+    return yaml.safe_dump(values, sort_keys=False, width=inf)       # one line for each list of points
 
 
 def _with_short_points(value: Any) -> Any:
@@ -102,7 +102,7 @@ def run_metadata(text: str, scene: Scene | None, recorder: Mapping[str, str]) ->
 
 
 def _only_in(words: str, others: str) -> str:
-    """Return the words that another list lacks; two lists of CPU features differ in few words."""
+    """Return the words that the other list lacks; two lists of CPU features differ in few words."""
     known = set(others.split())
     left = [word for word in words.split() if word not in known]
     return shown(' '.join(left)) if left else 'fewer'

@@ -1,4 +1,4 @@
-"""The JSON Schema of scene files, made from their dataclasses, for editors and other programs.
+"""The JSON Schema of scene files for editors and other programs, generated from their dataclasses.
 
 It covers names, types and choices. Limits on numbers are checked when a scene is built, with clearer errors.
 """
@@ -23,17 +23,17 @@ _PLAIN: dict[Any, Schema] = {int: {'type': 'integer'}, float: {'type': 'number'}
                              type(None): {'type': 'null'}}
 
 
-# Points of a venue: pairs, or the text of WKT.
+# Points of a venue are pairs, or the text of WKT.
 _POINTS: Schema = {'anyOf': [{'type': 'array', 'minItems': 2, 'items': {
     'type': 'array', 'prefixItems': [{'type': 'number'}] * 2, 'items': False, 'minItems': 2}}, {'type': 'string'}]}
 _VENUE_FILE: Schema = {
-    'file': {'description': 'GeoJSON or WKT file beside this one with the obstacles and the inside',
+    'file': {'description': 'GeoJSON or WKT file with the obstacles and the inside, relative to this file',
              'type': 'string', 'default': None},
     'origin_deg': {'description': 'longitude and latitude of the origin (the centre of a file in degrees)',
                    'type': ['array', 'null'], 'items': {'type': 'number'}, 'minItems': 2, 'maxItems': 2,
                    'default': None}}
 _PLUGIN: Schema = {
-    'description': 'A custom head law, by the name of its entry point, with its settings (docs/ros.md).',
+    'description': 'A custom head law: the name of its entry point, and its settings (docs/ros.md).',
     'type': 'object', 'additionalProperties': False, 'required': ['kind', 'law'],
     'properties': {'kind': {'const': PLUGIN}, 'law': {'type': 'string'},
                    'settings': {'type': 'object', 'default': {}}}}
@@ -63,7 +63,7 @@ def text() -> str:
 
 
 def _section(kinds: Mapping[str, type]) -> Schema:
-    """Return the schema of a section: any of its kinds, by default the first."""
+    """Return the schema of a section, which accepts any of its kinds; the first kind is the default."""
     made = [kind_schema(name, one, needed=number > 0) for number, (name, one) in enumerate(kinds.items())]
     return made[0] if len(made) == 1 else {'oneOf': made}
 

@@ -27,7 +27,7 @@ class Feature:
 
 @dataclass(frozen=True)
 class Drawing:
-    """The features of a file, and the longitude and latitude of its origin; None if none is known."""
+    """The features of a file, and the longitude and latitude of its origin (None if unknown)."""
 
     features: tuple[Feature, ...]
     origin_deg: tuple[float, float] | None = None
@@ -37,8 +37,8 @@ def read_drawing(path: Path, origin_deg: tuple[float, float] | None = None) -> D
     """Return the features of a GeoJSON (``.geojson``, ``.json``) or WKT (``.wkt``, one per line) file, in metres.
 
     Degrees become metres east and north of ``origin_deg`` (longitude, latitude), by default the centre of the drawing.
-    Metres are kept; ``origin_deg`` is then the position of (0, 0). Raises MissingError if the file cannot be read,
-    InputError if it is invalid.
+    Coordinates in metres are kept; ``origin_deg`` is then the position of (0, 0). Raises MissingError if the file
+    cannot be read, InputError if it is invalid.
     """
     text = _text_of(path)
     if path.suffix.lower() == '.wkt':
@@ -49,7 +49,7 @@ def read_drawing(path: Path, origin_deg: tuple[float, float] | None = None) -> D
 
 
 def venue_values(path: Path, origin_deg: tuple[float, float] | None = None) -> dict[str, Any]:
-    """Return the obstacles, inside and origin of a file, as a scene file has them. Raises as ``read_drawing`` does."""
+    """Return the obstacles, inside and origin of a file, laid out as in a scene file. Raises like ``read_drawing``."""
     obstacles: list[dict[str, Any]] = []
     out: dict[str, Any] = {}
     drawing = read_drawing(path, origin_deg)
@@ -200,7 +200,7 @@ def _geometry(path: Path, name: object, values: Any) -> Any:
 
 
 def _crs(path: Path, values: dict[str, Any]) -> str | None:
-    """Return the coordinate reference system; None for local metres."""
+    """Return the coordinate reference system, or None for local metres."""
     units = values.get('units')
     if units is not None and units not in ('m', 'degrees'):
         raise InputError(f'{path}: units: {shown(units)} is neither "m" nor "degrees"')

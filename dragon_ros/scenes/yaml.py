@@ -11,7 +11,7 @@ import yaml
 from dragon_ros.core.errors import InputError, MissingError, did_you_mean, shown
 from dragon_ros.core.limits import SCENE_FILE_BYTES, YAML_DEPTH, YAML_VALUES
 
-_LONG = 16_384      # characters; pure PyYAML reads this many in 30 ms
+_LONG = 16_384      # pure PyYAML reads this many characters in 30 ms
 _EXPONENT = pattern(r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+')
 
 
@@ -55,7 +55,7 @@ class Document:
 
 
 def read_own(path: Path) -> Document:
-    """Read a YAML mapping that comes with the package, with libyaml if PyYAML has it (ten times as fast)."""
+    """Read a YAML mapping that comes with the package; libyaml, if PyYAML has it, is ten times as fast."""
     return _document(str(path), path.read_text(encoding='utf-8'), getattr(yaml, 'CSafeLoader', _Loader))
 
 
@@ -100,8 +100,8 @@ def _document(name: str, text: str, kind: Callable[[str], Any]) -> Document:
 def _composed(text: str, kind: Callable[[str], Any]) -> tuple[Any, yaml.Node | None]:
     """Return a loader and the root of a text. Long texts use libyaml, if PyYAML has it, because it is faster.
 
-    ``kind`` reads texts that libyaml rejects or that are nested too deeply, because its errors quote text and position.
-    Raises YAMLError or ValueError.
+    ``kind`` reads texts that libyaml rejects or that are nested too deeply, because its errors quote the text and the
+    position. Raises YAMLError or ValueError.
     """
     fast = getattr(yaml, 'CSafeLoader', None)
     if fast is not None and kind is _Loader and len(text) > _LONG:
@@ -162,7 +162,7 @@ def check_size(root: yaml.Node | None) -> None:
 
     def size(node: yaml.Node) -> int:
         if id(node) not in sizes:
-            sizes[id(node)] = YAML_VALUES + 1       # stops at a value that contains itself
+            sizes[id(node)] = YAML_VALUES + 1       # a value that contains itself counts as too many values
             sizes[id(node)] = 1 + sum(map(size, _below(node)))
         return sizes[id(node)]
     if root is not None and size(root) > YAML_VALUES:
