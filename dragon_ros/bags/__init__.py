@@ -1,1 +1,1 @@
-"""MCAP bags: reading, writing, checking and recording. Never imports rclpy."""
+"""MCAP bags: reading, writing, checking and recording. This package never imports rclpy."""

@@ -1,4 +1,4 @@
-"""Compare a bag with the model tick by tick: bit for bit, or to the promise of its tier if bits differ.
+"""Compare a bag with the model tick by tick: bit for bit, or within the promise of its tier if bits differ.
 
 The last bits may differ between machines and between versions of this software. Handles, benches and velocities must
 then agree within twice the tier's promise, because each side may be off by one promise. If the bag was made by another
@@ -46,14 +46,14 @@ from dragon_ros.scenes.provenance import RECORD, other_kernel
 from dragon_ros.version import __version__
 
 _HUGE = 1e100
-_MOST_LAST = 128        # ticks at the end of a led run that may lack a topic, because a killed recorder may have lagged
-_PART_BYTES = 2**23     # of the messages of a part of a run: a tenth of a second of work, about eight chunks
+_MOST_LAST = 128        # ticks at the end of a led run that may lack a topic because a killed recorder may have lagged
+_PART_BYTES = 2**23     # messages per part of a run: about eight chunks, which take a tenth of a second
 _Instant = tuple[int, dict[str, list[bytes]]]
 _Span = tuple[int, int]
 _SHOWN = 'model/markers'        # markers may differ between versions; the contacts themselves are in model/contacts
 _SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # solver diagnostics, which may differ between versions
-_POINT_FIELDS = {6: '<u4', 7: '<f4', 8: '<f8'}       # arrays of a cloud: handles, coordinates, speeds
-MOST_FAULTS = 1000      # lines kept; all are counted
+_POINT_FIELDS = {6: '<u4', 7: '<f4', 8: '<f8'}       # types of a cloud's arrays: handles, coordinates, speeds
+MOST_FAULTS = 1000      # lines that are kept; all faults are counted
 _VIEWS: dict[str, Callable[[bytes | bytearray], list[Array]]] = {
     'handles': lambda data: [read_pose_array(data).poses],
     'benches': lambda data: read_marker_array(data).geometry,
@@ -175,8 +175,8 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
     """Recompute every tick of the scene's run and compare each topic's message with the one in the bag.
 
     A run that ends in a contact consists of the ticks before ``contact_s`` and a last frame at exactly that time.
-    ``compared`` gets what compares a part of the run, and the parts; it returns the results in order, wherever they are
-    computed. A led run, and a bag with wall-clock log times, are one part.
+    ``compared`` receives the function that compares a part of the run, and the parts; it returns the results in order,
+    regardless of where they are computed. A led run is a single part, and so is a bag with wall-clock log times.
     """
     made = bag.metadata(RECORD)
     made_by = made.get('about.dragon_ros')
@@ -196,10 +196,10 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
 
 
 class _PartOfRun:
-    """Compares parts of a run that is determined by the scene alone; unpickled, it opens the bag again."""
+    """Compares parts of a run that the scene alone determines; a pickled copy opens the bag again."""
 
     def __init__(self, bag: BagReader, *settings: Any) -> None:
-        """Take the bag and ``settings``, which are named below."""
+        """Take the bag and its scene, namespace, frame id, contact time, and other version and kernel."""
         self._bag, self._settings = bag, settings
         self._scene, self._namespace, frame_id, contact_s, self._made_by = settings
         self._encode = encoders(self._scene, frame_id)
@@ -254,7 +254,7 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
     """Compare the ticks of a led dragon, with the speeds recorded in its topic ``leader``.
 
     Such a run may end at any tick. In up to ``most`` of its last ticks, topics may be missing because a killed recorder
-    had not received them yet, but the messages that exist must not differ. After a missing speed, nothing can be
+    had not received them yet, but the existing messages must not differ. After a missing speed, nothing can be
     recomputed.
     """
     law, waiting, left = None, list[tuple[int, Frame, dict[str, list[bytes]]]](), iter(instants)
@@ -307,9 +307,9 @@ def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, f
 
 
 def _compare_once(result: Comparison, bag: BagReader, scene: Scene, topics: Mapping[str, str], frame_id: str) -> None:
-    """Compare the messages of the topics that are published once per run, by full name, in one pass over the bag.
+    """Compare, in one pass over the bag, the messages of the topics (by full name) that are published once per run.
 
-    They may be the only source of the scene.
+    These messages may be the only source of the scene.
     """
     text = bag.metadata(RECORD).get('scene')
     wanted = {topic: ENCODE[name](scene, frame_id) if name in ENCODE else None if text is None else string_message(text)
@@ -354,7 +354,7 @@ def _instants(bag: BagReader, namespace: str, names: Iterable[str], start_ns: in
               end_ns: int | None = None) -> Iterator[_Instant]:
     """Yield (time of a tick, messages by topic name) for the topics of a namespace.
 
-    Only a bag whose log times are ticks is read in part, from ``start_ns`` on and before ``end_ns``.
+    Only a bag whose log times are ticks can be read in part, from ``start_ns`` on and before ``end_ns``.
     """
     if log_times_are_ticks(bag, namespace):
         rows: Iterable[tuple[int, str, bytes]] = (
@@ -370,15 +370,15 @@ def _instants(bag: BagReader, namespace: str, names: Iterable[str], start_ns: in
         recorded: dict[str, list[bytes]] = {}
         for _, name, data in group:
             found = recorded.setdefault(name, [])
-            found.append(data if not found else b'')        # of several messages, only their number matters
+            found.append(data if not found else b'')        # if there are several messages, only their number matters
         yield t_ns, recorded
 
 
 def _stamped(bag: BagReader, namespace: str, name: str, stamps: Ints) -> Iterator[tuple[int, str, bytes]]:
     """Yield (stamp, name, message) of one topic of a bag with wall-clock log times.
 
-    A message without a stamp belongs to the handles with the same index: each topic arrives in order, but topics
-    overtake each other.
+    A message without a stamp belongs to the handles with the same index, because each topic arrives in order although
+    topics overtake each other.
     """
     kind = channels()[name].type
     for n, message in enumerate(bag.messages([f'{namespace}/{name}'])):
@@ -436,7 +436,7 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, r
         return inf
     offs = [np.abs(one - other) for one, other in zip(got, expected, strict=True)]
     for view in (*expected, *got):
-        view[...] = 0.0         # a view: with it zeroed, the bytes contain everything else
+        view[...] = 0.0         # a view of the bytes; without it, they contain everything else
     if ours != theirs:
         return inf
     if not any(np.any(off) for off in offs):        # a speed of 0 may be -0
@@ -468,10 +468,10 @@ def _speed_m_s(frame: Frame, scene: Scene) -> float:
 def _off_of_others_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:
     """Return the deviation in metres of a message of another version or kernel; inf if more than its numbers differs.
 
-    Accelerations and tensions contain second derivatives of positions. They multiply a position error by the square of
-    the leader's speed / link^2, and by each further power of the conditioning that a derivative adds. A tension sums
-    the forces on all handles up to the free end. Forces are passed from link to link along directions whose relative
-    error is position error / link.
+    Accelerations and tensions contain second derivatives of positions. They multiply a position error by (leader's
+    speed)^2 / link^2, and by each further power of the conditioning that a derivative adds. A tension is the sum of the
+    forces on all handles up to the free end. Forces are passed from link to link along directions whose relative error
+    is position error / link.
     """
     kind = channels()[name].type
     try:

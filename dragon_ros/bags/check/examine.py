@@ -35,14 +35,15 @@ _BLOCK = 2**20
 _MOST_RANGES = 20
 _REGULAR = 0.8      # a topic has ticks if this fraction of its steps is within a tenth of the median
 _LEAST = 3
-Checks = dict[int, LengthCheck | str]       # by channel: its length check, or the reason for having none
+Checks = dict[int, LengthCheck | str]       # by channel: its length check, or the reason why it has none
 
 
 @dataclass
 class TopicSeen:
     """A topic of a bag: type, encoding, count and bytes of its messages, and their log times in file order.
 
-    The lengths of ``measured`` messages were compared with the type; ``unmeasured`` has the reasons for the others.
+    ``measured`` is the number of messages whose lengths were compared with the type; ``unmeasured`` gives the reasons
+    for the others.
     """
 
     type: str
@@ -77,7 +78,7 @@ def examine(path: Path, progress: Callable[[int], object] = lambda size: None) -
         except InputError as error:
             if len(contents.files) == 1:
                 raise
-            contents.problems.note(error)       # a part that a killed recorder had just begun
+            contents.problems.note(error)       # a killed recorder had just begun this part
             continue
         with closing(file):
             _examine(contents, file, progress)
@@ -163,7 +164,7 @@ def _measure(contents: Contents, index: Index, checks: Checks, seen: TopicSeen, 
 
 
 def _check_of(index: Index, channel: Channel) -> LengthCheck | str:
-    """Return the length check of a channel, or the reason for having none."""
+    """Return the length check of a channel, or the reason why it has none."""
     schema = index.schemas.get(channel.schema_id)
     if schema is None:
         return 'no schema'
@@ -175,7 +176,7 @@ def _check_of(index: Index, channel: Channel) -> LengthCheck | str:
 
 
 def _check_others(contents: Contents, file: McapFile, scanned: Index) -> None:
-    """Report metadata and attachments that do not parse, since other readers stop at them. Large ones are not read."""
+    """Report metadata and attachments that do not parse, since other readers stop at them; skip large records."""
     for places, parse in ((scanned.metadata, Metadata.read), (scanned.attachments, Attachment.read)):
         for place in places:
             try:
@@ -221,7 +222,7 @@ def _check_data_crc(contents: Contents, file: McapFile, scanned: Index) -> None:
 
 @dataclass(frozen=True)
 class Gaps:
-    """Messages per second and, for a topic with ticks, the missing ticks and the number of duplicates.
+    """Messages per second and, for a topic with ticks, the missing ticks and the number of duplicate messages.
 
     Ticks are numbered as in the scene's run, or from the first message if the bag has no scene; ``ranges`` lists the
     first missing ticks as (first, last). If messages are irregularly spaced, all fields but ``rate_hz`` are None.
@@ -243,7 +244,7 @@ def gaps_of(times_ns: 'array[int]', run: Run | None, each_tick: bool = True) -> 
     steps = np.diff(distinct(times))
     if not each_tick or steps.size + 1 < _LEAST:
         return Gaps(rate_hz)
-    usual = float(np.mean(np.sort(steps)[(steps.size - 1) // 2:steps.size // 2 + 1]))     # their median spacing
+    usual = float(np.mean(np.sort(steps)[(steps.size - 1) // 2:steps.size // 2 + 1]))     # median spacing of times
     if np.mean(np.abs(steps - usual) <= 0.1 * usual) < _REGULAR:
         return Gaps(rate_hz)
     start_ns, period_ns = (run.start_ns, NS / run.rate_hz) if run else (times[0], usual)

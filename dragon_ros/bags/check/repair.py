@@ -78,7 +78,7 @@ def repair(path: Path, output: Path, progress: Callable[[int], object] = lambda 
             except InputError as error:
                 if len(parts) == 1:
                     raise
-                done.lost.note(error)       # a part that a killed recorder had just begun
+                done.lost.note(error)       # a killed recorder had just begun this part
                 continue
             with closing(file):
                 _save(done, sink, file, progress)

@@ -40,12 +40,12 @@ def _folder_of(path: Path) -> Path | None:
     folder = path.parent if path.name == METADATA else path
     try:
         return folder if folder.is_dir() else None
-    except OSError as error:        # such as a name that is too long
+    except OSError as error:        # for example, the name is too long
         raise MissingError(f'{shown(str(path))}: cannot be read: {error.strerror}') from None
 
 
 def _parts(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Return the parts that metadata.yaml lists, and the others: those with similar names, or all if it lists none."""
+    """Return the parts that metadata.yaml lists, and the others: files with similar names, or all if it lists none."""
     listed = _listed(folder / METADATA) if (folder / METADATA).is_file() else None
     stems = {_number(part)[0] for part in listed or ()}
     others = [part for part in folder.glob('*.mcap')
@@ -54,7 +54,7 @@ def _parts(folder: Path) -> tuple[list[Path], list[Path]]:
 
 
 def _number(part: Path) -> tuple[str, int]:
-    """Return the name of a part without its number, and the number."""
+    """Return the name of a part without its number, and its number."""
     found = _PART.fullmatch(part.stem)
     return (found[1], int(found[2])) if found else ('', -1)
 

@@ -38,7 +38,7 @@ FRAME_ID = 'dragon'
 
 @dataclass(frozen=True)
 class BagFrame:
-    """One tick of a bag: stamp, handles (N+1, 2) in m; benches and velocities (N+1, 2) in m/s, None if not recorded."""
+    """One tick of a bag: stamp, handles (N+1, 2) in m; if recorded, benches and velocities (N+1, 2) in m/s."""
 
     t_ns: int
     handles_m: Floats
@@ -48,10 +48,10 @@ class BagFrame:
 
     @cached_property
     def clearance_m(self) -> float | None:
-        """Smallest signed gap (m) between benches that are not neighbours; inf if all are, None without benches."""
+        """Smallest signed gap (m) of benches that are not neighbours; inf without such a pair, None without benches."""
         if self.benches is None:
             return None
-        from dragon_ros.core.geometry.near_pairs import closeness  # few readers need it
+        from dragon_ros.core.geometry.near_pairs import closeness  # imported lazily, because few readers need it
         return closeness(self.handles_m, self.benches).clearance_m
 
 
@@ -64,9 +64,9 @@ class _FrameParts:
 
 
 def namespace_of(bag: BagReader, asked: str | None = None) -> str:
-    """Return the namespace of the requested dragon, or of the only one with messages (failing that, with topics).
+    """Return the namespace of the requested dragon, or of the only dragon with messages (failing that, with topics).
 
-    Raises InputError if it is missing or ambiguous.
+    Raises InputError if the namespace is missing or ambiguous.
     """
     topics = [topic for topic in bag.topics
               if topic.name.endswith('/handles') and topic.type == 'geometry_msgs/msg/PoseArray']
@@ -96,10 +96,10 @@ def frame_of_bag(bag: BagReader, namespace: str | None = None) -> str:
 
 
 class RecordedObstacles:
-    """The obstacles in a bag, at one tick after the other; those in another frame do not count.
+    """The obstacles in a bag at successive ticks; obstacles in another coordinate frame are ignored.
 
-    They are those on the last message of the topic ``venue`` and, from its first stamp on, those of the topic
-    ``collision/obstacles``: there a monitor publishes all that count.
+    They come from the last message of the topic ``venue``. From the first stamp of the topic ``collision/obstacles``
+    on, they come from that topic, where a monitor publishes all obstacles that it checks.
     """
 
     def __init__(self, bag: BagReader, namespace: str, frame_id: str) -> None:
@@ -113,7 +113,7 @@ class RecordedObstacles:
 
     @property
     def some(self) -> bool:
-        """Whether obstacles count at this or a later tick."""
+        """Whether there are obstacles at this or a later tick."""
         return self._now is not None or self._next is not None
 
     def at(self, t_ns: int) -> Surroundings | None:
@@ -124,14 +124,14 @@ class RecordedObstacles:
         return self._now
 
     def _take(self, message: Message) -> None:
-        from dragon_ros.messages.surroundings import read_venue  # few bags have obstacles
-        with suppress(MessageError):        # a recorder stores anything
+        from dragon_ros.messages.surroundings import read_venue  # imported lazily, because few bags have obstacles
+        with suppress(MessageError):        # the message may be invalid, since a recorder stores anything
             located = read_venue(message.data)
             self._now = located.around if located.frame_id == self._frame_id else None
 
 
 def _marker_stamp_ns(message: Message) -> int:
-    """Return the stamp of a message's first marker, or its log time without one."""
+    """Return the stamp of a message's first marker, or the message's log time if it has no marker."""
     t_ns = None
     with suppress(MessageError):
         t_ns = stamp_of_message('visualization_msgs/msg/MarkerArray', message.data)
@@ -144,7 +144,7 @@ def ends_in_contact(bag: BagReader, namespace: str | None = None) -> bool:
 
 
 def claimed_contact(bag: BagReader, namespace: str | None = None) -> Any:
-    """Return the unchecked claim of a bag's scene about the first contact; None without a claim."""
+    """Return the unchecked claim of a bag's scene about the first contact; None if it has no claim."""
     return _about(bag, namespace).get(CLAIM)
 
 
@@ -178,7 +178,7 @@ def _published_scene(bag: BagReader, namespace: str | None) -> str | None:
 
 
 def law_on(scene: Scene, law: Walked | None, t_ns: int, speed_m_s: float) -> Walked:
-    """Return the head law of a led scene, extended by the next tick's speed; None, at rest, before the first tick.
+    """Return the head law of a led scene, extended by the next tick's speed; ``law`` is None before the first tick.
 
     Raises InputError for a speed that a led dragon cannot have.
     """
@@ -221,7 +221,7 @@ def walked_scene(bag: BagReader, scene: Scene, namespace: str) -> Scene:
 
 
 def log_times_are_ticks(bag: BagReader, namespace: str) -> bool:
-    """Return whether messages are logged at simulation time, as this package's recorder does, not at wall time."""
+    """Return whether messages are logged at simulation time, as by this package's recorder, not at wall time."""
     first = next(bag.messages([f'{namespace}/handles']), None)
     return first is None or read_stamp_ns(first.data) == first.t_ns
 
@@ -239,10 +239,10 @@ def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = 
 
 def frames_of_part(bag: BagReader, root: str, start_ns: int | None, end_ns: int | None,
                    is_last: bool) -> Generator[BagFrame, None, bool]:
-    """Yield the ticks of a part of a bag, as ``frames`` does; return whether they are those of a reading of it all.
+    """Yield the ticks of a part of a bag, as ``frames`` does; return whether they are the same as in the whole bag.
 
-    They are not if, at the end of a part other than the last one, a tick still waits for its benches, or benches for
-    their tick; these are not yielded.
+    This is not the case if, at the end of a part other than the last one, a tick still waits for its benches or benches
+    wait for their tick; neither is then yielded.
     """
     names = {topic.name: name for name in _TOPICS for topic in bag.topics if topic.name == f'{root}/{name}'}
     ticks = _Ticks('benches' not in names.values())
@@ -290,7 +290,7 @@ class _Ticks:
 
     @property
     def are_complete(self) -> bool:
-        """Whether nothing waits for a message: every tick has its benches, and all benches have their ticks."""
+        """Whether no message is awaited: every tick has its benches, and all benches have their ticks."""
         return not self._early and (self._alone or all(parts.shown for parts in self._waiting.values()))
 
     def _add_benches(self, shown: ShownBenches) -> None:

@@ -1,11 +1,12 @@
 """A bounded MCAP reader: each length in a file is checked against the file's size before it is used.
 
-It is written by hand because the library's reader allocates whatever sizes a file claims, decompresses without limit
-and stops at the first damage. Here every allocation is bounded, damage is reported with its offset, and the records
-before and after it can be recovered.
+It is written by hand because the library's reader allocates memory of any size that a file claims, decompresses without
+limit and stops at the first damage. Here every allocation is bounded, damage is reported with its offset, and the
+records before and after it can be recovered.
 
-The layout is that of the MCAP specification, version 0: a magic, then records of opcode (1 byte), length (8 bytes) and
-content, then the magic again. The ``mcap`` package parses the fields of small records, each from its own bytes.
+The layout is that of the MCAP specification, version 0: a magic number, records that consist of opcode (1 byte), length
+(8 bytes) and content, and the magic number again. The ``mcap`` package parses the fields of small records, each from
+its own bytes.
 """
 import struct
 import zlib
@@ -32,12 +33,12 @@ FOOTER_BYTES = HEAD.size + 20
 T = TypeVar('T')
 _FIXED = struct.Struct('<QQQII')
 _MESSAGE = struct.Struct('<HIQQ')
-_INDEX_HEAD, _INDEX_ENTRY = struct.Struct('<HI'), 16     # head: channel, bytes of its entries; an entry: time, offset
-MESSAGE_HEAD = _MESSAGE.size    # bytes of a message's content before its data
-_LONGEST_NAME = 32              # characters in the name of a compression
-_MOST_FAULTS = 100      # kept
-_PACKED_MORE = 1 / 128          # how much compression can enlarge a chunk of random bytes
-_RUN = 4 * 2**20            # bytes of consecutive messages outside chunks that form one batch
+_INDEX_HEAD, _INDEX_ENTRY = struct.Struct('<HI'), 16     # head: channel, bytes of its entries; entry: time, offset
+MESSAGE_HEAD = _MESSAGE.size    # bytes before the data in a message's content
+_LONGEST_NAME = 32              # largest number of characters in the name of a compression
+_MOST_FAULTS = 100      # faults that are kept
+_PACKED_MORE = 1 / 128          # largest fraction by which compression enlarges a chunk of random bytes
+_RUN = 4 * 2**20            # size in bytes of a batch of consecutive messages outside chunks
 
 
 class BagError(InputError):
@@ -172,7 +173,7 @@ def _at(head: tuple[int, int], offset: int) -> tuple[int, int, int]:
 
 def _open(path: Path) -> IO[bytes]:
     try:
-        if path.exists() and not path.is_file():    # opening a pipe would block forever
+        if path.exists() and not path.is_file():    # because opening a pipe would block forever
             raise MissingError(f'{path}: is not a file')
         return path.open('rb')
     except (OSError, ValueError) as error:      # ValueError: a path that contains a NUL
@@ -227,7 +228,7 @@ def chunk_head(file: McapFile, place: Location) -> ChunkHead:
 
 
 def chunk_data(file: McapFile, place: Location, checked: bool = True) -> bytes:
-    """Return a chunk's records, decompressed and checked against size and, if asked, CRC. Raises BagError."""
+    """Return a chunk's records, decompressed and checked against its size and, on request, its CRC. Raises BagError."""
     head = chunk_head(file, place)
     if head.size > CHUNK_BYTES or head.length > (1 + _PACKED_MORE) * CHUNK_BYTES:
         raise file.fault(place.offset, f'a chunk of {max(head.size, head.length)} bytes; the limit is {CHUNK_BYTES}')
@@ -282,7 +283,7 @@ def row_of(data: bytes, start: int, end: int) -> StoredMessage:
 
 
 def first_bytes(data: bytes, compression: str) -> bytes:
-    """Return the part of a truncated chunk that can be decompressed, at most CHUNK_BYTES bytes."""
+    """Return the part of a truncated chunk that can be decompressed, limited to CHUNK_BYTES bytes."""
     if compression == 'zstd':
         return _first_of_zstd(data)
     if compression == 'lz4':
@@ -291,7 +292,7 @@ def first_bytes(data: bytes, compression: str) -> bytes:
 
 
 def _first_of_zstd(data: bytes) -> bytes:
-    # In small steps, to keep the data decompressed before the damage.
+    # Small steps preserve the data decompressed before the damage.
     reader, out = zstandard.ZstdDecompressor(max_window_size=CHUNK_BYTES).stream_reader(data), bytearray()
     try:
         while len(out) < CHUNK_BYTES and (part := reader.read(2**17)):
@@ -318,7 +319,7 @@ def _plain(data: bytes, size: int) -> bytes:
 
 
 def _zstd(data: bytes, size: int) -> bytes:
-    """Decompress, after checking that the frame claims the same size as the chunk: nothing is allocated before that."""
+    """Check that the frame claims the same size as the chunk before any memory is allocated, and decompress it."""
     claimed = zstandard.frame_content_size(data)
     if claimed not in (-1, size):
         raise ValueError(f'its zstd frame claims {claimed} bytes, the chunk {size}')
@@ -347,7 +348,7 @@ class MessageBatch:
     messages: int | None = None
 
     def records(self) -> bytes:
-        """Return its records, decompressed and checked. Raises BagError."""
+        """Return the records of the batch, decompressed and checked. Raises BagError."""
         place = self.place
         if place.opcode != Opcode.CHUNK:
             return self.file.read(place.offset, place.end - place.offset)
@@ -356,7 +357,7 @@ class MessageBatch:
         return chunk_data(self.file, place)
 
     def inside(self, data: bytes) -> Iterator[StoredMessage | OtherRecord]:
-        """Yield its records. Raises BagError with the chunk's offset."""
+        """Yield the records of the batch. Raises BagError with the chunk's offset."""
         try:
             yield from records_in(data)
         except ValueError as error:
@@ -367,9 +368,9 @@ class MessageBatch:
 class Index:
     """Contents of one file.
 
-    ``damage`` says where and why a scan ended early; ``cut`` is the chunk in which it ended. ``faults`` lists the first
-    of ``fault_count`` unreadable records between readable ones. ``data_end`` is the end of the data section, None if
-    unknown. ``stray`` lists DataEnd records that are followed by further records. ``numbered`` counts messages by
+    ``damage`` describes where and why a scan ended early; ``cut`` is the chunk in which it ended. ``faults`` lists the
+    first of ``fault_count`` unreadable records between readable ones. ``data_end`` is the end of the data section, None
+    if unknown. ``stray`` lists DataEnd records that are followed by further records. ``numbered`` counts messages by
     channel according to the chunk indexes. ``reach`` is the offset where the last record ends.
     """
 
@@ -490,9 +491,9 @@ def _indexed(file: McapFile, opcode: int, offset: int, length: int) -> Location:
 def scanned_index(file: McapFile, progress: Callable[[int], object] = lambda offset: None) -> Index:
     """Scan all records up to the first damage, without decompressing chunks, and return the index.
 
-    For every command, this index defines the contents of a bag. They are those that a stream reader sees: messages
-    inside and outside of chunks, including those after a stray DataEnd. The summary, which repeats them, follows the
-    last DataEnd.
+    For every command, this index defines the contents of a bag. A stream reader sees the same contents: messages inside
+    and outside of chunks, including those after a stray DataEnd. The summary, which repeats them, follows the last
+    DataEnd.
     """
     scan = _Scan(Index(file))
     try:
@@ -517,7 +518,7 @@ class _Scan:
         self.index = index
         self._run: list[tuple[Location, int]] = []
         self._numbered: int | None = None       # messages in the last chunk according to its indexes
-        self._end: Location | None = None       # the DataEnd record, if only a summary has followed so far
+        self._end: Location | None = None       # the DataEnd record, if nothing but a summary has followed so far
 
     def take(self, place: Location) -> bool:
         """Process a record; return whether further records may follow."""
@@ -538,7 +539,7 @@ class _Scan:
         return True
 
     def end(self, error: BagError | None) -> None:
-        """Record where the records end. Damage to the summary loses no messages."""
+        """Record where the records end. A damaged summary loses no messages."""
         self._end_batch()
         index, file = self.index, self.index.file
         index.reach = file.size if error is None else error.fields.get('offset', file.size)

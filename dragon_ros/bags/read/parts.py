@@ -1,4 +1,4 @@
-"""The ticks of a long bag in parts, which several processes can read."""
+"""Read the ticks of a long bag in parts, with several processes if requested."""
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from itertools import chain, islice
@@ -9,14 +9,14 @@ from dragon_ros.bags.read.frames import BagFrame, frames, frames_of_part
 from dragon_ros.bags.read.reader import END_OF_TIME_NS, BagReader
 from dragon_ros.messages.decode import read_stamp_ns
 
-_TICKS = 64         # in a part that is read here
+_TICKS = 64         # ticks per part that this process reads
 R = TypeVar('R')
 _Span = tuple[int, int]
 Mapped = Callable[[Callable[[_Span], R], Sequence[_Span]], Generator[R, None, None]]
 
 
 class _PartReader(Generic[R]):
-    """Applies ``body`` to the ticks of a span of log time; pickled, it opens the bag again."""
+    """Applies ``body`` to the ticks of a span of log time; a pickled copy opens the bag again."""
 
     def __init__(self, bag: BagReader, root: str, body: Callable[[Iterator[BagFrame]], R], end_ns: int) -> None:
         self._bag, self._root, self._body, self._end_ns = bag, root, body, end_ns
@@ -25,7 +25,7 @@ class _PartReader(Generic[R]):
         return _reopened, (_PartReader, self._bag.path, self._root, self._body, self._end_ns)
 
     def __call__(self, span: _Span) -> tuple[R, bool]:
-        """Return the result, and whether a reading of the whole bag would give the same for these ticks."""
+        """Return the result, and whether reading the whole bag would give the same result for these ticks."""
         whole = False
 
         def ticks() -> Iterator[BagFrame]:
@@ -41,10 +41,10 @@ def _reopened(kind: Callable[..., Any], path: Path, *settings: Any) -> Any:
 
 def in_parts(bag: BagReader, root: str, body: Callable[[Iterator[BagFrame]], R], mapped: 'Mapped[tuple[R, bool]]',
              start_ns: int = 0, end_ns: int = END_OF_TIME_NS) -> Generator[R, None, None]:
-    """Yield ``body`` of the ticks of each part in turn, of a bag or of a span of log times; it consumes all ticks.
+    """Apply ``body`` to the ticks of each part of a bag, or of a span of log times, and yield the results in order.
 
-    ``mapped(work, jobs)`` computes the parts, here or in other processes. Where ticks straddle parts, as they do if the
-    log times are those of a wall clock, this process reads on alone.
+    ``body`` must consume all ticks. ``mapped(work, jobs)`` computes the parts, here or in other processes. If ticks
+    straddle parts, as with wall-clock log times, this process alone reads from there on.
     """
     spans = bag.spans(start_ns, end_ns)
     made = mapped(_PartReader(bag, root, body, end_ns), spans)
@@ -61,7 +61,7 @@ def in_parts(bag: BagReader, root: str, body: Callable[[Iterator[BagFrame]], R],
 
 
 class _Stamps:
-    """Reads the stamp and the log time, in ns, of each message of a topic; pickled, it opens the bag again."""
+    """Reads the stamp and the log time, in ns, of each message of a topic; a pickled copy opens the bag again."""
 
     def __init__(self, bag: BagReader, topic: str) -> None:
         self._bag, self._topic = bag, topic
@@ -70,7 +70,7 @@ class _Stamps:
         return _reopened, (_Stamps, self._bag.path, self._topic)
 
     def __call__(self, span: _Span) -> list[tuple[int, int]]:
-        """Return those of a span of log times."""
+        """Return the stamps and log times within a span of log times."""
         return [(read_stamp_ns(one.data), one.t_ns) for one in self._bag.messages([self._topic], *span)]
 
 

@@ -31,8 +31,8 @@ from dragon_ros.scenes.yaml import values_of
 
 __all__ = ['BagError', 'BagReader', 'Message', 'Topic']
 END_OF_TIME_NS = 2**64
-_SPAN_BYTES = 2**20     # bytes in the file: some tens of milliseconds of work
-_MOST_SPANS = 2000      # each searches all batches
+_SPAN_BYTES = 2**20     # bytes in the file that take tens of milliseconds to process
+_MOST_SPANS = 2000      # limited because each span searches all batches
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class BagReader:
             yield Message(self._name(batch, row), data[row.start:row.end], row.t_ns, row.sequence, row.publish_ns)
 
     def spans(self, start_ns: int, end_ns: int) -> list[tuple[int, int]]:
-        """Return consecutive spans from start_ns up to end_ns that have about equal shares of the bag's bytes.
+        """Return consecutive spans from start_ns to end_ns with about equal shares of the bag's bytes.
 
         They begin at batches, so that few batches belong to two spans.
         """
@@ -159,7 +159,7 @@ class BagReader:
             index.file.close()
 
     def __enter__(self) -> 'BagReader':
-        """Use it in a ``with`` block."""
+        """Return the reader, for a ``with`` block."""
         return self
 
     def __exit__(self, *_: object) -> None:

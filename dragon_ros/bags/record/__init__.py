@@ -1,1 +1,1 @@
-"""The parts of a recorder besides the bag: a writer thread, simulation times and loss accounting."""
+"""The parts of a recorder other than the bag: a writer thread, simulation times and loss accounting."""

@@ -16,7 +16,7 @@ from dragon_ros.messages.channels import channel_of, live
 
 RECEIVED = 'dragon_ros.received'     # name of the metadata record with the account
 _MOST_STEPS = 1000
-_MOST_EARLY = 100_000       # stamps kept until the scene is known
+_MOST_EARLY = 100_000       # largest number of stamps kept until the scene is known
 
 
 @dataclass
@@ -25,13 +25,13 @@ class TopicCount:
 
     received: int = 0
     left_out: int = 0           # dropped because the disk was too slow
-    lost: int = 0               # by publishers that were replaced
+    lost: int = 0               # messages lost from publishers that have been replaced
     sequence: IntervalSet = field(default_factory=IntervalSet)
     ticks: IntervalSet = field(default_factory=IntervalSet)
     off_ticks: int = 0
     early: list[int] | None = None      # stamps that arrived before their publisher's scene; None once it is known
     scene_ahead: bool = False           # the next publisher's scene arrived before its first message
-    shared: bool = False        # several simultaneous publishers: their numbers cannot be separated
+    shared: bool = False        # there are several simultaneous publishers, whose sequence numbers cannot be separated
 
     def number(self, sequence: int) -> None:
         """Count a sequence number, which restarts at 1 with the next publisher; 0 means unknown."""
@@ -43,7 +43,7 @@ class TopicCount:
             self.sequence.add(sequence)
 
     def scene_came(self) -> list[int]:
-        """Return the stamps that waited for the scene, which is now known."""
+        """Return the stamps that waited for the scene, which has now arrived."""
         early, self.early = self.early or [], None
         self.scene_ahead = not early
         return early
@@ -145,10 +145,10 @@ class LossAccount:
         return {topic: gaps for topic, gaps in found.items() if gaps}
 
     def beginnings(self) -> dict[str, int]:
-        """Return how many messages each topic lacks before its first one, by ticks of the run or by sequence numbers.
+        """Return how many messages each topic lacks before its first one, by the run's ticks or by sequence numbers.
 
-        This covers only topics with one message per tick and, without a scene, those of ``sim``: others continue across
-        runs.
+        This covers only topics with one message per tick and, without a scene, only those of ``sim``, because other
+        topics continue across runs.
         """
         if self._run is None:
             found = {topic: row.before for topic, row in self.topics.items()

@@ -10,7 +10,7 @@ from dragon_ros.scenes.load import strangers_scene
 
 
 class ReadScene(NamedTuple):
-    """A text, its scene (None if it cannot be read; then ``why`` has the reason), and the metadata record for a bag.
+    """A text, its scene (None if it cannot be read; ``why`` then gives the reason), and the metadata record for a bag.
 
     A text that exceeds the budgets has no metadata; a recorder stores it only as a message.
     """

@@ -1,13 +1,13 @@
 """Assigns a simulation time to every recorded message, with or without a stamp.
 
-A message with a stamp is logged at that time. A message without one belongs to the tick of its publisher's last stamped
-message before it. Source times decide this order, since topics overtake each other in transit. The stamped message is
-the handles for a sim (velocities follow) and the stamped clearance for a monitor, which lags behind the sim. A message
-that cannot be assigned to a tick is left out and counted.
+A message with a stamp is logged at that time. A message without a stamp belongs to the tick of the last stamped message
+that its publisher sent before it. Source times determine this order, since topics overtake each other in transit. For a
+sim, the stamped message is the handles (velocities follow); for a monitor, which lags behind the sim, it is the stamped
+clearance. A message that cannot be assigned to a tick is left out and counted.
 
-Source times come from the system clock, which may be set back during a run: then the next message of a topic has an
-earlier source time than the previous one. Messages are therefore ordered by a moment: how often the clock has been set
-back so far, then the source time.
+Source times come from the system clock, which may be set back during a run. The next message of a topic then has an
+earlier source time than the previous one. Messages are therefore ordered by a moment, which consists of the number of
+times that the clock has been set back so far and the source time.
 """
 import time
 from bisect import bisect_right
@@ -19,7 +19,7 @@ from dragon_ros.core.limits import HELD_BYTES
 
 Write = Callable[[str, bytes, int, int, int], None]
 _KEEP = 1000
-_SURELY_NS = 10**9      # source times that go back further than this: no delay in transit explains it
+_SURELY_NS = 10**9      # no delay in transit explains source times that go back further than this
 _Moment = tuple[int, int]       # how often the clock has been set back so far, and the source time in ns
 
 
@@ -57,13 +57,13 @@ class SimulationClock:
     def __init__(self, write: Write) -> None:
         """``write(topic, data, t_ns, sequence, source_ns)`` receives every message once."""
         self._write = write
-        self._moments: list[_Moment] = []       # of the marks, in order
+        self._moments: list[_Moment] = []       # moments of the marks, in order
         self._marks: list[_Mark] = []
-        self._set_back, self._turn_ns = 0, (0, 0)       # how often; source times before and after the last time
+        self._set_back, self._turn_ns = 0, (0, 0)       # set-backs so far; source times around the last one
         self._sent: dict[str, _Sent] = {}
         self._held: list[_Held] = []
         self._held_bytes = 0
-        self._last: dict[str, _Mark] = {}       # by topic, the tick of its last message
+        self._last: dict[str, _Mark] = {}       # tick of the last message, by topic
         self.first_ns: int | None = None        # time of the first tick
         self.left_out = 0                       # messages from before the first tick
         self.unpaired: Counter[str] = Counter()     # messages with an unknown tick, by topic
@@ -86,8 +86,8 @@ class SimulationClock:
                   exact: bool = True) -> None:
         """Log a message without a stamp when its tick is known.
 
-        Of messages before the first tick, only latched ones are kept; they are logged at that tick. A message that is
-        not ``exact`` belongs to no tick and is logged at the last tick before it.
+        Among messages before the first tick, only latched messages are kept; they are logged at that tick. A message
+        that is not ``exact`` belongs to no tick and is logged at the last tick before it.
         """
         moment = self._moment_of(topic, source_ns, sequence, exact)
         self._held.append(_Held(moment, topic, data, sequence, latched, exact, time.monotonic()))
@@ -111,9 +111,9 @@ class SimulationClock:
         return times, source_ns
 
     def _is_after_turn(self, source_ns: int) -> bool:
-        """Return whether a source time is from after the clock's last set-back, not of a message delayed in transit.
+        """Return whether a message was sent after the clock's last set-back, and not merely delayed in transit.
 
-        If the clock was set back by less than a second, the answer may be ambiguous for up to a second, in rare cases.
+        If the clock was set back by less than a second, the answer may, in rare cases, be ambiguous for up to a second.
         """
         before_ns, after_ns = self._turn_ns
         if before_ns - after_ns < _SURELY_NS:
@@ -121,7 +121,7 @@ class SimulationClock:
         return abs(source_ns - after_ns) <= abs(source_ns - before_ns)
 
     def _give_up(self) -> None:
-        """Give up on messages that have waited too long, because the run begins late or the tick never came."""
+        """Give up on messages that have waited too long because the run begins late or the tick never arrived."""
         if self._marks:
             self._sent.clear()
             self._release(lambda held: True)
@@ -162,7 +162,7 @@ class SimulationClock:
             return self._early_time_of(held, first_ns)
         mark = self._marks[at]
         if held.latched and held.exact and self._is_gap(at):
-            mark = self._marks[at + 1]      # it had arrived by then and is still valid
+            mark = self._marks[at + 1]      # a latched message that had arrived by then is still valid
         elif held.exact and (self._is_gap(at) or self._is_second(held, mark)):
             self.unpaired[held.topic] += 1
             return None

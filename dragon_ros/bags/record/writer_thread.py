@@ -8,7 +8,7 @@ from functools import partial
 from dragon_ros.bags.write.writer import MB, BagWriter
 from dragon_ros.core.errors import DragonError
 
-_AT_ONCE_BYTES = 500_000        # enough to wake the thread: a wake-up costs as much as several writes
+_AT_ONCE_BYTES = 500_000        # queued bytes that wake the thread, since a wake-up costs as much as several writes
 _Job = tuple[int, Callable[[], object]]      # size in bytes, and the write
 
 
@@ -16,7 +16,7 @@ class WriterThread:
     """Accepts messages immediately and writes them in order; the file is brought up to date every second (``flush_s``).
 
     If the queue is full, a ``patient`` write waits, and the wait is counted: nothing is dropped here. After a disk
-    error (kept in ``error``) nothing more is written.
+    error, which is kept in ``error``, nothing more is written.
     """
 
     def __init__(self, bag: BagWriter, flush_s: float = 1.0, queue_mb: float = 256.0) -> None:
@@ -24,7 +24,7 @@ class WriterThread:
         self._bag, self._flush_s, self._room = bag, flush_s, int(queue_mb * MB)
         self._jobs: deque[_Job] = deque()
         self._waiting, self._enough = 0, min(_AT_ONCE_BYTES, self._room // 2)
-        self._due = False       # whether to write before it is time to flush
+        self._due = False       # whether to write before the next flush
         self._changed = threading.Condition()
         self._closing = False
         self.error: DragonError | None = None

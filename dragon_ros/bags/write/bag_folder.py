@@ -14,7 +14,7 @@ class BagFolder:
     """A folder with the parts of one bag.
 
     While a part is being written, ``metadata.yaml.new`` already has the size that the metadata will need. The parts can
-    then be listed even if the disk fills up.
+    therefore be listed even if the disk fills up.
     """
 
     def __init__(self, path: Path, replace: bool) -> None:
@@ -59,10 +59,10 @@ class BagFolder:
             with suppress(OSError):
                 self._new.unlink(missing_ok=True)
             raise self._fault(f'{self.path / _METADATA}: cannot be written: {error.strerror}; `inspect` reads the '
-                              '.mcap files beside it all the same') from None
+                              '.mcap files beside it') from None
 
     def close(self) -> None:
-        """Unlock it."""
+        """Unlock the folder."""
         os.close(self._lock)
 
     def _fault(self, what: str) -> DiskError:

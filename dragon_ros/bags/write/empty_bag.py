@@ -1,4 +1,4 @@
-"""Files without messages left by a recorder, which the next recorder may replace."""
+"""Files without messages that a recorder left behind; the next recorder may replace them."""
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,7 +21,7 @@ def holds_no_message(path: Path) -> bool:
             return False
         if path.stat().st_size == 0:
             return path.suffix == '.mcap'
-        from dragon_ros.bags.read.mcap import McapFile, scanned_index  # imported on use: few bags replace another
+        from dragon_ros.bags.read.mcap import McapFile, scanned_index  # imported late: few bags replace another
         with closing(McapFile(path)) as file:
             index = scanned_index(file)
             return not (index.batches or index.attachments) and _ends_at_damage(index)

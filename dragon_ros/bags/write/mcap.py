@@ -2,9 +2,9 @@
 
 It is written by hand because the library's writer ends a chunk only by size, cannot flush on demand, and cannot undo a
 chunk that a full disk truncated. Records are the library's, except for the Message record, which is packed here because
-it is on the hot path. A full chunk is compressed and written on a thread while the next one is filled, in two
-alternating buffers. A caller that already has its own writer thread does without this one, since handing over a chunk
-costs as much as filling it.
+it is on the hot path. With two alternating buffers, a thread compresses and writes a full chunk while the next one is
+filled. A caller that already has its own writer thread does not use this thread, since handing over a chunk costs as
+much as filling it.
 """
 import os
 import struct
@@ -31,14 +31,14 @@ from dragon_ros.core import limits
 from dragon_ros.core.errors import DiskError, MissingError
 from dragon_ros.version import __version__
 
-_CHUNK = struct.Struct('<QQQQQH')       # start, size, raw size, first and last log time, channels
-_COUNT = struct.Struct('<HQ')           # channel, messages: one row per channel, before the row of the chunk
-_CHUNK_HEAD, _INDEX_HEAD, _INDEX_ENTRY = 49, 15, 16     # bytes of Chunk (without the compression name), MessageIndex
+_CHUNK = struct.Struct('<QQQQQH')       # start, size, raw size, first and last log time, number of channels
+_COUNT = struct.Struct('<HQ')           # channel, messages; one row per channel, before the row of the chunk
+_CHUNK_HEAD, _INDEX_HEAD, _INDEX_ENTRY = 49, 15, 16     # bytes of Chunk (without compression's name), MessageIndex
 CHUNK_BYTES = 2**20
 _BUFFER_BYTES = 2 * CHUNK_BYTES
-_MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; then the data
+_MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; the data follow
 MESSAGE_HEAD_BYTES = _MESSAGE.size
-MESSAGE_BYTES = limits.CHUNK_BYTES - _MESSAGE.size      # largest data of a message, since readers reject larger chunks
+MESSAGE_BYTES = limits.CHUNK_BYTES - _MESSAGE.size      # of a message's data, since readers reject larger chunks
 MAGIC = b'\x89MCAP0\r\n'
 _Bytes = bytes | memoryview
 
@@ -86,7 +86,7 @@ class NoWorker:
         job()
 
     def settle(self) -> None:
-        """Nothing is ever pending."""
+        """Do nothing, since no job is ever pending."""
 
     def close(self) -> None:
         """Do nothing, since there is no thread."""
@@ -114,7 +114,7 @@ class Stored(NamedTuple):
     counts: tuple[tuple[int, int], ...]
 
     def found_by(self, compression: str) -> records.ChunkIndex:
-        """Return its index record; the MessageIndex of each channel follows the chunk, in order."""
+        """Return the chunk's index record; the MessageIndex of each channel follows the chunk, in order."""
         length = _CHUNK_HEAD + len(compression) + self.size
         offsets, end = {}, self.start + length
         for channel, messages in self.counts:
@@ -127,7 +127,7 @@ class Stored(NamedTuple):
 
 
 class FileParts:
-    """The parts of a file in order: chunks and a few others, packed because a long recording has many chunks."""
+    """The parts of a file in order: chunks and a few other records, packed because a long recording has many chunks."""
 
     def __init__(self) -> None:
         """Start empty."""
@@ -233,7 +233,7 @@ def record_bytes(*rows: records.McapRecord) -> bytes:
 def around(chunk: records.Chunk, size: int, messages: dict[int, list[tuple[int, int]]]) -> tuple[bytes, bytes]:
     """Return the bytes before and after the data of a chunk.
 
-    ``chunk`` has no data, which saves a copy: ``size`` bytes of data follow it. ``messages`` has (log time, offset in
+    ``chunk`` has no data, to save a copy; ``size`` bytes of data follow it. ``messages`` has (log time, offset in
     the chunk) by channel.
     """
     assert not chunk.data
@@ -268,12 +268,12 @@ class Packer:
     """Packs messages into the same chunks as a McapWriter does."""
 
     def __init__(self, compression: str) -> None:
-        """Take the compression, as BagOptions names it."""
+        """Take the compression as BagOptions names it."""
         self._compression, self._compress = mcap_name(compression), compressor(compression)
         self._open = OpenChunk()
 
     def pack(self, messages: Iterable[tuple[int, bytes, int, int]]) -> list[PackedChunk]:
-        """Return the chunks of messages, each a channel, its data, its time in ns and its number."""
+        """Return the chunks of messages; each message is given as channel, data, time in ns and sequence number."""
         chunks = []
         for channel, data, t_ns, sequence in messages:
             if self._open.size and not self._open.takes(len(data)):
@@ -286,7 +286,7 @@ class Packer:
     def _ended(self) -> PackedChunk:
         done = packed(self._open, self._compression, self._compress)
         self._open.clear()
-        return done._replace(data=bytes(done.data))     # uncompressed data are in the buffer that is reused
+        return done._replace(data=bytes(done.data))     # uncompressed data are in a buffer that will be reused
 
 
 def mcap_name(compression: str) -> str:
@@ -353,7 +353,7 @@ class McapWriter:
         self._fsync = fsync
         self._schemas: list[records.Schema] = []
         self._channels: list[records.Channel] = []
-        self.parts = FileParts()        # the parts written to the file
+        self.parts = FileParts()        # parts written to the file
         self._open, self._other = OpenChunk(), OpenChunk()
         self._thread = Worker('chunk') if threaded else NoWorker()
         self._end, self._noticed = 0, False
@@ -402,7 +402,7 @@ class McapWriter:
             self.end_chunk()
 
     def add_chunk(self, chunk: PackedChunk) -> None:
-        """Write a chunk that was packed elsewhere, after the open one."""
+        """Write the open chunk, and then a chunk that was packed elsewhere."""
         self.flush()
         self._write_packed(chunk)
 
@@ -449,7 +449,7 @@ class McapWriter:
         self._write_packed(packed(done, self._compression, self._compress))
 
     def _write_packed(self, chunk: PackedChunk) -> None:
-        """Write a chunk in one call on large buffers: each call releases the interpreter lock and must retake it."""
+        """Write a chunk with one call on large buffers, because each call releases and retakes the interpreter lock."""
         start = self._append([chunk.head, chunk.data, chunk.tail])
         self.parts.add(Stored(start, len(chunk.data), chunk.raw_size, *chunk.times_ns, chunk.counts))
         if self._fsync:
@@ -457,7 +457,7 @@ class McapWriter:
         self._check_there()
 
     def finish(self) -> None:
-        """Write the index and close the file. If the disk is full, remove the last chunks to make room for it.
+        """Write the index and close the file. If the disk is full, remove the last chunks to make space for it.
 
         Raises DiskError if this loses messages; the file is complete even then.
         """
@@ -496,7 +496,7 @@ class McapWriter:
             raise full
 
     def _append(self, data: list[_Bytes]) -> int:
-        """Append all or nothing; return the offset."""
+        """Append all of the bytes or none; return their offset."""
         if os.fstat(self._file.fileno()).st_size < self._end:
             raise self._truncated()
         try:
@@ -513,11 +513,11 @@ class McapWriter:
         return start
 
     def _truncated(self) -> DiskError:
-        """Forget the parts that another program truncated, and all parts after them; return the error."""
+        """Remove the parts that another program truncated, and all later parts, from the list; return the error."""
         size = os.fstat(self._file.fileno()).st_size
         while self.parts and self._end > size:
             self._end = self.parts.pop()
-        if self._end > size:        # the records before the parts were truncated, too
+        if self._end > size:        # the records before the parts were also truncated
             self._end = len(_HEADER)
             self._file.seek(0)
             self._write([_HEADER])
@@ -527,7 +527,7 @@ class McapWriter:
                          'followed is lost')
 
     def _write(self, data: list[_Bytes]) -> None:
-        """Write buffers at the current position; an almost full disk may accept only part of them at first."""
+        """Write buffers at the current position; an almost full disk may first accept only a part of them."""
         done, whole = os.writev(self._file.fileno(), data), sum(map(len, data))
         if done < whole:
             rest = memoryview(b''.join(data))[done:]

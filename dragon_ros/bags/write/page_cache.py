@@ -3,8 +3,8 @@ import os
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 
-STEP_BYTES = 2**24          # written between requests, since each request costs tens of microseconds
-KEPT_BYTES = 4 * STEP_BYTES     # requested again: a later request can release what an earlier one sent to the disk
+STEP_BYTES = 2**24          # bytes between requests, since each request costs tens of microseconds
+KEPT_BYTES = 4 * STEP_BYTES     # covered again, to release data that an earlier request sent to the disk
 
 
 class PageCache:
@@ -12,11 +12,11 @@ class PageCache:
 
     By default the system keeps all data in memory, writes it in large bursts, and makes the writer wait when a fifth of
     the memory is still to be written. Fresh memory also costs more than reused memory: on a virtual machine, recording
-    2,000 benches at 700 Hz takes 0.8 of a core without this and 0.55 with it. Files below 64 MiB stay in memory for
-    their next reader.
+    2,000 benches at 700 Hz takes 0.8 of a core without this class and 0.55 with it. Files below 64 MiB stay in memory
+    for their next reader.
 
-    The waiting for the disk is done on a thread. While the disk is slower than the writer, the file grows as it would
-    without this class.
+    A thread waits for the disk. While the disk is slower than the writer, the file grows as it would without this
+    class.
     """
 
     def __init__(self, file: int) -> None:
@@ -32,7 +32,7 @@ class PageCache:
         if end < KEPT_BYTES or end <= self._asked or busy or not hasattr(os, 'posix_fadvise'):
             return
         first, self._asked = max(0, self._asked - KEPT_BYTES), end
-        with suppress(RuntimeError):        # no thread is available; the request is only advice to the system
+        with suppress(RuntimeError):        # no thread may be available, and the request is only advice to the system
             self._job = self._pool.submit(_let_go, self._file, first, end - first)
 
     def close(self) -> None:
@@ -42,5 +42,5 @@ class PageCache:
 
 def _let_go(file: int, start: int, size: int) -> None:
     """Ask the system to send a part to the disk and to release the memory of data already written."""
-    with suppress(OSError):     # only advice; some file systems do not support it
+    with suppress(OSError):     # this is only advice, which some file systems do not support
         os.posix_fadvise(file, start, size, os.POSIX_FADV_DONTNEED)

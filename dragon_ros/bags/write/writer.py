@@ -27,13 +27,13 @@ MB = 10**6
 _SWITCH_S = 2e-5        # shorter than numpy's time between two releases of the interpreter lock
 _VERSION = 9            # version of metadata.yaml, as ROS 2 Jazzy writes it
 _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
-_INDEX_BYTES, _INDEX_BYTES_A_CHUNK = 100_000, 600        # schemas, channels, metadata; a chunk with its 10 channels
-_LISTED_BYTES, _LISTED_BYTES_A_PART = 65_536, 512       # size of metadata.yaml: its topics; each part
+_INDEX_BYTES, _INDEX_BYTES_A_CHUNK = 100_000, 600        # schemas, channels and metadata; a chunk with 10 channels
+_LISTED_BYTES, _LISTED_BYTES_A_PART = 65_536, 512       # size of metadata.yaml: for its topics; per part
 
 
 @dataclass(frozen=True)
 class BagOptions:
-    """How a bag is written. None means no limit, a megabyte is 10^6 bytes, and durations are in log time.
+    """The options for writing a bag. None means no limit, a megabyte is 10^6 bytes, and durations are in log time.
 
     ``fsync`` waits for the disk after each chunk, which protects against power cuts as well as killed processes.
     """
@@ -70,13 +70,13 @@ class BagPart(NamedTuple):
 
     @property
     def messages(self) -> int:
-        """The number of its messages."""
+        """The number of messages in the file."""
         return sum(self.counts.values())
 
 
 @dataclass
 class _Extras:
-    """The records that every file of a bag contains, so that each file documents its run by itself."""
+    """The records that every file of a bag contains, so that each file documents its run on its own."""
 
     metadata: list[tuple[str, dict[str, str]]] = field(default_factory=list)
     attachments: list[tuple[str, str, bytes]] = field(default_factory=list)
@@ -96,7 +96,7 @@ class BagWriter:
         if self._single and self.options.splits:
             raise InputError(f'--output {path}: is one file and cannot be split; name a directory')
         self._folder = None if self._single else BagFolder(path, overwrite)
-        self._broken: DiskError | None = None       # why no part follows the last one
+        self._broken: DiskError | None = None       # the reason why no part follows the last one
         self._channels: dict[str, Channel] = {}
         self._ids: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
@@ -129,7 +129,7 @@ class BagWriter:
         self._open_file().add_attachment(name, media_type, content)
 
     def write(self, topic: str, data: bytes, t_ns: int, sequence: int, publish_ns: int | None = None) -> None:
-        """Append one message with its simulation time and its publication time (None: ``t_ns``).
+        """Append one message with its simulation time and its publication time (``t_ns`` if None).
 
         A message that is too large for any reader is left out and counted. Raises DiskError if it cannot be written, or
         if the bag reaches its size limit.
@@ -143,13 +143,13 @@ class BagWriter:
         self.counts[topic] += 1
 
     def channel_of(self, topic: str) -> int:
-        """Return the number of a topic's channel in this file; it is written if this is the first use of the topic."""
+        """Return the number of a topic's channel in this file; the channel is written on the topic's first use."""
         if topic not in self._ids:
             self._announce(topic)
         return self._ids[topic]
 
     def write_chunk(self, chunk: PackedChunk) -> None:
-        """Append a chunk packed elsewhere with the channels of ``channel_of``; only for bags that do not split."""
+        """Append a chunk that was packed elsewhere with the channels of ``channel_of``; the bag must not split."""
         assert not self._limited
         self._open_file().add_chunk(chunk)
         topics = {channel: topic for topic, channel in self._ids.items()}
@@ -255,7 +255,7 @@ class BagWriter:
 
     @property
     def kept(self) -> int:
-        """How many messages the closed bag contains: all, unless the disk was full."""
+        """The number of messages in the closed bag: all of them, unless the disk was full."""
         return sum(file.messages for file in self._files)
 
     def _summary(self) -> BagPart:
@@ -288,7 +288,7 @@ def qos_text(channel: Channel) -> str:
 
 def _metadata_text(files: Sequence[BagPart], topics: Mapping[str, tuple[str, str, str]],
                    custom: Mapping[str, str]) -> str:
-    """Return the file's text; ``topics`` has, by name, type, offered QoS (as text) and type hash."""
+    """Return the file's text; ``topics`` maps each name to type, offered QoS (as text) and type hash."""
     filled = [file for file in files if file.messages]
     start = min((file.start_ns for file in filled), default=0)
     end = max((file.end_ns for file in filled), default=0)
