@@ -20,9 +20,9 @@ from dragon_ros.cost.baselines import SIMPLE
 from dragon_ros.cost.measure import Timing, timed_in_turn
 from dragon_ros.cost.reference import Reference, reference
 
-_PLACES = (1.0, 0.0, 0.5, 0.25, 0.75)       # fractions of the run, in the order of the references
-_STEP_S = 0.01                              # step of the paper's recipe, which has no times in between
-_MOST_HANDLES = 20_001                      # handles of the reference, from the head on
+_PLACES = (1.0, 0.0, 0.5, 0.25, 0.75)       # fractions of the run, in the order in which references are computed
+_STEP_S = 0.01                              # step of the paper's recipe, which has no intermediate times
+_MOST_HANDLES = 20_001                      # largest number of handles of the reference, from the head on
 MARCHED = ', marched'
 
 
@@ -30,7 +30,7 @@ MARCHED = ', marched'
 class Solver:
     """A solver: its largest error at the instants, its promise there, and its time per tick.
 
-    ``error_m`` is nan without a reference; a solver that does not apply has a note and no timing.
+    ``error_m`` is nan if there is no reference; a solver that does not apply has a note and no timing.
     """
 
     name: str
@@ -80,7 +80,7 @@ def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> Acc
 def _references(scene: Scene, budget_s: float) -> dict[float, Reference | None]:
     """Return references at instants along the run: as many as the budget allows, at least one.
 
-    None if that would take minutes: in a dragon led by its tail, the first handle comes after all links.
+    Return None if that would take minutes: if the tail leads a dragon, the first handle is computed after all links.
     """
     times, began = _instants(scene), time.perf_counter()
     out: dict[float, Reference | None] = {}
@@ -114,7 +114,7 @@ def _ways(scene: Scene, known: dict[float, Reference | None], done: Callable[[st
 
 
 def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> Iterator[_TimedSolver]:
-    """Yield a tier by its default solver and, if that is different, by forward placement."""
+    """Yield a tier with its default solver and, if that is different, with forward placement."""
     solvers = {}
     for solver in ('table',) if tier == PAPER.name else ('table', 'march'):
         name = tier + MARCHED * (solver == 'march')
@@ -131,7 +131,7 @@ def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> I
 
 
 def _tier(scene: Scene, name: str, known: dict[float, Reference | None]) -> tuple[_TimedSolver, str]:
-    """Return a tier by one solver, named after it."""
+    """Return a tier with one solver, named after that solver."""
     simulation = compile_scene(scene)
     error_m = error_m_s = 0.0
     worst = 1.0
@@ -157,7 +157,7 @@ def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:
 
 
 def _simple(scene: Scene, name: str, known: dict[float, Reference | None]) -> _TimedSolver:
-    """Return a simple solver; it supports only one spiral led by the head."""
+    """Return a simple solver; it supports only a single spiral led by the head."""
     if not isinstance(scene.track, Spiral) or scene.head.lead != 'head':
         return _absent(name, 'supports only one spiral, led by the head')
     solve, error_m = SIMPLE[name], 0.0

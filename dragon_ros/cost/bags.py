@@ -38,7 +38,7 @@ class BagCost:
 
     @property
     def share(self) -> float:
-        """Size of the file as a share of its messages."""
+        """Size of the file as a share of the size of its messages."""
         return self.file_bytes / self.message_bytes
 
 

@@ -8,7 +8,7 @@ from dragon_ros.cli import command_line, figures
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError, MissingError
 
-# The pages of docs/cost, made by `benchmarks` in a checkout.
+# The pages of docs/cost, which `benchmarks` writes in a checkout.
 PAGES = ('limits', 'accuracy', 'promises', 'contact', 'effects', 'tick', 'first', 'scale', 'bag', 'simulate', 'memory',
          'startup', 'study', 'venue', 'all')
 _BUDGET_S = 6.0
@@ -23,7 +23,7 @@ _ABOUT = """Measure the cost of accuracy, effects, contact and bags for a scene 
 def main(argv: list[str]) -> int:
     """Measure a scene; return the exit code. Without arguments, explain both uses."""
     options = _options()
-    arguments = options.parse_args(argv)        # first, because it answers shell completion
+    arguments = options.parse_args(argv)        # called first, because it answers shell completion
     if not argv:
         options.print_help()
         return command_line.BAD_INPUT

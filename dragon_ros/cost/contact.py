@@ -12,7 +12,7 @@ _ENDS = {'stop': 'the run stops', 'lock': 'the chain locks', 'track': 'the track
 
 @dataclass(frozen=True)
 class SearchCost:
-    """One search: its time and states, whether it completed, and its result."""
+    """One search: its time, its number of states, whether it completed, and its result."""
 
     elapsed_s: float
     states: int

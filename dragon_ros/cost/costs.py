@@ -60,7 +60,7 @@ def measure(scene: Scene, name: str, budget_s: float, done: Callable[[str], obje
 
 
 def values_of(costs: Costs) -> dict[str, Any]:
-    """Return all figures as plain values in seconds, metres and bytes; missing ones are None."""
+    """Return all figures as plain values in seconds, metres and bytes; missing values are None."""
     return {
         'scene': costs.scene, 'benches': costs.benches, 'ticks': costs.ticks, 'start_s': costs.start_s,
         'stop_s': costs.stop_s, 'rate_hz': costs.rate_hz, 'machine': costs.machine,
@@ -122,7 +122,7 @@ def _bags_text(found: Sequence[BagCost]) -> str:
 
 
 def _table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return rows under their heads: the first column and the notes are left-aligned, figures right-aligned."""
+    """Return rows under their heads; the first column and the notes are left-aligned, and figures are right-aligned."""
     lines = [tuple(head), *map(tuple, rows)]
     widths = [max(len(line[n]) for line in lines) for n in range(len(head))]
     left = {0, *(n for n, name in enumerate(head) if not name)}

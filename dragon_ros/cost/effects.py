@@ -16,11 +16,11 @@ from dragon_ros.messages.channels import live
 from dragon_ros.messages.encode import Encode, encoders
 
 ALONE = 'alone'
-LEAST, MOST = 15, 400         # calls
-_PLACES, _RUN = 7, 20           # starting points along the run, and consecutive ticks from each, as in a simulator
+LEAST, MOST = 15, 400         # number of calls
+_PLACES, _RUN = 7, 20           # starts along the run; consecutive ticks from each start, as in a simulator
 Call = Callable[[], object]
-# The field of each effect, and how ``frame_of`` fills it in a frame that has what the effect needs; a test keeps the
-# two in agreement. If ``frame_of`` itself called functions from such a table, a tick would take 1.05 times as long.
+# The field of each effect, and how ``frame_of`` fills it in a frame that has what the effect needs; a test compares
+# both. If ``frame_of`` itself called functions from such a table, a tick would take 1.05 times as long.
 FIELDS: dict[Effect, tuple[str, Callable[[Simulation, Frame], Any]]] = {
     Effect.VELOCITY: ('velocity_m_s', lambda of, to: to.chain.velocities(of.scene.head.speed_at_m_s(to.t_ns / NS))),
     Effect.BENCHES: ('benches', lambda of, to: benches_of(to.chain, of.scene.dragon, to.axis)),
@@ -38,7 +38,7 @@ FIELDS: dict[Effect, tuple[str, Callable[[Simulation, Frame], Any]]] = {
 
 @dataclass(frozen=True)
 class Price:
-    """The time and bytes that an effect adds to a tick of a scene (ALONE: of the classic one with what it needs).
+    """The time and bytes that an effect adds to a tick of a scene (ALONE: the classic one with what the effect needs).
 
     ``timing`` is None if nothing is computed for it.
     """

@@ -25,7 +25,7 @@ class Timing:
 
     @property
     def cells(self) -> tuple[float, float, float, int]:
-        """The values under the heads TIMES."""
+        """The table cells for the column heads TIMES."""
         return self.median_s, self.low_s, self.high_s, self.calls
 
     def shared_by(self, count: int) -> 'Timing':
@@ -48,7 +48,8 @@ def timed_in_turn(calls: Sequence[Callable[[], object]], budget_s: float = 0.3, 
                   ) -> list[Timing]:
     """Time several calls in turn, so that other load on the machine affects them equally.
 
-    Each is called twice in a row, and the second call is timed, when the caches have recovered from the other calls.
+    Each is called twice in a row, and only the second call is timed, since the caches have then recovered from the
+    other calls.
     """
     spent: list[list[float]] = [[] for _ in calls]
     end_s, rounds = time.perf_counter() + budget_s * len(calls), 0

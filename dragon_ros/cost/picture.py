@@ -30,7 +30,7 @@ def picture(costs: Costs) -> 'Figure':
 
 
 def _errors(axes: Any, costs: Costs) -> None:
-    """Draw the work-precision diagram: tiers, tiers by forward placement, and others."""
+    """Draw the work-precision diagram: tiers, tiers with forward placement, and other solvers."""
     styles = {'tiers': ('o', LINES[0]), 'tiers, marched': ('s', LINES[5]), 'others': ('^', LINES[1])}
     drawn = [row for row in costs.accuracy.solvers if row.positions and np.isfinite(row.error_m)]
     for kind, (marker, colour) in styles.items():
@@ -40,7 +40,7 @@ def _errors(axes: Any, costs: Costs) -> None:
                         [max(row.error_m, _SMALLEST_M) for row in mine], marker, color=colour, label=kind,
                         linestyle='none')
     for place, names in _labels(costs).items():
-        together = len(names) > 1       # below the point, away from others
+        together = len(names) > 1       # below the point, away from other labels
         text = f'{names[0]} to {names[-1]}' if names == list(TIERS)[1:] else ', '.join(names)
         axes.annotate(text, place, xytext=(0, -14) if together else (7, -3), textcoords='offset points',
                       fontsize=TEXT_PT, ha='center' if together else 'left')
@@ -86,7 +86,7 @@ def _effects(axes: Any, costs: Costs) -> None:
 
 
 def _whole(axes: Any, costs: Costs) -> None:
-    """Draw the time of the whole run, by question."""
+    """Draw the time of the whole run for each question."""
     served = next((row for row in costs.accuracy.solvers if row.name == 'exact' and row.with_velocities), None)
     bars = {}
     if served and served.positions and served.with_velocities:

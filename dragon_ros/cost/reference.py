@@ -23,10 +23,10 @@ from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc,
 
 _CONTEXT = Context(prec=60)
 _PI = Decimal('3.14159265358979323846264338327950288419716939937510582097494459230781640628620899862803')
-_DONE = Decimal('1e-32')        # relative Newton step; the next error is about its square
+_DONE = Decimal('1e-32')        # relative Newton step; the next error is about the square of this
 _ZERO, _ONE, _TWO, _HALF = Decimal(0), Decimal(1), Decimal(2), Decimal('0.5')
 _HAIR = Decimal('1e-40')
-_RISE = Decimal('0.0625')       # rad: step of the search for the first rise of a chord
+_RISE = Decimal('0.0625')       # step in rad of the search for the first rise of a chord
 _MOST_STEPS = 400
 _BACK, _AHEAD = -1, 1
 _OFF = 'the reference cannot place a link'
@@ -118,7 +118,7 @@ class _ByMetres:
         return metres
 
     def within(self, u: Number, arc_m: float) -> float:
-        """Return how much u changes along the given metres of track."""
+        """Return the change of u along the given metres of track."""
         return abs(arc_m)
 
 
@@ -162,7 +162,7 @@ class _Round(_ByMetres):
 
 @dataclass
 class _Winding:
-    """A spiral; u is the polar angle from ``axis``, to the left if ``side`` is 1, outwards if ``way`` is 1."""
+    """A spiral: to the left if ``side`` is 1, outwards if ``way`` is 1; u is its polar angle from ``axis``."""
 
     b: Number
     centre: Pair
@@ -190,7 +190,7 @@ class _Winding:
 
     def after(self, metres: Number) -> Number:
         wanted = _arc(self.anchor) + self.way * metres / self.b
-        u = (2 * max(wanted, _ZERO)).sqrt()         # from outside: Newton is monotone, the arc length being convex
+        u = (2 * max(wanted, _ZERO)).sqrt()         # Newton is monotone from outside: the arc length is convex
         for _ in range(_MOST_STEPS):
             step = (_arc(u) - wanted) / (1 + u * u).sqrt()
             u -= step
@@ -199,7 +199,7 @@ class _Winding:
         raise DragonError(_OFF)
 
     def within(self, u: Number, arc_m: float) -> float:
-        """Return approximately how much u changes along the given metres of track; positive metres lead outwards."""
+        """Return the approximate change of u along the given metres of track; positive metres lead outwards."""
         start, change = float(u), 0.0
         for _ in range(3):
             middle = max(0.0, start + 0.5 * change)
@@ -241,7 +241,7 @@ class _DecimalTrack:
         return max(piece.bend for piece in self.pieces)
 
     def _hair(self, k: int, u: Number) -> Number:
-        """Return how far beyond the track's ends rounding may put a handle."""
+        """Return the distance by which rounding may place a handle beyond the track's ends."""
         return _ZERO if 0 <= k < len(self.pieces) else _HAIR * (1 + abs(u))
 
     def next(self, place: _Place, chord: Number, way: int, guess: Number | None) -> _Place:
@@ -271,7 +271,7 @@ class _DecimalTrack:
 
 
 def _longest_m(bend: float, chord_m: float) -> float:
-    """Return an arc length above that of any arc with this chord, but short enough for chords to grow along it."""
+    """Return an arc length that exceeds that of any arc with this chord, but along which chords still grow."""
     if not bend:
         return 1.1 * chord_m
     reach_m = 2 / bend * asin(min(1.0, 0.5 * bend * chord_m))
@@ -301,7 +301,7 @@ def _on_spiral(excess: _Excess, chord: Number, guess: Number | None) -> Number:
         low, high = high, high + _RISE
         while excess(high)[0] < 0 < excess(high)[1]:
             low, high = high, high + _RISE
-        if excess(high)[0] < 0:         # beyond the maximum, which is in between, where the slope vanishes
+        if excess(high)[0] < 0:         # beyond the maximum, which lies in between, where the slope vanishes
             high = _root(lambda x: (-excess(x)[1], _falling(excess, x)), low, high, None)
     if excess(high)[0] < 0:
         raise DragonError(_OFF)
@@ -446,7 +446,7 @@ def _places(track: _DecimalTrack, place: _Place, links: list[Number], way: int) 
 
 
 def _guessed(before: list[Number]) -> Number | None:
-    """Extrapolate a few numbers, newest first, by a cubic."""
+    """Extrapolate up to four numbers, newest first, by a cubic."""
     if len(before) < 4:
         return before[0] if before else None
     return 4 * (before[0] + before[2]) - 6 * before[1] - before[3]
