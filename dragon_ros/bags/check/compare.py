@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from heapq import merge
 from itertools import chain, groupby
-from math import inf
+from math import ceil, inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -213,11 +213,12 @@ class _PartOfRun:
         return _reopened, (self._bag.path, *self._settings)
 
     def spans(self) -> list[_Span]:
-        """Return the parts as (first tick, tick after the last one)."""
+        """Return the parts as (first tick, tick after the last one): at most one more than the bag has messages."""
         if not log_times_are_ticks(self._bag, self._namespace):
             return [(0, self._ticks)]
         size = sum(len(encode(tick(self._scene, 0))) for encode in self._encode.values())
-        each = max(1, _PART_BYTES // size)
+        messages = sum(topic.messages for topic in self._bag.topics)
+        each = max(1, _PART_BYTES // size, ceil(self._ticks / (messages + 1)))
         return [(k, min(k + each, self._ticks)) for k in range(0, self._ticks, each)] or [(0, 0)]
 
     def __call__(self, span: _Span) -> Comparison:
