@@ -1,4 +1,4 @@
-"""Reads the benches of a run, in which successive messages differ only in stamps and poses."""
+"""Reads the benches of a run, whose successive messages differ only in stamps and poses."""
 import struct
 import sys
 
@@ -31,7 +31,7 @@ class BenchReader:
 
 
 class _Pattern:
-    """The words that determine the layout of a message that has only cubes, all of one layout, in bench order."""
+    """The words that determine the layout of a message that contains only cubes with one layout, in bench order."""
 
     def __init__(self, read: BenchMarkers) -> None:
         """Keep all words except stamps, poses, colours and lifetimes. Raises MessageError for impossible sizes."""

@@ -1,6 +1,6 @@
 """Frames as CDR bytes: one template per message, built once and patched in place by numpy.
 
-It is written by hand for speed: a template takes microseconds; a general serialiser takes milliseconds.
+It is written by hand for speed: a template takes microseconds, whereas a general serialiser takes milliseconds.
 
 The layout is plain CDR (OMG DDS-RTPS 2.3, 10.2; the first XCDR encoding): every primitive is aligned to its size,
 counted from the end of the 4-byte encapsulation header. Padding is zero.
@@ -18,7 +18,7 @@ NS = 10**9
 
 
 class Writer:
-    """Appends primitives in plain little-endian CDR."""
+    """Appends primitives as plain little-endian CDR."""
 
     def __init__(self) -> None:
         """Start with the encapsulation header."""
@@ -39,7 +39,7 @@ class Writer:
         return offset
 
     def text(self, text: str) -> None:
-        """Append a string: length with its closing zero, then the bytes."""
+        """Append a string: its length including the closing zero, followed by the bytes."""
         raw = text.encode() + b'\0'
         self.put('I', len(raw))
         self.data += raw
@@ -92,9 +92,9 @@ class RowLayout:
 class Template:
     """The bytes of a message, laid out once and patched in place for each tick.
 
-    BytesIO returns them without a copy, unless the caller still holds the previous message when the next one is made.
-    This matters because copying megabytes takes longer than patching them. Python caches the hash of bytes, so a caller
-    that hashes a message must keep it until the next one is made.
+    BytesIO returns the bytes without a copy, unless the caller still holds the previous message when the next one is
+    made. This matters because copying megabytes takes longer than patching them. Python caches the hash of bytes, so a
+    caller that hashes a message must keep it until the next one is made.
     """
 
     def __init__(self, data: bytearray) -> None:
@@ -133,7 +133,7 @@ class PoseArrayTemplate(Template):
 
 
 class VelocitiesTemplate(Template):
-    """std_msgs/Float64MultiArray: one row per handle, with columns vx, vy, speed in m/s (or similar ones)."""
+    """std_msgs/Float64MultiArray: one row per handle, with columns vx, vy, speed in m/s, or similar columns."""
 
     def __init__(self, handles: int, columns: str = 'vx_vy_speed') -> None:
         """Lay out the message for a number of handles."""
@@ -208,7 +208,7 @@ class JointsTemplate(Template):
             writer.text(name)
         writer.put('I', len(names))
         self._positions = RowLayout(len(names), writer.room('d', len(names)), 8, {'position': ('<f8', 0)})
-        writer.put('I', 0, 0)       # neither velocities nor efforts
+        writer.put('I', 0, 0)       # no velocities and no efforts
         super().__init__(writer.finish())
 
     def encode(self, t_ns: int, position_rad: Floats) -> bytes:
@@ -233,7 +233,7 @@ def half_turns(axis: Floats) -> Floats:
 
 
 class _Turns:
-    """Half turns as complex numbers (N,), computed once per tick: its messages share a read-only array of axes."""
+    """Half turns as complex numbers (N,), computed once per tick, whose messages share a read-only array of axes."""
 
     def __init__(self) -> None:
         self._last: tuple[Floats | None, Array] = None, np.empty(0, np.complex128)

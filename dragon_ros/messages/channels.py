@@ -14,7 +14,7 @@ _QOS = {'reliability': ('reliable', 'best_effort'), 'durability': ('volatile', '
 
 @dataclass(frozen=True)
 class Channel:
-    """One topic: relative name, message type, publisher, QoS, and the effect that enables it (None: always on)."""
+    """One topic: relative name, message type, publisher, QoS, and the effect that enables it (None if always on)."""
 
     name: str
     type: str
@@ -33,7 +33,7 @@ class Channel:
 
     @property
     def each_tick(self) -> bool:
-        """Whether it has one message per tick; a monitor's topics have their own rate."""
+        """Whether the topic has one message per tick; a monitor's topics have their own rate."""
         return self.publisher == 'sim' and not self.latched
 
 
@@ -55,7 +55,7 @@ def channel_of(topic: str) -> Channel | None:
 
 
 def live(effects: Effect) -> list[Channel]:
-    """Return the topics that sim publishes every tick for these effects, without the latched ones."""
+    """Return the topics that sim publishes every tick for these effects, excluding latched topics."""
     return [channel for channel in channels().values()
             if channel.each_tick and (channel.effect is None or channel.effect in effects)]
 

@@ -19,11 +19,11 @@ from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints
 from dragon_ros.messages.cdr import NS, strided
 from dragon_ros.messages.schemas import TEXT, Field, fields_of
 
-_MOST_LISTS = 2         # markers of a message that has all benches in two lists: faces and edges
+_MOST_LISTS = 2         # number of markers in a message that contains all benches in two lists: faces and edges
 _SMALLEST_MARKER = 180
-_HEALTH_BYTES = 65_536      # a monitor sends about a hundred
+_HEALTH_BYTES = 65_536      # longest accepted message; a monitor's has about 100 bytes
 _SECONDS = re.compile(r'([0-9]{1,10})\.([0-9]{9})')
-_MARKER_BYTES, _RUN_BYTES = 200, 4096       # upper bounds of memory per marker in columns, and per layout of a run
+_MARKER_BYTES, _RUN_BYTES = 200, 4096       # upper bounds of memory per marker in the columns, and per layout of a run
 
 
 class MessageError(InputError):
@@ -103,7 +103,7 @@ def _one(reader: Reader, field: Field) -> Any:
 
 @dataclass
 class Layout:
-    """Offsets of the fields of one message, by dotted name, and of all words that hold lengths."""
+    """Offsets of one message's fields, by dotted name, and of all words that hold lengths."""
 
     start: int
     at: dict[str, int] = field(default_factory=dict)
@@ -156,7 +156,7 @@ class Poses:
 
     @property
     def size_bytes(self) -> int:
-        """Upper bound of its memory: the poses, and the name of the frame as bytes and as text."""
+        """Upper bound of the memory in bytes: the poses, and the name of the frame as bytes and as text."""
         return self.poses.nbytes + 8 * len(self.frame_id)
 
 
@@ -165,12 +165,12 @@ _STAMP_AT = {'visualization_msgs/msg/MarkerArray': 8, 'std_msgs/msg/Float64Multi
 
 
 def stamp_at_of(kind: str) -> int | None:
-    """Return the byte offset, after the CDR header, of a topic type's first stamp; None without a stamp."""
+    """Return the byte offset, after the CDR header, of the first stamp in a topic's type; None if it has no stamp."""
     return _STAMP_AT.get(kind, 4)
 
 
 def stamp_of_message(kind: str, data: bytes) -> int | None:
-    """Return the first stamp of a message in ns; None without a stamp. Raises MessageError."""
+    """Return the first stamp of a message in ns; None if it has no stamp. Raises MessageError."""
     at = stamp_at_of(kind)
     return None if at is None else read_stamp_ns(data[:4] + data[at:at + 8])
 
@@ -197,14 +197,14 @@ class PathMessage:
 
 
 def read_path(data: bytes | bytearray) -> PathMessage:
-    """Return a nav_msgs/Path. Raises MessageError for too many poses, and for a pose in another frame."""
+    """Return a nav_msgs/Path. Raises MessageError for too many poses or a pose in another frame."""
     reader = Reader(data)
     t_ns, frame_id, count = reader.stamp_ns(), reader.text(), reader.take('I')
     if count > DRAWING_POINTS:
         raise MessageError(f'path: it has {count} poses; at most {DRAWING_POINTS} are read')
     points = list[complex]()
     for number in range(count):
-        reader.take('i'), reader.take('I')      # the pose's stamp, which planners set arbitrarily
+        reader.take('i'), reader.take('I')      # ignore the pose's stamp, which planners set arbitrarily
         frame = reader.text()
         if frame not in (frame_id, ''):
             raise MessageError(f'path: pose {number} is in the frame {shown(frame)}, the path in {shown(frame_id)}')
@@ -253,7 +253,7 @@ def examined_ns(data: bytes, dragon: str) -> int | None:
     """Return the time of the tick to which a monitor's diagnostics of this dragon refer; None for any other message."""
     try:
         statuses = read_diagnostics(data) if len(data) <= _HEALTH_BYTES else []
-    except MessageError:        # a recorder stores it unchanged
+    except MessageError:        # the message may be invalid, since a recorder stores it unchanged
         return None
     for status in statuses:
         found = _SECONDS.fullmatch(status.values.get('t_s', ''))
@@ -280,7 +280,7 @@ class MarkerRun:
 
 @dataclass(frozen=True)
 class Markers:
-    """Columns of all markers: stamp, number of the run, id, type, action, pose (N, 7) and scale (N, 3)."""
+    """Columns of all markers: stamp, index of the marker run, id, type, action, pose (N, 7) and scale (N, 3)."""
 
     runs: tuple[MarkerRun, ...]
     run_of: Ints
@@ -309,13 +309,13 @@ class Markers:
 
     @property
     def size_bytes(self) -> int:
-        """Upper bound of its memory: the message, the columns, and the layout and names of each run."""
+        """Upper bound of the memory in bytes: the message, the columns, and the layout and names of each run."""
         names = sum(len(run.frame_id) + len(run.ns) for run in self.runs)
         return len(self.data) + _MARKER_BYTES * self.type.size + _RUN_BYTES * len(self.runs) + 4 * names
 
     @property
     def geometry(self) -> list[Floats]:
-        """All coordinates: the poses, or, for lists of faces and edges, the points of each marker."""
+        """All coordinates: the poses or, for lists of faces and edges, the points of each marker."""
         points = [self.points_of(marker) for marker in range(self.type.size)] if self.type.size <= _MOST_LISTS else []
         return points if any(some.size for some in points) else [self.poses]
 
@@ -342,13 +342,13 @@ def read_marker_array(data: bytes | bytearray) -> Markers:
                    doubles[:, 7:], data)
 
 
-_LAST_LAYOUT: list[tuple[str, Layout, tuple[int, ...]]] = []     # layout of a message's first marker, with its lengths
+_LAST_LAYOUT: list[tuple[str, Layout, tuple[int, ...]]] = []     # of the last message's first marker, with its lengths
 
 
 def _first_layout(reader: Reader, fields: Sequence[Field]) -> Layout:
-    """Return the layout of a message's first marker: the previous message's if all words that hold lengths are equal.
+    """Return the layout of a message's first marker; reuse the previous message's layout if all lengths are equal.
 
-    Only these words determine the layout: each one fixes the position of the next.
+    Only the words that hold lengths determine the layout, because each one fixes the position of the next.
     """
     for order, layout, lengths in _LAST_LAYOUT:
         if (order, layout.start) == (reader.order, reader.at) and layout.end <= len(reader.data) and (
@@ -377,7 +377,7 @@ def _runs(reader: Reader, count: int) -> Iterator[MarkerRun]:
         yield MarkerRun(layout, stride, same, _text(reader, layout.at['header.frame_id']),
                         _text(reader, layout.at['ns']))
         count -= same
-        most = 8 * same         # keeps the time linear if a message has many short runs
+        most = 8 * same         # keep the time linear if a message has many short runs
 
 
 def _alike(reader: Reader, layout: Layout, stride: int, most: int) -> int:
@@ -409,7 +409,7 @@ def _text(reader: Reader, at: int) -> str:
 
 
 def _column(reader: Reader, runs: tuple[MarkerRun, ...], name: str, kind: str, columns: int) -> Array:
-    """Return one field of all markers, one row each; a view if there is only one run."""
+    """Return one field of all markers, one row per marker; the result is a view if there is only one run."""
     parts = [strided(reader.data, reader.order + kind, run.layout.at[name], run.stride, run.count, columns)
              for run in runs]
     if len(parts) == 1:

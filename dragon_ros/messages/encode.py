@@ -44,7 +44,7 @@ _BUILDERS = {'handles': _handles, 'benches': _benches, 'velocities': _velocities
 
 
 def _builder(topic: str) -> Callable[[Scene, str], Encode]:
-    """Return the builder of a topic; the module of rarely used effects is imported only when needed."""
+    """Return the builder of a topic; import the module for rarely used effects only when it is needed."""
     if topic in _BUILDERS:
         return _BUILDERS[topic]
     from dragon_ros.messages.encode_effects import BUILDERS

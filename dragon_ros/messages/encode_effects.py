@@ -1,4 +1,4 @@
-"""Encodes the topics of rarely used effects; imported only if a scene enables one of them."""
+"""Encodes the topics of rarely used effects; this module is imported only if a scene enables one of these effects."""
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -48,7 +48,7 @@ def _contact_markers(scene: Scene, frame_id: str) -> Encode:
         assert frame.contacts is not None
         assert frame.benches is not None
         which = np.unique(frame.contacts.benches)
-        which = which[which < lengths.size]     # obstacles are numbered behind the benches
+        which = which[which < lengths.size]     # obstacles are numbered after the benches
         size = np.stack((lengths[which], np.full(which.size, width_m)), axis=1)
         benches = red_benches('contact bench', range(which.size), frame.benches.centre[which], frame.axis[which], size)
         points = [MarkerSpec('contact point', n, SPHERE, (_POINT_M,) * 3, YELLOW, place=(x, y, 0.0))

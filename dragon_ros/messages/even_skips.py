@@ -1,8 +1,8 @@
-"""Skips whole ticks evenly when more arrive than can be processed: the fuller the queue, the more are skipped."""
+"""Skips whole ticks evenly if they arrive faster than they can be processed; a fuller queue skips more of them."""
 from dataclasses import dataclass, field
 
-FROM_FILL = 0.5     # fraction of its budget to which a queue fills before a tick is skipped
-_REMEMBERED = 8192      # remembered stamps, since one topic may run ahead of another
+FROM_FILL = 0.5     # used fraction of a queue's budget above which ticks are skipped
+_REMEMBERED = 8192      # number of remembered stamps, since one topic may run ahead of another
 
 
 @dataclass
@@ -14,20 +14,20 @@ class _Tick:
 class EvenSkips:
     """Decides for each stamp when its first message arrives, and repeats the decision for its other messages.
 
-    All ticks are kept up to a fill of ``FROM_FILL``, none at a fill of 1; in between, the fraction is linear. The queue
-    settles at the fill at which ticks are kept as fast as they are processed.
+    All ticks are kept up to a fill of ``FROM_FILL``, and none at a fill of 1; in between, the kept fraction decreases
+    linearly. The queue settles at the fill where ticks are kept as fast as they are processed.
     """
 
     def __init__(self) -> None:
         """Start without any skipped tick."""
-        self.skipped = 0        # ticks
+        self.skipped = 0        # number of skipped ticks
         self._ticks: dict[int, _Tick] = {}
         self._credit = 0.0
 
     def keeps(self, topic: str, t_ns: int, fill: float) -> bool:
-        """Return whether to keep a message of a tick; ``fill`` is the fill of the queue, where 1 is full.
+        """Return whether to keep a message of a tick; ``fill`` is the used fraction of the queue, and 1 is full.
 
-        If a topic repeats a stamp, its run has restarted.
+        A topic that repeats a stamp indicates that the run has restarted.
         """
         tick = self._ticks.get(t_ns)
         if tick is None or topic in tick.topics:

@@ -5,19 +5,19 @@ from dragon_ros.core.numerics.types import Array
 from dragon_ros.messages.decode import Layout, MessageError, Reader, layout_of
 from dragon_ros.messages.schemas import fields_of
 
-_ALIGNED = 4        # a message may be padded to a multiple of this
+_ALIGNED = 4        # a message may be padded to a multiple of this number of bytes
 
 
 class LengthCheck:
-    """Checks messages of one type; messages with strings and sequences as long as the previous ones are not parsed."""
+    """Checks messages of one type; it does not parse messages whose strings and sequences have the previous lengths."""
 
     def __init__(self, name: str) -> None:
-        """Take the name of a type of the package."""
+        """Take the name of a message type whose schema is in the package."""
         self._name, self._fields = name, fields_of(name)
         self._last: tuple[str, Layout, Array, Array] | None = None
 
     def fault(self, data: bytes) -> str | None:
-        """Return why the bytes are not exactly one whole message; None if they are."""
+        """Return the reason why the bytes are not exactly one message; None if they are."""
         try:
             end = self._end(Reader(data))
         except MessageError as error:

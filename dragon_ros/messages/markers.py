@@ -1,6 +1,6 @@
 """Markers as CDR bytes: benches (from a template that numpy patches in place), contacts, the track and trails.
 
-MarkerArrays are encoded by hand for speed: for 223 benches rclpy takes 6,700 µs, patching a template 4 µs.
+MarkerArrays are encoded by hand for speed: for 223 benches, rclpy takes 6,700 µs, and patching a template takes 4 µs.
 """
 import struct
 from collections.abc import Iterable
@@ -33,7 +33,7 @@ _EDGE_WIDTH_M, _ABOVE_M = 0.02, 0.002       # edges lie a little above the faces
 _TRACK_WIDTH_M, _TRACK_Z_M, _TRAIL_WIDTH_M = 0.03, -0.06, 0.04      # the track lies just below the benches
 _PROUD = 1.1        # height of a red bench relative to the bench that it covers
 Colour = tuple[float, float, float, float]
-# Okabe-Ito colours, which are distinguishable for colour-blind people.
+# Okabe-Ito colours, which colour-blind people can distinguish.
 VERMILION: Colour = (0.84, 0.37, 0.0, 1.0)
 BLUE: Colour = (0.0, 0.45, 0.70, 1.0)
 BLACK: Colour = (0.0, 0.0, 0.0, 1.0)
@@ -41,14 +41,15 @@ YELLOW: Colour = (0.94, 0.89, 0.26, 1.0)
 _TRACK_GREY, _TRAIL_GREY = (0.6, 0.6, 0.6, 1.0), (0.4, 0.4, 0.4, 1.0)
 _NO_SCALE, _NO_COLOUR = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
 _HEAD, _BODY = VERMILION, BLUE
-_FACES, _EDGES = (0, 1, 2, 0, 2, 3), (0, 1, 1, 2, 2, 3, 3, 0)      # corners of the triangles and lines of a bench
+_FACES, _EDGES = (0, 1, 2, 0, 2, 3), (0, 1, 1, 2, 2, 3, 3, 0)      # corners of a bench's triangles and lines
 
 
 @dataclass(frozen=True)
 class MarkerSpec:
     """One marker: its shape, place and appearance.
 
-    ``turn`` is (z, w) of its quaternion, ``points`` the number of points, ``colours`` the colours of the triangles.
+    ``turn`` is (z, w) of its quaternion, ``points`` is the number of points, and ``colours`` are the triangles'
+    colours.
     """
 
     ns: str
@@ -80,7 +81,7 @@ def put_marker(writer: Writer, spec: MarkerSpec, frame_id: str, t_ns: int = 0) -
     pose = writer.put('d', *spec.place, 0, 0, *spec.turn)
     writer.put('d', *spec.scale)
     writer.put('f', *spec.colour)
-    writer.put('i', 0, 0)           # lifetime: forever
+    writer.put('i', 0, 0)           # lifetime: unlimited
     writer.put('?', False)          # frame_locked
     writer.put('I', spec.points)
     points = writer.room('d', 3 * spec.points)
@@ -127,7 +128,7 @@ class CubesTemplate(Template):
 
 
 class TrianglesTemplate(Template):
-    """visualization_msgs/MarkerArray with the tops of all benches as one TRIANGLE_LIST and one LINE_LIST of edges.
+    """visualization_msgs/MarkerArray with the tops of all benches as a TRIANGLE_LIST and their edges as a LINE_LIST.
 
     Corners are numbered counterclockwise from the front left one.
     """
@@ -172,14 +173,14 @@ def _points(data: memoryview, benches: int, start: int, each: int, z_m: float) -
 
 
 def contact_markers(t_ns: int, frame_id: str, benches: Iterable[MarkerSpec], others: Iterable[MarkerSpec]) -> bytes:
-    """Return a MarkerArray that replaces the last one: DELETEALL, then ``red_benches`` and other markers, if any."""
+    """Return a MarkerArray that replaces the last one: DELETEALL, ``red_benches`` and other markers, if any."""
     return _marker_array(t_ns, frame_id, [delete_all(), *benches, *others])
 
 
 def red_benches(ns: str, ids: Iterable[int], centre: Floats, axis: Floats, size: Floats) -> list[MarkerSpec]:
     """Return the marker of each of M benches in contact: centres (M, 2) m, unit axes (M, 2), full sizes (M, 2) m.
 
-    They are vermilion and slightly higher than the benches that they cover.
+    These markers are vermilion and slightly higher than the benches that they cover.
     """
     rows = zip(ids, centre.tolist(), half_turns(axis).tolist(), size.tolist(), strict=True)
     return [MarkerSpec(ns, number, CUBE, (length, width, _PROUD * BENCH_HEIGHT_M), VERMILION, place=(x, y, 0.0),

@@ -1,6 +1,7 @@
-"""Convert the bytes of a PoseArray and a MarkerArray to a checked observation for the contact tracker.
+"""Convert the bytes of a PoseArray and a MarkerArray into a checked observation for the contact tracker.
 
-Also make the MarkerArray of benches from the handles of a foreign dragon, so that a monitor can observe it.
+For the dragon of another publisher, also compute the MarkerArray of benches from its handles, so that a monitor can
+observe it.
 """
 from dataclasses import dataclass
 
@@ -21,7 +22,7 @@ _SKEW = 1e-6        # largest relative deviation of a bench's two triangles from
 
 @dataclass(frozen=True)
 class BenchMarkers:
-    """The benches of one message: stamp, frame, the markers, and the indices of the bench markers."""
+    """The benches of one message: stamp, frame, markers, and the indices of the bench markers."""
 
     t_ns: int
     frame_id: str
@@ -36,13 +37,13 @@ class BenchMarkers:
 
     @property
     def size_bytes(self) -> int:
-        """Memory of the kept part of the message."""
+        """Memory of the kept part of the message, in bytes."""
         return self.markers.size_bytes
 
     def to_wait(self) -> 'BenchMarkers | WaitingBenches':
-        """Return the part to keep until handles arrive: the rectangles, a fifth to a quarter of the message's bytes.
+        """Return the part to keep until handles arrive: the rectangles, which take 20 to 25 % of the message's bytes.
 
-        An invalid message is kept unchanged, and rejected together with its handles.
+        An invalid message is kept unchanged and is rejected together with its handles.
         """
         kept: tuple[Floats, ...]
         try:
@@ -82,7 +83,7 @@ class BenchCubes:
 
 @dataclass(frozen=True)
 class WaitingBenches:
-    """The benches of a message that is no longer kept: the arrays of ``Benches``, or of ``_facing`` for triangles."""
+    """The benches of a message that is no longer kept: the arrays of ``Benches`` or, for triangles, of ``_facing``."""
 
     t_ns: int
     frame_id: str
@@ -99,7 +100,7 @@ class WaitingBenches:
 
     @property
     def size_bytes(self) -> int:
-        """Memory of the arrays."""
+        """Memory of the arrays, in bytes."""
         return sum(each.nbytes for each in self.arrays)
 
 
@@ -107,7 +108,7 @@ ShownBenches = BenchMarkers | BenchCubes | WaitingBenches
 
 
 def observation_of(poses: Poses, shown: ShownBenches) -> Observation:
-    """Return the observation from two messages of one tick. Raises MessageError, which names message and field."""
+    """Return the observation that two messages of one tick give. Raises MessageError, which names message and field."""
     handles_m = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
     rectangles = shown.rectangles(handles_m)
     _counted(len(rectangles.centre), len(handles_m))
@@ -141,7 +142,7 @@ def read_handles(data: bytes) -> Poses:
 
 
 class BenchesFromHandles:
-    """The benches of any dragon, as the monitor reads them: CUBEs computed from the handles of a PoseArray.
+    """Computes the benches of any dragon, as CUBEs that the monitor can read, from the handles of a PoseArray.
 
     Bench i is ``width_m`` wide and extends from handle i + 1 to handle i, and ``hole_inset_m`` beyond both. Its pose
     follows from the positions of the handles, not from their orientations.
@@ -150,13 +151,13 @@ class BenchesFromHandles:
     def __init__(self, width_m: float = 0.3, hole_inset_m: float = 0.275) -> None:
         """Take the hole inset and the width, in metres, that all benches share."""
         self._width_m, self._hole_inset_m = width_m, hole_inset_m
-        self._frame_id, self._lengths_m = '', np.empty(0)       # as in the template
+        self._frame_id, self._lengths_m = '', np.empty(0)       # in the order of the template
         self._template: CubesTemplate | None = None
 
     def encode(self, handles: bytes) -> bytes:
         """Return the MarkerArray, with the same stamp and frame, for the bytes of a geometry_msgs/PoseArray.
 
-        Raises MessageError for invalid handles, and for two consecutive handles in one place.
+        Raises MessageError for invalid handles, and for two consecutive handles at the same point.
         """
         poses = read_handles(handles)
         p = poses.poses[:, :2].astype(np.float64)
@@ -234,7 +235,7 @@ def _triangles(markers: Markers, marker: int, handles: int | None = None) -> tup
         _counted(len(points) // 6, handles)
     first, second = np.moveaxis(points.reshape(-1, 2, 3, 2), 1, 0)
     if np.array_equal(first[:, 0], second[:, 0]) and np.array_equal(first[:, 2], second[:, 1]):
-        # The diagonal and winding of this package's messages.
+        # The diagonal and winding in this package's messages.
         start, corner, end, far = first[:, 0], first[:, 1], first[:, 2], second[:, 2]
     else:
         start, corner, end, far = _around(first, second)
@@ -265,7 +266,7 @@ def _around(first: Floats, second: Floats) -> tuple[Floats, Floats, Floats, Floa
 
 
 def _from_right_angle(triangles: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return, for triangles (N, 3, 2), the corner opposite the longest side, and the ends of that side."""
+    """For triangles (N, 3, 2), return the corner opposite the longest side, and the ends of that side."""
     opposite = _norm(np.roll(triangles, -1, axis=1) - np.roll(triangles, 1, axis=1))
     turn = (np.argmax(opposite, axis=1)[:, None] + np.arange(3)) % 3
     corner, start, end = np.moveaxis(np.take_along_axis(triangles, turn[..., None], axis=1), 1, 0)
@@ -273,9 +274,9 @@ def _from_right_angle(triangles: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _facing(centre: Floats, sides: Floats, half: Floats, handles_m: Floats) -> Benches:
-    """Return benches along the sides (N, 2, 2) that align best with their handles, from rear to front.
+    """Return benches along those sides (N, 2, 2), from rear to front, that align best with the handles.
 
-    If the two handles of a bench coincide, this is the longer side.
+    If the two handles of a bench coincide, the longer side is used.
     """
     link = handles_m[:-1] - handles_m[1:]
     along = sides[..., 0] * link[:, :1] + sides[..., 1] * link[:, 1:]
@@ -288,7 +289,7 @@ def _facing(centre: Floats, sides: Floats, half: Floats, handles_m: Floats) -> B
 
 
 def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
-    """Apply the scale and pose of their marker to points (K, 3); return them in the plane."""
+    """Apply a marker's scale and pose to its points (K, 3); return the points in the plane."""
     pose = _finite('benches: pose', markers.poses[marker:marker + 1])[0]
     scale = _finite('benches: scale', markers.scale[marker:marker + 1])[0]
     x, y, z, w = pose[3:] / max(float(np.linalg.norm(pose[3:])), 1e-150)

@@ -38,12 +38,12 @@ def path_message(scene: Scene, frame_id: str) -> bytes:
 
 
 def _venue(scene: Scene, frame_id: str) -> bytes:
-    from dragon_ros.messages.venue_markers import venue_message  # few scenes have a venue
+    from dragon_ros.messages.venue_markers import venue_message  # imported lazily, because few scenes have a venue
     return venue_message(scene, frame_id)
 
 
 def _robot(scene: Scene, _: str) -> bytes:
-    from dragon_ros.messages.urdf import urdf_of  # imports an XML library, and few runs need it
+    from dragon_ros.messages.urdf import urdf_of  # imports an XML library, which few runs need
     return string_message(urdf_of(scene))
 
 

@@ -17,8 +17,8 @@ class Field:
     """One field of a message.
 
     ``kind`` is a struct code, TEXT, or '' for a nested message with ``parts``. ``each`` is the number of equal
-    primitives in one value (7 for a Pose), 0 for a single primitive. ``many`` is None for one value, 0 for a sequence,
-    otherwise the length of an array.
+    primitives in one value (7 for a Pose), or 0 for a single primitive. ``many`` is None for one value, 0 for a
+    sequence, and otherwise the length of an array.
     """
 
     name: str
@@ -41,7 +41,7 @@ def type_hash(name: str) -> str:
 
 
 def is_schema_of(name: str, text: str) -> bool:
-    """Return whether a ros2msg schema equals the package's own of that type, ignoring comments and space."""
+    """Return whether a ros2msg schema equals the package's schema of that type, ignoring comments and white space."""
     return name in _types() and _plain(text) == _plain(schema_text(name))
 
 
@@ -51,14 +51,14 @@ def _types() -> dict[str, str]:
 
 
 def _plain(text: str) -> list[str]:
-    """Return the lines of a schema without comments and space; a separator between two types may have any length."""
+    """Return a schema's lines without comments and white space; a separator between types may have any length."""
     lines = (' '.join(line.partition('#')[0].split()) for line in text.splitlines())
     return ['=' if set(line) == {'='} else line for line in lines if line]
 
 
 @lru_cache
 def fields_of(name: str) -> tuple[Field, ...]:
-    """Return the fields of a message type, in their order."""
+    """Return the fields of a message type, in order."""
     whole, *rest = re.split(r'^=+\nMSG: ', schema_text(name), flags=re.MULTILINE)
     texts = {section.partition('\n')[0].strip(): section.partition('\n')[2] for section in rest}
     package = name.partition('/')[0]

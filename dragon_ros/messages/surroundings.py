@@ -1,4 +1,4 @@
-"""Surroundings from messages: the markers of a venue, and an occupancy grid."""
+"""Read surroundings from messages: from the markers of a venue, and from an occupancy grid."""
 from cmath import exp
 from dataclasses import dataclass
 from math import atan2
@@ -14,16 +14,16 @@ from dragon_ros.messages.decode import Markers, MessageError, Reader, read_marke
 from dragon_ros.messages.markers import ADD, LINE_LIST, LINE_STRIP, TEXT_VIEW_FACING
 from dragon_ros.messages.venue_markers import EDGES, KINDS, NAMES
 
-MAP = 'map'             # the name of the obstacles of a grid
+MAP = 'map'             # name of the obstacles in a grid
 _FLAT = 1e-6            # largest sine of the tilt of a plane
 _SIDES = {text: side for side, text in KINDS.items()}
 
 
 @dataclass(frozen=True)
 class Located:
-    """Surroundings (None: no obstacles) in a frame; ``left_out`` names the unused parts of the message.
+    """Surroundings (None if there are no obstacles) in a frame; ``left_out`` names the unused parts of the message.
 
-    ``frame_id`` is None for the frame of the dragon, whatever its name.
+    ``frame_id`` is None for the frame of the dragon, regardless of its name.
     """
 
     frame_id: str | None
@@ -35,7 +35,8 @@ def read_venue(data: bytes) -> Located:
     """Return the obstacles in a MarkerArray: the LINE_LIST and LINE_STRIP markers in the namespace ``venue``.
 
     Their names are the texts in the namespace ``venue names`` with the same id. The text of a marker is its kind:
-    polygon, line or inside; without text it is a line. Raises MessageError if a marker is invalid or frames are mixed.
+    polygon, line or inside. A marker without text is a line. Raises MessageError if a marker is invalid or frames are
+    mixed.
     """
     markers = read_marker_array(data)
     of = np.array([run.ns for run in markers.runs], dtype=object)[markers.run_of]
@@ -104,7 +105,7 @@ def plane_pose_of(pose: Floats, what: str) -> PlanePose:
 
 @dataclass(frozen=True)
 class CellRules:
-    """The cells of a grid that are obstacles: those of at least ``occupied`` percent, optionally ``unknown`` ones."""
+    """The cells of a grid that are obstacles: those of at least ``occupied`` percent and, optionally, unknown ones."""
 
     occupied: int = 65
     unknown: bool = False
@@ -113,7 +114,7 @@ class CellRules:
 def read_grid(data: bytes, rules: CellRules) -> Located:
     """Return the obstacles in a nav_msgs/OccupancyGrid: the boundaries of its occupied cells.
 
-    Negative cells are unknown. Raises MessageError for an invalid grid, InputError for one beyond the budgets.
+    Negative cells are unknown. Raises MessageError for an invalid grid, and InputError for a grid beyond the budgets.
     """
     if len(data) > MAP_BYTES:
         raise MessageError(f'map: it has {len(data)} bytes; the limit is {MAP_BYTES}; reduce its resolution')
@@ -131,7 +132,7 @@ def read_grid(data: bytes, rules: CellRules) -> Located:
     occupied = cells >= rules.occupied
     if rules.unknown:
         occupied |= cells < 0
-    cell_m = float(f'{resolution_m:.7g}')       # 0.05 instead of the nearest 32-bit number
+    cell_m = float(f'{resolution_m:.7g}')       # for example 0.05 instead of the nearest 32-bit number
     return Located(frame_id, outlines(occupied, MAP, shift, turn * cell_m) if count else None)
 
 

@@ -12,9 +12,9 @@ from dragon_ros.messages.decode import Poses
 from dragon_ros.messages.observation import BenchCubes, BenchMarkers, ShownBenches
 
 _EACH_BYTES = 4096      # largest overhead of one message, in bytes
-_LONGEST_JUMP = 1000    # how many consecutive messages of a publisher may be lost
-_MOST_OTHERS = 7        # how many publishers are distinguished, besides the known one
-_EXACT = 0.25           # steps by which a stamp may deviate and still identify its publisher
+_LONGEST_JUMP = 1000    # largest number of consecutive messages that a publisher may lose
+_MOST_OTHERS = 7        # largest number of distinguished publishers in addition to the adopted one
+_EXACT = 0.25           # largest deviation, in steps, of a stamp that still identifies its publisher
 _HANDLES, _BENCHES = 'handles', 'benches'
 Pair = tuple[Poses, ShownBenches]
 
@@ -119,7 +119,7 @@ class _Stream:
         return abs(t_ns - self.t_ns - self.step_ns * (sequence - self.sequence)) / max(self.step_ns, 1.0)
 
     def jump(self, sequence: int) -> float:
-        """Return how many numbers a message is from the expected one; inf if it is too far or too old."""
+        """Return by how much a message's number differs from the expected one; inf if it is too far or too old."""
         ahead = sequence - self.sequence - 1
         return ahead if 0 <= ahead <= _LONGEST_JUMP else inf
 
@@ -131,12 +131,12 @@ class _Stream:
 
 
 class Streams:
-    """Distinguishes the messages of several publishers of one topic, since the middleware does not name the sender.
+    """Distinguishes the messages of a topic's publishers, since the middleware does not name the sender.
 
-    Each publisher numbers its messages, and its stamps grow evenly with the numbers: a message belongs to the publisher
+    Each publisher numbers its messages, and its stamps grow evenly with the numbers. A message belongs to the publisher
     whose sequence it continues. Publishers with equal numbers and stamps cannot be distinguished, nor can publishers
-    with equal numbers at the moment when one of them seeks. Messages of all publishers are accepted until one is
-    adopted; from then on only the adopted publisher's are.
+    with equal numbers at the moment when one of them seeks. Messages of all publishers are accepted until one publisher
+    is adopted; from then on, only its messages are accepted.
     """
 
     def __init__(self) -> None:
@@ -149,7 +149,7 @@ class Streams:
         return any(sequence == stream.sequence + 1 for stream in self._all)
 
     def take(self, sequence: int, t_ns: int, alone: bool) -> bool:
-        """Return whether to accept a message; a message is always accepted if its publisher is ``alone``."""
+        """Return whether to accept a message; if its publisher is ``alone``, the answer is always yes."""
         if alone:
             self._all = self._all if len(self._all) == 1 and self.follows(sequence) else [_Stream(sequence, t_ns)]
             self._known = self._known and self._all[0]

@@ -1,4 +1,4 @@
-"""The tree of frames from the messages of /tf and /tf_static, and the pose of one frame in another."""
+"""The tree of coordinate frames that /tf and /tf_static describe, and the pose of one frame in another."""
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +23,7 @@ class _Parent:
 
 
 class FrameTree:
-    """The newest transforms by child frame."""
+    """The newest transforms, by child frame."""
 
     def __init__(self) -> None:
         """Start without frames."""
@@ -47,7 +47,7 @@ class FrameTree:
         return new
 
     def pose(self, frame: str, into: str) -> PlanePose | None:
-        """Return the pose of a frame in another one; None if they are not connected. Raises MessageError for a tilt."""
+        """Return the pose of a frame in another one; None if they are not connected. Raises MessageError if tilted."""
         up, base = self._ancestors(_bare(frame)), self._ancestors(_bare(into))
         common = next((one for one in up if one in base), None)
         if common is None:

@@ -1,4 +1,4 @@
-"""The dragon as a URDF robot in its real size: benches are links, handles are revolute joints.
+"""The dragon as a life-size URDF robot: benches are links, and handles are revolute joints.
 
 The frame of bench i is at its front handle, with x towards the head. Joint i rotates bench i relative to bench i - 1
 about handle i, by its angle in topic ``joint_states``.
@@ -10,7 +10,7 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.messages.markers import BENCH_HEIGHT_M
 
 ROOT = 'bench_0'
-_UNLIMITED = 1e3        # N m and rad/s; nothing drives the joints, but importers require positive numbers
+_UNLIMITED = 1e3        # in N m and rad/s; nothing drives the joints, but importers require positive numbers
 _MASS_KG = 1.0          # scenes have no masses, but importers drop links without mass
 
 
@@ -33,7 +33,7 @@ def urdf_of(scene: Scene) -> str:
 
 
 def _add_bench(robot: Element, n: int, size_m: tuple[float, float, float], link_m: float) -> None:
-    """Add a box centred between its two handles, with the moments of inertia of a homogeneous box."""
+    """Add a box that is centred between the bench's handles and has the moments of inertia of a homogeneous box."""
     link = SubElement(robot, 'link', name=f'bench_{n}')
     x, y, z = size_m
     for kind in ('visual', 'collision'):

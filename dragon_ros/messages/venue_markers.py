@@ -11,17 +11,17 @@ from dragon_ros.core.venue import INSIDE, LineObstacle, Points, Venue
 from dragon_ros.messages.cdr import Writer
 from dragon_ros.messages.markers import BLACK, LINE_LIST, TEXT_VIEW_FACING, Colour, MarkerSpec, delete_all, put_marker
 
-EDGES, NAMES = 'venue', 'venue names'       # namespaces; the id is the obstacle's number, the last one is the inside
+EDGES, NAMES = 'venue', 'venue names'       # namespaces; the id is the obstacle's number, and the last id is the inside
 _WIDTH_M, _LETTER_M, _ABOVE_M = 0.08, 0.6, 0.5
 _GREY: Colour = (0.35, 0.35, 0.35, 1.0)
-# The text of the marker with the edges; RViz does not show it. Markers without it are lines.
+# The text of the marker with the edges. RViz does not show this text. Markers without it are lines.
 KINDS = {OUTSIDE: 'polygon', LINE: 'line', WITHIN: 'inside'}
 
 
 def venue_message(scene: Scene, frame_id: str) -> bytes:
-    """Return a MarkerArray with a LINE_LIST for each obstacle, in order, and for the inside; then their names.
+    """Return a MarkerArray with a LINE_LIST for each obstacle, in order, and for the inside, followed by their names.
 
-    It is stamped with the start of the run, and empty without a venue.
+    It is stamped with the start of the run, and is empty if there is no venue.
     """
     return _message(_drawn(scene.venue) if scene.venue is not None else [], frame_id, scene.run.start_ns)
 
@@ -32,7 +32,7 @@ def fits_message(around: Surroundings) -> bool:
 
 
 def obstacles_message(around: Surroundings | None, frame_id: str, t_ns: int) -> bytes:
-    """Return a DELETEALL and then the markers of ``venue_message``, for the surroundings that count from t_ns on."""
+    """Return a DELETEALL and the markers of ``venue_message`` for the surroundings that are valid from t_ns on."""
     return _message(_drawn_around(around) if around else [], frame_id, t_ns, [delete_all()])
 
 
@@ -62,14 +62,14 @@ def _put_edges(writer: Writer, spec: MarkerSpec, edges: Floats, frame_id: str, t
 
 
 def _drawn(venue: Venue) -> list[tuple[str, int, Floats]]:
-    """Return name, side and the ends (2 n, 2) of n edges in m of each obstacle and of the inside."""
+    """Return the name, the side and the ends (2 n, 2) in m of the n edges of each obstacle and of the inside."""
     out = [(one.name, LINE, _edges([one.points_m], False)) if isinstance(one, LineObstacle) else
            (one.name, OUTSIDE, _edges(one.rings_m, True)) for one in venue.obstacles]
     return [*out, *([] if venue.inside is None else [(INSIDE, WITHIN, _edges([venue.inside], True))])]
 
 
 def _drawn_around(around: Surroundings) -> list[tuple[str, int, Floats]]:
-    """Return name, side and the ends (2 n, 2) of n edges in m of each obstacle, in order."""
+    """Return the name, the side and the ends (2 n, 2) in m of the n edges of each obstacle, in order."""
     ends = np.stack((around.start, around.stop), axis=1)
     order = np.argsort(around.owner, kind='stable')
     parts = np.split(ends[order], np.flatnonzero(np.diff(around.owner[order])) + 1)
