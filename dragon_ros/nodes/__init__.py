@@ -1,1 +1,1 @@
-"""The ROS shell: thin nodes that move bytes. Only this package imports rclpy and message packages."""
+"""The ROS shell: thin nodes that move bytes. No other package imports rclpy or message packages."""

@@ -19,17 +19,17 @@ from dragon_ros.nodes.params import NAMES, Parameter
 
 
 def given_to(node: Node) -> dict[str, Any]:
-    """Return the values given to a node's parameters by the command line, files and ``parameter_overrides``, by name.
+    """Return, by name, the parameter values that the command line, files and ``parameter_overrides`` give to a node.
 
-    rclpy has no public list of them: it either declares all of them itself (and fails at an empty list, which has no
-    type) or returns those requested by name. Therefore this function, and no other, reads rclpy's internal list,
-    without changing it.
+    rclpy has no public list of these values: it either declares all of them itself (and fails at an empty list, which
+    has no type) or returns those requested by name. Therefore this function, and no other function, reads rclpy's
+    internal list without changing it.
     """
     return {name: [] if given.value is None else given.value for name, given in node._parameter_overrides.items()}
 
 
 def declare(node: Node, parameter: Parameter, given: dict[str, Any]) -> Any:
-    """Declare a parameter and return its value: the given one or the default.
+    """Declare a parameter and return its value: the given value or the default.
 
     Raises InputError, which names the parameter, the value and the limits.
     """
@@ -48,7 +48,7 @@ def declare(node: Node, parameter: Parameter, given: dict[str, Any]) -> Any:
 
 
 def check(parameter: Parameter, value: Any) -> None:
-    """Raise InputError if the value is not one of the choices, or only just exceeds a limit.
+    """Raise InputError if the value is not one of the choices, or exceeds a limit, even by a rounding error.
 
     ROS checks types and ranges, but accepts values that exceed a limit by a rounding error.
     """
@@ -82,21 +82,21 @@ def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
 NAMESPACE = '/dragon'
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 _NO_CLOCK_S = 3.0
-_QOS = 'qos_overrides.'         # prefix of parameters that override the QoS of a topic, as everywhere in ROS 2
+_QOS = 'qos_overrides.'         # ROS 2's prefix of parameters that override the QoS of a topic
 _POLICIES = ('history', 'depth', 'reliability', 'durability', 'deadline', 'lifespan', 'liveliness',
              'liveliness_lease_duration')
-_WAITING = {'history': 'keep_all', 'reliability': 'reliable', 'lifespan': None}     # required by a waiting publisher
-_MISSPELT = 0.85                # difflib ratio: rate_hx is rate_hz (0.86), publish_rate is not publish_tf (0.82)
+_WAITING = {'history': 'keep_all', 'reliability': 'reliable', 'lifespan': None}     # fixed for a waiting publisher
+_MISSPELT = 0.85                # difflib ratio: rate_hx means rate_hz (0.86), publish_rate not publish_tf (0.82)
 
 
 class DragonNode(Node):
     """A node in namespace /dragon by default; it works in any executor.
 
-    ``setting`` holds the values of its parameters. A subclass rejects values in ``refuse`` and acts on changes in
-    ``changed``.
+    ``setting`` holds the values of the node's parameters. A subclass rejects values in ``refuse`` and acts on changes
+    in ``changed``.
     """
 
-    _given: Mapping[str, Any] = MappingProxyType({})        # rclpy creates its own topics before values are known
+    _given: Mapping[str, Any] = MappingProxyType({})        # while rclpy creates its own topics, no values are known
 
     def __init__(self, name: str, table: tuple[Parameter, ...] = (), overrides: dict[str, Any] | None = None) -> None:
         """Declare the parameters of the table.
@@ -110,7 +110,7 @@ class DragonNode(Node):
         given = given_to(self)
         for key, value in lists.items():
             known = given.setdefault(key, [])
-            given[key] = [*known, *value] if isinstance(known, list) else known     # anything else is rejected later
+            given[key] = [*known, *value] if isinstance(known, list) else known     # other types are rejected later
         self._table = {parameter.name: parameter for parameter in table}
         self.setting = {parameter.name: declare(self, parameter, given) for parameter in table}
         self._check_names(given)
@@ -124,7 +124,7 @@ class DragonNode(Node):
         self._patience = self.create_timer(_NO_CLOCK_S, self._check_clock, clock=STEADY)
 
     def destroy_node(self) -> None:
-        """Destroy the node, but first the objects that rclpy would leave behind."""
+        """Destroy the objects that rclpy would leave behind, and then the node."""
         while self.closing:
             self.closing.pop()()
         super().destroy_node()
@@ -134,7 +134,7 @@ class DragonNode(Node):
         return logs.logger(super().get_logger().name)
 
     def _check_names(self, given: dict[str, Any]) -> None:
-        """Raise InputError for a name that looks misspelt; warn about others, since a file may be for several nodes."""
+        """Raise InputError for a name that looks misspelt; warn about others, since nodes may share a file."""
         for name in given:
             if self.has_parameter(name) or name.startswith(_QOS):
                 continue
@@ -146,12 +146,12 @@ class DragonNode(Node):
             self.get_logger().warning(f'{unknown}; it is ignored; {hint}')
 
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any, **options: Any) -> Publisher:
-        """Create a publisher as rclpy does, with the overrides of its QoS. Raises InputError if they are invalid."""
+        """Create a publisher as rclpy does, with its QoS overrides. Raises InputError if they are invalid."""
         return self._overridden(super().create_publisher, 'publisher', topic, (msg_type, topic, qos_profile), options)
 
     def create_subscription(self, msg_type: Any, topic: str, callback: Any, qos_profile: Any,
                             **options: Any) -> Subscription:
-        """Create a subscription as rclpy does, with the overrides of its QoS. Raises InputError if they are invalid."""
+        """Create a subscription as rclpy does, with its QoS overrides. Raises InputError if they are invalid."""
         return self._overridden(super().create_subscription, 'subscription', topic,
                                 (msg_type, topic, callback, qos_profile), options)
 
@@ -198,7 +198,7 @@ class DragonNode(Node):
     def _on_set(self, given: list[RosParameter]) -> SetParametersResult:
         try:
             for one in given:
-                if not one.name:        # rclpy mistakes an empty name for a known parameter
+                if not one.name:        # rclpy treats an empty name as a known parameter
                     raise InputError('a parameter needs a name')
                 if one.name in self._table:
                     check(self._table[one.name], one.value)
@@ -214,7 +214,7 @@ class DragonNode(Node):
                 self.changed(one.name)
 
     def _check_clock(self) -> None:
-        """Warn once if ROS time should come from /clock and nothing has arrived."""
+        """Warn once if ROS time should come from /clock but nothing has arrived."""
         self._patience.cancel()
         if self._ros_time.ros_time_is_active and not self._ros_time.now().nanoseconds:
             self.get_logger().warning(f'use_sim_time is true, but nothing arrived on /clock for {_NO_CLOCK_S:g} s: '

@@ -119,8 +119,8 @@ def _add_bag_options(options: argparse.ArgumentParser) -> None:
     options.add_argument('--split-duration-s', type=float, metavar='S', help='start a new file after this much '
                          'simulation time')
     options.add_argument('--max-size-mb', type=float, metavar='MB', help='stop before the bag exceeds this size')
-    options.add_argument('--fsync', action='store_true', help='write each chunk to the disk before the next one: '
-                         'protects against power cuts, too')
+    options.add_argument('--fsync', action='store_true', help='write each chunk to the disk before the next one, '
+                         'which also protects against power cuts')
 
 
 def _names(text: str) -> list[str]:
@@ -135,7 +135,7 @@ def _record(arguments: argparse.Namespace, stop: threading.Event) -> int:
     path = arguments.output or Path(f'dragon_{datetime.now().astimezone():%Y%m%d_%H%M%S}.mcap')
     bag = BagWriter(path, arguments.force, BagOptions(
         arguments.compression, arguments.split_size_mb, arguments.split_duration_s, arguments.max_size_mb,
-        arguments.fsync), threaded=False)        # the recorder has its own writer thread
+        arguments.fsync), threaded=False)        # because the recorder has its own writer thread
     return run(bag, arguments.keep_going, flush_s, queue_mb, arguments.trust, stop)
 
 

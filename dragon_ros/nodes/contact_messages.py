@@ -30,9 +30,9 @@ def collision_of(report: Report) -> DiagnosticArray | None:
 
 
 def status_of(event: Event, more: int = 0) -> DiagnosticStatus:
-    """Return the start of a contact as a diagnostic status with all numbers; ``more`` counts further pairs.
+    """Return the start of a contact as a diagnostic status with all numbers; ``more`` is the number of further pairs.
 
-    An obstacle has the number behind the benches in its venue's order, and its name under ``obstacle``.
+    Obstacles are numbered after the benches in their venue's order; the key ``obstacle`` holds the name.
     """
     before = event.after_ns if event.before_ns is None else event.before_ns
     values = {
@@ -79,7 +79,7 @@ def level_of(report: Report | None, warn_below_m: float) -> bytes:
 
 
 def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: int) -> DiagnosticStatus:
-    """Return OK, WARN or ERROR for the last observed tick of a dragon (by its namespace), with its numbers."""
+    """Return OK, WARN or ERROR for the last observed tick of a dragon (by its namespace), with the tick's numbers."""
     name = f'{dragon}: clearance'
     level = level_of(report, warn_below_m)
     if report is None:
@@ -99,13 +99,13 @@ def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: 
 
 
 class Pace:
-    """Counts the ticks that a monitor does not see, and the longest gap: shorter contacts may be missed."""
+    """Counts the ticks that a monitor does not see, and the longest gap; shorter contacts may be missed."""
 
     def __init__(self) -> None:
         """Start without any missed tick."""
         self.skipped = 0        # unseen ticks that were skipped because more arrive than can be read
         self._unseen, self._step_ns = 0, 0
-        self._since_s = self._told_s = -inf         # times of the last reportable event and of the last report
+        self._since_s = self._told_s = -inf         # times of the last event to report and of the last report
         self._last: tuple[int, int] | None = None       # stamp and number of the last seen tick
         self.before = 0         # ticks published before the first one seen
 

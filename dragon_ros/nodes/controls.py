@@ -1,7 +1,7 @@
 """Playback of frames in simulation time: pause, resume, reset, step, seek and speed, in any executor.
 
-A steady timer, set to the due time of the next frame, plays that frame. The services are named after the node, like
-those of a rosbag2 player (``/dragon/sim/pause``), so that a sim and a replay in one namespace do not collide.
+A steady timer that is set to the due time of the next frame plays that frame. The services are named after the node,
+like those of a rosbag2 player (``/dragon/sim/pause``), so that a sim and a replay in one namespace do not collide.
 """
 import time
 from collections.abc import Callable
@@ -15,9 +15,9 @@ from dragon_ros.nodes import logs
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.pacer import Pacer
 
-STANDARD = 'simulation_interfaces'      # package of the standard services, which are also offered if it is installed
-_POLL_NS = 20_000_000       # interval between checks whether it may start
-_SLICE_S = 0.005            # longest playback before the executor serves other callbacks
+STANDARD = 'simulation_interfaces'      # package of the standard services, which are offered too if it is installed
+_POLL_NS = 20_000_000       # interval between checks whether playback may start
+_SLICE_S = 0.005            # longest playback before other callbacks are served
 _PROGRESS_S = 1.0               # interval of progress messages
 
 
@@ -40,13 +40,13 @@ class PlaySource(Protocol):
         """Move to the first frame."""
 
     def seek(self, t_ns: int | None) -> None:
-        """Move to the last frame at or before ``t_ns``; None: the first. Raises DragonError if there is none."""
+        """Move to the last frame at or before ``t_ns`` (None: the first frame). Raises DragonError if there is none."""
 
     def place(self) -> str:
         """Return the position of the last frame shown, as text."""
 
     def ending(self) -> str:
-        """Return why there is no next frame, as text."""
+        """Return the reason why there is no next frame, as text."""
 
 
 def _nothing() -> None:
@@ -54,10 +54,10 @@ def _nothing() -> None:
 
 
 class Steps:
-    """Frames to show at once: ``shown`` and ``left`` count them; ``ended`` is true when no more will be shown."""
+    """Frames to show at once; ``shown`` and ``left`` count them, and ``ended`` is true when no more will follow."""
 
     def __init__(self, frames: int, each: Callable[[], None] = _nothing, end: Callable[[], None] = _nothing) -> None:
-        """``each`` is called after each frame, ``end`` once when no more will be shown."""
+        """``each`` is called after each frame, and ``end`` is called once when no more will be shown."""
         self.shown, self.left, self.ended = 0, frames, frames == 0
         self._each, self._end = each, end
 
@@ -78,7 +78,7 @@ class Steps:
 class Player:
     """Plays a source on a node with the parameters ``CONTROLS``; ``done`` is true after the final end.
 
-    ``stopped`` is a pause before the start: nothing has been played since ``stop``.
+    ``stopped`` is true for a pause before the start, when nothing has been played since ``stop``.
     """
 
     def __init__(self, node: DragonNode, source: PlaySource, time_scale: float, ready: Callable[[], bool]) -> None:
@@ -97,7 +97,7 @@ class Player:
         return f'paused {self._source.place()}'
 
     def resume(self) -> str:
-        """Resume; the next frame is due one tick from now. Raises DragonError when holding at the end."""
+        """Resume; the next frame is due one tick from now. Raises DragonError if the player holds at the end."""
         if self._node.setting['at_end'] == 'hold':
             self._check_next()
         self.paused = self.stopped = False
@@ -105,7 +105,7 @@ class Player:
         return f'resumed {self._source.place()}'
 
     def reset(self) -> str:
-        """Return to the first frame and show it; time jumps back. A pause continues."""
+        """Return to the first frame and show it, so that time jumps back; a pause continues."""
         self._source.rewind()
         return self._show_now(1)
 
@@ -133,7 +133,7 @@ class Player:
         return place
 
     def seek(self) -> str:
-        """Move to the last frame at or before ``seek_s`` (negative: the first) and show it. A pause continues."""
+        """Move to the last frame at or before ``seek_s`` (negative: the first frame) and show it; a pause continues."""
         seek_s = self._node.setting['seek_s']
         self._source.seek(None if seek_s < 0 else round(seek_s * NS))
         self.stopped = False
@@ -150,7 +150,7 @@ class Player:
         self._wake()
 
     def stands(self) -> bool:
-        """Return whether time stands still: before the start, during a pause, at the end."""
+        """Return whether time stands still, as it does before the start, during a pause and at the end."""
         return self._waiting or self.paused or self.done
 
     def is_stepping(self) -> bool:
@@ -168,7 +168,7 @@ class Player:
         return serve
 
     def _show_now(self, frames: int) -> str:
-        """Show a number of frames at once, or as soon as slow readers catch up."""
+        """Show a number of frames at once, or as soon as slow readers have caught up."""
         self._owe(Steps(frames))
         while self.is_stepping() and self._play_owed():
             pass
@@ -213,7 +213,7 @@ class Player:
             self._wake(delay_ns)
 
     def _play(self) -> int | None:
-        """Play the due frames; return the wall time until the next action, None if only a service call causes one."""
+        """Play the due frames; return the wall time until the next action, None if only a service call causes it."""
         if self._waiting and not self.is_stepping():
             if not self._ready():
                 return _POLL_NS
@@ -265,7 +265,7 @@ class Player:
             self._node.get_logger().info(f'{self._source.ending()}{then}')
 
     def _log_progress(self) -> None:
-        """Log the progress every second if somebody reads the log."""
+        """Log the progress every second if anybody reads the log."""
         if time.monotonic() - self._logged_s >= _PROGRESS_S and logs.progress_wanted() and not self.stands():
             pacer, left_s = self.pacer, self._left_s()
             left = '' if left_s is None else f', {left_s:.0f} s left'

@@ -16,7 +16,7 @@ from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.messages.decode import MessageError, Poses, read_multi_array
 from dragon_ros.messages.observation import observation_of, placed, read_benches, read_handles
 
-TOPICS = ('handles', 'benches', 'velocities', 'accelerations')     # topics that give the state of a dragon
+TOPICS = ('handles', 'benches', 'velocities', 'accelerations')     # topics from which the state of a dragon is read
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,8 @@ class Bodies:
     """All handles, then all benches, at one instant.
 
     ``place_m``, the unit vector ``axis`` towards the head, ``velocity_m_s`` and ``acceleration_m_s2`` have the shape
-    (M, 2), the derivatives of the yaw (M,). Unknown derivatives are NaN. ``benches`` is None if only handles are known.
+    (M, 2); the derivatives of the yaw have the shape (M,). Unknown derivatives are NaN. ``benches`` is None if only
+    handles are known.
     """
 
     t_ns: int
@@ -74,9 +75,9 @@ def bodies_of_frame(frame: Frame, dragon: AnyDragon, frame_id: str) -> Bodies:
 
 
 def bodies_of_messages(last: Mapping[str, Message]) -> Bodies | None:
-    """Return the bodies described by the last messages, by topic; None without handles. Raises MessageError.
+    """Return the bodies that the last messages, by topic, describe; None without handles. Raises MessageError.
 
-    Benches must have the stamp of the handles; topics without stamps must have their log time.
+    Benches must have the stamp of the handles; messages of topics without stamps must have the log time of the handles.
     """
     if 'handles' not in last:
         return None
@@ -94,7 +95,7 @@ def _benches(poses: Poses, last: Mapping[str, Message]) -> Benches | None:
 
 
 def _same_tick(name: str, last: Mapping[str, Message], handles: int) -> Floats | None:
-    """Return the first two columns of a topic without stamps, if its message belongs to the handles."""
+    """Return the first two columns of a topic without stamps if its message belongs to the handles."""
     if name not in last or last[name].t_ns != last['handles'].t_ns:
         return None
     labels, values = read_multi_array(last[name].data)
@@ -105,7 +106,7 @@ def _same_tick(name: str, last: Mapping[str, Message], handles: int) -> Floats |
 
 def _bodies(t_ns: int, frame_id: str, links: tuple[Floats, Floats], benches: Benches | None,
             known: tuple[Floats | None, Floats | None]) -> Bodies:
-    """Return the bodies of handles and directions of links, with velocities and accelerations if these are known.
+    """Return the bodies, given handles, directions of links and, if known, velocities and accelerations.
 
     A rigid link e of length L turns at w = e x (v[i] - v[i+1]) / L, and w' = e x (a[i] - a[i+1]) / L.
     """
@@ -136,7 +137,7 @@ class Region(NamedTuple):
 
 
 def sphere(points: Floats) -> Region:
-    """Return the plane's section of a sphere: ``points`` (2, 3) has its centre, and its radius as the second x."""
+    """Return the plane's section of a sphere; ``points`` (2, 3) contains its centre, and its radius as the second x."""
     _check(len(points) == 2 and points[1, 0] >= 0, points, 'a sphere has a centre and a radius of at least 0 m in x')
     from shapely import Point
     (x, y, z), radius = points[0].tolist(), float(points[1, 0])
@@ -170,8 +171,8 @@ def _check(is_valid: Any, points: Floats, limit: str) -> None:
 def chosen(bodies: Bodies, pattern: str, tags: Collection[str], every: bool, region: Region | None) -> list[int]:
     """Return the entities that pass all filters, in order; an empty filter passes all. Raises InputError.
 
-    ``pattern`` is a regular expression for the whole name. An entity needs one of the ``tags``, or ``every`` one. It
-    passes ``region`` if it overlaps or touches it.
+    ``pattern`` is a regular expression for the whole name. An entity needs one of the ``tags``, or ``every`` one. An
+    entity passes ``region`` if it overlaps or touches the region.
     """
     names, wanted = bodies.names, set(tags)
     found = range(len(names)) if region is None else np.flatnonzero(_overlapping(bodies, region)).tolist()
@@ -190,7 +191,7 @@ def _overlapping(bodies: Bodies, region: Region) -> Array:
 
 
 def _matching(pattern: str, names: Sequence[str], found: Sequence[int]) -> list[int]:
-    """Return the entities whose whole name matches; unlike with Python's re, the time is limited."""
+    """Return the entities whose whole name matches; the time is limited, unlike that of Python's re."""
     import regex
     if len(pattern) > FILTER_CHARACTERS:
         raise InputError(f'filter: {len(pattern)} characters; the limit is {FILTER_CHARACTERS}')
@@ -206,7 +207,7 @@ def _matching(pattern: str, names: Sequence[str], found: Sequence[int]) -> list[
 
 
 def _left_s(end_s: float) -> float:
-    """Return the remaining time. Raises TimeoutError if there is none."""
+    """Return the remaining time. Raises TimeoutError if no time remains."""
     left_s = end_s - time.monotonic()
     if left_s <= 0:
         raise TimeoutError

@@ -1,4 +1,4 @@
-"""The frames of a run in order, with a current position: its ticks, then the frame of a contact that ends it."""
+"""The frames of a run in order, with a current position: its ticks, followed by the frame of a contact that ends it."""
 from threading import Thread
 
 from dragon_ros.core.errors import FieldError
@@ -10,9 +10,9 @@ from dragon_ros.core.step import contact_frame, tick, ticks_before
 
 
 def build_tables(simulation: Simulation) -> Thread:
-    """Start to build the tables of a run on a separate thread: along hundreds of joints this takes seconds.
+    """Start building the tables of a run on a separate thread, which takes seconds for a track with hundreds of joints.
 
-    A frame waits for its own table if that is not built yet, so its bits do not depend on the thread.
+    A frame waits for its own table if that has not been built yet, so its bits do not depend on the thread.
     """
     thread = Thread(target=simulation.build_tables, name='tables', daemon=True)
     thread.start()
@@ -20,7 +20,7 @@ def build_tables(simulation: Simulation) -> Thread:
 
 
 class Frames:
-    """Ticks 0, 1, 2, ... of a scene; with a contact, the ticks before it and then the frame at exactly that time."""
+    """Ticks 0, 1, 2, ... of a scene or, given a contact, the ticks before it and the frame at exactly that time."""
 
     def __init__(self, scene: Scene, contact: Contact | None = None) -> None:
         """Start before the first frame."""
@@ -33,7 +33,7 @@ class Frames:
         self._ahead: tuple[int, Frame] | None = None
 
     def prepare(self) -> None:
-        """Compute the next frame in advance, and start to build the tables of the run."""
+        """Compute the next frame in advance, and start building the tables of the run."""
         self._ahead = self.k, self._frame(self.k)
         self.tables = build_tables(compile_scene(self._scene))
 
@@ -58,7 +58,7 @@ class Frames:
         self.k = 0
 
     def seek(self, t_ns: int | None) -> None:
-        """Move to the last frame at or before ``t_ns``; None: the first. Raises FieldError outside the run."""
+        """Move to the last frame at or before ``t_ns`` (None: the first frame). Raises FieldError outside the run."""
         if t_ns is None:
             self.rewind()
             return
@@ -80,7 +80,7 @@ class Frames:
         return f'at {self._time_ns(k) / NS:.3f} s, tick {k} of {self.count}'
 
     def ending(self) -> str:
-        """Return why there is no next frame, as text."""
+        """Return the reason why there is no next frame, as text."""
         if self._contact:
             return f'the run ends in the contact of {self._contact.between} at {self._contact.t_s:.9f} s'
         end = compile_scene(self._scene).end

@@ -11,14 +11,14 @@ from dragon_ros.nodes import raw_subscription
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.publishers import Publishers
 
-_SLICE_S = 0.01     # longest reading before new messages are taken
+_SLICE_S = 0.01     # longest time spent reading before new messages are taken
 
 
 class Inbox:
     """Takes messages as they arrive, so that the middleware drops none, and passes them on in order.
 
     A node that falls behind skips whole ticks evenly. If a publisher waits for its readers, the node skips nothing and
-    reads first.
+    reads all messages first.
     """
 
     def __init__(self, node: DragonNode, sources: dict[str, Publishers], read: Callable[[str, bytes, Any], None],
@@ -35,7 +35,7 @@ class Inbox:
 
     @property
     def skipped(self) -> int:
-        """How many ticks were skipped so far."""
+        """The number of ticks skipped so far."""
         return self._skips.skipped
 
     @property
@@ -59,11 +59,11 @@ class Inbox:
         try:
             t_ns = stamp_of_message(kind, data)
         except MessageError:
-            return True     # rejected when it is read
+            return True     # an invalid message is rejected when it is read
         return t_ns is None or self._skips.keeps(topic, t_ns, self.fill)
 
     def work(self) -> None:
-        """Read waiting messages for some milliseconds; read the rest after taking those that arrive meanwhile."""
+        """Read waiting messages for a few milliseconds; read the rest after taking those that arrive meanwhile."""
         held = bool(self._waiting) and self._held()
         if not held:
             self._work_until(time.monotonic() + _SLICE_S)

@@ -18,7 +18,7 @@ _POLL_S = 0.05
 
 @contextmanager
 def keys(node: Node, actions: Mapping[str, Callable[[], str]]) -> Iterator[bool]:
-    """Run the action of each key pressed inside the block, and log its result; yields False without a terminal."""
+    """Run the action of each key pressed inside the block, and log its result; yield False without a terminal."""
     number = _terminal()
     if number is None:
         yield False

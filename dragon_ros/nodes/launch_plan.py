@@ -19,7 +19,7 @@ YES_NO = ('true', 'false')
 
 
 class Argument(NamedTuple):
-    """One argument of the launch file: name, default, meaning, choices, and the executable to which it is limited."""
+    """One argument of the launch file: name, default, meaning, choices, and the only executable that uses it."""
 
     name: str
     default: str
@@ -72,7 +72,7 @@ ARGUMENTS = (
 class LaunchedNode:
     """One executable of the package, with its arguments and ROS parameters.
 
-    The user's parameter ``file`` takes precedence over all parameters except those in ``asked``, which were given as
+    The user's parameter ``file`` takes precedence over all parameters except those in ``asked``, which the user gave as
     launch arguments.
     """
 
@@ -85,9 +85,9 @@ class LaunchedNode:
 
 @dataclass(frozen=True)
 class LaunchPlan:
-    """The executables to start: the readers (the recorder last) and the source; and the dragon's namespace and frame.
+    """The readers to start (the recorder last), the source, and the namespace and frame of the dragon.
 
-    ``notes`` name omitted parts, with reasons.
+    ``notes`` list the omitted parts and the reasons.
     """
 
     namespace: str
@@ -112,7 +112,7 @@ class _ObservedNode:
 
 
 def plan(given: Mapping[str, str]) -> LaunchPlan:
-    """Return the plan for the arguments of the launch file, all given as text. Raises InputError, which names one."""
+    """Return the plan for the launch file's arguments, which are all text. Raises InputError, which names one."""
     namespace = '/' + given['namespace'].strip('/')
     watching = _on(given, 'monitor')
     source = _replay(given, namespace, watching) if given['replay'] else _sim(given, namespace, watching)
@@ -196,8 +196,8 @@ def _at_end(given: Mapping[str, str]) -> str:
 def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _ObservedNode:
     """Return the simulator.
 
-    It starts when the monitor and the recorder have subscribed and all nodes have had time to discover each other: the
-    recorder also records the monitor, and other recorders may be running.
+    It starts when the monitor and the recorder have subscribed and all nodes have had time to discover each other,
+    because the recorder also records the monitor, and other recorders may be running.
     """
     optional = {key: _number(given, name) for key, name in (
         ('rate_hz', 'rate'), ('start_s', 'start_s'), ('stop_s', 'stop_s')) if given[name]}
@@ -207,7 +207,7 @@ def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _ObservedN
         scene = load_scene(given['scene'], changes)
         topics = [*live(scene.effects), *([channels()[_VENUE]] if scene.venue is not None else [])]
     except DragonError:
-        pass            # errors in the scene are reported by the sim
+        pass            # the sim reports errors in the scene
     else:
         if not given['params_file']:        # the file may name another scene
             seen = set(_WATCHED) <= {row.name for row in topics}
@@ -233,7 +233,7 @@ def _replay(given: Mapping[str, str], namespace: str, watching: bool) -> _Observ
             root, names = namespace_of(bag), [topic.name for topic in bag.topics if topic.messages]
             frame_id, span_ns = frame_of_bag(bag, root), (bag.start_ns, bag.end_ns)
     except DragonError:
-        pass                # errors in the bag are reported by the replay
+        pass                # the replay reports errors in the bag
     else:
         rows = {name if name.startswith('/') else f'{root}/{name}': row for name, row in channels().items()}
         seen = {f'{root}/{name}' for name in _WATCHED} <= set(names)

@@ -24,7 +24,7 @@ _KINDS = {True: 'geometry_msgs/msg/TwistStamped', False: 'geometry_msgs/msg/Twis
 
 
 class Commands:
-    """The last commanded speed while it is valid. Unusable commands are dropped and counted."""
+    """The last commanded speed, while it is valid. Unusable commands are dropped and counted."""
 
     def __init__(self, node: DragonNode, timeout_s: float, stamped: bool) -> None:
         """Subscribe to geometry_msgs/TwistStamped, or to Twist, which many tools still send."""
@@ -41,7 +41,7 @@ class Commands:
         return self._speed_m_s if time.monotonic() < self._until_s else 0.0
 
     def _look(self) -> None:
-        """Warn once about each node that publishes commands of the other type, since these do not arrive."""
+        """Warn once about each node that publishes commands of the other type, which do not arrive."""
         topic = self._node.resolve_topic_name(TOPIC)
         for one in self._node.get_publishers_info_by_topic(topic):
             name = f'{one.node_namespace.rstrip("/")}/{one.node_name}'
@@ -59,7 +59,7 @@ class Commands:
         return f'commands: {self.taken} accepted, {self.dropped.total()} dropped' + (f' ({why})' if why else '')
 
     def _on_stamped(self, message: TwistStamped) -> None:
-        """Accept a command whose stamp is 0 or current; a command older than the last one is also stale."""
+        """Accept a command whose stamp is 0 or current and not older than the last command's stamp."""
         stamp_ns = message.header.stamp.sec * NS + message.header.stamp.nanosec
         off_s = (self._node.get_clock().now().nanoseconds - stamp_ns) / NS
         if stamp_ns and (abs(off_s) > self._timeout_s or stamp_ns < self._stamp_ns):
@@ -88,7 +88,7 @@ class LedFrames:
 
     def __init__(self, scene: Scene, wanted_m_s: Callable[[], float], on_contact: str, say: Callable[[str], None],
                  keep_s: float) -> None:
-        """Start at rest; ``say`` receives a line when the dragon brakes before an end or stops at a contact."""
+        """Start at rest; ``say`` is called with a line when the dragon brakes before an end or stops at a contact."""
         assert isinstance(scene.head, Commanded)
         self._settings, self._simulation = scene.head, compile_scene(scene)
         self._scene, self._wanted_m_s, self._say, self._keep_s = scene, wanted_m_s, say, keep_s
@@ -99,7 +99,7 @@ class LedFrames:
         self._stopped, self._brakes = '', False
 
     def prepare(self) -> None:
-        """Build the tables of the first frame, and start to build those of the run."""
+        """Build the tables of the first frame, and start building those of the run."""
         led_tick(self._simulation, walked_from(self._settings, self._scene.run.time_ns(0) / NS), 0)
         self.tables = build_tables(self._simulation)
 
@@ -143,12 +143,12 @@ class LedFrames:
         self.k, self._law, self._stopped, self._brakes = 0, None, '', False
 
     def seek(self, t_ns: int | None) -> None:
-        """Raise FieldError: future commands are unknown, and past ones are not kept."""
+        """Raise FieldError, because future commands are unknown and past commands are not kept."""
         raise FieldError('seek_s', -1 if t_ns is None else t_ns / NS, 'a led dragon has no other ticks to go to',
                          'reset it')
 
     def check_time(self, t_ns: int) -> None:
-        """Raise FieldError, as ``seek``."""
+        """Raise FieldError, as ``seek`` does."""
         self.seek(t_ns)
 
     def place(self) -> str:
@@ -157,5 +157,5 @@ class LedFrames:
         return f'at {self._scene.run.time_ns(k) / NS:.3f} s, tick {k}, {gone_m:.3f} m walked'
 
     def ending(self) -> str:
-        """Return why there is no next frame, as text."""
+        """Return the reason why there is no next frame, as text."""
         return self._stopped or f'the run ends after {self.count} ticks'

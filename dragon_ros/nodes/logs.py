@@ -1,4 +1,4 @@
-"""The log of the nodes: in ROS's format, or for machines as one JSON object per line on standard error."""
+"""The log of the nodes, in ROS's format or, for machines, as one JSON object per line on standard error."""
 import json
 import sys
 import time
@@ -12,7 +12,7 @@ _mode = {'json': False}
 
 
 class Logger(rcutils_logger.RcutilsLogger):
-    """ROS's logger; in JSON mode, it also writes messages that pass its filters as JSON, with the keys of ``data``."""
+    """ROS's logger; in JSON mode, it also writes messages that pass its filters as JSON with the keys of ``data``."""
 
     def log(self, message: str, severity: int, data: dict[str, Any] | None = None, **filters: Any) -> bool:
         """Log a message unless its severity or a filter suppresses it; return whether it was logged."""
@@ -29,7 +29,7 @@ rcutils_logger._internal_callers.append(__file__)
 
 @cache
 def logger(name: str) -> Logger:
-    """Return the logger with a name, always the same object."""
+    """Return the logger with a name; the same name always returns the same object."""
     return Logger(name)
 
 
@@ -40,7 +40,7 @@ def speak_json() -> list[str]:
 
 
 def progress_wanted() -> bool:
-    """Return whether somebody reads the log: a person at a terminal, or a program that parses JSON."""
+    """Return whether anybody reads the log: a person at a terminal, or a program that parses JSON."""
     return _mode['json'] or sys.stderr.isatty()
 
 

@@ -1,7 +1,7 @@
 """``monitor``: observes the handles and benches of any publisher and reports contacts, clearance and health.
 
-It observes one dragon: if several publish on its topics, it stays with the known one and warns. Known obstacles
-(``obstacles``) count like benches.
+It observes one dragon: if several publish on its topics, it continues with the known one and warns. Contacts with known
+obstacles (``obstacles``) are reported like contacts between benches.
 """
 import threading
 import time
@@ -28,10 +28,10 @@ from dragon_ros.nodes.inbox import Inbox
 from dragon_ros.nodes.obstacles import Obstacles
 from dragon_ros.nodes.params import MONITOR
 
-_PARTNER_S = 10.0       # longest wait for a tick's other message: lost ones are resent within 3 s (Fast DDS)
+_PARTNER_S = 10.0       # longest wait for a tick's other message; Fast DDS resends lost messages within 3 s
 _MARKER_S = 0.1           # shortest interval of clearance/marker
 _HEALTH_S = 1.0           # interval of /diagnostics in wall time
-_REST_S = 5.0             # longest time to read earlier messages after a signal: a launched run ends with its source
+_REST_S = 5.0             # longest reading of earlier messages after a signal, as a launched run ends with its source
 _STAMPED = 'clearance/stamped'
 _OBSTACLES = 'collision/obstacles'
 _TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', _OBSTACLES, 'clearance', _STAMPED,
@@ -71,7 +71,7 @@ class Monitor(DragonNode):
                                            self._inbox.work)
 
     def changed(self, name: str) -> None:
-        """Apply another limit from the next tick on."""
+        """Apply a new limit from the next tick on."""
         self._warn_below_m = float(self.setting['warn_below_m'])
 
     def _take(self, topic: str, data: bytes, info: Any) -> None:
@@ -96,7 +96,7 @@ class Monitor(DragonNode):
             self._publish_health(always=True)
 
     def _on_timer(self) -> None:
-        """Drop messages whose partner has not arrived, check for other publishers, and publish the diagnostics."""
+        """Drop messages whose counterpart has not arrived, check for other publishers, and publish the diagnostics."""
         self._several = publishers.several_of(self, (*self._sources.values(), self._obstacles.venue), self._several)
         self._obstacles.look()
         self._pairs.expire(time.monotonic() - _PARTNER_S)
@@ -123,7 +123,7 @@ class Monitor(DragonNode):
         if self.pace.see(t_ns, self._numbers.pop(t_ns, 0), time.monotonic()):
             self._publish_health(always=True)
         observation = observation_of(*pair)
-        for source in self._sources.values():       # these two publish a dragon: observe this one from now on
+        for source in self._sources.values():       # their publishers form a dragon: observe it from now on
             source.streams.adopt(observation.t_ns)
         self._obstacles.see(observation.frame_id, observation.t_ns)
         for report in self._tracker.add(observation):
@@ -134,11 +134,11 @@ class Monitor(DragonNode):
         self.get_logger().warning(f'message dropped ({self.dropped} so far): {why}', throttle_duration_sec=1.0)
 
     def _report(self, report: Report) -> None:
-        """Publish the result of one tick: each topic only if it changes or has subscribers."""
+        """Publish the result of one tick, on each topic only if it changes or has subscribers."""
         changed = (self._last is not None and self._last.count > 0) != (report.count > 0)
         self._last = report
         self.seen += 1
-        if self.topic_publishers[_STAMPED].get_subscription_count():    # first, because recorders take the tick from it
+        if self.topic_publishers[_STAMPED].get_subscription_count():    # first: recorders take the tick from it
             self.topic_publishers[_STAMPED].publish(stamped_clearance(report))
         if self.topic_publishers['clearance'].get_subscription_count():
             self.topic_publishers['clearance'].publish(float64_of(report.clearance_m))
@@ -163,7 +163,7 @@ class Monitor(DragonNode):
             vector.publish(vector_of(report))
 
     def _show_clearance(self, report: Report, at_once: bool) -> None:
-        """Publish the clearance as a marker, no more often than a person can read unless ``at_once``."""
+        """Publish the clearance as a marker, unless ``at_once`` no more often than a person can read it."""
         marker, now = self.topic_publishers['clearance/marker'], time.monotonic()
         if marker.get_subscription_count() and (at_once or now - self._shown >= _MARKER_S):
             self._shown = now
@@ -177,7 +177,7 @@ class Monitor(DragonNode):
                 self.get_logger().info(status.message)
 
     def _publish_health(self, always: bool = False) -> None:
-        """Publish on /diagnostics; without ``always`` only at changes of the level."""
+        """Publish on /diagnostics; unless ``always``, only when the level changes."""
         dragon = self.get_namespace().strip('/')
         level = messages.level_of(self._last, self._warn_below_m)
         if always or level != self._level:

@@ -1,9 +1,10 @@
 """The obstacles known to a monitor, in the dragon's frame: from a file, from the topic ``venue``, and from a map.
 
-Obstacles of all sources count together. If one is in another frame than the dragon, it is moved by the declared pose or
-by the transforms of /tf and /tf_static. Without a pose it is not used, which the log and /diagnostics report.
+The obstacles of all sources are combined. If a source uses another frame than the dragon, its obstacles are moved by
+the declared pose or by the transforms of /tf and /tf_static. Without a pose, they are not used, and the log and
+/diagnostics report this.
 
-Obstacles of a file or a map are published for bags, with the stamp of the first tick at which they count.
+Obstacles of a file or a map are published for bags, with the stamp of the first tick at which they are used.
 """
 import time
 from cmath import phase
@@ -34,16 +35,16 @@ from dragon_ros.scenes.load import load_venue
 _VENUE = 'venue'
 _GRID = 'nav_msgs/msg/OccupancyGrid'
 _PATIENCE_S = 5.0       # longest wait of the first tick for the latched message of a known publisher
-_ASKED_S = 0.05         # interval between checks whether it has arrived
-_SAME = 1e-9            # metres and radians: smaller changes of a pose are ignored
+_ASKED_S = 0.05         # interval between checks whether that message has arrived
+_SAME = 1e-9            # in metres and radians; smaller changes of a pose are ignored
 _FRAMES_DEPTH = 100
 _HERE: PlanePose = (0j, 1 + 0j)
 
 
 class Obstacles:
-    """Reads obstacles from their sources; ``changed`` receives all of them when they change.
+    """Reads obstacles from their sources; ``changed`` is called with all obstacles when any of them change.
 
-    ``publish`` receives them as a message, if some are of a file or a map.
+    ``publish`` is called with their message if any of them come from a file or a map.
     """
 
     def __init__(self, node: DragonNode, changed: Callable[[Surroundings | None], None],
@@ -80,7 +81,7 @@ class Obstacles:
             subscribe_raw(node, shell.message_type(kind), topic, partial(self._take, topic, read), profile)
 
     def awaited(self) -> bool:
-        """Return whether the first tick waits, because the message of a known publisher has not arrived yet."""
+        """Return whether the first tick waits because the message of a known publisher has not arrived yet."""
         if not self._waiting:
             return False
         late = [topic for topic in sorted(self._waiting) if self._node.count_publishers(topic)]
@@ -101,7 +102,7 @@ class Obstacles:
             self._resume()
 
     def see(self, frame_id: str, t_ns: int) -> None:
-        """Note the frame of a tick, and publish the obstacles if they count from this tick on."""
+        """Note the frame of a tick, and publish the obstacles if they are used from this tick on."""
         if frame_id != self._frame_id:
             self._frame_id = frame_id
             self._is_new = self._is_published
@@ -111,7 +112,7 @@ class Obstacles:
             self._publish(obstacles_message(self._published(), frame_id, t_ns))
 
     def _published(self) -> Surroundings | None:
-        """Return the obstacles in use; if they are too many, only those of the topic ``venue``."""
+        """Return the obstacles in use; if there are too many, return only those of the topic ``venue``."""
         around = _all([part for _, part in self._parts])
         if around is None or fits_message(around):
             return around
@@ -126,7 +127,7 @@ class Obstacles:
             self._place()
 
     def _take(self, topic: str, read: Callable[[bytes], Located], data: bytes, _: Any) -> None:
-        """Read a message; if it is invalid, the last valid one is kept."""
+        """Read a message; if it is invalid, keep the last valid one."""
         began_s = time.monotonic()
         try:
             located = read(data)
@@ -148,7 +149,7 @@ class Obstacles:
         self._node.get_logger().warning(f'{topic}: not used: {why}')
 
     def _place(self) -> None:
-        """Bring all sources to the dragon's frame, and pass them on if anything changed."""
+        """Transform all sources to the dragon's frame, and pass them on if anything changed."""
         before, self._unused = self._unused, {}
         placed = []
         for source, located in self._located.items():
@@ -186,7 +187,7 @@ class Obstacles:
         return pose
 
     def _frames(self) -> FrameTree:
-        """Return the known frames; subscribe to /tf and /tf_static when they are first needed."""
+        """Return the known frames; on first use, subscribe to /tf and /tf_static."""
         if self._tree is None:
             self._tree = FrameTree()
             self._has_frames = shell.is_installed('tf2_msgs')
@@ -210,7 +211,7 @@ class Obstacles:
                          for source, _, pose in self._placed)
 
     def statuses(self, dragon: str) -> list[DiagnosticStatus]:
-        """Return which obstacles are used (OK), and which are not and why (WARN); nothing without a source."""
+        """Return which obstacles are used (OK), and which are not and why (WARN); without a source, nothing."""
         unused = {**self._unused, **self._faults}
         if not self._located and not unused:
             return []

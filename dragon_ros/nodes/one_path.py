@@ -1,4 +1,4 @@
-"""Write the first nav_msgs/Path on a topic to standard output, as bytes; ``route`` starts this as a process."""
+"""Write the first nav_msgs/Path on a topic to standard output, as bytes; ``route`` runs this module as a process."""
 import sys
 import threading
 import time
@@ -13,7 +13,7 @@ from dragon_ros.cli.command_line import BAD_INPUT, OK
 from dragon_ros.nodes import shell
 from dragon_ros.nodes.raw_subscription import subscribe_raw
 
-# Any publisher, also a latched or best-effort one, is compatible with one of these.
+# Any publisher, even a latched or best-effort one, is compatible with one of these.
 _PROFILES = ((ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE),
              (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL),
              (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE))

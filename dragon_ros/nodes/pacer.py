@@ -3,21 +3,21 @@ import time
 
 from dragon_ros.core.errors import FieldError
 
-_AT_ONCE_NS = 50_000_000            # up to this delay, ticks follow immediately until it is recovered
-_ON_TIME_NS = 5_000_000             # delay up to which a run counts as on time and may go faster
-_FASTER = 0.1                       # by how much it goes faster to recover a longer delay
+_AT_ONCE_NS = 50_000_000            # largest delay that is recovered by ticks without waits
+_ON_TIME_NS = 5_000_000             # largest delay of a run that is on time and may go faster
+_FASTER = 0.1                       # fraction by which the run goes faster to recover a longer delay
 _LONGEST_NS = 3_600_000_000_000     # longest wait; later ticks are requested again (a timer supports at most 2^63 ns)
-_FOREVER_NS = 1e18                  # 30 years; a smaller scale makes it no slower
-_MOST_BEHIND_NS = 1_000_000_000     # longest delay that is recovered: no long race on a slow machine
+_FOREVER_NS = 1e18                  # 30 years; a smaller scale makes the run no slower
+_MOST_BEHIND_NS = 1_000_000_000     # longest delay that is recovered, to avoid a long race on a slow machine
 
 
 class Pacer:
     """Gives the due time of each simulation time; ``scale`` 0 means immediately.
 
-    After a late tick the next ones follow immediately until they are on time again, so that a short stall does not
+    After a late tick, the next ticks follow immediately until they are on time again, so that a short stall does not
     lower the rate. A tick that starts more than 50 ms late, and after its successor was due, is an overrun. It is
-    counted, and pacing continues from there without a burst; if ticks are then on time, it runs a tenth faster until up
-    to a second has been recovered.
+    counted, and pacing continues from there without a burst; if later ticks are on time, the run goes a tenth faster
+    until up to a second has been recovered.
     """
 
     def __init__(self, scale: float) -> None:
@@ -46,7 +46,7 @@ class Pacer:
         self._origin, self._behind_ns = None, 0
 
     def delay_ns(self, t_ns: int) -> int:
-        """Return the wall time in ns until ``t_ns`` is due, or an hour if that is longer; 0 if it is due."""
+        """Return the wall time in ns until ``t_ns`` is due: 0 if it is due already, and at most an hour."""
         return min(_LONGEST_NS, max(0, -self._late_ns(t_ns))) if self._scale else 0
 
     def start(self, t_ns: int) -> None:

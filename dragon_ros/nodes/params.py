@@ -1,17 +1,18 @@
-"""Parameters of the nodes, each declared once: name, default, limits and text. It imports little, so --help is fast."""
+"""Parameters of the nodes, each declared once: name, default, limits and text. Few imports keep --help fast."""
 from typing import Any, NamedTuple
 
-# A test checks that these equal the values in core.scene and core.geometry.tracker, which are slow to import.
+# A test checks that these equal the values in core.scene and core.geometry.tracker, whose imports are slow.
 LATEST_S = 2**31 - 1
 NEAR_M = 0.02
-DISCOVERY_S = 4.0       # explained in nodes/publisher_queue.py
+DISCOVERY_S = 4.0       # nodes/publisher_queue.py explains this value
 _AS_SCENE = -1.0
 
 
 class Parameter(NamedTuple):
-    """One parameter; its type is the default's type, numbers have limits, texts may have choices.
+    """One parameter. Its type is that of its default; numbers have limits, and texts may have choices.
 
-    A ``live`` parameter can be set while the node runs; others are read at the start and read-only afterwards.
+    A ``live`` parameter can be set while the node runs; other parameters are read at the start and are read-only
+    afterwards.
     """
 
     name: str
@@ -78,7 +79,7 @@ MONITOR = (
     Parameter('venue_pose', '', 'X,Y,DEGREES: the pose, in the frame of the dragon, of the frame of a map or venue '
               'that is in another frame; empty: that of /tf and /tf_static'),
 )
-NAMES = frozenset(parameter.name for table in (SIM, REPLAY, MONITOR) for parameter in table)      # of any node
+NAMES = frozenset(parameter.name for table in (SIM, REPLAY, MONITOR) for parameter in table)      # of all nodes
 
 
 def described(table: tuple[Parameter, ...]) -> str:

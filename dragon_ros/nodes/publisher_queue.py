@@ -21,15 +21,15 @@ from dragon_ros.nodes import shell
 from dragon_ros.nodes.params import DISCOVERY_S
 
 _COUNT = re.compile('[0-9]{1,9}')
-_GIVE_UP = 20       # consecutive failures, 0.1 s each, without any subscriber
-_SETTLED_S = 0.5     # a reader's topics are discovered one by one
-_ACKED_S = 4.0      # acknowledgements follow the heartbeat of the middleware, every 3 s with Fast DDS;
-_ALL_ACKED_S = 20.0     # at the end of a run, a reader may still have to read all kept messages
+_GIVE_UP = 20       # largest number of consecutive failures, 0.1 s each, without any subscriber
+_SETTLED_S = 0.5     # quiet time after a discovery, because a reader's topics are discovered one by one
+_ACKED_S = 4.0      # longest wait for acknowledgements, which follow the middleware's heartbeat (3 s in Fast DDS)
+_ALL_ACKED_S = 20.0     # the same at the end of a run, when a reader may still have to read all kept messages
 _LOOK_S = 0.02
 
 
 def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) -> list[tuple[Publisher, int]]:
-    """Return (publisher, subscribers to wait for) from texts such as handles=2. Raises InputError."""
+    """Return (publisher, number of subscribers to wait for), given texts such as handles=2. Raises InputError."""
     wanted = []
     for text in filter(None, texts):
         name, _, count = text.partition('=')
@@ -43,9 +43,9 @@ def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) ->
 class StartGate:
     """Decides when the first message may be sent, so that awaited and discovered readers receive it.
 
-    Existing readers are not discovered at once. With Fast DDS a participant announces itself every 3 s, and repeats its
-    subscriptions every second. A new participant that misses both at first (because the older one answers before the
-    new one can identify it) finds the reader 1 s to 4 s later.
+    Existing readers are not discovered at once. With Fast DDS, a participant announces itself every 3 s, and repeats
+    its subscriptions every second. A new participant may miss both at first, because the older one answers before the
+    new one can identify it. It then finds the reader 1 s to 4 s later.
     """
 
     def __init__(self, publishers: Mapping[str, Publisher], texts: Iterable[str], discovery_s: float) -> None:
@@ -98,7 +98,7 @@ class PublisherQueue:
         return True
 
     def _leave_out(self, publisher: Publisher, size: int) -> None:
-        """Drop and count the first message, which its type cannot hold, and report its topic once."""
+        """Drop and count the first message, which its type cannot hold; report its topic once."""
         topic = publisher.topic_name
         if not self.left_out[topic]:
             self._warn(f'{topic}: messages that their type cannot hold are left out; the first has {size} bytes')
@@ -142,10 +142,10 @@ class EncodedTopic:
         self.published = 0
 
     def put(self, frame: Frame, queue: PublisherQueue) -> None:
-        """Queue a frame's message; without subscribers nothing is encoded.
+        """Queue a frame's message; nothing is encoded if there are no subscribers.
 
         A late subscriber receives the following frames, as with any volatile topic. A latched topic keeps its last
-        message for late subscribers, and is always published.
+        message for late subscribers and is always published.
         """
         if self._latched or self.publisher.get_subscription_count():
             queue.put(self.publisher, self._encode(frame))
@@ -153,10 +153,10 @@ class EncodedTopic:
 
 
 def drain(publishers: Iterable[Publisher], stop: threading.Event) -> None:
-    """Wait until readers have everything: unsent messages are lost with their publisher. A signal shortens it."""
+    """Wait until readers have everything; unsent messages are lost with their publisher. A signal shortens it."""
     begin = time.monotonic()
     for publisher in publishers:
         while publisher.get_subscription_count() and not publisher.wait_for_all_acked(Duration()):
             if time.monotonic() > begin + (_ACKED_S if stop.is_set() else _ALL_ACKED_S):
                 return
-            time.sleep(_LOOK_S)     # by the steady clock, which the middleware may not follow
+            time.sleep(_LOOK_S)     # measured by the steady clock, which the middleware may not follow

@@ -1,4 +1,4 @@
-"""The publishers of a topic. A topic belongs to one dragon: of several publishers, one is kept and all are named."""
+"""The publishers of a topic. A topic belongs to one dragon; of several publishers, one is kept and all are named."""
 import time
 from collections import Counter
 from collections.abc import Iterable
@@ -9,9 +9,9 @@ from dragon_ros.messages.synchronizer import Streams
 from dragon_ros.nodes import qos
 from dragon_ros.nodes.base import DragonNode
 
-_UNNAMED = '_NODE_NAME_UNKNOWN_'     # name of a publisher that was discovered before its node, or has no node
-_NAMED_S = 3.0      # longest wait for a name
-_ASKED_S = 1.0      # time for which the answer is assumed valid
+_UNNAMED = '_NODE_NAME_UNKNOWN_'     # name of a publisher whose node is missing or was discovered later
+_NAMED_S = 3.0      # longest wait for a publisher's name
+_ASKED_S = 1.0      # time for which an answer is assumed valid
 
 
 class Publishers:
@@ -26,7 +26,7 @@ class Publishers:
         self._node = node
         self._there: dict[bytes, str] = {}
         self._since_s: dict[bytes, float] = {}
-        self._known: bytes | None = None        # None while several are possible
+        self._known: bytes | None = None        # None while several publishers are possible
         self._last, self._waits, self._asked_s = 0, False, 0.0
 
     def look(self) -> list[str]:
@@ -65,13 +65,13 @@ class Publishers:
 
 
 def _distinct(there: dict[bytes, str]) -> list[str]:
-    """Return names in order; equal names get their GIDs, as shown by ``ros2 topic info --verbose``."""
+    """Return names in order; GIDs, as shown by ``ros2 topic info --verbose``, are added to equal names."""
     times = Counter(there.values())
     return sorted(name if times[name] == 1 else f'{name} ({gid.hex(".")})' for gid, name in there.items())
 
 
 def warnings_of(name: str, several: dict[str, list[str]]) -> list[DiagnosticStatus]:
-    """Return a WARN that names topics with several publishers, and these publishers; empty without such topics."""
+    """Return a WARN that names the topics with several publishers, and these publishers; empty without such topics."""
     if not several:
         return []
     return [DiagnosticStatus(
@@ -81,7 +81,7 @@ def warnings_of(name: str, several: dict[str, list[str]]) -> list[DiagnosticStat
 
 
 def several_of(node: DragonNode, each: Iterable[Publishers], before: dict[str, list[str]]) -> dict[str, list[str]]:
-    """Return the publishers of topics with several publishers, and log them unless they equal ``before``."""
+    """Return the publishers of each topic that has several, and log them unless they equal ``before``."""
     found = {one.topic: names for one in each if (names := one.look())}
     if found and found != before:
         node.get_logger().warning('several publish on one topic: ' + '; '.join(

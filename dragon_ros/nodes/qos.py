@@ -17,12 +17,12 @@ def profile(reliability: str, durability: str, depth: int) -> QoSProfile:
 
 
 def of_channel(channel: Channel) -> QoSProfile:
-    """Return the profile to publish a channel or to subscribe to it."""
+    """Return the profile for publishing a channel or subscribing to it."""
     return profile(channel.reliability, channel.durability, channel.depth)
 
 
 def lossless(qos: QoSProfile) -> QoSProfile:
-    """Return the profile with unbounded history: a full queue blocks a lossless publisher, so nothing is dropped.
+    """Return the profile with unbounded history: a full queue blocks the publisher, so that nothing is dropped.
 
     The middleware's limit then applies instead of the depth (5,000 messages with Fast DDS).
     """
@@ -33,8 +33,8 @@ def lossless(qos: QoSProfile) -> QoSProfile:
 def waiting(qos: QoSProfile) -> QoSProfile:
     """Return the lossless profile of a publisher that waits for its readers.
 
-    Discovery does not tell how much history a publisher keeps. Therefore the publisher announces a message lifespan of
-    31 years, which tells readers that it waits for them and loses nothing meanwhile.
+    Discovery does not reveal how much history a publisher keeps. Therefore the publisher announces a message lifespan
+    of 31 years, which tells readers that it waits for them and loses no messages meanwhile.
     """
     qos.lifespan = Duration(nanoseconds=_WAITS_NS)
     return lossless(qos)
@@ -46,7 +46,7 @@ def waits(announced: QoSProfile) -> bool:
 
 
 def of_bag(qos: dict[str, Any]) -> QoSProfile:
-    """Return the profile in a bag for a topic; reliable and volatile if it has none.
+    """Return the profile of a topic in a bag; reliable and volatile if it has none.
 
     Older versions of rosbag2 store numbers instead of names.
     """

@@ -11,7 +11,7 @@ _AT_ONCE = 64       # most messages taken before timers and other topics are ser
 
 
 class _Callback:
-    """The callback that an executor calls with one message; a Spinner takes all messages itself."""
+    """The callback to which an executor passes one message; a Spinner takes all messages itself."""
 
     subscription: Subscription
 
@@ -42,9 +42,9 @@ class _Callback:
 
 def subscribe_raw(node: Node, kind: Any, name: str, take: Callable[[bytes, Any], None], profile: QoSProfile,
                   then: Callable[[], None] = lambda: None) -> None:
-    """Call ``take(data, info)`` for each message in order, in any executor or in a Spinner; ``then()`` after a batch.
+    """Call ``take(data, info)`` for each message in order, and ``then()`` after a batch, in any executor or Spinner.
 
-    This lets a node that falls behind catch up, since waking it costs as much as taking several messages.
+    A node that has fallen behind can thus catch up, since waking it costs as much as taking several messages.
     """
     callback = _Callback(take, then)
     callback.subscription = node.create_subscription(kind, name, callback, profile, raw=True)

@@ -28,12 +28,12 @@ from dragon_ros.nodes.base import DragonNode
 from dragon_ros.scenes import provenance
 
 _REST_S = 5.0       # longest time to write the messages that arrived before a signal
-_QUIET_S = 0.5      # the run has ended when its publisher has left and nothing has arrived for this long
+_QUIET_S = 0.5      # a run ends when its publisher has left and nothing has arrived for this long
 _IDLE_S = 0.25      # how long messages without a stamp wait for the next handles
 _COUNT_S = 1.0       # interval between counts of publishers
-_MOST_UNACCOUNTED = 100_000     # messages that may wait until a scene is read; beyond that the recorder waits
+_MOST_UNACCOUNTED = 100_000     # messages that may wait until a scene is read; if there are more, the recorder waits
 _HEALTH = '/diagnostics'
-_MARKS = ('handles', 'clearance/stamped')       # their stamps are those of their publisher's next messages
+_MARKS = ('handles', 'clearance/stamped')       # their stamps apply to their publisher's next messages
 
 
 class Recorder(DragonNode):
@@ -47,7 +47,7 @@ class Recorder(DragonNode):
         self._simulation, self._monitored = SimulationClock(self._log), SimulationClock(self._log)
         self._last, self._seen, self._counted, self._scene = time.monotonic(), False, 0.0, ''
         self._scenes, self._attached = SceneReader(self._settings(), trust), set[str]()
-        self._unaccounted: list[tuple[str, int, int, bool]] = []    # received after a scene that is still being read
+        self._unaccounted: list[tuple[str, int, int, bool]] = []    # received after a scene that is being read
         self._names = {name: self.resolve_topic_name(name) for name in channels()}
         # Absolute topics are shared by the nodes of all dragons.
         self._sources = [publishers.Publishers(self, topic) for name, topic in self._names.items() if name[0] != '/']
@@ -101,7 +101,7 @@ class Recorder(DragonNode):
         return self._is_complete(gone)
 
     def _is_complete(self, gone: bool) -> bool:
-        """Return whether the closed bag has all published messages, as far as known."""
+        """Return whether the closed bag has all published messages, as far as is known."""
         return self.losses.complete(gone) and not self._unpaired and self.bag.kept >= self.losses.received
 
     @property
@@ -136,14 +136,14 @@ class Recorder(DragonNode):
                                  values=[KeyValue(key='left out', value=str(self._skips.skipped))])]
 
     def _name_left_out(self) -> None:
-        """Warn once about each topic with messages that are too large for any reader."""
+        """Warn once about each topic that has messages too large for any reader."""
         for topic in set(self.bag.left_out) - self._named:
             self._named.add(topic)
             self.get_logger().warning(f'{topic}: messages of more than {MESSAGE_BYTES} bytes are left out, because '
                                       'no reader accepts them')
 
     def _left_out(self) -> dict[str, str]:
-        """Return how many messages were too large or had an unknown tick, which makes the account incomplete."""
+        """Return how many messages, by topic, were too large or had an unknown tick: the account is then incomplete."""
         found = {f'{topic} too large': str(count) for topic, count in self.bag.left_out.items()}
         found |= {f'{topic} of an unknown tick': str(count) for topic, count in self._unpaired.items()}
         return found | ({'complete': 'false'} if found else {})
@@ -167,7 +167,7 @@ class Recorder(DragonNode):
             log.warning(f'{self.losses.received - self.bag.kept} received messages are not in the bag')
 
     def _pressure(self) -> dict[str, str]:
-        """Return a text on how close the recorder came to its limits."""
+        """Return how close the recorder came to its limits, as text."""
         writer = self.writer
         return {'queue fullest': f'{writer.fullest:.4f}', 'queue waits': str(writer.waits),
                 'queue waited_s': f'{writer.waited_s:.6f}', 'ticks left out': str(self._skips.skipped),
@@ -195,7 +195,7 @@ class Recorder(DragonNode):
 
     def _take(self, topic: str, channel: Channel) -> Callable[[bytes, Any], None]:
         """Return the callback that writes one topic."""
-        shared = channel.name.startswith('/')      # published by all nodes of the graph, stamped with wall time
+        shared = channel.name.startswith('/')      # all nodes of the graph publish this topic, stamped with wall time
         once = channel.latched and channel.publisher == 'sim'      # valid for all ticks, regardless of its stamp
         stamp_at = None if shared or once else stamp_at_of(channel.type)
         handles, scene, health = (channel.name == name for name in ('handles', 'scene', _HEALTH))
@@ -216,7 +216,7 @@ class Recorder(DragonNode):
                     return
                 if handles:
                     self.losses.stamp(t_ns)
-                if marks:       # write the previous tick's messages first, to keep the bag in order
+                if marks:       # the previous tick's messages are written first, to keep the bag in order
                     watched.mark(source_ns, t_ns, sequence)
                 self._log(topic, data, t_ns, sequence, source_ns)
             except MessageError as error:

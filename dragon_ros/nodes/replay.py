@@ -24,7 +24,7 @@ _CLOCK = '/clock'
 
 
 class Choice(NamedTuple):
-    """The part of a bag to play: seconds from its start, topics (None: all), and subscribers to wait for.
+    """The part of a bag to play: seconds from its start, topics (None for all), and subscribers to wait for.
 
     ``into`` is the namespace in which the bag's only dragon is published; None means the recorded one.
     """
@@ -81,7 +81,7 @@ class Replay(DragonNode):
             self.player.set_speed(self.setting['time_scale'])
 
     def summary(self) -> str:
-        """Return how many messages were published, and how late."""
+        """Return, as text, how many messages were published and how late they were."""
         left = self.source.left_out
         done = f'{self.source.published.total() - left} messages published' + (f', {left} left out' if left else '')
         if not self.late_us:
@@ -101,7 +101,7 @@ class Replay(DragonNode):
             qos.waiting(profiles[row.name]) if self._lossless else profiles[row.name]) for row in rows}
 
     def _watched(self, bag: BagReader) -> Callable[[], Bodies | None] | None:
-        """Return a function for the handles and benches last played; None unless exactly one dragon is played."""
+        """Return a getter of the handles and benches last played; None unless exactly one dragon is played."""
         try:
             root = namespace_of(bag)
         except InputError:
@@ -126,7 +126,7 @@ class Replay(DragonNode):
 
 
 def moved(topic: str, root: str | None, into: str) -> str:
-    """Return a topic's name; a topic below ``root`` is moved to another namespace."""
+    """Return the name under which a topic is published; a topic below ``root`` moves to another namespace."""
     inside = root is not None and topic.startswith(f'{root}/')
     return f'/{into.strip("/")}/{topic.removeprefix(f"{root}/")}'.replace('//', '/') if inside else topic
 
@@ -152,7 +152,7 @@ def span_of(bag: BagReader, choice: Choice) -> tuple[int, int]:
 
 
 def quantile(counts: Counter[int], part: float) -> int:
-    """Return the value that at least a fraction ``part`` of the counted values do not exceed."""
+    """Return the smallest value that at least a fraction ``part`` of the counted values do not exceed."""
     left = part * counts.total()
     for value in sorted(counts):
         left -= counts[value]

@@ -1,4 +1,4 @@
-"""A replay source: the messages of a bag as frames, one per log time, with a current position."""
+"""The source of a replay: the messages of a bag as frames, one per log time, with a current position."""
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 
@@ -11,7 +11,7 @@ from dragon_ros.core.limits import REPLAYED_BYTES
 from dragon_ros.core.scene import NS
 from dragon_ros.nodes import publisher_queue
 
-_EACH_BYTES = 256       # bytes of a message in addition to its data
+_EACH_BYTES = 256       # bytes of memory that a message takes in addition to its data
 
 
 class ReplaySource:
@@ -22,7 +22,7 @@ class ReplaySource:
 
     def __init__(self, bag: BagReader, publishers: Mapping[str, Publisher], start_ns: int, end_ns: int,
                  warn: Callable[[str], object]) -> None:
-        """Start before the first message; each function in ``also`` is called with every time first.
+        """Start before the first message; the functions in ``also`` are called with each log time in advance.
 
         ``warn`` is called once per topic with a message that cannot be published.
         """
@@ -77,7 +77,7 @@ class ReplaySource:
         self._go_to(self._start_ns)
 
     def seek(self, t_ns: int | None) -> None:
-        """Move to the last messages at or before ``t_ns``; None: the first. Raises FieldError outside of them."""
+        """Move to the last messages at or before ``t_ns`` (None: the first). Raises FieldError beyond the part."""
         if t_ns is None:
             self.rewind()
             return
@@ -100,7 +100,7 @@ class ReplaySource:
         return f'at {self._last_ns / NS:.3f} s of {self._end_ns / NS:.3f} s'
 
     def ending(self) -> str:
-        """Return why there is no next message, as text."""
+        """Return the reason why there is no next message, as text."""
         return f'the bag ends at {self._end_ns / NS:.6f} s'
 
     def _go_to(self, t_ns: int) -> None:
@@ -109,7 +109,7 @@ class ReplaySource:
         self._next = next(self._messages, None)
 
     def _take(self) -> list[Message]:
-        """Return the messages of the next log time, or as many as may be held at once."""
+        """Return the messages of the next log time, but no more than may be held at once."""
         assert self._next is not None
         frame, t_ns, size = [], self._next.t_ns, 0
         while self._next is not None and self._next.t_ns == t_ns and size <= REPLAYED_BYTES:
@@ -119,7 +119,7 @@ class ReplaySource:
         return frame
 
     def _last_before(self, t_ns: int) -> int:
-        """Return the log time of the last message at or before ``t_ns``, from a pass over all messages."""
+        """Return the log time of the last message at or before ``t_ns``, found in a pass over all messages."""
         last = self._start_ns
         for message in self._bag.messages(list(self._publishers), self._start_ns):
             if message.t_ns > t_ns:

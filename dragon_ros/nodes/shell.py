@@ -23,13 +23,14 @@ from dragon_ros.core.errors import DiskError, DragonError, InputError, MissingEr
 from dragon_ros.nodes import logs
 from dragon_ros.nodes.spinner import Spinner
 
-_WORD = re.compile('[A-Za-z][A-Za-z0-9_]*')      # pattern of the name of a package or of a message type
+_WORD = re.compile('[A-Za-z][A-Za-z0-9_]*')      # name of a package or of a message type
 
 
 def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_json: bool = False) -> int:
-    """Initialise ROS, run ``body(stop)`` and shut down; ending signals set ``stop``. Logs as JSON if requested.
+    """Initialise ROS, run ``body(stop)`` and shut down; ending signals set ``stop``. Logs are JSON on request.
 
-    rclpy's own signal handlers would shut down the context during a tick; with these, a node ends between two ticks.
+    rclpy's own signal handlers would shut down the context during a tick; with the handlers used here, a node ends
+    between two ticks.
     """
     stop = threading.Event()
     for number in ending():
@@ -55,7 +56,7 @@ def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_j
 
 
 def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: False, rest_s: float = 0.0) -> int:
-    """Serve a node's callbacks until a signal or ``until()``, then those already due for at most ``rest_s``."""
+    """Serve a node's callbacks until a signal or ``until()``, and then those already due, for at most ``rest_s``."""
     with closing(Spinner(node)) as spinner:
         while not stop.is_set() and not until():
             spinner.once()

@@ -34,7 +34,7 @@ from dragon_ros.scenes.provenance import CLAIM, scene_file
 
 
 class Broadcast:
-    """The frames of a run, each published when it is shown; ``shown`` is the last frame."""
+    """The frames of a run, each of which is published when it is shown; ``shown`` is the last frame."""
 
     def __init__(self, frames: Frames | LedFrames, topics: Iterable[publisher_queue.EncodedTopic]) -> None:
         """Start before the first frame; each function in ``also`` is called with a frame before it is published."""
@@ -65,7 +65,7 @@ class Sim(DragonNode):
     def __init__(self, interrupted: Callable[[], bool] = lambda: False, **overrides: Any) -> None:
         """Declare parameters, load the scene, and advertise the topics of its effects.
 
-        If ``on_contact`` requires it, the first contact is found here. Raises InterruptedError if ``interrupted()``
+        If ``on_contact`` requires the first contact, it is found here. Raises InterruptedError if ``interrupted()``
         becomes true meanwhile, and DragonError if the parameters do not describe a valid scene.
         """
         super().__init__('sim', SIM, overrides)
@@ -121,7 +121,7 @@ class Sim(DragonNode):
                          keep_s(self.scene))
 
     def _latched(self, about: dict[str, Any]) -> Iterator[tuple[str, bytes]]:
-        """Yield topic and message for everything that is published once; the scene includes ``about``."""
+        """Yield topic and message for everything that is published once; the scene includes the section ``about``."""
         value = self.setting
         yield from once(self.scene, value['frame_id']).items()
         if value['robot_description']:
@@ -145,7 +145,7 @@ class Sim(DragonNode):
             yield TfPublisher(self, self.setting['frame_id'], self.setting['publish_tf'], root).publish
 
     def _has_tf(self) -> bool:
-        """Return whether tf2_msgs is installed; the ROS wheels lack it, but joint angles are useful without it."""
+        """Return whether tf2_msgs is installed; the ROS wheels lack it, but joint angles are useful on their own."""
         try:
             shell.message_type(TF)
         except MissingError as error:

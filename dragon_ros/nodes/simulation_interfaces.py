@@ -1,7 +1,7 @@
 """The standard interfaces of simulators in ROS 2, ``simulation_interfaces``, for a player; imported only if installed.
 
-Services and the action are named below the node: ``/dragon/sim/set_simulation_state``. Each calls the player; result
-codes are those of the standard.
+Services and the action have names below the node, such as ``/dragon/sim/set_simulation_state``. Each of them calls the
+player; the result codes are those of the standard.
 """
 import re
 from collections.abc import Callable
@@ -21,9 +21,9 @@ from dragon_ros.nodes.controls import Player, Steps
 from dragon_ros.nodes.entities import Bodies, Region, box, chosen, convex_hull, sphere
 
 State, Result, Features = msg.SimulationState, msg.Result, msg.SimulatorFeatures
-CATEGORY = msg.EntityCategory.CATEGORY_DYNAMIC_OBJECT       # category of handles and benches: moving, not human
+CATEGORY = msg.EntityCategory.CATEGORY_DYNAMIC_OBJECT       # category of handles and benches: moving but not human
 _REGIONS = {msg.Bounds.TYPE_SPHERE: sphere, msg.Bounds.TYPE_BOX: box, msg.Bounds.TYPE_CONVEX_HULL: convex_hull}
-_FEEDBACK = 1000            # messages kept for a slow client, since steps follow each other immediately
+_FEEDBACK = 1000            # number of messages kept for a slow client, since steps follow each other immediately
 _CONTROLS = ('SIMULATION_RESET', 'SIMULATION_STATE_GETTING', 'SIMULATION_STATE_SETTING', 'SIMULATION_STATE_PAUSE',
              'STEP_SIMULATION_SINGLE', 'STEP_SIMULATION_MULTIPLE', 'STEP_SIMULATION_ACTION')
 _ENTITIES = ('ENTITY_TAGS', 'ENTITY_BOUNDS_BOX', 'ENTITY_BOUNDS_CONVEX', 'ENTITY_CATEGORIES', 'ENTITY_STATE_GETTING',
@@ -44,7 +44,7 @@ class SimulationInterfaces:
     """The services and the action of one player; ``close`` before the node is destroyed."""
 
     def __init__(self, node: DragonNode, player: Player, bodies: Callable[[], Bodies | None] | None) -> None:
-        """Offer the services; ``bodies`` returns the entities of the last frame shown, or is None without entities."""
+        """Offer the services; ``bodies``, None if there are no entities, returns those of the last frame shown."""
         self._player, self._bodies = player, bodies
         serves = {'GetSimulatorFeatures': self._features, 'GetSimulationState': self._get_state,
                   'SetSimulationState': self._set_state, 'ResetSimulation': self._reset}
@@ -57,7 +57,7 @@ class SimulationInterfaces:
         self._steps = ActionServer(node, action.SimulateSteps, '~/simulate_steps', self._simulate,
                                    cancel_callback=lambda _: CancelResponse.ACCEPT,
                                    feedback_pub_qos_profile=QoSProfile(depth=_FEEDBACK))
-        self._ended = node.create_guard_condition(lambda: None)      # wakes the executor, which then checks its futures
+        self._ended = node.create_guard_condition(lambda: None)      # wakes the executor, so that it checks its futures
         node.closing.append(self._steps.destroy)
 
     def _features(self, _: Any, response: Any) -> None:
@@ -111,7 +111,7 @@ class SimulationInterfaces:
         return action.SimulateSteps.Result(result=result)
 
     async def _stepped(self, frames: int, goal: ServerGoalHandle | None = None) -> Any:
-        """Show frames of a paused simulation; return the result when all are shown."""
+        """Show frames of a paused simulation; return the result when all of them are shown."""
         ended = Future()
 
         def each() -> None:

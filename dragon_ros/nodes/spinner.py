@@ -1,11 +1,11 @@
-"""Serves one node: raw messages and timers from a persistent wait set, everything else by an executor of rclpy.
+"""Serves one node: raw messages and timers from a persistent wait set, and everything else by an executor of rclpy.
 
 For each wait, an executor of rclpy collects all entities of a node in Python: its topics, two QoS events per topic, and
 the services of its parameters. This costs more than handling a message of a dragon.
 
-A middleware built for an old C library, as in the ROS wheels, waits until a time of the system clock: if that clock is
+A middleware built for an old C library, as in the ROS wheels, waits until a time of the system clock. If that clock is
 set back by two hours, a wait of a tenth of a second lasts two hours. Therefore a thread ends waits that are overdue by
-the steady clock, and the middleware's own thread, which discovers nodes and repeats lost messages, is woken.
+the steady clock. It also wakes the middleware's own thread, which discovers nodes and resends lost messages.
 """
 import os
 import select
@@ -25,9 +25,9 @@ from dragon_ros.nodes import raw_subscription
 
 _WAIT_NS = 100_000_000      # longest delay until a signal is noticed
 _LOOK_S = 0.25              # longest delay until QoS events and new topics are noticed
-_AT_ONCE = 8                # most callbacks of rclpy's executor before messages and timers are served
-_EMPTY_WAITS = 3            # an empty wait may have consumed a wake-up, so it waits again
-_OVERDUE_S = 0.2            # duration of a wait after which it is ended
+_AT_ONCE = 8                # most callbacks that rclpy's executor serves before messages and timers
+_EMPTY_WAITS = 3            # an empty wait may have consumed a wake-up and is repeated
+_OVERDUE_S = 0.2            # longest duration of a wait before it is ended
 _SET_BACK_S = 0.05          # change of the system clock after which the middleware is woken
 
 
@@ -76,7 +76,7 @@ class Spinner:
         return served
 
     def _look(self) -> None:
-        """Collect the entities to wait for until the next call; destroyed ones are kept until then."""
+        """Collect the entities to wait for until the next call; entities destroyed meanwhile are kept until then."""
         self._follow_clock()
         node = self._node
         self._takers = dict(raw_subscription.takers(node))
@@ -96,7 +96,7 @@ class Spinner:
         self._look_at_s = time.monotonic() + _LOOK_S
 
     def _follow_clock(self) -> None:
-        """If the system clock was set back, wake the middleware: adding a timed event makes it check all of them."""
+        """If the system clock was set back, wake the middleware: a new timed event makes it check all events."""
         before_s, self._ahead_s = self._ahead_s, _ahead_s()
         if self._ahead_s < before_s - _SET_BACK_S:
             added = Node.create_publisher(self._node, ParameterEvent, '/parameter_events', 1)
@@ -126,7 +126,7 @@ class Spinner:
         triggered = wait_set.get_ready_entities('guard_condition')
         for guard in self._guards:
             if guard.handle.pointer in triggered:
-                guard.trigger()     # this wait consumed the trigger, which rclpy still has to find
+                guard.trigger()     # this wait has consumed the trigger, which rclpy must still find
                 others = True
         if wait_set.get_ready_entities('timer'):
             for timer in self._timers:
@@ -141,14 +141,14 @@ class Spinner:
 
 
 def _ahead_s() -> float:
-    """Return how far the system clock is ahead of the steady clock."""
+    """Return the difference in seconds of the system clock and the steady clock."""
     return time.time() - time.monotonic()
 
 
 class _Overdue:
-    """Ends overdue waits, by a thread that measures them with the steady clock: ``with self as condition``.
+    """Ends overdue waits (``with self as condition``) by a thread that measures them with the steady clock.
 
-    The thread sleeps in ``poll``, whose timeout is relative. Waits of Python's locks may follow the system clock too.
+    The thread sleeps in ``poll``, whose timeout is relative. Waits of Python's locks may also follow the system clock.
     """
 
     def __init__(self, node: Node) -> None:
@@ -160,12 +160,12 @@ class _Overdue:
         self._thread.start()
 
     def __enter__(self) -> object:
-        """Return the condition to wait for, besides others; the wait begins now."""
+        """Return the condition to include in a wait that begins now."""
         self._since_s = time.monotonic()
         return self._condition.handle
 
     def __exit__(self, *_: object) -> None:
-        """The wait has ended."""
+        """Record that the wait has ended."""
         self._since_s = None
 
     def close(self) -> None:

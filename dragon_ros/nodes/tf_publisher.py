@@ -1,4 +1,4 @@
-"""TF of a dragon's two ends and its head bench; frames for all 224 handles would slow down every listener."""
+"""TF for a dragon's two ends and its head bench; frames for all 224 handles would slow down every listener."""
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
