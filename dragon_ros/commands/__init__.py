@@ -1,1 +1,1 @@
-"""Commands that need no ROS, one module each."""
+"""Commands that need no ROS, each in its own module."""

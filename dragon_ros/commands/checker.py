@@ -8,17 +8,17 @@ from typing import Any
 
 from dragon_ros.core.errors import InputError
 
-_EFFORT = 1000      # a multiple of the usual budget that never binds; the timer limits the proof
+_EFFORT = 1000      # so large a multiple of the usual budget that only the timer limits the proof
 
 
 def command(certificate: str, effort: str | None = None) -> list[str]:
-    """Return the command that checks a certificate file (``-`` is standard input)."""
+    """Return the command that checks a certificate file; ``-`` means standard input."""
     given = [] if effort is None else [f'--effort={effort}']
     return [sys.executable, '-m', 'dragon_ros.verify', certificate, *given]
 
 
 def prove(values: Any, most_s: float) -> str:
-    """Return the sentence that a certificate proves. Raises InputError if it proves none within the time limit."""
+    """Return the sentence that a certificate proves. Raises InputError if it proves nothing within the time limit."""
     try:
         text = json.dumps(values)
     except (TypeError, ValueError):
@@ -39,7 +39,7 @@ def prove(values: Any, most_s: float) -> str:
 
 
 def _told(process: subprocess.Popen[str], text: str) -> str:
-    """Send a certificate to the checker, show progress on a terminal, and return the reason of a rejection, if any."""
+    """Send a certificate to the checker, show progress on a terminal, and return the reason for rejection, if any."""
     assert process.stdin is not None
     assert process.stderr is not None
     with suppress(BrokenPipeError), process.stdin as file:

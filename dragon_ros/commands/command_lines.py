@@ -1,4 +1,4 @@
-"""The command lines of the larger commands. Their modules are imported only after the arguments are parsed."""
+"""The command lines of the larger commands, whose modules are imported only after the arguments are parsed."""
 from functools import partial
 from pathlib import Path
 

@@ -13,7 +13,7 @@ from dragon_ros.cli import command_line
 from dragon_ros.cli.progress import Progress
 from dragon_ros.core.errors import InputError
 
-if TYPE_CHECKING:       # --verify starts without the solver
+if TYPE_CHECKING:       # --verify must not import the solver
     from dragon_ros.core.scene import Scene
     from dragon_ros.core.search.certificate import Contact, NoContact
 
@@ -91,7 +91,7 @@ def _run(arguments: Namespace) -> int:
 
 
 def _scene_of(arguments: Namespace) -> 'Scene':
-    """Return the scene to search: by options, or from a bag."""
+    """Return the scene to search, from the options or from a bag."""
     if not arguments.bag:
         if arguments.namespace is not None or arguments.trust:
             option = '--trust' if arguments.trust else '--namespace'
@@ -169,7 +169,7 @@ def _text(values: dict[str, Any]) -> str:
 
 
 def _other(miss: dict[str, Any]) -> str:
-    """Return the name of the part that a bench nearly touches."""
+    """Return the name of the bench or obstacle that a bench nearly touches."""
     return str(miss['bench']) if miss['obstacle'] is None else f'obstacle {miss["obstacle"]!r}'
 
 
@@ -183,7 +183,7 @@ def _csv(values: dict[str, Any]) -> str:
 
 
 def _cell(value: Any) -> str:
-    """Return a CSV cell; the name of an obstacle may contain a comma."""
+    """Return a CSV cell, quoted if needed, since the name of an obstacle may contain a comma."""
     text = str(value)
     return '"' + text.replace('"', '""') + '"' if set(text) & set(',"\n') else text
 

@@ -1,4 +1,4 @@
-"""``contact --within``: a time before which no dragon of a family touches itself."""
+"""``contact --within``: find a time before which no dragon of a family touches itself."""
 import json
 import time
 from argparse import Namespace

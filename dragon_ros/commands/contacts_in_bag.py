@@ -22,7 +22,7 @@ _STAMPED = 'clearance/stamped'
 
 
 def first_contact_in(bag: BagReader, namespace: str, scene: Scene | None, trust: bool = False) -> dict[str, Any]:
-    """Return the first contact and its source: the topic ``collision``, or a recomputation from the scene.
+    """Return the first contact and its source, which is the topic ``collision`` or a search of the scene.
 
     The scene is untrusted input: unless ``trust`` is set, a search beyond the budgets is skipped (``unsearched``).
     """
@@ -60,7 +60,7 @@ def searched(scene: Scene, trust: bool) -> Contact | NoContact:
 
 
 def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) -> tuple[float | None, str | None]:
-    """Return when a run ends in its contact (None if there is none), and the proved sentence if no search was made.
+    """Return when a run ends in its contact (None if it does not), and the proved sentence if nothing was searched.
 
     If a search would exceed its budgets, the claim in the bag is used, once the checker has proved it. Raises
     InputError.
@@ -71,7 +71,7 @@ def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) ->
         claim = claimed_contact(bag, namespace)
         if claim is None:
             raise
-        from dragon_ros.commands.checker import prove  # starts a process; few bags need it
+        from dragon_ros.commands.checker import prove  # imported lazily: it starts a process, and few bags need it
         try:
             said = prove(of_claim(scene, claim), PROOF_S)
         except InputError as why:
@@ -88,7 +88,7 @@ def _reported(bag: BagReader, topic: str) -> dict[str, Any] | None:
                 if status.values.get('phase') == 'begin':
                     return _event(status)
         except (MessageError, KeyError, ValueError):
-            continue        # from another publisher
+            continue        # a status from another publisher
     return None
 
 
@@ -102,7 +102,7 @@ def _event(status: Status) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Clearance:
-    """Smallest signed gaps in m at times in s, their source, and how many of all ticks were examined (``looks``)."""
+    """Smallest signed gaps in m at times in s, their source, and how many of all ticks were examined."""
 
     source: str
     t_s: list[float]
@@ -112,9 +112,9 @@ class Clearance:
 
 
 def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
-    """Return the clearance over time from the topic with stamps or, without that topic, from ``looks`` ticks (0: all).
+    """Return the clearance over time from the stamped topic or, without it, from ``looks`` ticks (0 for all).
 
-    Obstacles in the bag count too.
+    Obstacles in the bag are included.
 
     The topic ``clearance`` has no stamps: in a bag made by an earlier version or another recorder, its values may be
     logged at another tick's time.

@@ -1,4 +1,4 @@
-"""``demo``: run the whole package once: nodes as processes, a bag, its replay, a check, a picture."""
+"""``demo``: run the whole package once, with nodes as processes, a bag, its replay, a check and a picture."""
 import re
 import signal
 import subprocess
@@ -34,7 +34,7 @@ _LONGEST_S = 120.0
 
 
 def _end(*_: object) -> NoReturn:
-    """Exit as on Ctrl-C, so that no process remains."""
+    """Raise the same exception as Ctrl-C, so that no process remains."""
     raise KeyboardInterrupt
 
 
@@ -87,7 +87,7 @@ def _demonstrate(folder: Path, pace: float) -> int:
             threading.Thread(target=_interrupt_if_any_fails, args=(start.recorders, sim), daemon=True).start()
             lines = _progress_of(sim)
             next(lines, None)
-            # During the run, the next monitor and recorder already start and discover each other in another domain.
+            # During the run, the next monitor and recorder start in another domain and discover each other.
             then = stack.enter_context(_processes(folder / 'replay.log'))
             _bystanders(then, again)
             for _ in lines:
@@ -203,14 +203,14 @@ def _bystanders(start: _Processes, bag: Path) -> None:
 
 
 def _interrupt_if_any_fails(others: 'list[subprocess.Popen[str]]', sim: 'subprocess.Popen[str]') -> None:
-    """Stop the simulator if one of its readers, for which it waits, fails."""
+    """Stop the simulator if one of the readers for which it waits fails."""
     for process in others:
         if process.wait():
             sim.send_signal(signal.SIGINT)
 
 
 def _progress_of(sim: 'subprocess.Popen[str]') -> Iterator[float]:
-    """Show the progress of the simulator, from its log, and yield the time of each line."""
+    """Show the progress of the simulator, read from its log, and yield the time of each line."""
     run = load_scene(SCENE).run
     stop_s = run.stop_s or run.start_s
     assert sim.stdout is not None
@@ -237,7 +237,7 @@ def _finished(process: 'subprocess.Popen[str]') -> None:
 
 
 def _by_topic(bag: BagReader) -> dict[str, list[tuple[int, bytes]]]:
-    """Return the stamped messages of each topic in order; the order between topics is undefined."""
+    """Return the stamped messages of each topic, in order; the order of messages of different topics is undefined."""
     out: dict[str, list[tuple[int, bytes]]] = {}
     for message in bag.messages([f'/dragon/{name}' for name in _COMPARED]):
         out.setdefault(message.topic, []).append((message.t_ns, message.data))
@@ -245,7 +245,7 @@ def _by_topic(bag: BagReader) -> dict[str, list[tuple[int, bytes]]]:
 
 
 def _event(bag: BagReader) -> Status:
-    """Return the one contact in a bag."""
+    """Return the only contact in a bag."""
     events = [status for message in bag.messages(['/dragon/collision']) for status in read_diagnostics(message.data)
               if status.values['phase'] == 'begin']
     if len(events) != 1:

@@ -1,4 +1,4 @@
-"""``design``: design questions, each a subcommand whose answer has bounds."""
+"""``design``: design questions; each is a subcommand whose answer has bounds."""
 import json
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
@@ -11,13 +11,13 @@ from dragon_ros.cli.progress import Progress
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError, InputError
 
-if TYPE_CHECKING:       # each question imports only its own modules
+if TYPE_CHECKING:       # because each question imports only its own modules
     from dragon_ros.core.scene import Scene
     from dragon_ros.core.tracks.s_turn import TurnAnswer
     from dragon_ros.core.tracks.spec import STurn
 
 Values = dict[str, Any]
-_DOES_NOT_FIT = 1        # an exit code
+_DOES_NOT_FIT = 1        # exit code
 _PITCH_OPTIONS = {'diameter_m': '--diameter', 'largest_m': '--largest', 'within_m': '--within',
                   'smallest_m': '--smallest', 'start_turns': 'track.start_turns'}
 
@@ -71,7 +71,7 @@ def _turn_answer(arguments: Namespace) -> dict[str, Any]:
 
 
 def _contact_m(scene: 'Scene', diameter_m: float) -> float | None:
-    """Return the head's distance from the entry of the smallest turn at its first contact; None if there is none.
+    """Return the head's distance from the entry of the smallest turn at the first contact; None without a contact.
 
     The search covers the run from the head's entry until the whole dragon has left the turn.
     """
@@ -144,7 +144,7 @@ def _max_speed_options(parser: ArgumentParser) -> None:
 
 
 def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the leader's largest speed, the handle that reaches the limit, and where; a profile is scaled."""
+    """Return the leader's largest speed, and the handle and place where the limit is reached; scale a profile."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.max_speed import max_speed
@@ -179,7 +179,7 @@ def _min_pitch_options(parser: ArgumentParser) -> None:
 
 
 def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the bracket of the smallest pitch; of the scene only its dragon and track.start_turns are used."""
+    """Return the bracket of the smallest pitch, using only the dragon and track.start_turns of the scene."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.min_pitch import min_pitch
@@ -214,7 +214,7 @@ def _fit_options(parser: ArgumentParser) -> None:
 
 
 def _fit_answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the smallest squares, what touches the centred one, and whether the run fits into the given square."""
+    """Return the smallest squares, where a bench touches the centred one, and whether the run fits the given one."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.bounding_box import bounding_box, fits
@@ -243,7 +243,7 @@ def _venue_answer(scene: 'Scene', arguments: Namespace) -> dict[str, Any]:
 
 
 def _room(scene: 'Scene') -> Values:
-    """Return how far benches reach to the left and right of the track at every metre; sampled, not proved."""
+    """Return the reach of benches to the left and right of the track at every metre; it is sampled, not proved."""
     from dragon_ros.core.search.swept_area import room_every_metre, swept_area
     swept = swept_area(scene)
     at, room = room_every_metre(scene, swept)
@@ -252,7 +252,7 @@ def _room(scene: 'Scene') -> Values:
 
 
 def _room_text(room: Values) -> list[str]:
-    """Return the street width that the run requires, as text; nothing for a run shorter than a metre."""
+    """Return the street width that the run requires, as text; return nothing for a run shorter than a metre."""
     if not room['at_m']:
         return []
     rows = zip(room['left_m'], room['right_m'], room['at_m'], strict=True)
@@ -296,7 +296,7 @@ def _fit_text(values: dict[str, Any]) -> str:
 
 
 def _bounds(bounds_m: tuple[float, float]) -> str:
-    """Return an attained lower bound, and by how much the proved bound exceeds it."""
+    """Return an attained lower bound, and the amount by which the proved bound exceeds it."""
     low, high = bounds_m
     return f'{low:.10f} m, and no more than {high - low:.1e} m larger'
 

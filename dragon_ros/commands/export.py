@@ -57,7 +57,7 @@ class _ExportedTicks:
         self._ticks = next(t.messages for t in bag.topics if t.name == f'{self._namespace}/handles')
 
     def picked(self, what: str, pick: 'Callable[[Iterator[BagFrame]], R]') -> 'Iterator[R]':
-        """Yield ``pick`` of the ticks, part by part, with a progress bar; several processes call it.
+        """Yield ``pick`` of the ticks of each part, with a progress bar; several processes call ``pick``.
 
         Raises InputError if the number of handles changes.
         """
@@ -80,7 +80,7 @@ class _ExportedTicks:
 
 @dataclass(frozen=True)
 class _Picked(Generic[R]):
-    """Counts ticks and picks their values, provided that they have the same number of handles as the first one."""
+    """Counts ticks and picks their values if they have the same number of handles as the first tick."""
 
     pick: Callable[[Iterator[BagFrame]], R]
     path: Path
@@ -138,14 +138,14 @@ def _times_and_values(handles: list[int], some: Iterator[BagFrame]) -> list[tupl
 
 
 def _columns(some: list[tuple[int, Array]], handles: list[int]) -> list[Array]:
-    """Return the columns of some ticks: t_ns, then COLUMNS."""
+    """Return the columns of ticks: t_ns, followed by COLUMNS."""
     t_ns = np.repeat(np.array([t_ns for t_ns, _ in some], np.int64), len(handles))
     values = np.concatenate([values for _, values in some])
     return [t_ns, t_ns / NS, np.tile(np.array(handles, np.int32), len(some)), *values.T]
 
 
 def _npz(source: _ExportedTicks, file: IO[bytes]) -> None:
-    """Write the arrays one by one, each in its own pass, so that no array is ever in memory as a whole."""
+    """Write the arrays one by one, each in its own pass, so that no array is ever completely in memory."""
     first, handles = source.first, source.handles
     times = np.array(list(chain.from_iterable(source.picked('t_ns', _times))), np.int64)
     names = ['handles_m', *(['velocities_m_s'] if first.velocity_m_s is not None else []),
@@ -166,7 +166,7 @@ def _times(some: Iterator[BagFrame]) -> list[int]:
 
 
 def _array(name: str, handles: list[int], frame: BagFrame) -> Array:
-    """Return what a tick adds to an array of doubles."""
+    """Return the values that a tick adds to an array of doubles."""
     if name == 'handles_m':
         return frame.handles_m[handles]
     if name == 'velocities_m_s':

@@ -30,12 +30,12 @@ from dragon_ros.messages.channels import channel_of
 from dragon_ros.scenes.load import scene_values
 from dragon_ros.scenes.provenance import RECORD
 
-if TYPE_CHECKING:       # modules for checking and repairing are imported on use
+if TYPE_CHECKING:       # modules for checking and repairing are imported lazily
     from dragon_ros.bags.check.compare import Comparison
 
-_SHOWN = 20     # shown lines of faults
-_STEPS = 8      # shown values of the clearance over time
-_LOOKS = 200    # ticks examined for the clearance by default
+_SHOWN = 20     # largest number of faults shown
+_STEPS = 8      # number of values shown for the clearance over time
+_LOOKS = 200    # default number of ticks examined for the clearance
 _TAKES: dict[str, set[str]] = {'--repair': set(), '--check': {'--check', '--trust', '--namespace', '--workers'},
                                'a summary': {'--trust', '--looks', '--namespace'}}
 
@@ -274,7 +274,7 @@ def _integrity_lines(values: dict[str, Any]) -> list[str]:
 
 
 def _length_lines(topics: list[dict[str, Any]]) -> list[str]:
-    """Return lines on how many messages had their lengths checked against their types, and why others had not."""
+    """Return lines that report how many lengths of messages were compared with their types, and why others were not."""
     compared = sum(row['lengths_compared'] for row in topics)
     return [f'  lengths: {compared} messages compared with their types',
             *(f'  lengths not compared: {row["messages"] - row["lengths_compared"]} of {row["topic"]} '

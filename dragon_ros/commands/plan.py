@@ -1,4 +1,4 @@
-"""``plan``: draw a scene to scale for printing, with the swept area, gaps to obstacles and times."""
+"""``plan``: draw a scene to scale for printing, with the swept area, the gaps to obstacles and the times."""
 import json
 from argparse import Namespace
 from dataclasses import dataclass
@@ -31,16 +31,16 @@ PAPERS_MM = {'A4': (297.0, 210.0), 'A3': (420.0, 297.0)}
 _EDGE_MM, _FOOT_MM = 12.0, 34.0     # margins around a page and below its drawing
 _MARK_M = 10.0
 _MOST_PAGES = 24
-_COARSEST, _FEW_PAGES = 500, 4      # scales beyond 1:500 are avoided by up to four pages at 1:500
+_COARSEST, _FEW_PAGES = 500, 4      # up to four pages at 1:500 are preferred to a smaller scale
 _AROUND_M = 2.0         # margin around the drawn objects
 _TEXT_PT = 9
 _BROKEN = '#C00000'
 _OBSTACLE_HATCH = '\\\\\\'      # distinguishes obstacles from swept areas in black and white
 _CENTRE_LINE = (0, (12, 2, 2, 2))
-_ROWS = 34              # rows of a table on one page
-_NARROWEST = 3          # positions at which the required room is shown
+_ROWS = 34              # rows of a table per page
+_NARROWEST = 3          # number of positions for which the required room is shown
 _NEARLY_M = 0.01
-_WIDE = 0.62            # width of a letter, relative to the text height
+_WIDE = 0.62            # width of a letter relative to the text height
 
 
 def run(arguments: Namespace) -> int:
@@ -118,7 +118,7 @@ class Plan:
 
     @cached_property
     def room_m(self) -> tuple[Floats, Floats]:
-        """Every metre of the track, and the room required there to its left and right."""
+        """Positions at every metre of the track, and the room required there to its left and right."""
         from dragon_ros.core.search.swept_area import room_every_metre
         return room_every_metre(self.scene, self.swept)
 
@@ -148,7 +148,7 @@ class Plan:
 
     @cached_property
     def passes_s(self) -> tuple[Floats, Floats]:
-        """The times when head and tail pass the marks, to 1/400 of the run; nan if they do not pass."""
+        """The times when head and tail pass the marks, to 1/400 of the run; nan if they do not pass a mark."""
         from dragon_ros.core.batches import states
         simulation = compile_scene(self.scene)
         run = self.scene.run
@@ -159,7 +159,7 @@ class Plan:
 
     @cached_property
     def fastest(self) -> str:
-        """A sentence on the largest speed of any handle."""
+        """A sentence that states the largest speed of any handle."""
         from dragon_ros.core.errors import DragonError
         from dragon_ros.core.search.max_speed import max_speed
         try:
@@ -187,12 +187,12 @@ def _passed(at_m: Floats, times_s: Floats, marks_m: Floats) -> Floats:
 
 
 def geojson(plan: Plan) -> str:
-    """Return the swept area, the track and the gaps as GeoJSON: RFC 7946 degrees with an origin, else metres."""
+    """Return swept area, track and gaps as GeoJSON, in degrees (RFC 7946) with an origin, else in metres."""
     from shapely import LineString, normalize, reverse
     from shapely.geometry import mapping
     swept, origin_deg = plan.swept, plan.origin_deg
     drawn: list[tuple[dict[str, Any], Any]] = [
-        ({'name': 'swept by the head'}, reverse(normalize(swept.head))),        # its outside anticlockwise
+        ({'name': 'swept by the head'}, reverse(normalize(swept.head))),        # outer rings run anticlockwise
         ({'name': 'swept by the body'}, reverse(normalize(swept.body))),
         ({'name': 'track'}, LineString(plan.line))]
     drawn += [({'name': f'gap to {gap.name}', 'gap_m': gap.gap_m}, LineString(gap.ends_m)) for gap in plan.gaps]
@@ -206,7 +206,7 @@ def geojson(plan: Plan) -> str:
 
 
 def _sheet(arguments: Namespace, plan: Plan) -> tuple[str, int, Floats]:
-    """Return paper, scale and the drawn window (2, 2) in m. Raises FieldError for an invalid scale."""
+    """Return paper, scale and drawn window (2, 2) in m. Raises FieldError for an invalid scale."""
     x, y = plan.line.T
     left, bottom, right, top = plan.swept.whole.bounds
     low = np.array((min(left, x.min()), min(bottom, y.min()))) - _AROUND_M
@@ -240,7 +240,7 @@ def _fits(size_m: Floats, paper: str, scale: int) -> bool:
 
 
 def _pages(plan: Plan, paper: str, scale: int, window: Floats) -> list['Figure']:
-    """Return the pages: the drawing, then the tables."""
+    """Return the pages: first the drawing, then the tables."""
     page_m = _drawn_mm(paper) * scale / 1000
     counts = np.maximum(1, np.ceil((window[1] - window[0]) / page_m - 1e-9)).astype(int)
     if counts.prod() > _MOST_PAGES:
@@ -296,7 +296,7 @@ def _drawing(plan: Plan, paper: str, scale: int, window: Floats, number: tuple[i
 
 
 def _said(plan: Plan) -> str:
-    """Return the text on what is proved and what is not."""
+    """Return the text that states what is proved and what is not."""
     venue, first = plan.scene.venue, plan.say('proved', fastest=plan.fastest)
     last = plan.say('people')
     if venue is not None:
@@ -307,7 +307,7 @@ def _said(plan: Plan) -> str:
 
 
 def _fill(axes: 'Axes', area: Any, **style: Any) -> None:
-    """Fill polygons, leaving out their holes."""
+    """Fill polygons except for their holes."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
     label = style.pop('label', None)
@@ -341,15 +341,15 @@ def _seen(at: Floats, window: Floats) -> bool:
 
 
 def _poses(plan: Plan, along_m: Floats) -> tuple[Floats, Floats]:
-    """Return the points and the headings (n, 2) of distances (n,) along the track."""
+    """Return the points and the headings (n, 2) at distances (n,) along the track."""
     track = compile_scene(plan.scene).model.track
     return track.poses(*track.places_at(along_m, np.zeros_like(along_m)))
 
 
 def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> list[tuple[Floats, float]]:
-    """Draw a mark every ten metres, with its distance on a side of the track that has no other label.
+    """Draw a mark every ten metres, labelled with its distance on a side of the track that has no other label.
 
-    Return the positions of the labels and half of their widths, in points.
+    Return the positions of the labels and half their widths, in points.
     """
     points, headings = _poses(plan, plan.marks_m)
     seen = [n for n, at in enumerate(points) if _seen(at, window)]
@@ -365,7 +365,7 @@ def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> list[tuple[Floats, 
 
 
 def mark_offsets(places: Floats, headings: Floats, labels: list[str]) -> list[tuple[float, float]]:
-    """Return the offsets of labels in points from marks at places (n, 2): left of the track or, if taken, right of it.
+    """Return the offsets in points of labels from marks at places (n, 2), left or, if taken, right of the track.
 
     If both sides are taken, a label is placed further out.
     """
@@ -404,7 +404,7 @@ def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Float
 
 
 def _free_offset(axes: 'Axes', at: Floats, label: str, taken: list[tuple[Floats, float]]) -> tuple[float, float]:
-    """Return the offset of a label in points: the nearest one that overlaps no other label."""
+    """Return the offset of a label in points: the nearest one at which it overlaps no other label."""
     scale = axes.figure.dpi / 72
     here = np.asarray(axes.transData.transform(at)) / scale
     half = 0.5 * _WIDE * _TEXT_PT * len(label)
@@ -424,7 +424,7 @@ def _widest(plan: Plan) -> list[tuple[float, float, float]]:
     stations, room = plan.room_m
     out: list[tuple[float, float, float]] = []
     for n in np.argsort(-room.sum(axis=1), kind='stable').tolist():
-        if room[n].sum() < room.min(axis=0).sum() + _NEARLY_M:      # little more than on a straight line
+        if room[n].sum() < room.min(axis=0).sum() + _NEARLY_M:      # hardly more than on a straight line
             break
         if all(abs(stations[n] - at) > _MARK_M for at, *_ in out):
             out.append((float(stations[n]), float(room[n, 0]), float(room[n, 1])))

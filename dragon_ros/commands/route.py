@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dragon_ros.core.tracks.spec import Composite
     from dragon_ros.messages.decode import PathMessage
 
-_EASY = 2.0             # default radius of corners, in multiples of the smallest radius
+_EASY = 2.0             # default radius of corners, as a multiple of the smallest radius
 _FRAME = 'dragon'
 _PATH = 'nav_msgs/msg/Path'
 _RECEIVER = 'dragon_ros.nodes.one_path'
@@ -30,7 +30,7 @@ _FORMATS = '.svg, .geojson, .wkt, .csv, or a bag with a nav_msgs/Path'
 
 @dataclass(frozen=True)
 class _Laid:
-    """A scene along a drawing, and the data it was made from."""
+    """A scene along a drawing, and the data from which it was made."""
 
     scene: 'Scene'
     line: DrawnLine

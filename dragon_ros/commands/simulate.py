@@ -61,7 +61,7 @@ def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event, pool: Po
     """Write the messages of every tick of the run until ``stop`` is set; return how many ticks were written.
 
     The size of the first tick determines the ticks at which chunks begin, so a bag has the same bytes with any number
-    of workers. A single worker is this process, which compresses on a thread; several workers are processes.
+    of workers. A single worker is this process, which compresses on a thread; several workers are separate processes.
     """
     encoded = {f'{namespace}/{name}': encode for name, encode in encoders(scene, _FRAME_ID).items()}
     numbers, frame = [bag.channel_of(topic) for topic in encoded], tick(scene, 0)
@@ -99,7 +99,7 @@ def _in_this_process(scene: Scene, bag: BagWriter, encoded: dict[str, Encode], p
 
 
 class _PackedTicks:
-    """Ticks of a scene as packed chunks: the work of a process of ``simulate``."""
+    """Packs ticks of a scene as chunks, which is the work of a process of ``simulate``."""
 
     def __init__(self, scene: Scene, numbers: list[int], compression: str) -> None:
         self._settings = scene, numbers, compression

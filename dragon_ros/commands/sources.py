@@ -24,7 +24,7 @@ from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.venue import Venue
 
-if TYPE_CHECKING:       # imported on use: a picture of a scene needs no bag reader, and one without contacts no search
+if TYPE_CHECKING:       # lazy: a scene's picture needs no bag reader, and one without contacts needs no search
     from dragon_ros.bags.read.frames import BagFrame, RecordedObstacles
     from dragon_ros.bags.read.reader import BagReader
     from dragon_ros.core.geometry.contacts import Observation
@@ -34,13 +34,13 @@ if TYPE_CHECKING:       # imported on use: a picture of a scene needs no bag rea
     from dragon_ros.core.search.certificate import Contact, NoContact
 
 _AT_ONCE = 64               # states per batch
-_SAG_M = 1e-4               # of the drawn track: smooth even in a picture of one bench
+_SAG_M = 1e-4               # largest deviation of the drawn track, which is smooth even in a picture of one bench
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
 Check = Callable[[], None]      # raises an exception when the work is no longer wanted
-_REMEMBERED = 8             # ticks before a contact that its tracker may use
+_REMEMBERED = 8             # number of ticks before a contact that its tracker may use
 _HAIR_S = 1e-9
-_AROUND = 2.0               # largest margin of a window, in lengths of the dragon
-_MARGIN = 0.03              # relative to the window
+_AROUND = 2.0               # largest extent of the shown track beyond the dragon, relative to the dragon's
+_MARGIN = 0.03              # margin relative to the window
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Touch:
     """A first contact: its time, benches (inner first), point, and the corner and edge that meet.
 
     If a bench touches an obstacle, ``benches`` contains only this bench, and ``obstacle`` is the obstacle's name.
-    ``decimals`` is the number of correct decimals of the point: fewer if it was interpolated from ticks.
+    ``decimals`` is the number of correct decimals of the point; interpolation from ticks reduces it.
     """
 
     t_s: float
@@ -70,7 +70,7 @@ class Touch:
 
     @property
     def words(self) -> str:
-        """The parts that touch, as text."""
+        """The touching parts, as text."""
         if self.obstacle is not None:
             return f'bench {self.benches[0]} touches {self.obstacle}'
         return f'benches {self.benches[0]} and {self.benches[1]} touch'
@@ -110,7 +110,7 @@ class Source(Protocol):
 
 @dataclass(frozen=True)
 class SceneSource:
-    """A dragon computed from a scene on demand, by the processes of a pool if that takes long."""
+    """A dragon computed from a scene on demand; if this takes long, the processes of a pool compute it."""
 
     name: str
     scene: Scene
@@ -124,7 +124,7 @@ class SceneSource:
 
     @cached_property
     def track(self) -> Floats:
-        """The part of the track on which handles are during the run."""
+        """The part of the track that handles cover during the run."""
         return compile_scene(self.scene).track_line(_SAG_M)
 
     @property
@@ -181,7 +181,7 @@ def moments_of(scene: Scene, group: list[float]) -> Iterator[Moment]:
 
 
 def _gaps_of(scene: Scene, group: list[float]) -> list[tuple[float, float]]:
-    from dragon_ros.core.geometry.near_pairs import NearPairs  # few pictures need it
+    from dragon_ros.core.geometry.near_pairs import NearPairs  # imported lazily, because few pictures need it
     near = NearPairs()
     return [(one.t_s, near.look(one.p, one.benches).clearance_m) for one in moments_of(scene, group)]
 
@@ -195,9 +195,9 @@ def moment(source: Source, t_s: float) -> Moment:
 
 
 def window(track: Floats | None, moments: Iterable[Moment]) -> Floats:
-    """Return the window of a picture of these moments: its lower left and upper right corner (2, 2) in m.
+    """Return the window of a picture of these moments: its lower left and upper right corners (2, 2) in m.
 
-    It contains the dragon and its track; of a much longer track, only the part around the dragon.
+    It contains the dragon and its track or, if the track is much longer, only the part around the dragon.
     """
     corners = np.concatenate([one.benches.corners.reshape(-1, 2) for one in moments])
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -212,7 +212,7 @@ def window(track: Floats | None, moments: Iterable[Moment]) -> Floats:
 def decimals_of(step_s: float) -> int:
     """Return the number of correct decimals of a point in m, interpolated from ticks ``step_s`` apart.
 
-    The error of a cubic through ticks is about the fourth power of the step, in units of the bend radius. The third
+    The error of a cubic through ticks is about the fourth power of the step in units of the bend radius. The third
     power is used because there are fewer ticks near the start of a run.
     """
     return 6 if step_s <= 0 else min(6, max(0, floor(-3 * log10(step_s))))
@@ -279,12 +279,12 @@ class BagSource:
         try:
             scene = scene_of_bag(self.bag, self.namespace)
             return scene and walked_scene(self.bag, scene, self.namespace)
-        except InputError:      # a scene that exceeds the budgets; the recording is shown anyway
+        except InputError:      # the scene exceeds the budgets, but the recording is shown
             return None
 
     @cached_property
     def track(self) -> Floats | None:
-        """The part of the track on which handles are during the run, by the scene in the bag; None if there is none."""
+        """The part of the track that handles cover during the run, by the scene in the bag; None without a scene."""
         return compile_scene(self._scene).track_line(_SAG_M) if self._scene else None
 
     @property
@@ -294,7 +294,7 @@ class BagSource:
 
     @cached_property
     def _ticks(self) -> list[tuple[int, int]]:
-        """Stamp and log time of each tick, in ns, in order of stamps."""
+        """Stamp and log time of each tick in ns, ordered by stamp."""
         from dragon_ros.bags.read.parts import stamps_of
         handles = f'{self.namespace}/handles'
         count = next(topic.messages for topic in self.bag.topics if topic.name == handles)
@@ -320,7 +320,7 @@ class BagSource:
         return out
 
     def moments(self, times_s: Floats) -> Iterator[Moment]:
-        """Yield the tick nearest to each of increasing times, skipping ticks without benches."""
+        """Yield the tick nearest to each of the increasing times; skip ticks without benches."""
         rows = self._nearest(times_s)
         wanted = {self._ticks[row][0] for row in rows.tolist()}
         first_ns, last_ns = (self._ticks[row][1] for row in (int(rows[0]), int(rows[-1])))
@@ -329,14 +329,14 @@ class BagSource:
                 yield Moment(observation.t_ns / NS, observation.p, observation.benches, speed)
 
     def _nearest(self, times_s: Floats) -> Ints:
-        """Return the numbers of the ticks nearest to times, each once."""
+        """Return the numbers of the ticks nearest to times, without duplicates."""
         ticks = self._times_s
         after = np.clip(np.searchsorted(ticks, times_s), 0, len(ticks) - 1)
         before = np.maximum(after - 1, 0)
         return np.unique(np.where(times_s - ticks[before] < ticks[after] - times_s, before, after))
 
     def first_touch(self, progress: Progress) -> Touch | None:
-        """Return the first contact that a monitor finds in the bag, at the time interpolated in its bracket."""
+        """Return the first contact that a monitor finds in the bag, at the time that is interpolated in its bracket."""
         for touch in progress(self._touches()):
             if touch is not None:
                 return touch     # type: ignore[no-any-return]
@@ -345,8 +345,9 @@ class BagSource:
     def _touches(self) -> Iterator[Touch | None]:
         """Yield the first contact, and None for each tick before it.
 
-        Parts of the bag are searched for benches that touch. The tracker sees the last ticks before that part: nothing
-        before them matters to it, unless time goes back or the dragon changes. It sees all ticks of such a bag.
+        Parts of the bag are searched for touching benches. The tracker then observes the last ticks before that part,
+        because earlier ticks do not affect it. If time goes back or the dragon changes, the tracker observes all ticks
+        of the bag.
         """
         from dragon_ros.bags.read.frames import RecordedObstacles
         from dragon_ros.bags.read.parts import in_parts
@@ -407,7 +408,7 @@ def _observed(frame: 'BagFrame') -> 'Observation':
 
 
 def _gaps_in(wanted: frozenset[int], frames: 'Iterator[BagFrame]') -> list[tuple[float, float]]:
-    """Return stamps in s and gaps of the ticks with these stamps in ns."""
+    """Return the stamps in s and the gaps in m of those ticks whose stamps in ns are wanted."""
     from dragon_ros.core.geometry.near_pairs import NearPairs
     near = NearPairs()
     return [(frame.t_ns / NS, near.look(frame.handles_m, frame.benches).clearance_m)
@@ -415,9 +416,9 @@ def _gaps_in(wanted: frozenset[int], frames: 'Iterator[BagFrame]') -> list[tuple
 
 
 class _Searched(NamedTuple):
-    """Ticks of a bag up to the first one in which benches touch; then ``last`` are all of them, else the last few.
+    """Ticks of a bag up to the first in which benches touch; ``last`` contains all if any touch, else the last few.
 
-    They are regular if each one follows the one before.
+    The ticks are regular if each one follows the previous one.
     """
 
     ticks: int
@@ -427,7 +428,7 @@ class _Searched(NamedTuple):
 
 
 def _searched(frames: 'Iterator[BagFrame]') -> _Searched:
-    """Look for the first tick in which benches touch, and leave the ticks after it."""
+    """Find the first tick in which benches touch, and leave later ticks unread."""
     from dragon_ros.core.geometry.near_pairs import NearPairs
     near, seen, is_regular = NearPairs(), list['Observation'](), True
     for frame in frames:

@@ -17,7 +17,7 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
 
-if TYPE_CHECKING:       # imported on use: a table of a scene needs no bag reader
+if TYPE_CHECKING:       # imported lazily, since a table of a scene needs no bag reader
     from dragon_ros.bags.read.frames import BagFrame
     from dragon_ros.bags.read.reader import BagReader
 
@@ -92,7 +92,7 @@ def table(scene: Scene, times_s: list[float], handles: list[int],
 
 
 def _bag_rows(arguments: Namespace) -> list[Row]:
-    """Return rows like those of a scene from a bag; missing velocities are nan."""
+    """Return rows from a bag, like those of a scene; missing velocities are nan."""
     from dragon_ros.bags.read.frames import namespace_of
     from dragon_ros.bags.read.reader import BagReader
     out: list[Row] = []
@@ -142,7 +142,7 @@ def values_of(frame: 'BagFrame', handles: list[int]) -> Floats:
 
 
 def at_times(bag: 'BagReader', namespace: str, times_s: Iterable[float]) -> Iterator['BagFrame']:
-    """Yield, for each time, the first tick in the bag at or after it, up to the last."""
+    """Yield, for each time, the first tick in the bag at or after it, up to the last tick."""
     from dragon_ros.bags.read.frames import frames
     for t_s in times_s:
         frame = next(frames(bag, namespace, max(0, round(t_s * NS))), None)

@@ -1,4 +1,4 @@
-"""``urdf``: write the dragon of a scene as a robot, for RViz, MoveIt, Gazebo and others."""
+"""``urdf``: write the dragon of a scene as a robot for RViz, MoveIt, Gazebo and other programs."""
 from argparse import SUPPRESS
 from pathlib import Path
 

@@ -5,7 +5,7 @@ from typing import Any, Protocol
 
 from dragon_ros.core.errors import InputError, MissingError
 
-_MOST_ROWS = 2**20 - 1      # rows of a sheet below the column names
+_MOST_ROWS = 2**20 - 1      # largest number of rows on a sheet below the column names
 
 
 class _NumberedRows(Sized, Iterable[Iterable[Any]], Protocol):
@@ -13,7 +13,7 @@ class _NumberedRows(Sized, Iterable[Iterable[Any]], Protocol):
 
 
 def xlsx_of(head: Iterable[str], rows: _NumberedRows) -> bytes:
-    """Return rows under their column names as a workbook of one sheet.
+    """Return rows under their column names as a workbook with one sheet.
 
     Raises MissingError without openpyxl, and InputError if there are more rows than fit on a sheet.
     """

@@ -1,1 +1,1 @@
-"""The contest problem behind the paper: the paper's tables and the contest's result files."""
+"""The contest problem on which the paper is based: the paper's tables and the contest's result files."""

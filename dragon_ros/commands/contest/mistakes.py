@@ -1,4 +1,4 @@
-"""Common mistakes on the contest problem CUMCM 2024 A, reproduced: each recipe contains one mistake.
+"""Reproduce common mistakes in the contest problem CUMCM 2024 A: each recipe contains one mistake.
 
 ``docs/examples/common_mistakes.py`` prints them as the tables of the contest page, and ``grade`` compares answers with
 them. Times are arrays (T,) in seconds, angles are polar angles of the spiral r = pitch / (2 pi) theta in radians, and
@@ -25,9 +25,9 @@ from dragon_ros.scenes.load import load_scene
 
 PITCH_M, START, SPEED_M_S, HANDLES = 0.55, 32 * pi, 1.0, 224
 HEAD_LINK_M, BODY_LINK_M = 2.86, 1.65
-FOLLOWING = 25          # handles of the benches that the head can touch
+FOLLOWING = 25          # number of handles of the benches that the head can touch
 RADIUS_M = 4.5                                      # radius of the turning circle
-_LATEST_S = 420.0       # up to which Euler steps are computed
+_LATEST_S = 420.0       # last time for which Euler steps are computed
 _MOST_NEWTON, _SETTLED = 60, 4e-15
 Head = Callable[[Floats], Floats]                   # seconds (T,) -> polar angles (T,)
 Rule = Callable[[Floats, float], Floats]            # polar angles (T,) and a link in metres -> the next handle's angles
@@ -57,7 +57,7 @@ def without_radial(theta: Floats) -> Floats:
 
 def solved(length: Callable[[Floats], Floats], late: float = 0.0, start: float = START, speed_m_s: float = SPEED_M_S,
            pitch_m: float = PITCH_M) -> Head:
-    """Return the head by inverting an arc length to the last digit; ``late`` is an error in its start value."""
+    """Return the head by inverting an arc length to the last digit; ``late`` is an error in the start value."""
     def head(times_s: Floats) -> Floats:
         wanted = length(np.array(start)) + late - speed_m_s * times_s * 2 * pi / pitch_m
         return inverted(length, wanted)
@@ -79,7 +79,7 @@ def inverted(length: Callable[[Floats], Floats], wanted: Floats) -> Floats:
 
 
 def bracket_slip() -> Head:
-    """Return the head if the arc length at the start has ln(theta + sqrt(theta^2) + 1); all else is right."""
+    """Return the head if the arc length at the start has ln(theta + sqrt(theta^2) + 1) but is otherwise correct."""
     return solved(arc_length, 0.5 * (log(2 * START + 1) - asinh(START)))
 
 
@@ -106,12 +106,12 @@ def _steps(step_s: float, radial: bool) -> Floats:
 
 
 def chord(short_m: float = 0.0, pitch_m: float = PITCH_M) -> Rule:
-    """Return the next handle at a chord that is too short: the first one that a tolerance of the chord accepts."""
+    """Return the next handle at the first, slightly too short, chord that a tolerance accepts."""
     def following(theta: Floats, link_m: float) -> Floats:
         wanted = (link_m - short_m) * 2 * pi / pitch_m
         delta: Floats = np.zeros_like(theta)
         change = wanted / np.maximum(theta, 1.0)
-        for _ in range(_MOST_NEWTON):       # Newton; links span less than pi before the first contact
+        for _ in range(_MOST_NEWTON):       # Newton's method; links span less than pi before the first contact
             delta = delta + change
             half = np.sin(0.5 * delta)
             excess = delta * delta + 4 * theta * (theta + delta) * half * half - wanted * wanted
@@ -128,9 +128,9 @@ def along(theta: Floats, link_m: float) -> Floats:
 
 
 def grid(step_rad: float, within_m: float) -> Rule:
-    """Return the next handle by steps of the angle: the first whose chord is within a tolerance of the link.
+    """Return the next handle by steps of the angle: the first one whose chord is within a tolerance of the link.
 
-    With a tolerance of 0, it is the first whose chord is at least as long as the link.
+    With a tolerance of 0, it is the first one whose chord is at least as long as the link.
     """
     def following(theta: Floats, link_m: float) -> Floats:
         short = chord(within_m)(theta, link_m)
@@ -141,7 +141,7 @@ def grid(step_rad: float, within_m: float) -> Rule:
 
 def links_of(head_m: float = HEAD_LINK_M, body_m: float = BODY_LINK_M, last_m: float | None = None,
              handles: int = HANDLES) -> list[float]:
-    """Return the links of a dragon: the head's and the body's; the last link equals the body's."""
+    """Return the links of a dragon: first the head's, followed by the body's, which the tail's link equals."""
     return [head_m, *[body_m] * (handles - 3), body_m if last_m is None else last_m][:handles - 1]
 
 
@@ -152,7 +152,7 @@ def points(theta: Floats, pitch_m: float = PITCH_M) -> Floats:
 
 
 def placed_angles(first: Floats, rule: Rule, links_m: list[float]) -> Floats:
-    """Return the polar angles (T, handles) of all handles behind those of the head (T,)."""
+    """Return the polar angles (T, handles) of all handles, given those of the head (T,)."""
     theta = [first]
     for link_m in links_m:
         theta.append(rule(theta[-1], link_m))
@@ -187,7 +187,7 @@ def worst_m(p: Floats) -> float:
 
 
 def head_mistakes() -> dict[tuple[str, tuple[tuple[str, float], ...]], Head]:
-    """Return the heads of the contest page's table by key and parameters."""
+    """Return the wrong heads of the contest page's table, by key and parameters."""
     return {('radial_arc', ()): solved(without_radial), ('bracket_slip', ()): bracket_slip(),
             ('euler', (('step', 1.0),)): euler(1.0), ('euler', (('step', 0.01),)): euler(0.01),
             ('euler_radial', (('step', 0.01),)): euler(0.01, radial=False)}
@@ -206,7 +206,7 @@ def errors_at_300_s() -> Iterator[MistakenAnswer]:
 
 # Question 1: speeds.
 def differences(scene: Scene, times_s: Floats, step_s: float, kind: str) -> Floats:
-    """Return speeds (T, N+1) by differences of positions: ``kind`` is 'forward', 'backward' or 'central'."""
+    """Return speeds (T, N+1) as differences of positions; ``kind`` is 'forward', 'backward' or 'central'."""
     before, after = {'forward': (0.0, 1.0), 'backward': (1.0, 0.0), 'central': (1.0, 1.0)}[kind]
     ahead = states(scene, (times_s + after * step_s).tolist()).p
     behind = states(scene, (times_s - before * step_s).tolist()).p
@@ -237,7 +237,7 @@ def rectangles(p: Floats, width_m: float) -> Benches:
 
 
 def head_gap(p: Floats, width_m: float = 0.3) -> float:
-    """Return the smallest gap between the head and the benches behind it, without its neighbour."""
+    """Return the smallest gap between the head and the benches behind it, except its neighbour."""
     benches = rectangles(p, width_m)
     others = np.arange(2, len(benches.centre))
     return float(np.min(gaps(benches, np.zeros_like(others), others)))
@@ -276,7 +276,7 @@ def touch_s(head: Head, rule: Rule, links_m: list[float] | None = None) -> float
 
 
 def gap_of(dragon: dict[str, float], gap: Gap = head_gap) -> Callable[[float], float]:
-    """Return the gap as a function of time, for correct handles of a dragon that differs from the classic one."""
+    """Return the gap as a function of time for the correct handles of a dragon that differs from the classic one."""
     scene = Scene(dragon=Dragon(FOLLOWING, **dragon))
     return lambda t_s: gap(state(scene, t_s).p, dragon.get('width_m', 0.3))
 
@@ -339,7 +339,7 @@ def least_pitch_m(gap: Callable[[float], float], low_m: float, high_m: float) ->
 def pitches_m() -> Iterator[MistakenAnswer]:
     """Yield mistakes with the smallest pitch."""
     yield MistakenAnswer('on_circle', {}, least_pitch_m(lambda p: gap_at(p, RADIUS_M), 0.40, 0.44))
-    way_m = np.linspace(4.621, 4.627, 20).tolist()  # where they are closest, within half a turn before the circle
+    way_m = np.linspace(4.621, 4.627, 20).tolist()  # the time of the smallest gap, within half a turn before the circle
     front_m = least_pitch_m(lambda p: min(gap_at(p, r, front_gap) for r in way_m), 0.4495, 0.4503)
     yield MistakenAnswer('front_corners', {}, front_m)
     for step_s in (1.0, 0.1):
@@ -378,14 +378,14 @@ def euler_on_turn_m(times_s: Floats, step_s: float) -> Floats:
 
 
 def along_turn(head_m: Floats, links_m: list[float], turn: STurn) -> Floats:
-    """Return handles (T, handles, 2) at the links' lengths along the curve; ``head_m`` (T,) is from the entry."""
+    """Return handles (T, handles, 2) at the links' lengths along the curve; ``head_m`` (T,) counts from the entry."""
     track = track_of(turn)
     metres = head_m[:, None] - np.concatenate(([0.0], np.cumsum(links_m)))
     return turn_points(metres, track)
 
 
 class TurnAngle:
-    """The angle along the turn, 0 at the entry: the polar angle on both spirals and the angle of both arcs."""
+    """The angle along the turn, 0 at the entry: the polar angle on the spirals, and the arc's angle on the arcs."""
 
     def __init__(self, turn: STurn) -> None:
         """Take the arcs of a turn."""
@@ -406,7 +406,7 @@ class TurnAngle:
 
     def _spiral(self, length: Floats) -> Floats:
         theta = np.sqrt(2 * length)
-        for _ in range(6):      # Newton; from this start it converges to the last digit
+        for _ in range(6):      # Newton's method, which converges to the last digit from this start
             theta = theta - (arc_length(theta) - length) / np.sqrt(1 + theta * theta)
         return theta
 
@@ -425,9 +425,9 @@ def turn_points(metres: Floats, track: Track) -> Floats:
 
 def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float, within_m: float,
                  of_angle: bool) -> Floats:
-    """Return handles (T, handles, 2) on the turn by steps: the first whose chord is within a tolerance of the link.
+    """Return handles (T, handles, 2) on the turn by steps: the first ones whose chord is within a tolerance.
 
-    Steps are either radians of each piece's own angle, restarting at its ends, or metres along the curve.
+    Steps are either radians of each piece's own angle, which restart at its ends, or metres along the curve.
     """
     track, angle = track_of(turn), TurnAngle(turn)
     metres = [head_m]
@@ -448,7 +448,7 @@ def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float,
 
 
 def _chord_behind(metres: Floats, chord_m: float, track: Track) -> Floats:
-    """Return the distances (T,) of points one chord behind, by Newton's method from the length along the curve."""
+    """Return the distances (T,) of points one chord behind; Newton's method starts at the length along the curve."""
     here, behind = turn_points(metres, track), metres - chord_m
     for _ in range(_MOST_NEWTON):
         place = track.places_at(behind, np.zeros_like(behind))

@@ -1,4 +1,4 @@
-"""The paper's three tables: printed, reproduced by its own recipe, true, and the error of the printed value."""
+"""The paper's three tables, with four values each: printed, reproduced by its recipe, true, and the printed error."""
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ class PrintedNumber:
 
     @property
     def error(self) -> float:
-        """Printed minus true."""
+        """The printed value minus the true value."""
         return float(self.printed) - self.true
 
 
@@ -52,7 +52,7 @@ def cells() -> list[PrintedNumber]:
 
 
 def text(rows: list[PrintedNumber], lang: str = 'en') -> str:
-    """Return the tables in the paper's layout, with four lines per row: printed, reproduced, true, error."""
+    """Return the tables in the paper's layout, with four lines per row: printed, reproduced, true and error."""
     out = []
     for table, group in groupby(rows, lambda cell: cell.table):
         columns = list(group)
@@ -73,7 +73,7 @@ def csv_text(rows: list[PrintedNumber]) -> str:
 
 
 def json_text(rows: list[PrintedNumber]) -> str:
-    """Return a list of one object for each printed number."""
+    """Return a list with one object for each printed number."""
     return json.dumps([_values(cell) for cell in rows])
 
 
@@ -112,7 +112,7 @@ def _cell(table: int, handle: str, quantity: str, t_s: str | float, printed: str
 
 
 def six_decimals(value: float) -> str:
-    """Return a number as the paper prints it: six decimals without trailing zeros, no minus on zero."""
+    """Return a number as the paper prints it: six decimals without trailing zeros, and no minus sign on zero."""
     shown = f'{value:.6f}'.rstrip('0').rstrip('.')
     return '0' if shown == '-0' else shown
 

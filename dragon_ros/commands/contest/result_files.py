@@ -1,4 +1,4 @@
-"""The result files of the contest problem behind the paper (CUMCM 2024 A), as CSV and XLSX in its layout."""
+"""The result files of the contest problem (CUMCM 2024 A), as CSV and XLSX in the contest's layout."""
 import csv
 import re
 from collections.abc import Callable
@@ -80,7 +80,7 @@ def _by_time(scene: Scene, times_s: list[float], shown_s: list[float]) -> list[R
 
 
 def _speed_row(name: str) -> str:
-    """Return a row's name in the sheet of speeds: one space after the names of the two ends, two after all others."""
+    """Return a row's name in the sheet of speeds: one space after the names of the ends, and two after others."""
     return f'{name} (m/s)' if name in ENDS else f'{name}  (m/s)'
 
 
@@ -117,14 +117,14 @@ def write(folder: Path, wound: Scene, turning: Scene, progress: Callable[[], obj
 
 
 def _cells(sheet: ResultSheet) -> list[list[str]]:
-    """Return values to six decimals, without a minus on zero."""
+    """Return values rounded to six decimals, without a minus sign on zero."""
     rounded: Floats = np.round(sheet.values, 6) + 0.0
     return [['%.6f' % value for value in row] for row in rounded.tolist()]      # noqa: UP031 - half the time
 
 
 def _write_csv(folder: Path, name: str, sheet: ResultSheet) -> Path:
     path = folder / (f'{name}.csv' if sheet.file == name else f'{name}_{sheet.file}.csv')
-    with path.open('w', encoding='utf-8-sig', newline='') as file:     # without the mark, Excel reads the file as GBK
+    with path.open('w', encoding='utf-8-sig', newline='') as file:     # without the BOM, Excel reads it as GBK
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(('', *sheet.columns))
         writer.writerows([row, *cells] for row, cells in zip(sheet.rows, _cells(sheet), strict=True))
@@ -132,7 +132,7 @@ def _write_csv(folder: Path, name: str, sheet: ResultSheet) -> Path:
 
 
 def _write_xlsx(path: Path, sheets: list[ResultSheet]) -> Path:
-    """Write a workbook with openpyxl, except for the cells: openpyxl takes twenty times as long for these."""
+    """Write a workbook with openpyxl, except for the cells, for which openpyxl takes twenty times as long."""
     from openpyxl import Workbook
     book, saved = Workbook(), BytesIO()
     book.remove(book.active)

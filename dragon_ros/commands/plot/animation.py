@@ -33,14 +33,14 @@ from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.version import __version__
 
 MOST_FRAMES = 3000
-_INCHES = 4.6               # length of the longer side of the axes
-_SAMPLES = 24               # moments that determine the window
+_INCHES = 4.6               # longer side of the axes
+_SAMPLES = 24               # number of moments that determine the window
 _HAIR_S = 1e-9
 _FILM_IN = 7.2             # height of a film in inches, for any size in pixels, so that text has the same relative size
 _FILM_INSET = (0.52, 0.66, 0.12, 0.21)
 _HAIR_PX = 0.1              # keeps a size in inches from being rounded down by a pixel
-_CURVE = 400                # points of a film's clearance curve
-_GRID = 5                   # ground lines on each side of a moving window
+_CURVE = 400                # number of points on a film's clearance curve
+_GRID = 5                   # smallest number of ground lines across a moving window
 
 
 def frame_times(source: Source, start_s: float | None, stop_s: float | None, pace: float, fps: int) -> Floats:
@@ -60,7 +60,7 @@ def frame_times(source: Source, start_s: float | None, stop_s: float | None, pac
 
 def animate(source: Source, times_s: Floats, fps: int, path: Path, drawn: 'AnimatedFigure', progress: Progress,
             codec: str | None = None, pool: Pool = ALONE) -> Path:
-    """Draw a frame for each time into a file and return its path; the processes of a pool draw."""
+    """Draw a frame for each time into a file and return its path; the processes of a pool draw the frames."""
     with movie(path, drawn.size, fps, len(times_s), codec) as writer:
         frames = pool.in_order(_Frames(drawn, writer.prepare), source.moments(times_s), len(times_s))
         with closing(frames):
@@ -82,11 +82,11 @@ class _Frames:
 
 
 class AnimatedFigure:
-    """A figure that shows one moment at a time; the parts that do not move are drawn once.
+    """A figure that shows one moment at a time; the parts that do not move are drawn only once.
 
-    Without a ``zoom`` its window contains the dragon at all times. With a following zoom the window moves with the head
-    or tail, and lines on the ground make this visible. A film also shows the clearance over time and the speeds beside
-    the dragon.
+    Without a ``zoom``, its window contains the dragon at all times. With a following zoom, the window moves with the
+    head or tail, and lines on the ground make this motion visible. A film also shows the clearance over time and the
+    speeds beside the dragon.
     """
 
     def __init__(self, source: Source, times_s: Floats, zoom: Zoom | None = None, follow: bool = False,
@@ -95,7 +95,7 @@ class AnimatedFigure:
         first = moment(source, float(times_s[0]))
         self._name, self._zoom, self._follow = source.name, zoom, follow
         self._point_m, self._near = contact_of(zoom, source), NearPairs()
-        self._touch = source.first_touch(progress) if source.venue is not None else None     # with an obstacle
+        self._touch = source.first_touch(progress) if source.venue is not None else None     # of an obstacle
         samples = source.moments(times_s[thinned(0, len(times_s) - 1, _SAMPLES)])
         self._whole = window(source.track, samples)
         self._seen = self._whole if zoom is None else zoom.window(first, self._point_m)
@@ -114,7 +114,7 @@ class AnimatedFigure:
         self._show(first)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return all but the pixels."""
+        """Return the state without the pixels."""
         self._draw_background()
         return {key: value for key, value in vars(self).items() if key not in ('_canvas', '_background')}
 
@@ -149,7 +149,7 @@ class AnimatedFigure:
         return replace(areas, benches=tuple(sorted({*areas.benches, *self._touch.benches})))
 
     def _heading(self, one: Moment, clearance_m: float) -> str:
-        """Return the title: name and clock, then the clearance and the fastest speed."""
+        """Return the title: name and clock, followed by the clearance and the largest speed."""
         gap = f'clearance {1e3 * clearance_m:.1f} mm' if np.isfinite(clearance_m) else 'no benches to touch'
         if one.speed_m_s is not None:
             gap = figures.joined(f'{gap},', f'fastest handle {np.max(one.speed_m_s):.3f} m/s', ' ', self._width_in)
@@ -185,7 +185,7 @@ class AnimatedFigure:
         return np.asarray(self._canvas.buffer_rgba())
 
     def _draw_background(self) -> None:
-        """Lay the figure out and draw what does not move, once."""
+        """Lay out the figure and draw the parts that do not move, once."""
         if self._background is None:
             self._canvas.draw()
             self.figure.set_layout_engine('none')
@@ -227,7 +227,7 @@ class _Beside:
     """The clearance over time and the speeds along the chain, beside the dragon in a film."""
 
     def __init__(self, figure: Figure, source: Source, times_s: Floats, progress: Progress) -> None:
-        """Draw the clearance of the whole film; the moment is a line and a point on it."""
+        """Draw the clearance of the whole film; a line and a point on the curve mark the moment."""
         gap, speed = (figure.add_axes((0.70, bottom, 0.27, 0.30)) for bottom in (0.57, 0.11))
         some = times_s[thinned(0, len(times_s) - 1, _CURVE)]
         at_s, gaps_m = clearances(source, some, progress)

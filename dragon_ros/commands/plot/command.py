@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from dragon_ros.cli.pool import Pool
     from dragon_ros.commands.plot.zoom import Zoom
     from dragon_ros.commands.sources import Source
-    Drawing = tuple[Figure, str]        # the run, and the times that a caption names
+    Drawing = tuple[Figure, str]        # the run and the times named in a caption
 
-_MOST_TIMES = 8         # times named in a caption
+_MOST_TIMES = 8         # largest number of times named in a caption
 _KINDS = {      # description and example of each kind
     'dragon': ('the dragon at one time, or up to six side by side', '--times 60,240 --output dragon.png'),
     'contact': ('the first contact, with a close-up', '--bag run.mcap --output contact.svg'),
@@ -112,7 +112,7 @@ def _moving(arguments: Namespace, source: 'Source', path: Path, pool: 'Pool') ->
 
 
 def _zoom(arguments: Namespace) -> 'Zoom | None':
-    """Return the part to show. Raises InputError if --follow has nothing to follow."""
+    """Return the part to show. Raises InputError if --follow has nothing that moves."""
     from dragon_ros.commands.plot.zoom import zoom_of
     follow = getattr(arguments, 'follow', False)
     zoom = zoom_of(arguments.around or ('head' if follow else None), arguments.span)
@@ -148,7 +148,7 @@ def _speeds(arguments: Namespace, source: 'Source') -> 'Drawing':
 
 
 def _said(times_s: list[float]) -> str:
-    """Return times for a caption."""
+    """Return the text of times for a caption."""
     some = ', '.join(f'{t_s:g}' for t_s in times_s[:_MOST_TIMES])
     return f'{some}{" ..." if len(times_s) > _MOST_TIMES else ""} s'
 

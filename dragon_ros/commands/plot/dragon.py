@@ -1,4 +1,4 @@
-"""Pictures of a dragon: its benches on the track, and the contact with a close-up."""
+"""Pictures of a dragon: its benches on the track, or its contact with a close-up."""
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,22 +23,22 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.venue import PolygonObstacle, Venue
 
 _MOST_PANELS = 6
-_ROUNDING_M = 1e-9          # a shallower overlap is a contact
+_ROUNDING_M = 1e-9          # a shallower overlap counts as a touch
 _CLOSE_LENGTHS = 0.62       # half the side of the close-up, in bench lengths
 RING: dict[str, Any] = {'linestyle': 'none', 'marker': 'o', 'markersize': 12, 'markerfacecolor': 'none',
                         'markeredgecolor': POINT, 'markeredgewidth': 1.4}
-_LARGEST_IN = 6.4           # longest side of axes
-_LEAST_IN = np.array((2.7, 1.6))            # room around axes, for a title and for ticks
-_DECORATION_IN = np.array((0.85, 0.85))     # title, labels and ticks around axes
-_TICKS_PER_INCH = 1.3       # labels of places far from the origin are long
-_LEGEND_IN = 5.0, 0.7       # width and height, including the figure's title
+_LARGEST_IN = 6.4           # longest side of the axes
+_LEAST_IN = np.array((2.7, 1.6))            # smallest axes: width for a title, and height for ticks
+_DECORATION_IN = np.array((0.85, 0.85))     # space around the axes for title, labels and ticks
+_TICKS_PER_INCH = 1.3       # few, since labels of places far from the origin are long
+_LEGEND_IN = 5.0, 0.7       # width and height of the legend, including the figure's title
 
 
 def dragon_picture(source: Source, times_s: list[float], zoom: Zoom | None = None) -> Figure:
-    """Return a figure with one panel per time, all with the same window (figure 7 of the paper: 60 s and 240 s).
+    """Return a figure with one panel per time and the same window in all (as figure 7 of the paper: 60 s and 240 s).
 
-    With a ``zoom`` each panel has its own window, and an inset that shows its position. Raises InputError for times
-    outside the source, and for more panels than fit on a page.
+    With a ``zoom``, each panel has its own window, and an inset that shows its position. Raises InputError for times
+    outside the source or for more panels than fit on a page.
     """
     if len(times_s) > _MOST_PANELS:
         raise InputError(f'--time: {len(times_s)} times; a picture has room for {_MOST_PANELS}')
@@ -73,7 +73,7 @@ def dragon_picture(source: Source, times_s: list[float], zoom: Zoom | None = Non
 
 @dataclass(frozen=True)
 class Overlaps:
-    """Pairs of benches that overlap: their number, the benches, and the outlines (K, 2) in m of the overlaps."""
+    """Pairs of benches that overlap: the number of pairs, the benches, and the overlaps' outlines (K, 2) in m."""
 
     pairs: int = 0
     benches: tuple[int, ...] = ()
@@ -100,7 +100,7 @@ def overlaps(one: Moment) -> Overlaps:
 
 
 def contact_picture(source: Source, touch: Touch) -> Figure:
-    """Return a figure of the whole dragon at the contact and a close-up (figure 8 of the paper)."""
+    """Return a figure of the whole dragon at the contact, with a close-up (as figure 8 of the paper)."""
     one = moment(source, touch.t_s)
     side_in = 0.5 * PAGE_IN - _DECORATION_IN[0]
     inches, seen = panel(window(source.track, [one]), side_in)
@@ -110,7 +110,7 @@ def contact_picture(source: Source, touch: Touch) -> Figure:
     _look_closer(close, source, one, touch)
     whole.indicate_inset_zoom(close, edgecolor=POINT, alpha=0.8, linewidth=0.8)
     for part in whole.get_children():
-        if isinstance(part, ConnectionPatch):       # before Matplotlib 3.10, layouts reserved room for these lines
+        if isinstance(part, ConnectionPatch):       # before Matplotlib 3.10, layouts reserved space for these lines
             part.set_in_layout(False)
     whole.set_title(figures.titled(source.name, f'first contact at {touch.t_s:.6f} s', inches[0]))
     close.set_title('\nmeets '.join(_meeting(touch).split(' meets ')))
@@ -119,7 +119,7 @@ def contact_picture(source: Source, touch: Touch) -> Figure:
 
 
 def _meeting(touch: Touch) -> str:
-    """Return in words which corner meets which edge."""
+    """Return the text that states which corner meets which edge."""
     seen = touch.witness
     if touch.obstacle is not None:
         if seen.owner == NO_BENCH:
@@ -131,7 +131,7 @@ def _meeting(touch: Touch) -> str:
 
 
 def panel(seen: Floats, longest_in: float) -> tuple[Floats, Floats]:
-    """Return the size (2,) of axes in inches for a window, and the window, widened if it is too slim."""
+    """Return the size (2,) of axes in inches for a window, and the window, which is widened if it is too slim."""
     size, middle = seen[1] - seen[0], seen.mean(axis=0)
     inches = np.maximum(size / size.max() * longest_in, _LEAST_IN)
     half = 0.5 * inches * float(np.max(size / inches))
@@ -145,7 +145,7 @@ def sheet(inches: Floats, panels: tuple[int, int], legend: bool = True) -> tuple
 
 
 class Drawn:
-    """A dragon in axes: its benches, those that touch, their overlaps (ringed), and the handles.
+    """A dragon in axes: its benches, the touching benches, their overlaps (ringed), and the handles.
 
     Outlines and handles scale with the benches' width on paper. Benches that touch are hatched, so that they can be
     told apart without colours.
@@ -215,7 +215,7 @@ def _draw_venue(axes: Axes, venue: Venue) -> None:
 
 
 def _draw_track(axes: Axes, track: Floats) -> None:
-    """Draw the points (P, 2) of a track, rear to front; the first track of a figure has an id, for ``route``."""
+    """Draw the points (P, 2) of a track, rear to front; the figure's first track has an id, which ``route`` reads."""
     line = Path(track[::-1])
     line.should_simplify = False
     known = any(one.get_gid() == figures.TRACK_ID for other in axes.figure.axes for one in other.patches)
@@ -230,7 +230,7 @@ def _frame(axes: Axes, seen: Floats) -> None:
 
 
 def _points_per_m(axes: Any) -> float:
-    """Return the scale of axes before their layout, which is slightly too small."""
+    """Return the scale of axes before their layout; this scale is slightly too small."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     pixels_per_m = min(axes.bbox.width / (right - left), axes.bbox.height / (top - bottom))
     return 72 * float(pixels_per_m) / float(axes.figure.dpi)

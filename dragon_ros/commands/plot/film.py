@@ -25,10 +25,10 @@ from dragon_ros.core.numerics.types import Array
 
 FORMATS = '.gif, .html, .mp4'
 _HOLD_MS = 1500             # duration of a GIF's last frame
-_AHEAD = 4                  # frames waiting for the encoder
-_QUALITY, _SPEED = 80, 10   # of AV1: fine lines stay sharp; the fastest speed
+_AHEAD = 4                  # largest number of frames that wait for the encoder
+_QUALITY, _SPEED = 80, 10   # of AV1: keeps fine lines sharp; the fastest speed
 _WAIT_S = 0.2
-_BRANDS = (b'iso6', b'mp41', b'av01')       # instead of those of an image sequence
+_BRANDS = (b'iso6', b'mp41', b'av01')       # replace the brands of an image sequence
 _PARENTS = (b'moov', b'trak', b'mdia', b'edts')
 
 
@@ -37,7 +37,7 @@ class FilmWriter(Protocol):
 
     @property
     def prepare(self) -> Callable[[Array], Any]:
-        """A function that makes a frame of a picture, (H, W, 4) of uint8; another process may call it."""
+        """A function that converts a picture, (H, W, 4) of uint8, to a frame; another process may call it."""
 
     def add(self, frame: Any) -> None:
         """Add a frame."""
@@ -53,7 +53,8 @@ class FilmWriter(Protocol):
 def movie(path: Path, size: tuple[int, int], fps: int, frames: int, codec: str | None = None) -> Iterator[FilmWriter]:
     """Write frames to a temporary file and rename it at the end; an interrupted film leaves nothing.
 
-    Raises InputError for other formats, and MissingError if nothing can write the format or the file.
+    Raises InputError for other formats, and MissingError if no program can write the format, or if the file cannot be
+    written.
     """
     part = path.with_name(f'.{path.stem}.part{path.suffix}')
     writer = _writer(path, part, size, fps, frames, codec)
@@ -100,7 +101,7 @@ def has_av1() -> bool:
 
 
 class _Gif:
-    """Frames with few colours and without dithering, which reduces the size to a sixth."""
+    """GIF frames with few colours and without dithering, which reduces the size to a sixth."""
 
     def __init__(self, path: Path, fps: int) -> None:
         self._path, self._fps, self._frames = path, fps, list[Any]()
@@ -130,7 +131,7 @@ def _image(picture: Array) -> Any:
 
 @lru_cache
 def _palette() -> Any:
-    """Return an image of the palette: greys, and the package's colours mixed with white and black."""
+    """Return an image with the palette: greys, and the package's colours mixed with white and black."""
     from PIL import Image
     mixed = [np.array(to_rgb(colour)) * part + end * (1 - part) for colour in (BODY, HEAD, TOUCHED, LINES[0])
              for part in (1.0, 0.75, 0.5, 0.25) for end in (0.0, 1.0)]
@@ -141,7 +142,7 @@ def _palette() -> Any:
 
 
 class _Later:
-    """A frame that Pillow's sequence writer requests when it needs it; a thread encodes while others are drawn."""
+    """A frame that Pillow's sequence writer requests when needed; a thread encodes it while others are drawn."""
 
     mode, is_animated, has_transparency_data = 'RGB', False, False
 
@@ -165,7 +166,7 @@ class _Later:
 
 
 class _Av1:
-    """MP4 with AV1, encoded by Pillow in a thread, which releases the interpreter lock."""
+    """MP4 with AV1, encoded by Pillow in a thread; Pillow releases the interpreter lock."""
 
     def __init__(self, path: Path, fps: int, frames: int) -> None:
         self._path, self._frames = path, frames
@@ -193,7 +194,7 @@ class _Av1:
                 return
 
     def _start(self) -> None:
-        """Start the thread, once frames wait for it: before, a process can be forked."""
+        """Start the thread once frames wait for it, because a process can be forked until then."""
         if self._thread is None:
             self._thread = Thread(target=self._encode, args=(self._queue.get(),), daemon=True)
             self._thread.start()
@@ -215,7 +216,7 @@ class _Av1:
         self._path.write_bytes(mp4_of(self._data.getvalue()))
 
     def stop(self) -> None:
-        """Let the encoder finish with the frames that it has."""
+        """Let the encoder finish the frames that it already has."""
         with suppress(Full):
             self._queue.put(None, timeout=_WAIT_S)
 
@@ -223,7 +224,7 @@ class _Av1:
 def mp4_of(sequence: bytes) -> bytes:
     """Turn an AVIF image sequence into an MP4 file: replace brands and handler, and remove the repetition.
 
-    Times of creation are zero, so equal films have equal bytes.
+    Creation times are zero, so equal films have equal bytes.
     """
     out = bytearray(sequence)
     places = {kind: (at, size) for kind, at, size in _boxes(sequence, 0, len(sequence))}
@@ -234,20 +235,20 @@ def mp4_of(sequence: bytes) -> bytes:
     out[at + 4:at + 8] = b'free'        # describes the first frame as a still picture
     at = places[b'hdlr'][0]
     out[at + 16:at + 20] = b'vide'
-    length = sequence[places[b'mdhd'][0] + 32:][:8]     # all boxes of version 1, with 64 bits
+    length = sequence[places[b'mdhd'][0] + 32:][:8]     # all boxes have version 1, with 64 bits
     for kind, place in ((b'mvhd', 32), (b'tkhd', 36), (b'elst', 16)):
         at = places[kind][0]
         out[at + place:at + place + 8] = length
     for kind in (b'mvhd', b'tkhd', b'mdhd'):
         at = places[kind][0]
-        out[at + 12:at + 28] = bytes(16)        # created, modified
+        out[at + 12:at + 28] = bytes(16)        # creation and modification times
     at = places[b'elst'][0]
     out[at + 8:at + 12] = b'\1\0\0\0'   # version 1, without the repeat flag
     return bytes(out)
 
 
 def _boxes(data: bytes, start: int, end: int) -> Iterator[tuple[bytes, int, int]]:
-    """Yield kind, start and size of boxes, also of those nested in containers on the path to a track."""
+    """Yield kind, start and size of boxes, including those nested in containers on the path to a track."""
     while start < end:
         size, kind = struct.unpack_from('>I4s', data, start)
         yield kind, start, size or end - start

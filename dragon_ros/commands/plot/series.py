@@ -9,10 +9,10 @@ from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_t
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 
-MOST_POINTS = 1500          # points per curve; more than a screen resolves
-_CLOSE_S = 15.0             # shown before the contact
-_MOST_LABELS = 20           # text size of times beside lines
-_WIDE_IN, _NARROW_IN = 7.4, 3.6     # size of panels
+MOST_POINTS = 1500          # points per curve, which is more than a screen resolves
+_CLOSE_S = 15.0             # time shown before the contact
+_MOST_LABELS = 20           # largest number of labels beside lines
+_WIDE_IN, _NARROW_IN = 7.4, 3.6     # widths of the two panels
 
 
 def clearance_picture(source: Source, progress: Progress) -> Figure:
@@ -37,7 +37,7 @@ def clearance_picture(source: Source, progress: Progress) -> Figure:
 
 
 def _shade_overlap(axes: Axes, touching: bool) -> None:
-    """Shade overlaps; if benches touch, leave room for text."""
+    """Shade overlaps; if benches touch, leave space for text."""
     low, high = axes.get_ylim()
     low = min(low, -0.4 * high if touching else 0.0)
     axes.axhline(0.0, color=QUIET, linewidth=0.8)
@@ -48,7 +48,7 @@ def _shade_overlap(axes: Axes, touching: bool) -> None:
 
 
 def _mark(axes: Axes, touch: Touch, fully: bool) -> None:
-    """Mark the contact, with text on the side that has more room."""
+    """Mark the contact, with text on the side that has more space."""
     axes.plot(touch.t_s, 0.0, marker='o', markersize=7, color=HEAD, markeredgecolor=POINT, markeredgewidth=0.7,
               zorder=5, clip_on=False)
     text = f'{touch.words}\nat {touch.t_s:.6f} s' if fully else f'contact at {touch.t_s:.2f} s'
@@ -59,7 +59,7 @@ def _mark(axes: Axes, touch: Touch, fully: bool) -> None:
 
 
 def speeds_picture(source: Source, times_s: list[float]) -> Figure:
-    """Return a figure of speed by handle, with one line per time. Raises InputError without speeds."""
+    """Return a figure of the speed of each handle, with one line per time. Raises InputError if there are no speeds."""
     check_times(source, times_s)
     figure = Figure(figsize=(8.4, 5))
     axes = figure.subplots()
@@ -77,7 +77,7 @@ def speeds_picture(source: Source, times_s: list[float]) -> Figure:
 
 
 def _label_ends(axes: Axes, source: Source, labelled: list[Moment], moments: list[Moment]) -> None:
-    """Write times beside the ends of their lines, spread apart, with guide lines for those that had to move."""
+    """Write times beside the ends of their lines, spread apart; guide lines connect those that had to move."""
     low, high = axes.get_ylim()
     colours = {one.t_s: LINES[number % len(LINES)] for number, one in enumerate(moments)}
     ends = sorted((float(speeds_of(source, one)[-1] - low) / (high - low), one.t_s) for one in labelled)

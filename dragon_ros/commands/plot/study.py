@@ -1,7 +1,7 @@
 """Pictures of a study: maps with contours and first pairs, curves, distributions with bands, Sobol indices.
 
-The picture depends on the design: for a grid, the main answers over one key or the first two keys; for random and Sobol
-designs, the distributions of the answers; for Saltelli designs, the Sobol indices of the inputs.
+The picture depends on the design. A grid gives the main answers over one key or the first two keys, random and Sobol
+designs give the distributions of the answers, and Saltelli designs give the Sobol indices of the inputs.
 """
 from collections.abc import Iterator
 from string import ascii_lowercase
@@ -31,11 +31,11 @@ from dragon_ros.studies.statistics import (
 from dragon_ros.studies.study import Listed
 
 _UNITS = {'_m': 'm', '_s': 's', '_m_s': 'm/s', '_m_s2': 'm/s²', '_rad': 'rad', '_deg': '°'}
-_FEW = 8            # fewest rows for a distribution
+_FEW = 8            # smallest number of rows for a distribution
 _CONTOURS = 12
-_MOST_PAIRS = 12    # how many pairs of benches colours can distinguish
+_MOST_PAIRS = 12    # largest number of pairs of benches that colours can distinguish
 _EDGE = '#444444'   # outlines white lines and letters, which would vanish at the light end of a map
-_MOST_LETTERS = 20  # most letters in a row or a column of a map
+_MOST_LETTERS = 20  # largest number of letters in a row or a column of a map
 _PAIRS = {'contact_t_s': ('contact_inner', 'contact_outer'), 'min_pitch_m': ('min_pitch_inner', 'min_pitch_outer')}
 
 
@@ -72,7 +72,7 @@ def _rows_text(data: DataSet, count: int) -> str:
 
 
 def _curve(data: DataSet, table: pa.Table, key: str, name: str) -> Figure:
-    """Return a figure of an answer over the only varied key; rows without an answer are marked below."""
+    """Return a figure of an answer over the only varied key; mark rows without an answer below the curve."""
     figure = Figure(figsize=(8.4, 5))
     axes = figure.subplots()
     at, values = table.column(key).to_numpy(zero_copy_only=False), numbers(table, name)
@@ -93,7 +93,7 @@ def _note_missing(axes: Axes, values: Floats) -> None:
 def _map(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Figure:
     """Return a figure of an answer over two keys, with contours and, if known, the pair that touches first.
 
-    If more keys vary, it shows the first value of each other key.
+    If more than two keys vary, the figure shows the first value of each other key.
     """
     grid = _on_grid(data, table, keys, name)
     pairs = _PAIRS.get(name)
@@ -123,7 +123,7 @@ def _levels(data: DataSet, key: str) -> list[float]:
 
 
 def _on_grid(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Floats:
-    """Return a column over two keys, at the first values of all others; nan without a row."""
+    """Return a column over two keys, at the first values of all other keys; nan without a row."""
     sizes = [len(levels_of(variation)) for _, variation in data.study.vary]
     whole = np.full(int(np.prod(sizes)), np.nan)
     whole[table.column('index').to_numpy()] = numbers(table, name)
@@ -134,7 +134,7 @@ def _on_grid(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -
 
 
 def _pairs_panel(figure: Figure, axes: Axes, at: tuple[list[float], list[float]], inner: Floats, outer: Floats) -> None:
-    """Draw which pair of benches touches first; beyond a dozen pairs, only the number of the outer bench."""
+    """Draw which pair of benches touches first; if there are over a dozen pairs, draw only the outer bench's number."""
     code = inner * 1e6 + outer
     kinds = np.unique(code[~np.isnan(code)])
     place = np.where(np.isnan(code), np.nan, np.searchsorted(kinds, code).astype(float))
@@ -152,7 +152,7 @@ def _pairs_panel(figure: Figure, axes: Axes, at: tuple[list[float], list[float]]
 
 
 def _letters(axes: Axes, at: tuple[list[float], list[float]], place: Floats) -> None:
-    """Write the letter of its kind on each cell of a map (or on some of many cells), so that no colour is needed."""
+    """Write a letter for its kind on each cell of a map (if there are many, on some), so that no colour is needed."""
     steps = [-(-count // _MOST_LETTERS) for count in place.shape]
     for n, k in ((n, k) for n in range(steps[0] // 2, place.shape[0], steps[0])
                  for k in range(steps[1] // 2, place.shape[1], steps[1])):
@@ -188,10 +188,10 @@ def _spread(data: DataSet, values: Floats, name: str) -> Figure:
 
 
 def _what_matters(data: DataSet, values: Floats, name: str) -> Iterator[tuple[str, Figure]]:
-    """Yield a figure of the Sobol indices of each input, if all rows have the answer."""
+    """Yield a figure of the Sobol indices of each input if all rows have the answer."""
     try:
         found = indices(data.study, values)
-    except FieldError:      # rows are missing or refused; the summary counts them
+    except FieldError:      # rows are missing or rejected, and the summary counts them
         return
     figure = Figure(figsize=(8.4, 1.6 + 0.7 * len(found)))
     axes = figure.subplots()

@@ -15,8 +15,8 @@ from dragon_ros.core.numerics.types import Floats
 _PLACES = ('head', 'tail', 'contact')
 _LENGTHS = 6.0              # default side of a window, in bench lengths
 INSET_WIDTH = 0.36          # width of an inset, relative to the axes
-_LEAST = 0.05               # relative to the inset; a smaller window is ringed
-_MOST_POINTS = 1000         # margin around the dragon in an inset
+_LEAST = 0.05               # smallest window, relative to the inset, without a ring
+_MOST_POINTS = 1000         # largest number of points of the dragon in an inset
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Zoom:
         return self.span_m or _LENGTHS * 2 * float(np.median(one.benches.half_length))
 
     def window(self, one: Moment, point_m: tuple[float, float] | None) -> Floats:
-        """Return the corners (2, 2) of the window at a moment, lower left first; ``point_m`` is the contact's."""
+        """Return the corners (2, 2) of the window at a moment, lower left first; ``point_m`` is the contact's point."""
         half = 0.5 * self.side_m(one)
         centre = {'head': one.p[0], 'tail': one.p[-1], 'contact': point_m}.get(str(self.around), self.around)
         corners: Floats = np.array(centre) + np.array(((-half, -half), (half, half)))
@@ -86,7 +86,7 @@ class Inset:
 
     @property
     def moving(self) -> list[Line2D | Rectangle]:
-        """What differs from one moment to another."""
+        """The parts that change from moment to moment."""
         return [self._dragon, self._head, self._ring, self._frame]
 
     def show(self, one: Moment, seen: Floats) -> None:

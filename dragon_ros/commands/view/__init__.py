@@ -1,1 +1,1 @@
-"""``view``: a scene or a bag in the browser."""
+"""``view``: show a scene or a bag in the browser."""

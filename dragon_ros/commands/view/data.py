@@ -11,28 +11,28 @@ from dragon_ros.core.limits import VIEW_TICKS
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.venue import PolygonObstacle, Venue
 
-MOST_BENCHES = 2000         # most benches sent as rectangles; for more, the page computes them from the handles
-MOST_POINTS = 1500          # points per line
-_CURVE_BENCHES = 4_000_000   # ticks at which the clearance is computed, which takes a few seconds
-_CHUNK_VALUES = 250_000     # size of the frames in a chunk
-_SEEN = 5                   # moments that determine the window
+MOST_BENCHES = 2000         # most benches sent as rectangles; beyond this, the page computes them from the handles
+MOST_POINTS = 1500          # largest number of points per line
+_CURVE_BENCHES = 4_000_000   # benches for which the clearance curve is computed, in a few seconds
+_CHUNK_VALUES = 250_000     # numbers per chunk of frames
+_SEEN = 5                   # number of moments that determine the window
 
 
 def _wanted() -> None:
-    """Continue the work: the client is still waiting for the answer."""
+    """Do nothing, so that the work continues, because the client is still waiting for the answer."""
 
 
 class ViewData:
-    """The data of a source for a browser; one thread at a time computes.
+    """The data of a source for a browser; only one thread at a time computes them.
 
     ``check`` is called at every step of long work. An exception that it raises ends the work, and no part of it is
     kept.
     """
 
     def __init__(self, source: Source, progress: Progress, times_s: Floats | None = None) -> None:
-        """Describe a source, shown at its ticks unless other times are given."""
+        """Describe a source; it is shown at its ticks unless other times are given."""
         self._source, self._progress, self._lock = source, progress, threading.Lock()
-        self._touch, self._curve = list[Touch | None](), dict[str, Any]()       # filled when they are known
+        self._touch, self._curve = list[Touch | None](), dict[str, Any]()       # filled when known
         self.times_s = source.ticks_s(*source.span_s, VIEW_TICKS) if times_s is None else times_s
         self._first = moment(source, float(self.times_s[0]))
         benches, handles = len(self._first.benches.centre), len(self._first.p)
@@ -63,7 +63,7 @@ class ViewData:
                 'width_m': 2 * float(np.median(self._first.benches.half_width))}
 
     def _watched(self, check: Check) -> Progress:
-        """Wrap the progress with a check before each step."""
+        """Add a check before each step of the progress."""
         def steps(rows: Iterable[Any]) -> Iterable[Any]:
             for row in self._progress(rows):
                 check()
@@ -97,8 +97,8 @@ class ViewData:
     def frames(self, chunk: int, check: Check = _wanted) -> bytes:
         """Return the frames of one chunk as consecutive little-endian float32; nan if a tick has no frame.
 
-        A frame has the corners of all benches (8 numbers each) or, if there are many, all handles (2 each), and the
-        speeds of handles.
+        A frame contains the corners of all benches (8 numbers each) or, if there are many benches, all handles (2
+        numbers each), and the speeds of handles.
         """
         times_s = self.times_s[chunk * self.frames_each:(chunk + 1) * self.frames_each]
         out = np.full((len(times_s), 8 * self._drawn + 2 * self._placed + self._handles.size), np.nan, '<f4')
@@ -129,7 +129,7 @@ class ViewData:
 
 
 def _walls(venue: Venue | None) -> list[list[float | None]] | None:
-    """Return x and y of the outlines of obstacles and of the inside, with None after each; None without a venue."""
+    """Return x and y of the outlines of obstacles and inside, each followed by None; return None without a venue."""
     if venue is None:
         return None
     x, y = list[float | None](), list[float | None]()
@@ -144,7 +144,7 @@ def _walls(venue: Venue | None) -> list[list[float | None]] | None:
 
 
 def _sizes(one: Moment) -> list[tuple[int, float, float]]:
-    """Return runs of equal benches: their number, and half their length and width in m."""
+    """Return runs of equal benches: the number of benches, and half their length and width in m."""
     halves = np.column_stack((one.benches.half_length, one.benches.half_width))
     starts = np.flatnonzero(np.any(np.diff(halves, axis=0, prepend=np.nan) != 0, axis=1))
     counts = np.diff(starts, append=len(halves))

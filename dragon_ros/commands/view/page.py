@@ -1,4 +1,4 @@
-"""The web view of a run as a single file, without server or network."""
+"""The web view of a run as a single file that needs no server or network."""
 import json
 from base64 import b64encode
 from hashlib import sha256

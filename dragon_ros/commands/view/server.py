@@ -1,7 +1,7 @@
 """The server of the web view: a page, a plotting library and data, on this host only.
 
-With ``--try`` the data are those of the variant described by the query of the address. Long work ends early when the
-page no longer waits, for instance because a slider moved on, and at a deadline.
+With ``--try``, the data are those of the variant that the query of the address describes. Long work ends early at a
+deadline, or when the page no longer waits for it, for instance because a slider has moved on.
 """
 import json
 import re
@@ -37,7 +37,7 @@ _TRY_PATH = '/try.js'
 _ANSWERS: dict[str, Callable[[ViewData, Check], Any]] = {
     '/run.json': lambda data, check: data.run, '/contact.json': ViewData.contact,
     '/clearance.json': ViewData.clearance}
-_ROOM_S = 1.0       # longest wait for the end of a connection that was closed to make room
+_ROOM_S = 1.0       # longest wait for the end of a connection that was closed to free its place
 _CHUNK = re.compile('[0-9]{1,9}')
 _JSON, _BINARY = 'application/json', 'application/octet-stream'
 # The page may use only resources of this server; plotly.js adds inline styles.
@@ -52,7 +52,7 @@ class _GoneError(Exception):
 
 
 class ViewServer(ThreadingHTTPServer):
-    """Serves one run, or variants of a scene; ``port`` 0 takes any free one.
+    """Serves one run, or variants of a scene; ``port`` 0 selects any free port.
 
     Raises MissingError if the port is taken.
     """
@@ -60,7 +60,7 @@ class ViewServer(ThreadingHTTPServer):
     daemon_threads = True
 
     def __init__(self, shown: ViewData | Variants, port: int = 0, lang: str | None = None) -> None:
-        """Bind to this host; without ``lang`` the page has the language of the browser."""
+        """Bind to this host; without ``lang``, the page uses the browser's language."""
         self.shown, self.lang = shown, lang
         self._room = BoundedSemaphore(VIEW_CONNECTIONS)
         self._waiting, self._lock = dict[socket.socket, None](), Lock()     # idle connections, oldest first
@@ -71,7 +71,7 @@ class ViewServer(ThreadingHTTPServer):
             raise MissingError(f'--port {port}: cannot be used: {reason}; omit it to use any free one') from None
 
     def verify_request(self, request: object, client_address: object) -> bool:
-        """Accept a connection. If there is no room, close the one that has been idle longest.
+        """Accept a connection. If there are too many, close the one that has been idle longest.
 
         If all connections are being served, close the new one at once.
         """
@@ -98,7 +98,7 @@ class ViewServer(ThreadingHTTPServer):
             self._waiting.pop(connection, None)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Serve a connection and make room for another."""
+        """Serve a connection, and release its place for another one."""
         self.wait_for(request)
         try:
             super().process_request_thread(request, client_address)
@@ -143,7 +143,7 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = VIEW_IDLE_S
 
     def setup(self) -> None:
-        """Read requests within a deadline."""
+        """Set up the reading of requests within a deadline."""
         super().setup()
         self.rfile.close()
         self._incoming = _Request(self.connection)
@@ -156,10 +156,10 @@ class _Handler(BaseHTTPRequestHandler):
         super().handle_one_request()
 
     def do_GET(self) -> None:
-        """Answer, with an error as text if that fails."""
+        """Answer the request; if that fails, answer with the error as text."""
         self.server.wait_no_more(self.connection)
         self.connection.settimeout(VIEW_IDLE_S)
-        if not self._is_for_us():       # DNS rebinding: a foreign page under another host name
+        if not self._is_for_us():       # prevents DNS rebinding, in which a foreign page uses another host name
             self.send_error(HTTPStatus.FORBIDDEN, 'this page is for 127.0.0.1 and localhost')
             return
         path, _, query = self.path.partition('?')
@@ -179,11 +179,11 @@ class _Handler(BaseHTTPRequestHandler):
     def _is_for_us(self) -> bool:
         try:
             return urlsplit(f'//{self.headers.get("Host", "")}').hostname in (HOST, 'localhost')
-        except ValueError:      # such as [
+        except ValueError:      # an invalid address, such as [
             return False
 
     def _check(self, deadline_s: float) -> Check:
-        """Return a check that ends the work on an answer when the page closes the connection or time is up."""
+        """Return a check that ends the work on an answer when the page closes the connection or the time is up."""
         def check() -> None:
             if time.monotonic() > deadline_s:
                 raise DragonError(f'{self.path[:80]}: takes longer than {VIEW_ANSWER_S:g} s; ask the command for it')
@@ -235,7 +235,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def _data(data: ViewData, path: str, check: Check) -> tuple[bytes, str] | None:
-    """Return the data of a path, and their type; None if the path does not exist."""
+    """Return the data of a path and their type; None if the path does not exist."""
     if path in _ANSWERS:
         return _json(_ANSWERS[path](data, check))
     folder, _, name = path.lstrip('/').partition('/')

@@ -1,7 +1,7 @@
 """Variants of a scene for ``view --try``: values changed by the address of the page, and answers about each variant.
 
-An address such as ``/?dragon.benches=40&track.pitch_m=0.6`` contains the changed values, in the form of ``--set``. It
-alone selects the variant; the server caches the last few variants so that a page need not wait for one again.
+An address such as ``/?dragon.benches=40&track.pitch_m=0.6`` contains the changed values in the form of ``--set``. The
+address alone selects the variant; the server caches the last few variants, so that a page need not wait for them again.
 """
 import threading
 from collections import OrderedDict
@@ -19,17 +19,17 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes.load import load_scene, scene_values
 
-if TYPE_CHECKING:       # imported on use, by the first question
+if TYPE_CHECKING:       # imported lazily, by the first question
     from dragon_ros.core.search.certificate import Contact, NoContact
 
-_KEPT = 8               # cached variants
-_MOST_FIELDS = 60       # of a route with hundreds of pieces, the page shows only the first ones
+_KEPT = 8               # number of cached variants
+_MOST_FIELDS = 60       # for a route with hundreds of pieces, the page shows only the first ones
 _CHARACTERS = 32        # longest value in an address
 _SECTIONS = ('dragon', 'track', 'head', 'run', 'venue')
 _OMITTED = ('rate_hz',)
 _CIRCLE_M = 9.0         # default turning circle of ``design min-pitch``
-# The range and the step of a slider, by the last part of a key. A value outside widens the range; a field accepts any
-# value.
+# The range and the step of a slider, by the last part of a key. A value outside the range widens it; a field accepts
+# any value.
 _RANGES = {'benches': (1, 400, 1), 'count': (1, 400, 1), 'head_length_m': (0.6, 6, 0.01),
            'body_length_m': (0.6, 6, 0.01), 'width_m': (0.05, 1, 0.005), 'hole_inset_m': (0, 0.6, 0.005),
            'pitch_m': (0.3, 3, 0.005), 'start_turns': (2, 40, 0.25), 'diameter_m': (4, 20, 0.05),
@@ -51,9 +51,10 @@ class PageValue:
 
 @dataclass(frozen=True)
 class Answer:
-    """An answer: the key of its sentence in words.js with its values, and how certain it is.
+    """An answer: the key of its sentence in words.js, the sentence's values, and how certain it is.
 
-    ``how`` is ``proved``, ``sampled``, or empty without an answer. If ``until_contact``, nothing later was examined.
+    ``how`` is ``proved``, ``sampled``, or empty if there is no answer. With ``until_contact``, later times were not
+    examined.
     """
 
     key: str
@@ -69,7 +70,7 @@ class _Searched(SceneSource):
     _found: 'list[Contact | NoContact]' = field(default_factory=list)
 
     def searched(self, progress: Progress) -> 'Contact | NoContact':
-        """Return the result of the search, which is made at the first call."""
+        """Return the result of the search, which runs at the first call."""
         if not self._found:
             self._found.append(super().searched(progress))
         return self._found[0]
@@ -89,7 +90,7 @@ class Variant:
         return self._source.searched(iter)
 
     def until_contact(self, check: Check) -> Scene:
-        """Return the scene with a run that ends at its first contact, since no dragon can walk on from there."""
+        """Return the scene with a run that ends at its first contact, beyond which no dragon can walk."""
         t_s = self.contact_s(check)
         return self.scene if t_s is None else replace(self.scene, run=replace(self.scene.run, stop_s=t_s))
 
@@ -109,7 +110,7 @@ class Variants:
         self._made, self._lock = OrderedDict[str, Variant](), threading.Lock()
 
     def form(self, query: str) -> dict[str, Any]:
-        """Return the fields of an address as JSON values, and an error about one of them, if any.
+        """Return the fields of an address as JSON values and, if a field is invalid, an error about it.
 
         If a value is invalid, the fields are those of the original scene, with the values of the address.
         """
@@ -172,7 +173,7 @@ def _fields(key: str, value: Any) -> list[PageValue]:
     name = key.rpartition('.')[2]
     if isinstance(value, dict):
         return [one for part, inner in value.items() for one in _fields(f'{key}.{part}', inner)]
-    if isinstance(value, list):     # of pieces or groups; lists of numbers have no fields
+    if isinstance(value, list):     # a list of pieces or groups; lists of numbers have no fields
         return [one for n, inner in enumerate(value, 1) if isinstance(inner, dict)
                 for one in _fields(f'{key}.{n}', inner)]
     if name in _OMITTED or isinstance(value, (bool, str)) or (value is None and name != 'stop_s'):
@@ -184,7 +185,7 @@ def _fields(key: str, value: Any) -> list[PageValue]:
 
 
 def _number(key: str, text: str) -> str:
-    """Return the text of a number; an empty text is null, which only some keys accept."""
+    """Return the text of a number; an empty text becomes null, which only some keys accept."""
     if text.strip() in ('', 'null'):
         return 'null'
     try:
@@ -197,7 +198,7 @@ def _number(key: str, text: str) -> str:
 
 
 def _plainly(error: DragonError) -> str:
-    """Return an error's message on one line, without the position of an override, which the user did not type."""
+    """Return an error's message on one line, without the position of an override, which the user never typed."""
     text = ' '.join(str(error).split())
     key = error.fields.get('field')
     return text[text.index(f'{key}: '):] if key and f'{key}: ' in text else text
@@ -248,7 +249,7 @@ def _pitch(variant: Variant, check: Check) -> Answer:
 
 
 def _room(variant: Variant, check: Check) -> Answer:
-    """Return the room that the run needs: the gaps to the obstacles of its venue, or a square."""
+    """Return the space that the run needs: the gaps to the obstacles of its venue, or a square."""
     scene, until = variant.until_contact(check), variant.contact_s(check) is not None
     if scene.venue is not None:
         from dragon_ros.core.search.venue_fit import venue_fit
