@@ -22,7 +22,7 @@ def xlsx_of(head: Iterable[str], rows: _NumberedRows) -> bytes:
     except ImportError:
         raise MissingError("xlsx: openpyxl is not installed: pip install 'dragon_ros[xlsx]'") from None
     if len(rows) > _MOST_ROWS:
-        raise InputError(f'xlsx: {len(rows)} rows do not fit on a sheet of {_MOST_ROWS}; ask for fewer times or '
+        raise InputError(f'xlsx: {len(rows)} rows do not fit on a sheet of {_MOST_ROWS}; request fewer times or '
                          'handles, or write CSV')
     book, out = Workbook(write_only=True), BytesIO()
     sheet = book.create_sheet('dragon_ros')

@@ -445,7 +445,7 @@ def test_webgl_draws_the_picture_of_the_canvas_and_gives_way_to_it(big_server, p
         assert head < 0.01 < 0.02 < moved_head
     page.press('g')
     page.press('g')
-    assert 'one draw call a frame by WebGL' in page.run('return document.getElementById("scale").textContent')
+    assert 'one draw call per frame by WebGL' in page.run('return document.getElementById("scale").textContent')
     page.run('canvas.getContext("webgl2").getExtension("WEBGL_lose_context").loseContext()')
     page.wait('return !cost.webgl && cost.calls > 1')
     assert 'on a canvas' in page.run('return document.getElementById("scale").textContent')

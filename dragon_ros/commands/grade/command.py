@@ -1,4 +1,4 @@
-"""``grade``: compare contest results and answers with the truth, and diagnose mistakes."""
+"""``grade``: compare contest results and answers with the true ones, and diagnose mistakes."""
 import sys
 from argparse import Namespace
 from functools import partial
@@ -10,7 +10,7 @@ from dragon_ros.cli.language import add_lang_option, language_of
 from dragon_ros.cli.progress import Progress
 from dragon_ros.core.errors import InputError
 
-if TYPE_CHECKING:       # imported here so that --help does not load numpy
+if TYPE_CHECKING:       # imported lazily, so that --help does not load numpy
     from dragon_ros.commands.grade.team import Team, TeamGrade
 
 _ANSWERS = {'t_s': '--t', 'pitch_m': '--pitch', 'turn_m': '--turn', 'speed_m_s': '--speed'}
@@ -19,15 +19,14 @@ _ANSWERS = {'t_s': '--t', 'pitch_m': '--pitch', 'turn_m': '--turn', 'speed_m_s':
 def main(argv: list[str]) -> int:
     """Grade; return the exit code (1 if a signal ended it early)."""
     options = command_line.parser('grade', 'Grade result1, result2 and result4 of the contest (CUMCM 2024 A), and '
-                                  'answers to questions 2 to 5: errors against the truth, and which mistake they look '
-                                  'like.',
+                                  'answers to questions 2 to 5: report errors and the mistakes that explain them.',
                                   'grade result1.xlsx result2.xlsx --t 412.473838')
     options.add_argument('paths', nargs='*', type=Path, metavar='FILE|FOLDER',
                          help='workbooks of one team, or a folder with a folder for each team')
-    options.add_argument('--t', type=float, metavar='S', help='answer of question 2: the first contact')
-    options.add_argument('--pitch', type=float, metavar='M', help='answer of question 3: the smallest pitch')
-    options.add_argument('--turn', type=float, metavar='M', help='answer of question 4: the length of the turn')
-    options.add_argument('--speed', type=float, metavar='M/S', help='answer of question 5: the fastest head')
+    options.add_argument('--t', type=float, metavar='S', help='answer to question 2: the first contact')
+    options.add_argument('--pitch', type=float, metavar='M', help='answer to question 3: the smallest pitch')
+    options.add_argument('--turn', type=float, metavar='M', help='answer to question 4: the length of the turn')
+    options.add_argument('--speed', type=float, metavar='M/S', help='answer to question 5: the largest head speed')
     options.add_argument('--answers', type=Path, metavar='FILE', help='a YAML file with t_s, pitch_m, turn_m, '
                          'speed_m_s, or with these by the name of each team')
     add_lang_option(options, 'text and report')
@@ -81,7 +80,7 @@ def _teams(arguments: Namespace) -> 'list[Team]':
     given = {key: number(option, value, above=0.0, high=1e6) for key, option in _ANSWERS.items()
              if (value := getattr(arguments, option[2:])) is not None}
     if not arguments.paths and not given and arguments.answers is None:
-        raise InputError('grade: nothing is given; name workbooks, a folder, or an answer such as --t 412.473838')
+        raise InputError('grade: nothing is given; give workbooks, a folder, or an answer such as --t 412.473838')
     teams = teams_of(arguments.paths) if arguments.paths else [Team('answers', [])]
     if given and len(teams) > 1:
         raise InputError(f'{_ANSWERS[next(iter(given))]}: is the answer of one team, and {len(teams)} are given; write '

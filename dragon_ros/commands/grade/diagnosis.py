@@ -1,9 +1,9 @@
-"""Why a result differs from the truth: first units, order and axes, then mistakes reproduced with fitted parameters.
+"""Diagnose why a result is wrong: first units, order and axes, then mistakes reproduced with fitted parameters.
 
-Three stages are examined one by one: the head's position, how handles follow from the previous ones, and the speeds.
-The findings of all stages are combined and reproduced. They are reported only if they explain the result: the measure
-is the share of the squared error that vanishes when the result is compared with the reproduced mistakes instead of the
-truth.
+Three stages are examined one by one: the head's position, the rule by which each handle follows the previous one, and
+the speeds. The findings of all stages are combined and reproduced. They are reported only if they explain the result.
+The measure is the share of the squared error that vanishes when the result is compared with the reproduced mistakes
+instead of the truth.
 """
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -36,12 +36,12 @@ from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import STurn
 
-EXPLAINED = 0.99        # share of the squared error from which a mistake is reported
-RIGHT = 2e-6            # m and m/s: six decimals, rounded or truncated
+EXPLAINED = 0.99        # smallest share of the squared error for which a mistake is reported
+RIGHT = 2e-6            # in m and m/s; allows six decimals, rounded or truncated
 _B_M = PITCH_M / 2 / pi
-_ON_TRACK_M = 0.02      # rms distance up to which handles count as on the spiral
+_ON_TRACK_M = 0.02      # largest rms distance of handles that count as on the spiral
 _MOST_OFF_M = 1.0       # largest difference between chord and link if handles follow by steps
-_FRONT = 20             # handles near the head, which errors of links hardly move
+_FRONT = 20             # number of handles near the head, which errors of links hardly move
 _BETTER = 0.2           # another order or axis must reduce the error to this fraction
 _NICE = tuple(m * 10.0 ** -e for e in range(5) for m in (1.0, 0.5, 0.25, 0.2))
 _GRIDS = tuple(sorted((*(m * 10.0 ** -e for e in range(1, 5) for m in (1.0, 0.5, 0.2)), pi / 180, pi / 360, pi / 1800),
@@ -64,7 +64,7 @@ class Finding(NamedTuple):
 
 @dataclass
 class Diagnosis:
-    """The findings about one quantity of a result, and the result after units, order and axes have been corrected.
+    """The findings about one quantity of a result, and the result with corrected units, order and axes.
 
     ``explains`` is the share of the squared error that all findings together explain; None if nothing is wrong.
     """
@@ -84,7 +84,7 @@ def share(given: Floats, remade: Floats, truth: Floats) -> float:
 
 
 def rounded_to(values: Floats) -> int | None:
-    """Return the number of decimals of rounded values if it is below six, else None."""
+    """Return the number of decimals of rounded values if this is below six, else None."""
     some = values[np.isfinite(values)]
     for digits in range(6):
         scaled = some * 10.0 ** digits
@@ -138,7 +138,7 @@ def _worst(given: Floats, right: Floats) -> float:
 
 
 def _few_differ(found: Diagnosis, given: Floats, right: Floats, digits: int | None, times_s: Floats) -> bool:
-    """Return whether all cells, or all but a few, are right; complete the diagnosis if so."""
+    """Return whether all cells, or all but a few, are right; if so, complete the diagnosis."""
     there = np.isfinite(given) & np.isfinite(right)
     wrong = there & ~(np.abs(given - right) <= (RIGHT if digits is None else RIGHT + 0.501 * 10.0 ** -digits))
     count = int(wrong.sum())
@@ -154,7 +154,7 @@ def _few_differ(found: Diagnosis, given: Floats, right: Floats, digits: int | No
 
 
 def _in_metres(found: Diagnosis, given: Floats, right: Floats) -> Floats:
-    """Convert values to metres, and report it if they were not."""
+    """Convert values to metres, and report another unit."""
     there = np.isfinite(given) & np.isfinite(right)
     ratio = float(np.sqrt(np.sum(np.square(given[there])) / np.sum(np.square(right[there]))))
     for factor, name in _UNITS.items():
@@ -165,7 +165,7 @@ def _in_metres(found: Diagnosis, given: Floats, right: Floats) -> Floats:
 
 
 def _polar(found: Diagnosis, given: Floats, right: Floats) -> bool:
-    """Report whether values are polar coordinates, or angles were used in the wrong unit."""
+    """Report whether values are polar coordinates, or whether angles were used in the wrong unit."""
     radius = np.hypot(right[..., 0], right[..., 1])
     theta = radius / _B_M
     for key, angle in (('radians_as_degrees', np.radians(theta)), ('degrees_as_radians', np.degrees(theta))):
@@ -187,9 +187,9 @@ def _said(found: Diagnosis, key: str, given: Floats, remade: Floats, right: Floa
 
 
 def _in_order(found: Diagnosis, given: Floats, right: Floats) -> Floats:
-    """Return handles in the right order and axes, and report it if they were not.
+    """Return handles in the right order and axes, and report a wrong order or wrong axes.
 
-    Orders and axes are compared on the first handles, which errors of links hardly move.
+    Orders and axes are compared for the first handles, which errors of links hardly move.
     """
     some = np.unique(np.linspace(0, len(given) - 1, 24).astype(int))
     before = _misfit(given[some], right[some])
@@ -240,7 +240,7 @@ def _misfit(given: Floats, right: Floats) -> float:
 
 
 def _matched(given: Floats, right: Floats) -> Callable[[Floats], Floats] | None:
-    """Return a function that sorts permuted rows of x and y, by matching each with the nearest true row."""
+    """Return a function that sorts permuted rows of x and y by matching each row with the nearest true one."""
     if len(given) < 4 or not np.isfinite(given).all():
         return None
     rows, wanted = (each.transpose(1, 2, 0).reshape(2 * HANDLES, -1) for each in (given, right))
@@ -283,7 +283,7 @@ def _rigid(given: Floats, right: Floats, before: float, otherwise: float) -> tup
 # On the spiral: results 1 and 2.
 class _HeadFit(NamedTuple):
     findings: list[Finding]
-    angles: Floats | None       # reproduced; None if no mistake explains them
+    angles: Floats | None       # reproduced angles; None if no mistake explains the given ones
 
 
 def _angles_of(p: Floats) -> tuple[Floats, float]:
@@ -332,14 +332,14 @@ def _wound(result: str, times_s: Floats, given: Floats, right: Floats, digits: i
 
 
 def _links_seen(given: Floats, noise_m: float) -> list[Finding]:
-    """Return by how much chords differ from their links, if by more than noise."""
+    """Return the range of differences between chords and links, if they exceed noise."""
     off = np.hypot(*np.moveaxis(np.diff(given, axis=1), -1, 0)) - links_of()
     low, high = np.nanpercentile(off, (0.5, 99.5)).tolist() if np.isfinite(off).any() else (0.0, 0.0)
     return [Finding('tolerance', {'low': low, 'high': high})] if max(-low, high) > noise_m else []
 
 
 def _unknown(findings: list[Finding], explains: float = 0.0) -> Diagnosis:
-    """Return a diagnosis with the observed facts that says that the rest is unexplained."""
+    """Return a diagnosis with the observed facts, which states that the rest is unexplained."""
     return Diagnosis([*findings, Finding('unknown', {})], max(explains, 0.0))
 
 
@@ -367,7 +367,7 @@ def _head_of(times_s: Floats, head: Floats, theta: Floats, right: Floats, noise_
 
 def _head_candidates(times_s: Floats, head: Floats, theta: Floats,
                      ) -> Iterator[tuple[str, dict[str, object], Floats, float]]:
-    """Yield reproduced heads: key, parameters, angles (T,) and pitch, those with the fewest parameters first."""
+    """Yield reproduced heads as key, parameters, angles (T,) and pitch, in order of the number of parameters."""
     exact = solved(arc_length)
     radial_arc = mistakes.solved(mistakes.without_radial)(times_s)
     yield 'radial_arc', {}, radial_arc, PITCH_M
@@ -416,7 +416,7 @@ def _other_pitch(times_s: Floats, head: Floats) -> Iterator[tuple[str, dict[str,
 
 def _link_candidates(theta: Floats, given: Floats, noise_m: float,
                      ) -> Iterator[tuple[Rule, list[float], list[Finding]]]:
-    """Yield ways in which handles may follow each other: rule, links and name, if chords and angles permit."""
+    """Yield the rules that chords and angles permit for the next handle, each as function, links and name."""
     exact = links_of()
     off = np.hypot(*np.moveaxis(np.diff(given, axis=1), -1, 0)) - exact
     if not np.isfinite(off).any():
@@ -467,7 +467,7 @@ def _grid_of(theta: Floats, step: Floats, off: Floats, noise_m: float,
     if grid is None:
         return None
     before = np.hypot(*np.moveaxis(points(theta[:, 1:] - grid) - points(theta[:, :-1]), -1, 0)) - links_of()
-    body = slice(0, -1)         # the paper's last link differs
+    body = slice(0, -1)         # because the paper's last link differs
     within = _within_of(off[:, body], before[:, body], noise_m)
     if within is None:
         return None
@@ -475,7 +475,7 @@ def _grid_of(theta: Floats, step: Floats, off: Floats, noise_m: float,
 
 
 def _step_of(step: Floats, blur: float, percent: float = 95.0) -> float | None:
-    """Return the largest common step size that divides all steps, to within a blur; None if there is none."""
+    """Return the largest common step size that divides all steps to within a blur; None if there is none."""
     for grid in _GRIDS:
         if blur > 0.2 * grid:
             return None
@@ -486,7 +486,7 @@ def _step_of(step: Floats, blur: float, percent: float = 95.0) -> float | None:
 
 
 def _within_of(off: Floats, before: Floats, noise_m: float) -> float | None:
-    """Return a common tolerance that all chords meet but no chord one step earlier; None if there is none."""
+    """Return a tolerance that all chords meet but that no chord one step earlier meets; None if there is none."""
     lowest, highest = -float(np.nanmin(off)), -float(np.nanmax(before))
     return next((w for w in (0.0, *_NICE) if lowest - noise_m <= w <= highest + noise_m), None)
 
@@ -498,7 +498,7 @@ def _paper_at(times_s: tuple[float, ...]) -> Floats:
 
 
 def _as_paper(times_s: Floats, given: Floats, right: Floats) -> Diagnosis | None:
-    """Return the diagnosis that positions are the paper's own, if they are at a sample of times."""
+    """Return the diagnosis that positions are the paper's own if they are so at a sample of times."""
     some = [n for n in np.unique(np.linspace(0, times_s.size - 1, 6).astype(int)).tolist()
             if 0 <= times_s[n] <= 412 and abs(times_s[n] * 100 - round(times_s[n] * 100)) < 1e-9]
     if not some:
@@ -507,9 +507,9 @@ def _as_paper(times_s: Floats, given: Floats, right: Floats) -> Diagnosis | None
     return Diagnosis([Finding('paper', {}, explains)], explains) if explains >= EXPLAINED else None
 
 
-# Result 2: its time.
+# The time of result 2.
 def _moment(theta: float, noise_m: float) -> tuple[list[Finding], Floats | None]:
-    """Return the time at which the head is where result 2 has it, and the mistake that leads to this time."""
+    """Return the time at which the head has the position of result 2, and the mistake that leads to this time."""
     if not np.isfinite(theta):
         return [], None
     t_s = float(arc_length(np.array(START)) - arc_length(np.array(theta))) * _B_M
@@ -525,7 +525,7 @@ def _known_contacts() -> tuple[mistakes.MistakenAnswer, ...]:
 
 
 def contact_findings(t_s: float, near_s: float) -> list[Finding]:
-    """Return the mistakes that lead to a contact time, to ``near_s``: reproduced, or with a fitted parameter."""
+    """Return the mistakes that lead to a contact time to ``near_s``, as they are or with a fitted parameter."""
     for answer in _known_contacts():
         if answer.key != 'none' and abs(answer.value - t_s) <= near_s:
             return [Finding(answer.key, dict(answer.parameters))]
@@ -545,7 +545,7 @@ def contact_findings(t_s: float, near_s: float) -> list[Finding]:
 
 
 def _contact_of(finding: Finding, theta: float, rule: Rule, links: list[float], noise_m: float) -> Finding:
-    """Return the finding about the time of contact if wrong links alone explain it."""
+    """Return the finding about the contact time if wrong links alone explain it."""
     if finding.key != 'moment':
         return finding
     t_s = mistakes.touch_s(solved(arc_length), rule, links[:mistakes.FOLLOWING - 1])
@@ -589,7 +589,7 @@ def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: 
     dragon = Dragon(head_length_m=links[0] + 0.55, body_length_m=links[1] + 0.55)
     try:
         remade = _turn_state(head_m, dragon, track, 0.0, 1.0).handles_m
-    except DragonError:         # arcs that are too tight for these links
+    except DragonError:         # the arcs are too tight for these links
         return _unknown(findings)
     explains = share(given, remade if digits is None else np.round(remade, digits), right)
     return Diagnosis(findings, explains) if explains >= EXPLAINED else _unknown(findings, explains)
@@ -597,7 +597,7 @@ def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: 
 
 def _turn_links(head_m: Floats, given: Floats, off: Floats, turn: STurn, noise_m: float,
                 ) -> Iterator[tuple[Finding, Floats]]:
-    """Yield ways in which handles may follow each other on the turn: links along it, and grids of steps."""
+    """Yield the rules for the next handle on the turn: links along the curve, and grids of steps."""
     yield Finding('turn_along', {}), mistakes.along_turn(head_m, links_of(), turn)
     if not np.max(np.abs(off)) < _MOST_OFF_M:
         return
@@ -627,7 +627,7 @@ def _turn_links(head_m: Floats, given: Floats, off: Floats, turn: STurn, noise_m
 
 
 def _along_track(given: Floats, head_m: Floats, turn: STurn) -> tuple[Floats, float]:
-    """Return the distances (T, N+1) of handles from the entry along the turn, and their rms distance from it (m)."""
+    """Return distances (T, N+1) of handles from the entry along the turn, and the rms distance from the turn (m)."""
     track, metres, aside = track_of(turn), [head_m], [np.zeros_like(head_m)]
     for handle in range(1, given.shape[1]):
         at = metres[-1] - np.hypot(*(given[:, handle] - given[:, handle - 1]).T)
@@ -661,12 +661,12 @@ def _turn_euler(times_s: Floats, head: Floats, right: Floats) -> tuple[Finding, 
 
 _TURN_STARTS: dict[str, tuple[float, ...]] = {'shift': (0.0, 100.0, -100.0), 'speed': (1.0,), 'ratio': (2.0, 1.0, 3.0),
                                               'diameter': (9.0,), 'pitch': (1.7,)}
-_ALONE = Dragon(1, head_length_m=0.65)      # a single head is not limited by the turn's radii
+_ALONE = Dragon(1, head_length_m=0.65)      # the turn's radii do not limit a single head
 Turn = tuple[Finding, STurn | None, float, float]
 
 
 def _turn_fit(times_s: Floats, head: Floats, right: Floats) -> Turn | None:
-    """Return the parameter of the turn (or circle and ratio) that explains the head's positions, by least squares."""
+    """Return the parameter of the turn (or circle and ratio) that fits the head's positions, by least squares."""
     some = np.unique(np.linspace(0, times_s.size - 1, 41).astype(int))
     times, wanted = times_s[some], head[some]
     circles_m = _circles_m(times, wanted)
@@ -679,7 +679,7 @@ def _turn_fit(times_s: Floats, head: Floats, right: Floats) -> Turn | None:
             break
         try:
             explains, fitted = _fitted(name, value, circle, times, wanted, right[some])
-        except DragonError:     # such a turn does not exist
+        except DragonError:     # such a turn is impossible
             continue
         if explains > best[0] + 1e-6:
             best = explains, name, fitted, circle
@@ -771,7 +771,7 @@ def diagnose_speeds(result: str, times_s: Floats, given: Floats, truth: TrueStat
 
 def _speed_candidates(result: str, times_s: Floats, given: Floats, truth: TrueStates, positions: Diagnosis,
                       ) -> Iterator[tuple[Finding, Floats]]:
-    """Yield reproduced speeds (T, 224) with their names, those with the fewest parameters first."""
+    """Yield reproduced speeds (T, 224) with their names, in order of the number of parameters."""
     right = truth.speed_m_s
     yield Finding('all_one', {}), np.ones_like(right)
     for order in (1, -1, None):
@@ -784,7 +784,7 @@ def _speed_candidates(result: str, times_s: Floats, given: Floats, truth: TrueSt
 
 
 def _wound_speeds(given: Floats, truth: TrueStates, positions: Diagnosis) -> Iterator[tuple[Finding, Floats]]:
-    """Yield speeds on the spiral: for the given positions, by the inverted ratio, and by the paper's power law."""
+    """Yield speeds on the spiral: those of the given positions, of the inverted ratio, and of the paper's power law."""
     places = [(truth.handles_m, '')]
     if positions.undone is not None and positions.findings and np.isfinite(positions.undone).all():
         places.append((positions.undone, '_given'))
@@ -800,7 +800,7 @@ def _wound_speeds(given: Floats, truth: TrueStates, positions: Diagnosis) -> Ite
 
 
 def _by_differences(result: str, times_s: Floats, given: Floats, right: Floats) -> Iterator[tuple[Finding, Floats]]:
-    """Yield speeds by differences of positions, with a fitted time step."""
+    """Yield speeds as differences of positions, with a fitted time step."""
     if result == 'result2':
         times_s = np.array([contact_s()])
     scene, offset_s = turned_scene() if result == 'result4' else wound_scene()
@@ -821,7 +821,7 @@ def _by_differences(result: str, times_s: Floats, given: Floats, right: Floats) 
 
 # Answers that are a single number.
 def answer_findings(question: str, value: float) -> list[Finding]:
-    """Return the mistakes that lead to an answer of questions 2 to 5, to the digits of the mistake tables."""
+    """Return the mistakes that lead to an answer to questions 2 to 5, within the digits of the mistake tables."""
     if question == 't_s':
         return contact_findings(value, 1.5e-6)
     answers, near = _known_answers(question)

@@ -16,15 +16,16 @@ from dragon_ros.core.limits import GRADED_BOOKS
 _BOOKS = ('.xlsx', '.xlsm', '.xls', '.xlsb', '.xltx')
 _ANSWERS = ('.yaml', '.yml')
 _RESULT = re.compile(r'[\s_\-]*(?:result|结果|附件|res)[\s_\-]*0?[124](?!\d)[\s_\-]*', re.IGNORECASE)
-_AT_ONCE_S = 0.2        # time between checks whether to stop
+_AT_ONCE_S = 0.2        # interval between checks whether to stop
 _ALONE = 2              # with fewer teams, starting processes takes longer than grading
 
 
 def teams_of(paths: list[Path]) -> list[Team]:
     """Return the teams of files and folders.
 
-    Given files form one team. In a given folder each subfolder with workbooks is a team; workbooks in one folder belong
-    to several teams if their names differ in more than the number of the result. Raises InputError or MissingError.
+    Given files form one team. In a given folder, each subfolder with workbooks is a team; workbooks in one folder
+    belong to several teams if their names differ in more than the number of the result. Raises InputError or
+    MissingError.
     """
     missing = [path for path in paths if not path.exists()]
     if missing:
@@ -47,7 +48,7 @@ def _name_of(files: list[Path]) -> str:
 
 
 def _in_folder(root: Path) -> Iterator[Team]:
-    """Yield the teams of a folder in order of their names."""
+    """Yield the teams of a folder in the order of their names."""
     room = GRADED_BOOKS
     for folder, folders, names in walk(root):
         folders.sort()
@@ -70,7 +71,7 @@ def _is(name: str, kinds: tuple[str, ...]) -> bool:
 
 
 def _split(name: str, books: list[Path]) -> list[Team]:
-    """Return the teams of a folder; there are several if names differ apart from the number of the result."""
+    """Return the teams of a folder; there are several if names differ in more than the number of the result."""
     if not books:
         return [Team(name, [])]
     groups: dict[str, list[Path]] = {}

@@ -1,4 +1,4 @@
-"""The error of a table by handle and time, small enough for a report of many teams to be one file."""
+"""The error of a table by handle and time, small enough for one file to hold a report of many teams."""
 from typing import NamedTuple
 
 import numpy as np
@@ -6,7 +6,7 @@ import numpy as np
 from dragon_ros.core.numerics.types import Floats
 
 _MOST_ROWS, _MOST_COLUMNS = 76, 112     # rows (handles) and columns (times)
-LEAST, MOST = -7.0, 1.0                 # decades shown
+LEAST, MOST = -7.0, 1.0                 # number of decades shown
 _SHADES = 63
 
 
@@ -38,6 +38,6 @@ def heat_of(times_s: Floats, given: Floats, right: Floats) -> Heat:
 
 
 def _pooled(values: Floats, most: int) -> Floats:
-    """Return the maxima of groups of neighbouring rows, at most ``most`` of them."""
+    """Return the maxima of groups of neighbouring rows; there are at most ``most`` groups."""
     size = -(-len(values) // most)
     return np.maximum.reduceat(values, np.arange(0, len(values), size), axis=0)

@@ -1,4 +1,4 @@
-"""The meaning of the cells of a workbook: handle, quantity and time of each, by the labels around it.
+"""Find the meaning of a workbook's cells: the handle, quantity and time of each, from the labels around it.
 
 A label may be in a row, in a column, in a heading over several columns, or in the name of a sheet, in Chinese or
 English. The contest's layout is one case; others are transposed tables, long tables, and positions beside speeds.
@@ -28,20 +28,20 @@ _Y = re.compile(r'纵坐标|縱坐標|(?<![a-z])y(?![a-z])')
 _PLACE = re.compile(r'位置|坐标|position|coordinate|xy')
 _TIME_NAME = re.compile(r'时间|时刻|^time|^t$|^t\s*[\(/]|^t_s$')
 _HANDLE_NAME = re.compile(r'把手|编号|序号|节点|板凳|^handle|^index|^section|^bench|^node|^i$|^no\.?$')
-_FEW = 4                # fewest numbers of a progression
-_MOST_LABELS = 8        # most rows or columns before the values
+_FEW = 4                # smallest number of values in a progression
+_MOST_LABELS = 8        # largest number of rows or columns before the values
 
 
 class Label(NamedTuple):
-    """The meaning of a label; None for everything that it does not say."""
+    """The meaning of a label; fields that the label does not specify are None."""
 
     handle: int | None = None
     quantity: str | None = None
     t_s: float | None = None
-    number: float | None = None     # a bare number: a time or a handle, depending on the other labels
+    number: float | None = None     # a bare number, which is a time or a handle, depending on the other labels
 
     def over(self, other: 'Label') -> 'Label':
-        """Return this label, completed by another."""
+        """Return this label, completed by another one."""
         return Label(other.handle if self.handle is None else self.handle, self.quantity or other.quantity,
                      other.t_s if self.t_s is None else self.t_s, other.number if self.number is None else self.number)
 
@@ -50,7 +50,7 @@ class Label(NamedTuple):
 class GivenResult:
     """One result in workbooks: times (T,), nan if unlabelled, and cells (T, 224, 3) of x, y and speed.
 
-    ``notes`` are keys of ``words`` with the parameters of their sentences.
+    ``notes`` contains keys of ``words`` with the parameters of their sentences.
     """
 
     times_s: Floats
@@ -79,7 +79,7 @@ def given_by(sheets: Iterable[WorkbookSheet], refuse: Callable[[str, dict[str, o
 
 
 def _joined(parts: list[tuple[Floats, Floats]], notes: list[tuple[str, dict[str, object]]]) -> GivenResult:
-    """Return the cells of all sheets at all of their times; repeated cells of later sheets are ignored."""
+    """Return the cells of all sheets at all their times; repeated cells in later sheets are ignored."""
     times = np.unique(np.concatenate([times for times, _ in parts])) if parts else np.empty(0)
     cells = np.full((times.size, HANDLES, 3), np.nan)
     for own, values in parts:
@@ -131,7 +131,7 @@ def _transposed(rows: list[list[Cell]]) -> list[list[Cell]]:
 
 
 def _carried(lines: list[list[Cell]]) -> list[list[Cell]]:
-    """Repeat each heading that spans several places in all of them; the last line has no such headings."""
+    """Repeat each heading that spans several cells in all of them; the last line has no such headings."""
     out = []
     for n, line in enumerate(lines):
         if n < len(lines) - 1:
@@ -157,7 +157,7 @@ def _trimmed(rows: list[list[Cell]]) -> list[list[Cell]]:
 
 
 def _plain(cell: object) -> Cell:
-    """Return a cell as a number, a text, or None for nothing."""
+    """Return a cell as a number or a text, or None if it is empty."""
     if isinstance(cell, str):
         return cell if cell and not cell.isspace() else None
     if cell is None:
@@ -176,7 +176,7 @@ def _number(cell: Cell) -> float:
 
 
 def _numbers(rows: list[list[Cell]]) -> tuple[Floats, bool]:
-    """Return cells as numbers (nan if they are none), and whether most of them are stored as text."""
+    """Return cells as numbers (nan for other cells), and whether most of them are stored as text."""
     as_text = sum(isinstance(cell, str) for row in rows[:20] for cell in row[:20]) > 0
     try:
         values = np.array(rows, dtype=np.float64)
@@ -210,7 +210,7 @@ def _label_columns(rows: list[list[Cell]], top: int) -> int:
 
 
 def _is_progression(numbers: list[float]) -> bool:
-    """Return whether numbers are evenly spaced or increasing integers, as times and handles are (maybe twice each)."""
+    """Return whether numbers are evenly spaced or increasing integers, like times and handles (perhaps doubled)."""
     values = np.array(numbers)
     steps = np.diff(values[::2] if values.size > _FEW and values[0] == values[1] else values)
     if values.size < _FEW or np.any(steps <= 0):
@@ -285,7 +285,7 @@ class _AxisLabels(NamedTuple):
 
 def _understood(sheet: WorkbookSheet, block: _SheetBlock, before: list[tuple[Floats, Floats]],
                 ) -> tuple[tuple[Floats, Floats] | None, list[tuple[str, dict[str, object]]]]:
-    """Return the times and cells of a block, and notes about it."""
+    """Return the times and cells of a block, and notes about the block."""
     notes: list[tuple[str, dict[str, object]]] = []
     if block.as_text:
         notes.append(('numbers_as_text', {'sheet': sheet.name}))
@@ -318,7 +318,7 @@ def _handles_on(labels: list[Label]) -> int:
 
 
 def _row_label(cells: list[Cell], keys: list[str]) -> Label:
-    """Return the meaning of a row's label cells; a number under a heading for times or handles is one."""
+    """Return the meaning of a row's label cells; a number below a heading for times or handles is a time or handle."""
     label = Label()
     for cell, key in zip(cells, keys, strict=True):
         value = _number(cell)
@@ -333,7 +333,7 @@ def _row_label(cells: list[Cell], keys: list[str]) -> Label:
 
 def _context(sheet: WorkbookSheet, block: _SheetBlock, before: list[tuple[Floats, Floats]], rows: list[Label],
              columns: list[Label]) -> int:
-    """Return the code of a whole sheet's quantity: by its name, its titles, or its values if positions came before."""
+    """Return the code of a whole sheet's quantity, from its name, its titles or, after positions, its values."""
     text = f'{_normal(sheet.name)} {_normal(block.text)}'
     if _SPEED.search(text) and not _PLACE.search(text):
         return 2
@@ -345,7 +345,7 @@ def _context(sheet: WorkbookSheet, block: _SheetBlock, before: list[tuple[Floats
 
 
 def _numbers_told(rows: list[Label], columns: list[Label], keys: list[str]) -> tuple[list[Label], list[Label]]:
-    """Interpret bare numbers as times or handles: by a heading, the other labels, or how many numbers there are."""
+    """Interpret bare numbers as times or handles, by a heading, the other labels, or the number of numbers."""
     has_handles = _handles_on(rows) + _handles_on(columns) > 0
     has_times = any(label.t_s is not None for label in (*rows, *columns))
     out = []
@@ -383,7 +383,7 @@ def _by_shape(block: _SheetBlock, rows: list[Label], columns: list[Label]) -> tu
 
 
 def _twice(labels: list[Label]) -> list[Label]:
-    """If every handle appears twice without a quantity, label the first as x and the second as y."""
+    """If every handle appears twice without a quantity, label the first occurrence as x and the second as y."""
     handles = [label.handle for label in labels if label.handle is not None]
     if any(label.quantity for label in labels) or len(handles) < 2 or len(handles) != 2 * len(set(handles)):
         return labels

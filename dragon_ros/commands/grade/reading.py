@@ -1,7 +1,7 @@
 """Read untrusted workbooks as rows of cells, within budgets (``core.limits``); nothing in them is executed.
 
-Only the parts with cells are unpacked, into a plain archive for the reader: python-calamine if it is installed,
-otherwise openpyxl, which takes about six times as long. Nothing else in a workbook is opened.
+Only the parts with cells are unpacked, into a plain archive for the reader. This is python-calamine if it is installed,
+and otherwise openpyxl, which takes about six times as long. Nothing else in a workbook is opened.
 """
 import re
 import struct
@@ -26,15 +26,15 @@ from dragon_ros.core.limits import (
 )
 
 Cell = float | str | None
-_OLD = b'\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1'                # the container of .xls, and of a workbook with a password
+_OLD = b'\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1'                # start of an .xls file, and of a workbook with a password
 _ENCRYPTED = 'EncryptedPackage'.encode('utf-16-le')
 _SHEET = re.compile(r'xl/worksheets/[^/]*\.xml')
 _NEEDED = re.compile(r'\[content_types\]\.xml|_rels/\.rels|xl/workbook\.xml|xl/_rels/workbook\.xml\.rels|'
                      r'xl/sharedstrings\.xml|xl/styles\.xml|xl/worksheets/[^/]*\.xml', re.IGNORECASE)
 _PLACE = re.compile(rb'\sr\s*=\s*["\']([A-Za-z]{0,4})(\d{1,9})["\']')
 _LINE = re.compile(rb"\s[^>]*?\br\s*=\s*[\"'](\d{1,9})[\"']")
-_FAR = re.compile(rb'\sr="[A-Za-z]{3}|\sr=\'|\sr\s+=|\sr=\s')    # columns from AAA on, and other notations for places
-_TWO_LETTERS = 26 * 27                                   # columns up to ZZ
+_FAR = re.compile(rb'\sr="[A-Za-z]{3}|\sr=\'|\sr\s+=|\sr=\s')    # columns from AAA on, or position in another notation
+_TWO_LETTERS = 26 * 27                                   # number of columns up to ZZ
 _PREFIX = re.compile(rb'<([\w.-]+:)?worksheet[\s>]')
 _MERGED = re.compile(rb'<(?:[\w.-]+:)?mergeCell\s[^>]*ref\s*=\s*["\']([A-Z]+)(\d+):([A-Z]+)(\d+)["\']')
 _FORMULA = re.compile(rb'<(?:[\w.-]+:)?c(\s[^>]*)?>\s*<(?:[\w.-]+:)?f[\s>/]')
@@ -44,7 +44,7 @@ _SIZES = 64 * 1024
 
 
 class WorkbookSheet(NamedTuple):
-    """A sheet: its name, its rows of cells, and its merged ranges as (first row, first column, last row, last column).
+    """A sheet: its name, rows of cells, and merged ranges as (first row, first column, last row, last column).
 
     Rows and columns count from 0.
     """
@@ -161,23 +161,23 @@ def _extent(part: bytes) -> tuple[int, int]:
     prefix = b'<' + ((found[1] or b'') if found else b'')
     part = part[max(part.find(b'sheetData'), 0):]
     lines = part.split(prefix + b'row')
-    counts = [line.count(prefix + b'c') for line in lines]      # cells, and other elements that begin with that letter
+    counts = [line.count(prefix + b'c') for line in lines]      # cells and other elements with this initial
     rows = max((int(found[1]) for line in lines if (found := _LINE.match(line))), default=0)
     named = part.count(b' r="')
-    if not _FAR.search(part) and (named <= len(lines) or named >= sum(counts)):    # no cell names its place, or all do
+    if not _FAR.search(part) and (named <= len(lines) or named >= sum(counts)):    # none or all state a position
         rows, columns = max(rows, len(lines)), max(counts) if named <= len(lines) else max(_TWO_LETTERS, *counts)
         if rows * columns <= BOOK_CELLS:
             return rows, columns
     places = set(_PLACE.findall(part))
     rows = max(rows, max((int(row) for _, row in places), default=0))
     columns = max(map(_column, {letters for letters, _ in places if letters}), default=0)
-    if sum(1 for letters, _ in places if letters) < sum(counts):    # some cells are placed by their order
+    if sum(1 for letters, _ in places if letters) < sum(counts):    # the order of some cells determines their position
         rows, columns = rows + len(lines) - 1, columns + max(counts)
     return rows, columns
 
 
 def _column(letters: bytes) -> int:
-    """Return the number of a column by its letters, from 1."""
+    """Return the number of a column, from 1, given its letters."""
     number = 0
     for letter in letters.upper():
         number = 26 * number + letter - 64

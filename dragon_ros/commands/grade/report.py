@@ -1,4 +1,4 @@
-"""The report as one self-contained page: a row and a page for each team, pictures of the errors; light and dark.
+"""The report as one self-contained page, light or dark, with a row and a page for each team, and pictures of errors.
 
 It has no script and loads nothing; its content policy forbids both. A team's page is selected by the address
 (``:target``).
@@ -18,15 +18,15 @@ from dragon_ros.commands.grade.truth import RESULTS
 from dragon_ros.commands.grade.words import sentence
 from dragon_ros.version import __version__
 
-# Anchors of viridis by Smith and van der Walt (CC0), which has even lightness and is safe for colour-blind people.
+# Anchors of viridis by Smith and van der Walt (CC0), which has even lightness and which colour-blind people can read.
 _VIRIDIS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))
-_WIDE, _HIGH = 448, 304         # size of a picture of errors, in its own units
+_WIDE, _HIGH = 448, 304         # size of a picture of errors, in the picture's units
 _LINE_HIGH = 110
 _STYLE = Path(__file__).with_name('report.css')
 
 
 def page(teams: list[TeamGrade], whole: int, lang: str) -> str:
-    """Return the page of all teams; ``whole`` is the number of teams without an interruption."""
+    """Return the page of all teams; ``whole`` is the number of teams including those not graded."""
     many = len(teams) != 1
     policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
     title = _said('title', lang)
@@ -81,7 +81,7 @@ def _pill_of(one: SheetGrade | None, lang: str) -> str:
 
 
 def _cell(head: str, content: str, kind: str = '') -> str:
-    """Return a cell; on a narrow screen it shows the (escaped) head of its column."""
+    """Return a cell; on a narrow screen, it shows the (escaped) head of its column."""
     return f'<td{kind} data-head="{head}">{content}</td>'
 
 
@@ -163,7 +163,7 @@ def _answers(answers: Iterable[AnswerGrade], lang: str) -> Iterator[str]:
 
 # Pictures.
 def _picture(one: SheetGrade, lang: str) -> Iterator[str]:
-    """Yield the error by handle and time, coloured by decade, and the largest errors along the dragon and over time."""
+    """Yield pictures of the error by handle and time (coloured by decade), and of the largest errors by each."""
     heat = one.heat
     assert heat is not None
     many_times = len(heat.by_time) > 1

@@ -1,4 +1,4 @@
-"""Grades as text, CSV and JSON; the formats of the latter two are stable and described in ``docs/grading.md``."""
+"""Grades as text, CSV and JSON; the CSV and JSON formats are stable and described in ``docs/grading.md``."""
 import json
 from collections.abc import Iterable
 from typing import Any
@@ -45,7 +45,7 @@ COLUMNS = ('team', *(f'{result}_{sheet}_{what}' for result in RESULTS for sheet 
 
 
 def csv_text(teams: list[TeamGrade]) -> str:
-    """Return a row for each team."""
+    """Return a CSV row for each team."""
     return csv_of(COLUMNS, map(_row, teams)).rstrip('\n')
 
 
@@ -67,7 +67,7 @@ def _row(team: TeamGrade) -> Iterable[object]:
 
 
 def _harmless(text: str) -> str:
-    """Return a text that a spreadsheet does not mistake for a formula."""
+    """Return a text in a form that a spreadsheet does not mistake for a formula."""
     return f"'{text}" if text.startswith(('=', '+', '-', '@', '\t', '\r')) else text
 
 
@@ -82,7 +82,7 @@ def keys_of(findings: Iterable[Finding]) -> str:
 
 
 def looks_like(one: SheetGrade | AnswerGrade, lang: str) -> str:
-    """Return the diagnosis as a sentence: the mistake and how much it explains, or the observed facts."""
+    """Return the diagnosis as a sentence, with the mistake and how much it explains, or with the observed facts."""
     if not one.findings:
         return ''
     explains = one.explains if isinstance(one, SheetGrade) else None

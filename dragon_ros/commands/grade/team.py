@@ -31,16 +31,17 @@ BOUNDS = (1e-6, 1e-4, 1e-2)     # error bounds for which the share of cells is r
 QUESTIONS = ('t_s', 'pitch_m', 'turn_m', 'speed_m_s')
 SHEETS = ('positions', 'speeds')
 _TIMES = {'result1': 301, 'result2': 1, 'result4': 201}
-_LEAST_DECIMALS = {'t_s': 2}    # decimals of an answer that counts as right; four for the others
+_LEAST_DECIMALS = {'t_s': 2}    # smallest number of decimals of a right answer; four for the other questions
 _NAMED = re.compile(r'(?:result|结果|附件|res)[\s_\-]*0?([124])(?!\d)', re.IGNORECASE)
-_HALF_ULP = 0.5000001           # differences of numbers with six decimals are not exact
+_HALF_ULP = 0.5000001           # above 0.5, since differences of numbers with six decimals are not exact
 
 
 @dataclass(frozen=True)
 class SheetGrade:
-    """The grade of one quantity of a result: errors in m or m/s, and what explains them.
+    """The grade of one quantity of a result: errors in m or m/s, and the mistakes that explain them.
 
-    ``worst`` and its place are None if nothing is given; ``within`` has the shares of cells within each of ``BOUNDS``.
+    ``worst`` and its place are None if nothing is given; ``within`` contains the share of cells within each of
+    ``BOUNDS``.
     """
 
     result: str
@@ -77,13 +78,13 @@ class AnswerGrade:
 
     @property
     def error(self) -> float:
-        """The given answer minus the right one."""
+        """The given answer minus the right answer."""
         return self.given - self.truth
 
 
 @dataclass(frozen=True)
 class TeamGrade:
-    """A team's grades. ``notes`` are keys of ``words`` with parameters; ``problems`` are lines about rejected input."""
+    """A team's grades. ``notes`` has keys of ``words`` with parameters; ``problems`` has lines about bad input."""
 
     name: str
     files: tuple[str, ...]
@@ -104,7 +105,7 @@ class Team:
 
 
 def grade_team(team: Team) -> TeamGrade:
-    """Return the grade of a team; anything that cannot be read becomes one line of its problems."""
+    """Return the grade of a team; anything that cannot be read becomes a line in its problems."""
     problems: list[str] = []
     notes: list[tuple[str, dict[str, object]]] = []
     given: dict[str, GivenResult] = {}
@@ -184,7 +185,7 @@ def _grade(result: str, sheet: str, times_s: Floats, given: Floats, right: Float
 
 # Answers that are a single number.
 def answers_of(path: Path) -> dict[str, float]:
-    """Return the answers in a YAML file by question. Raises InputError with file, line and key."""
+    """Return the answers in a YAML file, by question. Raises InputError with file, line and key."""
     document = read_document(path)
     document.check_keys('', document.values, QUESTIONS)
     return {key: _checked(f'{document.place(key)}: {key}', plain_number(value))
@@ -192,7 +193,7 @@ def answers_of(path: Path) -> dict[str, float]:
 
 
 def answers_by_team(path: Path) -> dict[str, dict[str, float]]:
-    """Return the answers of all teams in a YAML file, by their names. Raises InputError with file, line and key."""
+    """Return the answers of all teams in a YAML file, by team. Raises InputError with file, line and key."""
     document = read_document(path)
     out = {}
     for name in document.values:
@@ -208,7 +209,7 @@ def _checked(field_name: str, value: object) -> float:
 
 
 def answer_grade(question: str, given: float) -> AnswerGrade:
-    """Return the grade of an answer, which is right if all its decimals are and there are enough of them."""
+    """Return the grade of an answer, which is right if it has enough decimals and all of them are right."""
     truth = truth_of(question)
     decimals = len(repr(given).partition('.')[2].rstrip('0')) if 'e' not in repr(given) else 9
     error = abs(given - truth)
@@ -220,7 +221,7 @@ def answer_grade(question: str, given: float) -> AnswerGrade:
 
 @cache
 def truth_of(question: str) -> float:
-    """Return the right answer to a question with a single number."""
+    """Return the right answer to a question whose answer is a single number."""
     from dragon_ros.core.chain.dragon import Dragon
     if question == 't_s':
         return contact_s()

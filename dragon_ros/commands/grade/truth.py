@@ -17,8 +17,8 @@ from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.tracks.spec import Spiral, STurn
 
 RESULTS = ('result1', 'result2', 'result4')
-_MORE_TURNS = 2                 # before the start, for results with late times
-_BEFORE_S = 300.0               # the same for the turn
+_MORE_TURNS = 2                 # turns added before the start, for results with shifted times
+_BEFORE_S = 300.0               # time added before the turn, for the same reason
 _LATEST_S = 1000.0
 
 
@@ -38,7 +38,7 @@ def contact_s() -> float:
 
 
 def wound_scene(dragon: Dragon | None = None, pitch_m: float = Spiral.pitch_m) -> tuple[Scene, float]:
-    """Return the dragon that winds in, from two turns before its start on, and the time at which it is at the start."""
+    """Return the dragon that winds in, from two turns before its start on, and the time when it is at the start."""
     b_m = pitch_m / 2 / pi
     ahead = np.array((START + 2 * pi * _MORE_TURNS, START))
     longer, start = arc_length(ahead).tolist()
@@ -74,6 +74,6 @@ def _scene_of(result: str) -> tuple[Scene, float]:
 
 
 def truth_at(result: str, times_s: Floats) -> TrueStates:
-    """Return the true states of a result at its times; those of result2 at the contact."""
+    """Return the true states of a result at its times; result2 has the state at the contact."""
     scene, offset_s = _scene_of(result)
     return state_at(scene, (np.full(times_s.size, contact_s()) if result == 'result2' else times_s) + offset_s)

@@ -74,7 +74,7 @@ def _add_animation_options(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: Namespace) -> int:
     paths: list[Path] = arguments.output or [arguments.default]
     if not 10 <= arguments.dpi <= 1200:
-        raise FieldError('--dpi', arguments.dpi, 'it must lie between 10 and 1200', 'leave it out for 130')
+        raise FieldError('--dpi', arguments.dpi, 'it must lie between 10 and 1200', 'omit it for 130')
     if arguments.kind != 'animation':
         for path in paths:
             if path.suffix.lower() not in figures.FORMATS:
@@ -117,7 +117,7 @@ def _zoom(arguments: Namespace) -> 'Zoom | None':
     follow = getattr(arguments, 'follow', False)
     zoom = zoom_of(arguments.around or ('head' if follow else None), arguments.span)
     if follow and zoom is not None and zoom.around not in ('head', 'tail'):
-        raise InputError(f'--follow: nothing moves at {arguments.around}; give --around head or tail, or leave it out')
+        raise InputError(f'--follow: nothing moves at {arguments.around}; give --around head or tail, or omit --follow')
     return zoom
 
 

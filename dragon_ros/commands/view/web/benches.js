@@ -1,18 +1,18 @@
-// Draws a dragon of many benches on a canvas over the axes: what is in view, at the density of the screen. If there is
-// a graphics processor, webgl.js draws the same picture.
-// Benches several pixels wide are rectangles. Narrower ones are a line through all handles, as wide as a bench: if
-// layers are closer than pixels, their shades mix in proportion to area. No line leads from one layer to another.
+// Draws the visible part of a dragon of many benches on a canvas over the axes, at the density of the screen. If there
+// is a graphics processor, webgl.js draws the same picture. Benches several pixels wide are rectangles. Narrower
+// benches are drawn as a line through all handles, as wide as a bench. If layers are closer than pixels, their shades
+// mix in proportion to area. No line connects one layer with another.
 'use strict';
 
-const LEAST_PX = 2.5;       // width of a bench that is drawn as a rectangle
-const STEP_PX = 0.5;        // a line leaves out handles that are closer than this to the last one drawn
-const EACH = 400;           // benches filled, or steps of a line stroked, at once
-const TRACK_PX = 0.8, HEAD_PX = 2;      // widths of the track, and of the head at least
+const LEAST_PX = 2.5;       // smallest width of a bench that is drawn as a rectangle
+const STEP_PX = 0.5;        // a line omits handles that are closer than this to the last one drawn
+const EACH = 400;           // number of benches filled, or of steps of a line stroked, at once
+const TRACK_PX = 0.8, HEAD_PX = 2;      // width of the track, and smallest width of the head
 
 const cost = {calls: 0, drawn: 0, webgl: false};
 let canvas = null, paint = null;        // the surface, and the function that draws on it
 
-/** Draw on a new canvas: by WebGL if wanted and if this browser has it, else by the processor. */
+/** Draw on a new canvas, by WebGL if this is wanted and available, otherwise by the processor. */
 function drawBy(webgl) {
   canvas?.remove();
   canvas = document.createElement('canvas');
@@ -27,7 +27,7 @@ function drawBy(webgl) {
   });
 }
 
-/** Half lengths and half widths of all benches, from runs of equal ones. */
+/** Half lengths and half widths of all benches, from runs of equal benches. */
 function sizesOf(runs) {
   const total = runs.reduce((sum, [count]) => sum + count, 0), halves = new Float32Array(2 * total);
   let at = 0;
@@ -70,7 +70,7 @@ function strokeLine(context, scale, count, xOf, yOf, shade, width) {
       Math.min(y, lastY) < high + margin && Math.max(y, lastY) > -margin;
     if (seen && !pen) context.moveTo(lastX, lastY);
     if (seen) { context.lineTo(x, y); open += 1; }
-    if (open === EACH) {        // many short paths are filled sooner than a long one
+    if (open === EACH) {        // many short paths are filled faster than one long path
       context.stroke();
       context.beginPath();
       context.moveTo(x, y);
@@ -128,7 +128,7 @@ function paintOnCanvas(scale, track, p, halves, touching, width, line) {
   fillBenches(context, scale, p, halves, touching, COLOUR.touching, line);
 }
 
-/** Draw track and dragon; `touching` are benches of the first contact, the head keeps its colour. */
+/** Draw track and dragon; `touching` are the benches of the first contact, and the head keeps its colour. */
 function drawBenches(plot, track, p, halves, touching) {
   if (!paint) drawBy(hasProcessor());
   const scale = scaleOf(plot), width = 2 * halves[1] * scale.x;

@@ -1,11 +1,11 @@
-// What if: fields and sliders for the values of the scene. The address contains the changed values, and it
-// alone selects the dragon on the server. A change cancels the questions about the previous dragon.
+// Fields and sliders that change the values of the scene. The address contains the changed values, and it alone selects
+// the dragon on the server. A change cancels the questions about the previous dragon.
 'use strict';
 
 const UNITS = {m: 'm', m_s: 'm/s', m_s2: 'm/s²', s: 's', deg: '°', hz: 'Hz', rad: 'rad'};
-const QUESTIONS = ['contact', 'speed', 'room', 'pitch', 'clearance'];     // the quickest first
-const WAIT_MS = 40;         // after the last move of a slider
-const fields = new Map();   // by key: what it was in the scene's file, and its elements
+const QUESTIONS = ['contact', 'speed', 'room', 'pitch', 'clearance'];     // the one answered fastest comes first
+const WAIT_MS = 40;         // delay after the last move of a slider
+const fields = new Map();   // by key: the value in the scene's file, and the elements of the field
 let waiting = null;
 
 /** An element with properties and children. */
@@ -43,7 +43,7 @@ function addField(box, {key, value, own, low, high, step}) {
   const [words, unit] = wordsOf(key), name = `value-${key}`;
   const number = make('input', {type: 'number', id: name, step, value: textOf(value), placeholder: say('the_end')});
   const slider = make('input', {type: 'range', min: low, max: high, step, value: value ?? high, tabIndex: -1});
-  slider.setAttribute('aria-hidden', 'true');       // the field says the same to who cannot see it
+  slider.setAttribute('aria-hidden', 'true');       // screen readers use the field, which has the same value
   number.setAttribute('aria-describedby', `${name}-error`);
   const error = make('p', {id: `${name}-error`, hidden: true});
   error.setAttribute('role', 'alert');
@@ -56,7 +56,7 @@ function addField(box, {key, value, own, low, high, step}) {
   box.append(row);
 }
 
-/** Show which values were changed. */
+/** Show which values have been changed. */
 function mark() {
   for (const {own, number, row} of fields.values()) row.classList.toggle('changed', number.value !== textOf(own));
 }
@@ -79,7 +79,7 @@ function changed() {
   waiting = setTimeout(() => follow().catch(complain), WAIT_MS);
 }
 
-/** Update the dragon and all answers to the values; if one is impossible, show why and keep the dragon. */
+/** Update the dragon and all answers; if a value is impossible, show why and keep the dragon. */
 async function follow() {
   asking.abort();
   asking = new AbortController();
@@ -96,7 +96,7 @@ function forget() {
   for (const place of Object.values(answers)) place.replaceChildren('–');
 }
 
-/** Ask the questions in turn, quickest first; each shows a progress bar until it is answered. */
+/** Ask the questions in turn; each shows a progress bar until it is answered. */
 async function answerAll() {
   const mine = asking;
   for (const place of Object.values(answers)) {
@@ -147,7 +147,7 @@ async function open() {
   keepAddress();
   mark();
   tell(form.error);
-  if (form.error) { forget(); query = ''; return; }     // the scene as it was is shown
+  if (form.error) { forget(); query = ''; return; }     // the original scene is shown
   answerAll().then(() => { document.body.dataset.answered = 'yes'; }).catch(complain);
 }
 

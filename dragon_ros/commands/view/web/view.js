@@ -1,8 +1,8 @@
-// Plays a run: frames come from the server in chunks, plotly.js draws them in the colours of view.css.
+// Plays a run: frames come from the server in chunks, and plotly.js draws them in the colours of view.css.
 'use strict';
 
 const COLOUR = {body: '#56B4E9', head: '#D55E00', touching: '#E69F00'};
-const OUTLINE = 0.035;      // of a bench's width; 2.5 pixels at most
+const OUTLINE = 0.035;      // fraction of a bench's width; 2.5 pixels at most
 const NARROW = window.matchMedia('(max-width: 800px)');
 const DARK = window.matchMedia('(prefers-color-scheme: dark)');
 const AT_ONCE = {mode: 'immediate', transition: {duration: 0}, frame: {duration: 0, redraw: false}};
@@ -10,18 +10,18 @@ const SETTINGS = {responsive: true, displaylogo: false, scrollZoom: true, showSe
   modeBarButtonsToRemove: ['select2d', 'lasso2d', 'autoScale2d', 'zoomIn2d', 'zoomOut2d']};
 const PACES = [0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50];
 const MOST_CHUNKS = 24;
-const NEAR_LENGTHS = 6, FAR_LENGTHS = 8;      // of a window that follows the head, in bench lengths
-const CLOSER = 1.25;        // a step of the zoom
+const NEAR_LENGTHS = 6, FAR_LENGTHS = 8;      // sizes of a window that follows the head, in bench lengths
+const CLOSER = 1.25;        // factor of one zoom step
 const element = (id) => document.getElementById(id);
 
 let run, curve = null, contact = null;
-let query = location.search;            // which run is shown, where the server has several
-let asking = new AbortController();     // what is asked about it
-let prepare = async () => {};           // what try.js does first
+let query = location.search;            // selects the run to show if the server has several
+let asking = new AbortController();     // cancels the requests about that run
+let prepare = async () => {};           // try.js replaces this first step
 const chunks = new Map();
 const player = {t: 0, tick: 0, playing: false, pace: 1, last: 0, drawing: false, wanted: null};
 
-/** A colour of view.css, in the light or the dark. */
+/** A colour of view.css, in light or dark mode. */
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
 /** The server's answer about the run of this address, or the data in the page itself. */
@@ -63,7 +63,7 @@ function frameOf(tick) {
   return entry.values.subarray(start, start + valuesEach());
 }
 
-/** The last tick that is not after t. */
+/** The last tick at or before t. */
 function tickAt(t) {
   let low = 0, high = run.times_s.length - 1;
   while (low < high) {
@@ -113,7 +113,7 @@ function layout(more) {
     font: {family: 'system-ui, sans-serif', size: 12, color: colour('ink')}, hovermode: 'closest', ...more};
 }
 
-/** On a narrow page, dragging scrolls the page, and there is no room for a toolbar. */
+/** On a narrow page, dragging scrolls the page, and there is no space for a toolbar. */
 const settings = () => ({...SETTINGS, displayModeBar: NARROW.matches ? false : 'hover'});
 const dragging = (mode) => (NARROW.matches ? false : mode);
 
@@ -122,7 +122,7 @@ function wholeRange() {
   return {'xaxis.range': [left, right], 'yaxis.range': [bottom, top]};
 }
 
-/** Pixels of an outline: it scales with the benches. */
+/** Width of an outline in pixels, which scales with the benches. */
 function outline() {
   const {_length: pixels, range} = element('scene')._fullLayout.xaxis;
   return Math.min(2.5, OUTLINE * run.width_m * pixels / Math.abs(range[1] - range[0]));
@@ -157,7 +157,7 @@ function drawMany(frame) {
   drawBenches(element('scene'), run.track, frame.subarray(0, 2 * run.placed), player.halves, touching);
 }
 
-/** Draw many benches by WebGL instead of on the canvas, or the other way round. */
+/** Draw many benches by WebGL instead of on the canvas, or vice versa. */
 function otherDrawing() {
   if (!run.placed) return;
   drawBy(!cost.webgl);
@@ -186,10 +186,10 @@ function zoom(ratio) {
   return lookAt([xaxis, yaxis].map(({range}) => 0.5 * (range[0] + range[1])), ratio);
 }
 
-/** Store a choice for a year: in a cookie, which pages on any port share, or for a file in local storage. */
+/** Store a choice for a year in a cookie, which pages on any port share, or, for a file, in local storage. */
 function remember(name, value) {
   document.cookie = `${name}=${value}; max-age=31536000; path=/; SameSite=Strict`;
-  try { localStorage.setItem(name, value); } catch { /* a page without storage forgets it */ }
+  try { localStorage.setItem(name, value); } catch { /* without storage, the choice is not remembered */ }
 }
 
 function remembered(name) {
@@ -198,7 +198,7 @@ function remembered(name) {
   try { return localStorage.getItem(name); } catch { return null; }
 }
 
-/** Follow the head, or stop; a window that shows everything zooms in. The next page remembers this. */
+/** Follow the head, or stop following; a window that shows everything zooms in. The next page remembers this. */
 async function follow(on) {
   player.following = on;
   element('follow').setAttribute('aria-pressed', on);
@@ -369,7 +369,7 @@ function step(now) {
   const t = player.t + passed * player.pace;
   const tick = tickAt(t);
   const frame = frameOf(tick);
-  if (frame) {          // while a chunk is on its way, time stands still
+  if (frame) {          // time stands still until a chunk has arrived
     player.t = t;
     if (tick !== player.tick) { player.tick = tick; show(frame, run.times_s[tick]); }
     if (tick === run.times_s.length - 1) pause();
@@ -401,7 +401,7 @@ async function zoomToContact() {
   await show(new Float32Array(bytes), contact.t_s);
 }
 
-/** Go to the moment in the address: #contact, or a time as in #t=410. */
+/** Go to the moment in the address, which is #contact or a time such as #t=410. */
 async function goToHash() {
   const t = parseFloat(location.hash.replace('#t=', ''));
   if (location.hash === '#contact' && contact) await zoomToContact();
@@ -412,7 +412,7 @@ async function goToHash() {
 // ---- the page
 
 function complain(error) {
-  if (error.name === 'AbortError') return;      // another run is asked for
+  if (error.name === 'AbortError') return;      // another run was requested
   element('note').textContent = `${error.message || error}; ${say('server')}`;
 }
 
@@ -481,7 +481,7 @@ async function redraw() {
   if (curve) await drawClearance();
 }
 
-/** Fetch and draw a run, at the current time if the run contains it; then its contact, then its clearance. */
+/** Fetch and draw a run, at the current time if the run contains it, and then its contact and its clearance. */
 async function load() {
   const loaded = await json('run.json');
   chunks.clear();

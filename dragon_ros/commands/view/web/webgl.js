@@ -1,20 +1,20 @@
-// Draws a dragon of many benches by WebGL, as benches.js does on a canvas: one upload and one draw call per frame.
-// Six vertices of that call are a rectangle: a piece of the track, a bench, its outline. Each pixel is shaded by the
-// fraction that the rectangle covers. Positions are in pixels, computed by the page in double precision. (Instances
-// would need only four vertices, but software renderers draw each one separately, a hundred times slower.)
+// Draws a dragon of many benches by WebGL, as benches.js does on a canvas: one upload and one draw call per frame. Six
+// vertices of that call form a rectangle, which is a piece of the track, a bench or its outline. Each pixel is shaded
+// by the fraction of it that the rectangle covers. Positions are in pixels, computed by the page in double precision.
+// (Instances would need only four vertices, but software renderers draw each one separately, a hundred times slower.)
 'use strict';
 
-const ROW = 1024;           // places in a row of a texture
+const ROW = 1024;           // positions per row of a texture
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
 const VERTEX = `#version 300 es
 precision highp float;
-uniform highp sampler2D places;     // of handles, then of the track, in pixels
+uniform highp sampler2D places;     // positions of handles, followed by those of the track, in pixels
 uniform highp sampler2D halves;     // half lengths and half widths of benches, in m
 uniform vec2 size;                  // of the canvas, in pixels
 uniform float scale;                // pixels per m
-uniform int benches, track;         // how many benches, and pieces of the track
-uniform float trackWidth, lineWidth, headWidth, outline;    // pixels; benches are a line where lineWidth is not 0
+uniform int benches, track;         // number of benches, and of pieces of the track
+uniform float trackWidth, lineWidth, headWidth, outline;    // in pixels; benches are a line if lineWidth is not 0
 uniform ivec2 touching;             // benches, or -1
 uniform vec3 shades[5];             // of the body, the head, benches that touch, outlines and the track
 out vec2 at;                        // along and across the rectangle, from its middle
@@ -41,7 +41,7 @@ void main() {
     width = head ? headWidth : lineWidth;
     if (head) shade = shades[1];
   } else {
-    int extra = id - 2 * benches;   // the head, then benches that touch, over the body
+    int extra = id - 2 * benches;   // the head, followed by touching benches, over the body
     bool outlined = extra < 0 ? id >= benches : extra == 1 || extra > 3;
     bench = extra < 0 ? id % benches : extra < 2 ? 0 : extra % 2 == 0 ? touching.x : touching.y;
     left_out = extra < 0 ? bench == 0 || bench == touching.x || bench == touching.y : bench < 0;
@@ -78,7 +78,7 @@ float covered(float x, float h) { return clamp(min(h, x + 0.5) - max(-h, x - 0.5
 float inside(vec2 h) { return h.x > 0.0 && h.y > 0.0 ? covered(at.x, h.x) * covered(at.y, h.y) : 0.0; }
 
 void main() {
-  // Pieces of a line follow each other: a pixel belongs to the piece beside its middle, so none counts twice.
+  // A pixel at the joint of two pieces of a line belongs to the piece beside its middle, so none counts twice.
   float share = edge < 0.0 ? (at.x >= -reach.x && at.x < reach.x ? covered(at.y, reach.y) : 0.0)
     : edge > 0.0 ? inside(reach + edge) - inside(reach - edge) : inside(reach);
   colour = vec4(shade, 1.0) * share;
@@ -90,7 +90,7 @@ function partsOf(shade) {
   return [0, 1, 2].map((n) => parseInt(shade.slice(1 + digits * n, 1 + digits * (n + 1)), 16) / (16 ** digits - 1));
 }
 
-/** Whether this machine draws with a graphics processor, not with software that emulates one. */
+/** Whether this machine draws with a graphics processor instead of software that emulates one. */
 function hasProcessor() {
   const gl = document.createElement('canvas').getContext('webgl2', {failIfMajorPerformanceCaveat: true});
   if (!gl) return false;

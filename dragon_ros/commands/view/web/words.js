@@ -1,4 +1,4 @@
-// Every text of the page, in English and in Chinese: in the language of --lang, else in that of the browser.
+// Every text of the page in English and Chinese; --lang selects the language, and without it the browser does.
 'use strict';
 
 const WORDS = {
@@ -23,7 +23,7 @@ const WORDS = {
   follow: ['Follow head', '跟随龙头'],
   scale: ['a bench is {long} × {wide} pixels here', '此处一节板凳为 {long} × {wide} 像素'],
   by_canvas: ['; {kb} kB and {calls} draw calls a frame on a canvas', '；画布绘制，每帧 {kb} kB、{calls} 次绘制调用'],
-  by_webgl: ['; {kb} kB and one draw call a frame by WebGL', '；WebGL 绘制，每帧 {kb} kB、一次绘制调用'],
+  by_webgl: ['; {kb} kB and one draw call per frame by WebGL', '；WebGL 绘制，每帧 {kb} kB、一次绘制调用'],
   rate: [', {rate} frames a second', '，每秒 {rate} 帧'],
   // The values of --try
   what_if: ['What if', '试改参数'], as_it_was: ['Reset values', '恢复原值'], working: ['working', '正在计算'], the_end: ['the end', '到结束'],
@@ -59,7 +59,7 @@ const CHINESE = (document.documentElement.dataset.lang || navigator.language).to
 /** A text of the page in its language, with its values. */
 const say = (key, values = {}) => WORDS[key][CHINESE ? 1 : 0].replace(/\{(\w+)\}/g, (_, name) => values[name]);
 
-/** Give the elements of the page their texts: data-say is the content, data-label and data-title are attributes. */
+/** Set the texts of the page's elements: data-say is the content, and data-label and data-title are attributes. */
 function translate() {
   document.documentElement.lang = CHINESE ? 'zh-CN' : 'en';
   for (const one of document.querySelectorAll('[data-say]')) one.textContent = say(one.dataset.say);
