@@ -1,4 +1,4 @@
-"""The answers of ``dragon_ros.verify`` about certificates, as plain values; imported by tests of several rooms."""
+"""The answers of ``dragon_ros.verify`` about certificates, as plain values, for tests of several rooms."""
 import json
 
 import pytest

@@ -1,4 +1,4 @@
-"""Shared by all tests: floating-point errors raise, properties are repeatable, the longest tests come first."""
+"""Shared by all tests: floating-point errors raise, properties are repeatable, and the longest tests run first."""
 import gc
 import os
 import re
@@ -17,7 +17,7 @@ def pytest_addoption(parser):
 
 
 # Libraries that an ordinary ROS 2 install need not have (rosdep has no key for three of them), and the helper modules
-# that import them: a file that imports one of these is left out where the library is missing, and named.
+# that import them: a file that imports one of these is skipped and named if the library is missing.
 OPTIONAL = {'flint': 'flint', 'arb_balls': 'flint', 'motions': 'flint', 'mpmath': 'mpmath', 'convergence': 'mpmath',
             'high_precision': 'mpmath', 'pyarrow': 'pyarrow', 'scipy': 'scipy'}
 _IMPORTS = re.compile(r'^(?:from|import) (\w+)', re.MULTILINE)
@@ -43,8 +43,8 @@ def pytest_terminal_summary(terminalreporter):
 
 
 def pytest_configure():
-    os.environ['LC_ALL'] = 'C.UTF-8'        # commands speak the language of the locale
-    # A background job ignores SIGINT, a job of nohup SIGHUP, and processes started and ended here would inherit that.
+    os.environ['LC_ALL'] = 'C.UTF-8'        # commands use the language of the locale
+    # A background job ignores SIGINT, and a job of nohup ignores SIGHUP; processes started here would inherit this.
     for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
@@ -55,7 +55,7 @@ def pytest_make_parametrize_id(val):
     return f'{val[:40]!a} of {len(val)}' if isinstance(val, str | bytes) and len(val) > 1000 else None
 
 
-# These take ten seconds or more; if one ran last, the other processors would be idle.
+# These tests take ten seconds or more; if one ran last, the other processors would be idle.
 LONGEST = ('test_types_hold_strictly', 'test_no_scene_on_the_topic_ends_or_blinds_a_recorder',
            'test_the_demo_can_be_run_again_in_one_place',
            'test_recorders_killed_at_random_moments_lose_at_most_the_flush_interval_and_are_repaired',
@@ -71,9 +71,10 @@ def pytest_collection_modifyitems(config, items):
 
 
 def pytest_collection_finish():
-    """Look for garbage less often: thousands of tests and the libraries stay until the end.
+    """Collect garbage less often, because thousands of tests and the libraries stay in memory until the end.
 
-    They are not frozen, since Hypothesis looks for the referrers of random generators, and does not find frozen ones.
+    They are not frozen, because Hypothesis searches for the referrers of random generators and does not find frozen
+    ones.
     """
     gc.collect()
     gc.set_threshold(50_000, 20, 100)
@@ -81,15 +82,16 @@ def pytest_collection_finish():
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers():
-    """Return two per processor, since tests of nodes, browsers and clusters mostly wait."""
+    """Return two workers per processor, since tests of nodes, browsers and clusters mostly wait."""
     return 2 * len(os.sched_getaffinity(0))
 
 
 settings.register_profile('repeatable', derandomize=True, deadline=None, database=None, max_examples=40,
                           suppress_health_check=[HealthCheck.too_slow])
-# With other versions of libraries the same code has the same properties: a few examples show that it runs.
+# With other versions of libraries, the same code has the same properties, so a few examples suffice to show that it
+# runs.
 settings.register_profile('brief', settings.get_profile('repeatable'), max_examples=10)
-# By hand, after changes of the code that a property covers: 25 times as many as in each run of the tests.
+# For use by hand, after changes to the code that a property covers: 25 times as many examples as usual.
 settings.register_profile('thorough', settings.get_profile('repeatable'), max_examples=1000)
 # For mutants (test/mutants), for which the first failing example is enough.
 settings.register_profile('first', settings.get_profile('repeatable'), report_multiple_bugs=False,

@@ -1,4 +1,4 @@
-"""The contents of a drawn figure, measured with Matplotlib's renderer: boxes of texts and legends, and curves."""
+"""Measure the contents of a drawn figure with Matplotlib's renderer: boxes of texts and legends, and curves."""
 import numpy as np
 from matplotlib.text import Annotation, Text
 from shapely.affinity import rotate
@@ -7,7 +7,7 @@ from shapely.strtree import STRtree
 
 from dragon_ros.cli.figures import PAGE_IN, TEXT_PT
 
-_HAIR = 0.75        # pixels at 100 dots per inch
+_HAIR = 0.75        # tolerance in pixels at 100 dots per inch
 
 
 class Picture:

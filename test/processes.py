@@ -1,7 +1,7 @@
-"""Processes of the package that start quickly: forked from a process that has imported what they need.
+"""Processes of the package that start quickly, because a process that has imported what they need forks them.
 
-An executable needs a second to import its libraries, and the tests start hundreds. Those whose claim is about starting
-and ending (signals while modules are imported, exit codes, security, the shell) run ``python -m dragon_ros`` instead.
+An executable needs a second to import its libraries, and the tests start hundreds. Tests whose claim concerns starting
+and ending (signals during imports, exit codes, security, the shell) run ``python -m dragon_ros`` instead.
 """
 import multiprocessing
 import os
@@ -13,7 +13,7 @@ from contextlib import suppress
 _FORKS = multiprocessing.get_context('forkserver')
 _FORKS.set_forkserver_preload([
     'processes', *(f'dragon_ros.nodes.{name}' for name in ('command_lines', 'sim', 'monitor', 'record', 'replay')),
-    # what rclpy and the messages import when the first node is made
+    # modules that rclpy and the messages import when the first node is created
     'rosidl_generator_py', *(f'{name}_msgs.msg' for name in ('geometry', 'nav', 'rosgraph', 'sensor', 'service',
                                                              'visualization')),
     'std_srvs.srv', 'type_description_interfaces.msg'])
@@ -53,7 +53,7 @@ class Forked:
 
     def send_signal(self, number):
         if self.poll() is None:
-            with suppress(ProcessLookupError):      # it has ended, and its exit code is about to arrive
+            with suppress(ProcessLookupError):      # the process has ended, and its exit code is about to arrive
                 os.kill(self.pid, number)
 
     def kill(self):
@@ -61,7 +61,7 @@ class Forked:
 
 
 def _run(arguments, environment, cwd, output):
-    """Run in the new process what ``python -m dragon_ros`` runs; nothing of the first process's environment remains."""
+    """In the new process, run what ``python -m dragon_ros`` runs, without the first process's environment."""
     from dragon_ros.__main__ import run
     os.environ.clear()
     os.environ.update(environment)

@@ -17,7 +17,7 @@ TRACKS = st.one_of(st.builds(Spiral, st.floats(0.3, 4), st.floats(0.5, 6)), PIEC
 
 
 def thinned(cases, kept):
-    """Return the parameters of a test; those for which ``kept`` is false run only with ``--long``."""
+    """Return the parameters of a test; parameters for which ``kept`` is false run only with ``--long``."""
     out = [case if kept(case) else pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.long)
            for case in cases]
     assert any(kept(case) for case in cases)

@@ -1,10 +1,10 @@
-"""Random scenes of every kind, as the plain values of a scene file: a seed always gives the same scene.
+"""Random scenes of every kind, as the plain values of a scene file; a seed always gives the same scene.
 
-Tests and comparisons of two versions of the code draw from here. So that a seed gives the same scene on every machine
-and for every version, this module imports nothing from the package, takes all random numbers from ``Random.random``
-(the only method whose numbers Python guarantees) and keeps six figures of every number. It draws once and never
-consults the code under test: a few scenes in a hundred are rejected (bends that are too tight, chains that are locked
-from the start, accuracies beyond floats), as with users' scenes.
+Tests and comparisons of two versions of the code draw their scenes from here. So that a seed gives the same scene on
+every machine and for every version, this module imports nothing from the package, takes all random numbers from
+``Random.random`` (the only method whose numbers Python guarantees) and keeps six figures of every number. It draws once
+and never consults the code under test: a few scenes in a hundred are rejected (bends that are too tight, chains that
+are locked from the start, accuracies beyond floats), as are some users' scenes.
 
 A scene is drawn in its natural order:
 
@@ -28,15 +28,15 @@ from math import exp, log, pi
 from random import Random
 from typing import Any, NamedTuple
 
-KINDS = {'in': 34, 'out': 7, 'far': 4, 'turn': 20, 'composite': 27, 'circle': 8}     # of tracks, in parts of 100
-TIGHTEST = 1.98         # largest curvature times longest link on a composite track: the contract of scene files
+KINDS = {'in': 34, 'out': 7, 'far': 4, 'turn': 20, 'composite': 27, 'circle': 8}     # kinds of tracks, in parts of 100
+TIGHTEST = 1.98         # largest curvature times longest link on a composite track, by the contract of scene files
 _NEEDS = {'clearance': 'benches', 'contact': 'clearance', 'markers': 'contact', 'forces': 'accelerations'}
 _EFFECTS = ('velocity', 'benches', 'clearance', 'contact', 'markers', 'accelerations', 'forces', 'noise', 'trails',
             'clock', 'diagnostics')
 
 
 class Dice:
-    """Chance, repeatable."""
+    """Repeatable random choices."""
 
     def __init__(self, seed: int) -> None:
         self._random = Random(seed)
@@ -46,11 +46,11 @@ class Dice:
         return figures(low + (high - low) * self._random.random())
 
     def scaled(self, low: float, high: float) -> float:
-        """Any number between two positive ones, equally likely in each decade."""
+        """Any number between two positive numbers; each decade is equally likely."""
         return figures(exp(log(low) + log(high / low) * self._random.random()))
 
     def whole(self, low: int, high: int) -> int:
-        """A whole number between two, both included, small ones more likely."""
+        """A whole number between two, both included; small numbers are more likely."""
         return min(high, int(exp(log(low) + log((high + 1) / low) * self._random.random())))
 
     def chance(self, parts: float) -> bool:
@@ -58,11 +58,11 @@ class Dice:
         return self._random.random() * 100 < parts
 
     def one(self, *choices: Any) -> Any:
-        """One of several."""
+        """One of several choices."""
         return choices[int(self._random.random() * len(choices))]
 
     def one_by_parts(self, parts: dict[Any, float]) -> Any:
-        """One of several, by their weights."""
+        """One of several choices, according to their weights."""
         left = self._random.random() * sum(parts.values())
         for choice, part in parts.items():
             left -= part
@@ -86,7 +86,7 @@ class Benches(NamedTuple):
 
     @property
     def longest_link_m(self) -> float:
-        """Length of the longest link, or a tenth of a bench if that is longer, as a scale."""
+        """Length of the longest link, or a tenth of a bench if that is longer; it serves as a scale."""
         return max(*(length - 2 * self.inset_m for length in self.lengths_m), 0.1 * max(self.lengths_m))
 
     @property
@@ -104,10 +104,10 @@ class Way(NamedTuple):
     """A track, and the leader's possible motion on it."""
 
     section: dict[str, Any]
-    onwards_m: float                # a useful distance, against ``sense``: positive is inwards or onwards
+    onwards_m: float                # a useful distance, relative to ``sense``; positive is inwards or onwards
     lead: str = 'head'
     sense: int = 1
-    has_end: bool = False           # whether the model itself ends there
+    has_end: bool = False           # whether the model ends there
 
 
 def random_scene(seed: int) -> dict[str, Any]:
@@ -141,7 +141,7 @@ def _benches(dice: Dice, kind: str, unit_m: float) -> Benches:
     inset = figures(body * dice.one_by_parts({0.125: 55, 0.0: 15, dice.between(0, 0.2): 28,
                                               dice.between(0.2, 0.5): 2}))
     if dice.chance(1.5):
-        inset = 0.5 * body      # handles in one place: exact, so that the links have zero length
+        inset = 0.5 * body      # handles coincide exactly, so that the links have zero length
     width = figures(body * dice.one_by_parts({0.136364: 55, dice.between(0.03, 0.25): 42, dice.scaled(0.3, 2.0): 3}))
     one = {'width_m': width, 'hole_inset_m': inset}
     least = max(2 * inset, 0.05 * body)
@@ -153,7 +153,7 @@ def _benches(dice: Dice, kind: str, unit_m: float) -> Benches:
     head = {'longer head': body * dice.one(1.55, dice.between(1, 3)), 'equal': body,
             'shorter head': max(least, body * dice.between(0.3, 1))}[how]
     head = head if how == 'equal' else figures(head)
-    head = max(head, 2 * inset)     # rounding must leave room for the holes
+    head = max(head, 2 * inset)     # rounding must leave space for the holes
     section = {'benches': count, 'head_length_m': head, 'body_length_m': body, **one}
     return Benches(section if dice.chance(50) else {'kind': 'equal', **section}, [head] + [body] * (count - 1), inset,
                    width)
@@ -174,9 +174,9 @@ def _groups(dice: Dice, count: int, least_m: float, body_m: float) -> list[dict[
 
 
 def _pitch(dice: Dice, benches: Benches, radius_m: float) -> float:
-    """Draw a pitch: about enough for the longest benches not to touch the next turn at a radius, too little, or plenty.
+    """Draw a pitch that, for the longest benches at a radius, is about sufficient, too small, or ample.
 
-    A bench of length L on a circle of radius r sags L^2 / (8 r) inwards at its middle.
+    The middle of a bench of length L on a circle of radius r lies L^2 / (8 r) inside the circle.
     """
     width, longest = benches.width_m, max(benches.lengths_m)
     meeting = width + longest**2 / (8 * radius_m * dice.between(0.9, 1.3))
@@ -186,8 +186,8 @@ def _pitch(dice: Dice, benches: Benches, radius_m: float) -> float:
 
 
 def _inwards(dice: Dice, benches: Benches) -> Way:
-    """A single spiral, from some links' lengths away to the centre or as far as the chain goes."""
-    wound_m = benches.chain_m * dice.between(0.3, 1) / (2 * pi)     # where the dragon winds round once or more
+    """A single spiral, from several links' lengths away to the centre or as far as the chain extends."""
+    wound_m = benches.chain_m * dice.between(0.3, 1) / (2 * pi)     # the dragon winds round at least once
     start_m = max(benches.longest_link_m, dice.one(benches.longest_link_m * dice.between(1, 8), wound_m, wound_m))
     pitch = _pitch(dice, benches, start_m * dice.scaled(0.25, 0.9))
     radius_m = min(max(start_m, pitch * dice.between(0.3, 1.5)), 40 * pitch)
@@ -204,7 +204,7 @@ def _spiral(dice: Dice, pitch: float, turns: float) -> dict[str, Any]:
 
 
 def _outwards(dice: Dice, benches: Benches) -> Way:
-    """A single spiral, left by a head that moves back or by a tail that pulls the others."""
+    """A single spiral that a head leaves by moving back, or a tail by pulling the others."""
     start_m = benches.longest_link_m * dice.between(0.8, 4)
     pitch = _pitch(dice, benches, start_m * dice.scaled(0.5, 1.2))
     radius_m = max(start_m, pitch * dice.between(0.5, 2))
@@ -222,9 +222,9 @@ def _far(dice: Dice, benches: Benches) -> Way:
 
 
 def _turn(dice: Dice, benches: Benches) -> Way:
-    """An S-turn whose tighter arc is drawn: with b = pitch / 2 pi its radii add up to hypot(diameter / 2, b).
+    """An S-turn whose tighter arc is drawn; with b = pitch / 2 pi, the radii add up to hypot(diameter / 2, b).
 
-    Its two spirals lie between each other, half a pitch apart.
+    Its two spirals interleave, half a pitch apart.
     """
     ratio = dice.one(1.0, 2.0, dice.scaled(0.4, 2.5))
     tighter_m = benches.least_radius_m * dice.one_by_parts({dice.between(0.97, 1.02): 5, dice.between(1.02, 1.6): 65,
@@ -234,7 +234,7 @@ def _turn(dice: Dice, benches: Benches) -> Way:
     pitch = figures(layers * _pitch(dice, benches, tighter_m * (1 + max(ratio, 1 / ratio))))
     sum_m = max(tighter_m * (1 + max(ratio, 1 / ratio)), 1.2 * pitch / (2 * pi))
     diameter_m = figures(2 * (sum_m**2 - (pitch / (2 * pi))**2)**0.5)
-    turn_m = 2 * pi * sum_m     # about
+    turn_m = 2 * pi * sum_m     # approximate
     before_m = figures(turn_m * dice.between(-0.1, 2)) if (lead, sense) == ('head', 1) else figures(
         -(turn_m + benches.chain_m * dice.between(0, 0.8)))
     onwards_m = abs(before_m) + turn_m + min(benches.chain_m, 40 * benches.longest_link_m) * dice.between(0.4, 1.3)
@@ -243,7 +243,7 @@ def _turn(dice: Dice, benches: Benches) -> Way:
 
 
 def _circle(dice: Dice, benches: Benches) -> Way:
-    """Round and round: on a circle alone, or from a line into one."""
+    """A circular walk, on a circle alone or from a line into a circle."""
     least = benches.least_radius_m
     radius_m = figures(dice.one(least * dice.between(1.0, 4),
                                 max(benches.chain_m * dice.between(0.9, 1.8) / (2 * pi), 1.01 * least)))
@@ -313,7 +313,7 @@ _TRACKS = {'in': _inwards, 'out': _outwards, 'far': _far, 'turn': _turn, 'circle
 
 
 def _head(dice: Dice, way: Way, speed_m_s: float) -> tuple[dict[str, Any], float, bool]:
-    """Draw the leader's law, the time at which it has gone about the useful distance, and whether it never ends."""
+    """Draw the leader's law, the time at which it has covered about the useful distance, and if it never ends."""
     lead = {'lead': way.lead} if way.lead == 'tail' or dice.chance(20) else {}
     time_s = figures(way.onwards_m / speed_m_s)
     if dice.chance(2):
@@ -337,7 +337,7 @@ def _knots(dice: Dice, speed_m_s: float, time_s: float) -> tuple[list[list[float
             knots.append([t_s, after])                                  # a jump
         else:
             later_s = figures(t_s + time_s * dice.between(0.02, 0.5))
-            knots.append([later_s, before if dice.chance(25) else after])      # a hold (or a rest), or a ramp
+            knots.append([later_s, before if dice.chance(25) else after])      # a constant speed (or a rest), or a ramp
     if knots[-1][1] * speed_m_s <= 0 and dice.chance(70):
         knots.append([figures(knots[-1][0] + 0.1 * time_s), speed_m_s])
     gone_s = sum(0.5 * (v0 + v1) * (t1 - t0) for (t0, v0), (t1, v1) in pairwise(knots)) / speed_m_s
@@ -345,7 +345,7 @@ def _knots(dice: Dice, speed_m_s: float, time_s: float) -> tuple[list[list[float
 
 
 def _run(dice: Dice, arrives: bool, stop_s: float) -> dict[str, Any]:
-    """Draw when the run starts and stops; one that reaches an end of the model may have no stop."""
+    """Draw when the run starts and stops; a run that reaches an end of the model may have no stop."""
     run: dict[str, Any] = {}
     if not (arrives and dice.chance(40)):
         run['stop_s'] = figures(stop_s * dice.one(1, 1, 1, 1, dice.between(0.1, 1)))
@@ -357,7 +357,7 @@ def _run(dice: Dice, arrives: bool, stop_s: float) -> dict[str, Any]:
 
 
 def _ways_to_compute(dice: Dice) -> dict[str, Any]:
-    """Draw accuracy, solver and how benches are shown; defaults are left out more often than not."""
+    """Draw accuracy, solver and display of benches; defaults are omitted more often than not."""
     values: dict[str, Any] = {}
     if dice.chance(50):
         values['accuracy'] = dice.one_by_parts({'exact': 30, 'fine': 20, 'standard': 20, 'preview': 15,
@@ -370,7 +370,7 @@ def _ways_to_compute(dice: Dice) -> dict[str, Any]:
 
 
 def _effects(dice: Dice, unit_m: float) -> dict[str, Any]:
-    """Draw effects, with what they need, and how they are set."""
+    """Draw effects, the effects that they need, and their settings."""
     if dice.chance(50):
         return {}
     effects = {name for name in _EFFECTS if dice.chance(8 if name in ('accelerations', 'forces') else 30)}

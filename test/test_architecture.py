@@ -1,4 +1,4 @@
-"""The house stays in order: imports point down, one list of executables, packaging, lint and types."""
+"""The architecture holds: imports point down, and there are tests of executables, packaging, lint and types."""
 import ast
 import os
 import runpy
@@ -18,12 +18,12 @@ from dragon_ros.executables import EXECUTABLES
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / 'dragon_ros'
-# Each room and what it may import besides itself; rooms that do not exist yet are left out of the tests.
+# Each room and what it may import besides itself; the tests skip rooms that do not exist yet.
 BELOW_NODES = ('core', 'version', 'configuration', 'scenes', 'messages', 'bags', 'cli')
 ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
          'studies': BELOW_NODES, 'commands': (*BELOW_NODES, 'studies'), 'nodes': BELOW_NODES,
          'cost': BELOW_NODES, 'api': (*BELOW_NODES, 'commands', 'studies'), 'verify': ()}
-STARTS = {'commands': {'verify', 'nodes.one_path'}}     # as a process
+STARTS = {'commands': {'verify', 'nodes.one_path'}}     # these are started as processes
 # The rooms and single modules of the core, and what each may import besides itself.
 VALUES = ('errors', 'checks', 'flags')
 CHAIN = ('errors', 'checks', 'numerics', 'tracks', 'chain')
@@ -44,7 +44,7 @@ LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': se
              'commands': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'python_calamine', 'shapely'},
              'studies': {'numpy', 'scipy', 'yaml', 'pyarrow', 'dask', 'distributed', 'tornado'}, 'verify': {'flint'},
              'cost': {'numpy', 'matplotlib'}}
-# Folders that exist only in a checkout, and which others each of them may import.
+# Folders that exist only in a checkout, and the other folders that each of them may import.
 BESIDE = {'hard_cases': {'hard_cases'}, 'benchmarks': {'benchmarks', 'hard_cases'}}
 
 
@@ -52,8 +52,8 @@ BESIDE = {'hard_cases': {'hard_cases'}, 'benchmarks': {'benchmarks', 'hard_cases
 def read(path):
     """Return the modules that a file imports, and the names of the package in its imports and strings.
 
-    Imports for types and inside functions count too, and so do strings, such as the argument of ``import_module``. The
-    bare name of the package does not: it is also the name of a folder, a record and a logger.
+    Imports for types and inside functions also count, and so do strings, such as the argument of ``import_module``. The
+    bare name of the package does not count, because it is also the name of a folder, a record and a logger.
     """
     imported, found = [], set()
     for node in ast.walk(ast.parse(path.read_text())):
@@ -77,7 +77,7 @@ def named(path):
 
 
 def libraries(path):
-    """Return the top-level names of what a file imports."""
+    """Return the top-level names of the modules that a file imports."""
     return {name.split('.')[0] for name in imports(path)}
 
 
@@ -102,7 +102,7 @@ def upward_in_core(room, path):
 
 
 def modules(folder, rooms):
-    """Return (room, file) of every module of these rooms, be they folders or single files."""
+    """Return (room, file) of every module of these rooms, which are folders or single files."""
     return [(room, path) for room in rooms
             for path in (*sorted((folder / room).rglob('*.py')), *folder.glob(f'{room}.py'))]
 
@@ -154,7 +154,7 @@ PLANTED = ['import {}', 'from {} import anything', 'def later():\n    import {}'
 
 
 def not_found(folder, other, upward_of):
-    """Return the forms of an import of a module, each planted in a file, that are not detected."""
+    """Return those forms of an import of a module, each planted in a file, that are not detected."""
     files = {folder / f'planted_{number}.py': how.format(f'dragon_ros.{other}') for number, how in enumerate(PLANTED)}
     for path, code in files.items():
         path.write_text(code)
@@ -187,7 +187,7 @@ def test_what_the_core_may_import_has_no_circle():
 
 
 def mentioned(path, known):
-    """Return the modules that one names in imports or in strings, anywhere in it.
+    """Return the modules that a module names in imports or strings, anywhere in its code.
 
     A string that ends in a dot, such as a prefix for ``import_module``, names all modules with this prefix.
     """
@@ -247,7 +247,7 @@ def test_package_xml_setup_py_and_code_agree():
     assert f'## {dragon_ros.__version__}' in (ROOT / 'CHANGELOG.md').read_text()
     (address,) = (node.attrib['email'] for node in tree.findall('maintainer'))
     assert f"maintainer_email='{address}'" in (ROOT / 'setup.py').read_text()
-    assert address.endswith('.example.org')     # until there is a real one
+    assert address.endswith('.example.org')     # until there is a real address
     declared = {node.text for node in tree if node.tag.endswith('depend')}
     used = {name.split('.')[0] for path in PACKAGE.rglob('*.py') for name in imports(path)}
     ros = {name for name in used if name == 'rclpy' or name.endswith(('_msgs', '_srvs', '_interfaces'))}
@@ -265,7 +265,7 @@ def copy_source(target):
     return target
 
 
-NO_BYTECODE = {'PYTHONDONTWRITEBYTECODE': '1'}      # of a copy that is used once
+NO_BYTECODE = {'PYTHONDONTWRITEBYTECODE': '1'}      # environment of a copy that is used once
 
 
 def installed_names(prefix):

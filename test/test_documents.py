@@ -20,13 +20,14 @@ from dragon_ros.executables import EXECUTABLES, NODES
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [*(ROOT / name for name in ('README.md', 'README.zh.md', 'CONTRIBUTING.md')),
              *sorted((ROOT / 'docs').rglob('*.md'))]
-# Commands and programs of the Chinese pages are those of the English ones: test_translations.py.
+# test_translations.py checks that the Chinese pages have the commands and programs of the English ones.
 ENGLISH = [path for path in DOCUMENTS if path.parent.name != 'zh' and path.name != 'README.zh.md']
 LONGEST_S = 50
 CONTEST_ROWS = {0: 'head', 1: 'section 1', 51: 'section 51', 101: 'section 101', 151: 'section 151', 201: 'section 201',
                 223: 'tail, rear'}
 
-# The beginning of a document's command, what is run instead (None: nothing), and why. Longer ones come first.
+# The beginning of a document's command, the command that runs instead (None if nothing runs), and the reason. Longer
+# ones come first.
 SUBSTITUTES = {
     './dragon demo': (None, 'ten seconds and four processes; test/nodes/test_graph.py runs it'),
     './dragon python test/bags/crash.py': (None, 'twenty minutes; test/bags/test_crash.py kills some'),
@@ -130,7 +131,7 @@ def run(arguments, folder):
 
 @pytest.fixture
 def command(tmp_path, monkeypatch, capsys):
-    """A function that runs a command in the folder of the test, a node as a process; it returns what ``run`` does."""
+    """A function that runs a command in the test's folder, a node as a process; it returns the same as ``run``."""
     monkeypatch.chdir(tmp_path)
 
     def run_here(arguments):
@@ -145,7 +146,7 @@ def command(tmp_path, monkeypatch, capsys):
 
 
 def write_files(path, folder):
-    """Write each block of YAML or SVG that begins with a file's name, as its reader is told to."""
+    """Write each block of YAML or SVG that begins with a file's name, as the page tells its reader to do."""
     named = r'^```(?:yaml\n# |xml\n<!-- )(\w+\.(?:yaml|svg))(?: -->)?\n(.*?)^```'
     for name, text in re.findall(named, path.read_text(), re.DOTALL | re.MULTILINE):
         (folder / name).write_text(text)
@@ -174,7 +175,7 @@ def test_every_command_of_a_document_runs_and_says_what_is_shown(path, tmp_path,
 
 
 def _steady(text):
-    """Return a text without durations, and with single blanks."""
+    """Return a text without durations and with single blanks."""
     return re.sub(r'\s+', ' ', re.sub(r'in \d+\.\d+ s', 'in S', text))
 
 
@@ -190,12 +191,12 @@ def venue_page(tmp_path_factory):
     return folder
 
 
-MOVED_M = (100, 20)     # the page says so of the street
+MOVED_M = (100, 20)     # the page states this shift of the street
 
 
 def test_the_drawing_and_the_walls_of_the_venue_page_are_the_scene_street(venue_page):
     shipped, walled, way = map(dr.scene, ('street', venue_page / 'walled.yaml', venue_page / 'way.yaml'))
-    times = [0.0, 20.0, 45.0, 70.0, 90.0]       # in all pieces
+    times = [0.0, 20.0, 45.0, 70.0, 90.0]       # times in all pieces
     expected = dr.compile(shipped).states(times).handles_m
     for drawn in (walled, way):
         moved = dr.compile(drawn).states(times).handles_m - MOVED_M
@@ -215,7 +216,7 @@ def test_the_drawing_of_the_square_becomes_its_track_within_the_tolerance(venue_
         assert LineString(other).buffer(0.02 * 1.01).contains(LineString(shared))
 
 
-# The examples of python.md are one program, which test_api runs.
+# The examples of python.md form one program, which test_api runs.
 @pytest.mark.parametrize('path', [path for path in ENGLISH if path.name != 'python.md'], ids=lambda path: path.name)
 def test_every_python_program_in_a_document_runs(path, tmp_path):
     write_files(path, tmp_path)

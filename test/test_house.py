@@ -1,4 +1,4 @@
-"""The checks of the ROS linters on licence and manifest, which also run without them; ruff has the other rules."""
+"""The checks of the ROS linters on licence and manifest, which run without these linters; ruff has the other rules."""
 import hashlib
 import tokenize
 from pathlib import Path
@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import pytest
 
 ROOT = Path(__file__).parents[1]
-APACHE_2 = 'cfc7749b96f63bd31c3c42b5c471bf756814053e847c10f3eb003417bc523d30'     # the published text
+APACHE_2 = 'cfc7749b96f63bd31c3c42b5c471bf756814053e847c10f3eb003417bc523d30'     # digest of the published text
 CLAIMS = b'copyright', b'spdx', b'licence'
 FOLDERS = ('dragon_ros', 'benchmarks', 'hard_cases', 'launch', 'msg_configs', 'scripts', 'test')
 SOURCES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob('*')
@@ -41,8 +41,8 @@ def test_the_manifest_is_what_the_tools_of_ros_accept_without_a_warning():
     assert found.get_build_type() == 'ament_python'
 
 
-# Keys of rosdep and packages of ROS 2 that resolve on Ubuntu noble and later, looked up in rosdistro of 2026-08-22.
-# rosdep installs test dependencies by default and stops at the first key that it does not know.
+# Keys of rosdep and packages of ROS 2 that resolve on Ubuntu noble and later, according to rosdistro of 2026-08-22.
+# rosdep installs test dependencies by default and stops at the first unknown key.
 RESOLVED = {
     'rclpy', 'diagnostic_msgs', 'geometry_msgs', 'nav_msgs', 'rcl_interfaces', 'rosgraph_msgs', 'sensor_msgs',
     'std_msgs', 'std_srvs', 'visualization_msgs', 'ament_index_python', 'launch', 'launch_ros', 'ros2launch',
@@ -68,6 +68,6 @@ def test_a_file_whose_library_is_missing_is_left_out_by_name(request, source, li
 
 
 def test_no_two_files_of_tests_have_one_name():
-    """Pytest imports them by it, and would refuse the second."""
+    """Pytest imports files by their names and would reject the second one."""
     names = [path.name for path in (ROOT / 'test').rglob('*.py') if path.name != 'conftest.py']
     assert sorted({name for name in names if names.count(name) > 1}) == []

@@ -1,4 +1,4 @@
-"""The packages that ``./dragon`` installs are locked by version and hash, and a changed file is rejected."""
+"""``./dragon`` installs packages that are locked by version and hash, and rejects a changed file."""
 import re
 import subprocess
 import sys
@@ -24,7 +24,7 @@ def pins(path):
 
 
 def wheel(folder, text):
-    """Write a wheel of one module, and return its hash."""
+    """Write a wheel with one module, and return its hash."""
     path = folder / 'locked_thing-1.0-py3-none-any.whl'
     info = 'locked_thing-1.0.dist-info'
     with zipfile.ZipFile(path, 'w') as file:

@@ -1,4 +1,4 @@
-"""The notebooks of docs/notebooks run from top to bottom, and are kept without their outputs."""
+"""The notebooks of docs/notebooks run from top to bottom, and are stored without their outputs."""
 import warnings
 from pathlib import Path
 

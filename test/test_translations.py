@@ -1,4 +1,4 @@
-"""The Chinese pages mirror the English ones: the same commands, figures, links and terms, page by page."""
+"""Each Chinese page has the commands, figures, links and terms of its English page."""
 import re
 from pathlib import Path
 
@@ -8,20 +8,20 @@ ROOT = Path(__file__).parents[1]
 ENGLISH = {ROOT / 'README.zh.md': ROOT / 'README.md',
            **{path: ROOT / 'docs' / path.name for path in sorted((ROOT / 'docs' / 'zh').glob('*.md'))}}
 _CODE = re.compile(r'^```\w*\n.*?^```$|^(?:    [^\n]*\n)+', re.DOTALL | re.MULTILINE)
-# Tables written by a tool are only on the English page.
+# Only the English page contains tables written by a tool.
 _MADE = re.compile(r'<!-- (?:cost|table) .*?<!-- end -->', re.DOTALL)
 _FIGURE = re.compile(r'(?<![A-Za-z0-9_.])\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?')
 
 
 def code(text):
-    """Return the lines of code and of shown output, without comments, which are translated."""
+    """Return the lines of code and of shown output, but not comments, which are translated."""
     lines = (line.partition('#')[0].rstrip() for block in _CODE.findall(_MADE.sub('', text)) for line in
              block.splitlines())
     return [line for line in lines if line.strip()]
 
 
 def figures(text):
-    """Return the numbers of two digits and more in prose and in tables, as they are written."""
+    """Return the numbers of two or more digits in prose and in tables, as they are written."""
     prose = re.sub(r'\]\([^)]*\)|`[^`]*`', '', _CODE.sub('', _MADE.sub('', text)))
     return {figure for found in _FIGURE.findall(prose) if len(figure := found.rstrip(',')) > 1}
 
@@ -34,20 +34,20 @@ def links(path, text):
 
 
 def terms(text):
-    """Return the English words of the tables of the glossary, in the first column or, in Chinese, in the second."""
+    """Return the English words of the glossary's tables, from the first column or, in Chinese, from the second."""
     rows = [[cell.strip() for cell in line.split('|')[1:-1]] for line in text.splitlines() if line.startswith('| ')]
     return [row[:2] for row in rows]
 
 
 @pytest.fixture(params=ENGLISH, ids=lambda path: str(path.relative_to(ROOT)))
 def pages(request):
-    """A Chinese page and its English one, each with its text."""
+    """A Chinese page and its English page, each with its text."""
     chinese, english = request.param, ENGLISH[request.param]
     return (chinese, chinese.read_text(encoding='utf-8')), (english, english.read_text(encoding='utf-8'))
 
 
 def behind(pages, here, there):
-    """Say which page is behind the other, and by what."""
+    """Return a message that names the page that is behind the other, and the missing parts."""
     (chinese, _), (english, _) = pages
     return (f'{chinese.relative_to(ROOT)} is behind {english.relative_to(ROOT)}: lacks {sorted(there - here)}, '
             f'has alone {sorted(here - there)}')

@@ -1,11 +1,11 @@
-"""A crash oracle: kill a writer of bags at any moment, and compare what the tools recover with what it had written.
+"""A crash oracle: kill a bag writer at any moment, and compare the recovered messages with the written ones.
 
-A child process writes numbered messages through the recorder's writer thread and says, after each flush, how many are
-in the file. After SIGKILL, ``--repair`` must save every flushed message of the bag, and every later one that is
-complete in the files; nothing else, nothing twice, nothing out of order. The library's own stream reader is a second
-opinion: all messages that it finds in the files must be saved, too.
+A child process writes numbered messages through the recorder's writer thread and prints, after each flush, how many are
+in the file. After SIGKILL, ``--repair`` must save every flushed message of the bag and every later one that is complete
+in the files. It must save nothing else, nothing twice and nothing out of order. The library's own stream reader is an
+independent check: all messages that it finds in the files must also be saved.
 
-By hand, for as many kills as wanted: ``./dragon python test/bags/crash.py --kills 1000``
+To try any number of kills by hand: ``./dragon python test/bags/crash.py --kills 1000``
 """
 import argparse
 import os
@@ -50,7 +50,7 @@ class Kill(NamedTuple):
 
 
 def payload(n: int) -> bytes:
-    """Return message ``n``: a string that begins with its number and continues with text that compresses badly."""
+    """Return message ``n``: a string that begins with its number and continues with text that compresses poorly."""
     return string_message(f'{n:08d}' + random.Random(n).randbytes(_SIZES[n % len(_SIZES)]).hex())
 
 
@@ -119,7 +119,7 @@ def examined(bag: Path) -> int:
 
 
 def numbers_in(bag: Path) -> list[int]:
-    """Return the numbers of the messages in a bag, each checked to its last byte."""
+    """Return the numbers of the messages in a bag, after checking each message to its last byte."""
     with BagReader(bag, damaged=True) as reader:
         rows = [(message.sequence, message.topic, message.data) for message in reader.messages()]
     for sequence, topic, data in rows:
@@ -136,7 +136,7 @@ def streamed(file: Path) -> list[int]:
 
 
 def main(argv: list[str]) -> int:
-    """Kill a number of writers, in every form and compression, and print a table of the results."""
+    """Kill a number of writers, with every form and compression, and print a table of the results."""
     if argv[:1] == ['--write']:
         write_until_killed(Path(argv[1]), argv[2], argv[3] == 'parts')
         return 0

@@ -1,4 +1,4 @@
-"""Every reader against every bag of the corpus, in bounded memory."""
+"""Every reader reads every bag of the corpus in bounded memory."""
 import runpy
 import subprocess
 import sys
@@ -123,7 +123,7 @@ def test_a_bag_cut_at_any_byte_is_refused_and_all_before_the_cut_is_saved(tmp_pa
         assert set(read(folder / 'out.mcap')) <= set(read(CORPUS[name]))
     if name in ('good_none', 'good_without_chunks') and b'/dragon/handles' in data[:cut]:
         whole = repair(CORPUS[name], folder / 'whole.mcap').messages
-        messages_before = whole * min(1.0, (cut - 3000) / 8000)     # schemas and channels come first
+        messages_before = whole * min(1.0, (cut - 3000) / 8000)     # preceded by schemas and channels
         assert saved.messages >= int(messages_before) - 3
 
 
@@ -133,7 +133,7 @@ def test_a_bag_cut_at_any_byte_is_refused_and_all_before_the_cut_is_saved(tmp_pa
 @example('good_zstd', [(0.0, 0)], 1.0)
 def test_flipped_and_cut_bags_raise_nothing_but_clear_errors(tmp_path_factory, name, flips, keep):
     if name.startswith('bomb'):
-        return      # they only cost time here
+        return      # garbage collections only cost time here
     folder, data = tmp_path_factory.mktemp('flip'), bytearray(CORPUS[name].read_bytes())
     for share, value in flips:
         if data:

@@ -1,4 +1,4 @@
-"""Bags can be read by other software, are overwritten only on request, and are complete even if the disk is full."""
+"""Other software can read bags, which are overwritten only on request and complete even if the disk is full."""
 import shutil
 from contextlib import suppress
 
@@ -32,7 +32,7 @@ TOPICS = ['/dragon/handles', '/dragon/benches', '/dragon/velocities']
 
 
 def fill(bag, ticks=range(compile_scene(SCENE).last_tick + 1)):
-    """Write ticks and return what was written."""
+    """Write ticks and return the written messages."""
     encode, out = encoders(SCENE), []
     for name in encode:
         bag.add_channel(f'/dragon/{name}', channels()[name])
@@ -283,7 +283,7 @@ def begun_in_parts(folder, parts=3):
 
 
 def ended(bag):
-    """Act as a recorder does after an error, and return the error texts."""
+    """Act like a recorder after an error, and return the error texts."""
     errors = []
     for act in (lambda: bag.describe('account', {'complete': 'false'}), lambda: bag.attach('a', 'text/plain', b'a'),
                 bag.flush, bag.close, bag.close):
@@ -296,7 +296,7 @@ def ended(bag):
 
 def test_where_the_disk_is_full_between_two_parts_all_parts_are_whole_and_listed(tmp_path):
     bag = begun_in_parts(tmp_path / 'run')
-    with small_disk(30_000):        # a part has room, the next metadata.yaml has none
+    with small_disk(30_000):        # a part fits, but the next metadata.yaml does not
         with pytest.raises(DiskError, match='no further part can begin: File too large'):
             bag.write('/x', bytes(12), 9, 9)
         assert all('no further part can begin' in error for error in ended(bag))
@@ -364,7 +364,7 @@ def test_a_bag_without_messages_gives_way_to_the_next_one(tmp_path, folder, kill
     first = BagWriter(path)
     first.describe('account', {'complete': 'true'})
     first.close()
-    if killed:      # with its header but without its end
+    if killed:      # the file has its header but no end
         file = path / 'run_0.mcap' if folder else path
         file.write_bytes(file.read_bytes()[:40])
     with BagWriter(path) as bag:

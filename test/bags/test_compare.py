@@ -1,4 +1,4 @@
-"""A bag is compared with the model tick by tick, and a run that ends in a contact also with the frame at that time."""
+"""A bag is compared with the model tick by tick, including the contact frame if a run ends in a contact."""
 from dataclasses import replace
 
 import numpy as np
@@ -37,7 +37,8 @@ def test_a_lost_a_doubled_and_a_strange_tick_are_each_found(tmp_path, write_bag)
     with BagReader(write_bag(tmp_path / 'a.mcap', ticks)) as bag:
         found = compare_with_model(bag, SCENE)
         faults = [f for f in found.faults if 'handles' in f]
-        assert (found.equal, found.fault_count - found.missing_count) == (3 * 24, 3 * 2)    # each of 78 is counted
+        # Each of the 78 messages is counted.
+        assert (found.equal, found.fault_count - found.missing_count) == (3 * 24, 3 * 2)
         assert faults == ['tick 7: handles is missing', 'tick 9: handles occurs 2 times']
     with BagReader(write_bag(tmp_path / 'b.mcap')) as bag:
         other = compare_with_model(bag, Scene(run=Run(412, 412.4)))
@@ -84,7 +85,7 @@ LED = load_scene('led', ['dragon.benches=3', 'run.stop_s=100'])
 
 
 def led_frames(count):
-    """Yield the first frames of a led dragon that speeds up from rest."""
+    """Yield the first frames of a led dragon that accelerates from rest."""
     law = None
     for k in range(count):
         law = law_on(LED, law, LED.run.time_ns(k), 0.01 * (k > 0))
@@ -92,7 +93,7 @@ def led_frames(count):
 
 
 def write_led(path, count, keep=lambda name, k: True, change=lambda name, k, data: data, account=False):
-    """Write a led run, with some messages omitted or changed; optionally as a recorder that was not killed."""
+    """Write a led run with some messages omitted or changed, optionally like a recorder that was not killed."""
     encode = encoders(LED)
     with BagWriter(path) as bag:
         for name in encode:

@@ -1,4 +1,4 @@
-"""A writer killed at any moment leaves a bag from which everything on disk is recovered, in every form."""
+"""Everything on disk is recovered from the bag, of any form, of a writer killed at any moment."""
 import pytest
 from crash import FORMS, kill
 from properties import thinned

@@ -1,4 +1,4 @@
-"""Bags can be read by independent software: rosbags, mcap-ros2-support, ros2 bag, mcap doctor."""
+"""Independent software can read bags: rosbags, mcap-ros2-support, ros2 bag and mcap doctor."""
 import shutil
 import subprocess
 from importlib.metadata import version
@@ -22,7 +22,7 @@ FORMS = [('run.mcap', {}, SCENE), ('run', {}, SMALL), ('run', {'split_duration_s
 
 @pytest.fixture(params=FORMS, ids=lambda form: f'{form[0]} {form[1]}')
 def written(request, tmp_path):
-    """A bag in each form, and the scene whose messages it holds."""
+    """A bag in each form, and the scene whose messages it contains."""
     where, options, scene = request.param
     encode, text = encoders(scene), scene_file(scene)
     with BagWriter(tmp_path / where, options=BagOptions(**options)) as bag:
@@ -39,7 +39,7 @@ def written(request, tmp_path):
 
 
 def check(scene, topic, t_ns, message):
-    """Compare a message that another library has decoded with the model."""
+    """Compare a message decoded by another library with the model."""
     frame = tick(scene, scene.run.tick_at(t_ns))
     if topic == '/dragon/handles':
         assert message.header.frame_id == 'dragon'

@@ -1,4 +1,4 @@
-"""Page-cache requests of a growing file, which block nobody."""
+"""Page-cache requests for a growing file block nobody."""
 import errno
 import os
 import threading
@@ -55,13 +55,13 @@ def test_a_slow_disk_delays_the_requests_and_not_the_writer(monkeypatch):
     monkeypatch.setattr(os, 'posix_fadvise', slow)
     cache = PageCache(-1)
     for size in range(0, 20 * STEP_BYTES, MB):
-        cache.grown(size)       # returns although the first request waits
+        cache.grown(size)       # returns while the first request waits
     go.set()
     cache._job.result(60)
     assert parts == [(0, KEPT_BYTES)]
     cache.grown(20 * STEP_BYTES)
     cache.close()
-    assert parts[1:] == [(0, 20 * STEP_BYTES)]      # nothing was forgotten
+    assert parts[1:] == [(0, 20 * STEP_BYTES)]      # no part was omitted
 
 
 @pytest.mark.parametrize('error', [errno.ESPIPE, errno.EINVAL, errno.ENOSYS])

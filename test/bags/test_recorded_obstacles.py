@@ -1,4 +1,4 @@
-"""Obstacles that a monitor had from a file or a map, read back from a bag tick by tick."""
+"""Obstacles that a monitor received from a file or a map are read back from a bag tick by tick."""
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from dragon_ros.messages.surroundings import read_venue
 from dragon_ros.messages.venue_markers import fits_message, obstacles_message
 from dragon_ros.scenes.load import load_scene
 
-SCENE = load_scene('street', ['dragon.benches=5', 'venue=null', 'run.stop_s=0.2'])      # its front is at x = 20.275 m
+SCENE = load_scene('street', ['dragon.benches=5', 'venue=null', 'run.stop_s=0.2'])      # the front is at x = 20.275 m
 TICKS = range(11)
 VENUE = '/dragon/venue'
 SEEN = '/dragon/collision/obstacles'
@@ -71,9 +71,10 @@ def test_obstacles_count_from_the_tick_of_their_stamp_on_and_replace_those_of_th
     front = [20.275 + 0.02 * k for k in TICKS]
     assert gaps[3:6] == pytest.approx([20.5 - x for x in front[3:6]], abs=1e-9)
     assert gaps[8:] == pytest.approx([20.4 - x for x in front[8:]], abs=1e-9)
-    assert min(gaps[:3] + gaps[6:8]) > 1        # the next bench but one
+    assert min(gaps[:3] + gaps[6:8]) > 1        # the gap of the next bench but one
     touch = dragon_in(bag).first_touch(iter)
-    assert (touch.obstacle, touch.t_s) == ('post', 0.16)       # it counts from then on, whatever was before
+    # It is used from then on, regardless of earlier obstacles.
+    assert (touch.obstacle, touch.t_s) == ('post', 0.16)
 
 
 def test_obstacles_in_another_frame_do_not_count(bag_of):
@@ -99,7 +100,7 @@ def test_surroundings_are_read_back_to_the_last_bit():
     ((MARKER_RUNS - 1) // 2, (MARKER_RUNS - 1) // 2, True), ((MARKER_RUNS + 1) // 2, (MARKER_RUNS + 1) // 2, False)])
 def test_a_message_of_obstacles_has_a_budget_within_which_every_reader_takes_it(edges, names, fits):
     start = np.arange(edges) * (1 + 1j)
-    # Names of different lengths have different layouts.
+    # Names of different lengths lead to different layouts.
     around = Surroundings(tuple('x' * (1 + 5 * (n % 2)) for n in range(names)), start, start + 1,
                           np.arange(edges) % names, np.zeros(names, int))
     assert fits_message(around) is fits

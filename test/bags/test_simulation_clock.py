@@ -7,13 +7,13 @@ from dragon_ros.core.limits import HELD_BYTES
 def test_messages_without_a_stamp_get_the_tick_that_was_published_before_them():
     out = []
     clock = SimulationClock(lambda *row: out.append(row[0:3:2]))
-    clock.unstamped('v', b'early', 5, 0)        # of a tick before the first that was seen
+    clock.unstamped('v', b'early', 5, 0)        # belongs to a tick before the first one seen
     clock.mark(10, 100)
     clock.mark(20, 200)
     clock.unstamped('v', b'1', 12, 1)           # overtaken by the next handles
     clock.unstamped('v', b'2', 22, 2)           # must wait for the next handles
     assert out == [('v', 100)]
-    clock.unstamped('v', b'3', 32, 3)           # came before its own handles
+    clock.unstamped('v', b'3', 32, 3)           # arrived before its own handles
     clock.mark(30, 300)
     clock.flush()
     assert out == [('v', 100), ('v', 200), ('v', 300)]
@@ -64,7 +64,7 @@ def test_after_a_lost_tick_nobody_can_tell_whose_a_message_is_and_it_is_counted(
     clock.mark(10, 100, 1)
     clock.unstamped('v', b'1', 11, 1)
     clock.unstamped('d', b'of none', 12, 1, exact=False)
-    clock.unstamped('v', b'2 or 3', 31, 3)      # 21 is the tick of number 2, which was lost
+    clock.unstamped('v', b'2 or 3', 31, 3)      # tick 21 has number 2, which was lost
     clock.mark(30, 300, 3)
     clock.mark(40, 400, 4)
     assert out == [(b'of none', 100), (b'2 or 3', 300)]
@@ -76,7 +76,7 @@ def test_a_latched_message_after_a_lost_tick_is_logged_when_it_surely_holds():
     clock = SimulationClock(lambda *row: out.append(row[1:3]))
     clock.mark(10, 100, 500)
     clock.unstamped('active', b'of another monitor', 31, 1, latched=True)
-    clock.mark(40, 400, 4)      # its first three ticks came before the recorder was found
+    clock.mark(40, 400, 4)      # its first three ticks preceded the discovery of the recorder
     assert (out, clock.unpaired) == ([(b'of another monitor', 400)], {})
 
 
@@ -117,7 +117,7 @@ PERIOD_NS = 20_000_000
 
 
 def published(ticks, set_back):
-    """Return what a sim publishes, in order: (topic, tick, source time); ``set_back`` has what is before each jump."""
+    """Return a sim's messages, in order: (topic, tick, source time); ``set_back`` has the messages before each jump."""
     now, out = 10**18, []
     for k in range(ticks):
         for topic in ('handles', 'v'):
@@ -146,7 +146,7 @@ def test_a_system_clock_that_is_set_moves_no_message_to_another_tick(by_ns, late
     out = []
     clock = SimulationClock(lambda *row: out.append(row[1:3]))
     rows = published(2100, {(where, 7): by_ns, ('handles', 40): -by_ns, ('v', 1900): by_ns})
-    if late != 'in order':      # topics overtake each other by some ticks
+    if late != 'in order':      # topics overtake each other by several ticks
         slow = 'handles' if late == 'handles late' else 'v'
         rows = [rows[n] for n in sorted(range(len(rows)), key=lambda n: n + 5.5 * (rows[n][0] == slow))]
     found = ticks_of(clock, out, rows)

@@ -1,4 +1,4 @@
-"""Jobs on a thread: in order, at most one pending, an error raised once."""
+"""Jobs run on a thread in order, with at most one pending, and an error is raised once."""
 import threading
 
 import pytest
@@ -18,7 +18,7 @@ def test_jobs_are_done_in_order_and_never_more_than_one_waits():
     go.set()
     for k in range(100):
         thread.start(lambda k=k: done.append(k))
-        assert len(done) > k       # the ones before it
+        assert len(done) > k       # the earlier jobs are done
     thread.settle()
     thread.close()
     assert done == [True, *range(100)]

@@ -1,4 +1,4 @@
-"""The writer thread: everything in order, bounded memory, and an error reported once."""
+"""The writer thread writes everything in order, in bounded memory, and reports an error once."""
 import threading
 
 import pytest

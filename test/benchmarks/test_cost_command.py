@@ -1,4 +1,4 @@
-"""``./dragon cost``: pages that keep their text, the README's rows, and all pages one by one."""
+"""``./dragon cost``: pages keep their text, the README keeps its rows, and all pages are measured one by one."""
 import pytest
 
 from benchmarks import command

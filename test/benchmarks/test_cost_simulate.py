@@ -1,4 +1,4 @@
-"""``./dragon cost simulate``: each number of workers is measured, and the bag's bytes are copied."""
+"""``./dragon cost simulate``: each number of workers is measured, and copying the bag's bytes is measured."""
 from benchmarks import simulate
 from dragon_ros.cli.pool import workers_of
 

@@ -1,4 +1,4 @@
-"""The page on studies: its figures follow from what was measured."""
+"""The page on studies: its figures follow from the measurements."""
 import csv
 import io
 

@@ -1,4 +1,4 @@
-"""Shell completion: a shell's request in the environment, and the answer on descriptor 8."""
+"""Shell completion: a shell sends its request in the environment and reads the answer from descriptor 8."""
 import os
 import subprocess
 import sys

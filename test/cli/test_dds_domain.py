@@ -1,4 +1,4 @@
-"""A free domain has no participant left, regardless of which one came first."""
+"""A free domain has no remaining participant, regardless of which one came first."""
 import os
 import socket
 import subprocess
@@ -10,9 +10,10 @@ from properties import thinned
 from dragon_ros.cli import dds_domain
 from dragon_ros.cli.dds_domain import free_domain, give_up_domains
 
-BASE, GAIN = 7400, 250      # of the ports of a domain: DDS-RTPS 9.6.1
+BASE, GAIN = 7400, 250      # ports of a domain, by DDS-RTPS 9.6.1
 WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw')) % 7
-DOMAIN, OTHER = 216 + 2 * WORKER, 217 + 2 * WORKER  # beyond the ports that Linux gives to sockets that ask for none
+# Beyond the ports that Linux assigns to sockets without a given port.
+DOMAIN, OTHER = 216 + 2 * WORKER, 217 + 2 * WORKER
 
 
 @pytest.fixture(autouse=True)
@@ -22,7 +23,7 @@ def others_may_have_them():
 
 
 def chosen(times):
-    """Return which of two domains are free, by repeated choices that reserve none."""
+    """Return which of two domains are free, found by repeated choices that reserve none."""
     out = set()
     for _ in range(times):
         out.add(free_domain([DOMAIN, OTHER]))
@@ -31,7 +32,7 @@ def chosen(times):
 
 
 @pytest.mark.parametrize(('of', 'address'), thinned(
-    [(of, address) for of in (0, 10, 11, 12, 24, 248) for address in ('127.0.0.1', '')],    # discovery, participants
+    [(of, address) for of in (0, 10, 11, 12, 24, 248) for address in ('127.0.0.1', '')],    # discovery and participants
     {(0, '127.0.0.1'), (10, ''), (11, '127.0.0.1'), (248, '127.0.0.1')}.__contains__))
 def test_a_domain_with_any_participant_is_not_free(of, address):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as participant:

@@ -1,6 +1,6 @@
 """Headless Chromium, driven over the WebDriver protocol that chromedriver speaks.
 
-``python3 test/commands/browser.py URL FILE [WIDTH HEIGHT [dark]]`` takes a picture of the page of ``view``.
+``python3 test/commands/browser.py URL FILE [WIDTH HEIGHT [dark]]`` takes a picture of a page of ``view``.
 """
 import base64
 import json
@@ -20,12 +20,12 @@ DRIVER = shutil.which('chromedriver')
 ABSENT = 'no chromium with chromedriver on this machine; on Debian: apt install chromium chromium-driver'
 _FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-sync',
           '--disable-background-networking', '--disable-component-update', '--window-size=1400,860',
-          '--use-angle=swiftshader', '--enable-unsafe-swiftshader',     # WebGL by software
+          '--use-angle=swiftshader', '--enable-unsafe-swiftshader',     # WebGL in software
           # One process serves all pages, which are trusted: starting one for each would take as long as its test.
           '--renderer-process-limit=1', '--disable-site-isolation-trials', '--disable-features='
           'SpareRendererForSitePerProcess,BackForwardCache,ProactivelySwapBrowsingInstance,RenderDocument')
 _LONGEST_S = 60.0
-# Of WebDriver.
+# Codes of keys in WebDriver.
 _KEYS = {'ArrowLeft': '\ue012', 'ArrowUp': '\ue013', 'ArrowRight': '\ue014', 'Home': '\ue011', 'End': '\ue010',
          'Tab': '\ue004'}
 
@@ -79,14 +79,14 @@ class Browser:
         self.run(f'document.getElementById("{name}").click()')
 
     def look(self, width, height, dark=False):
-        """Give the page a size in pixels, a phone's below 600, and a light or a dark scheme."""
+        """Give the page a size in pixels (a phone's if below 600) and a light or dark colour scheme."""
         self._devtools('Emulation.setDeviceMetricsOverride', width=width, height=height, deviceScaleFactor=1,
                        mobile=width < 600)
         scheme = {'name': 'prefers-color-scheme', 'value': 'dark' if dark else 'light'}
         self._devtools('Emulation.setEmulatedMedia', features=[scheme])
 
     def press(self, key):
-        """Press and release a key, given by the name that the page receives (' ', 'Home')."""
+        """Press and release a key, which is given by the name that the page receives (' ', 'Home')."""
         keys = [{'type': kind, 'value': _KEYS.get(key, key)} for kind in ('keyDown', 'keyUp')]
         self._call('/actions', {'actions': [{'type': 'key', 'id': 'keyboard', 'actions': keys}]})
 

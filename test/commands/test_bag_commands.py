@@ -1,4 +1,4 @@
-"""inspect, export, simulate, and table on bags: their output, files and exit codes."""
+"""The commands inspect, export, simulate and table on bags: their output, files and exit codes."""
 import csv
 import json
 import os
@@ -73,7 +73,7 @@ def test_a_simulated_bag_is_the_same_file_again(capsys, tmp_path, bag):
 
 @pytest.fixture
 def of_rosbag2(tmp_path):
-    """A sim as recorded by rosbag2: wall times, topics that overtake each other, the scene only as a message."""
+    """A sim as rosbag2 records it: wall times, topics that overtake each other, and the scene only as a message."""
     scene = Scene(run=Run(412.2, 412.7))
     encode, path, wall_ns = encoders(scene, 'sea'), tmp_path / 'rosbag2.mcap', 1_800_000_000 * 10**9
     with BagWriter(path) as bag:
@@ -84,7 +84,7 @@ def of_rosbag2(tmp_path):
             frame = tick(scene, k)
             for late_ns, name in enumerate(encode):
                 bag.write(f'/red/{name}', encode[name](frame), wall_ns + k * 20_000_000 + late_ns * 15_000_000, k + 1)
-            if k % 5 == 0:      # ten times a second at most
+            if k % 5 == 0:      # at most ten times per second
                 bag.write('/red/clearance/marker', bytes(64), wall_ns + k * 20_000_000, k + 1)
     return path
 
@@ -106,7 +106,7 @@ def test_what_is_not_published_each_tick_is_not_missing(capsys, tmp_path):
         for name, every in (('handles', 1), ('clearance/marker', 5), ('clearance', 1)):
             bag.add_channel(f'/dragon/{name}', channels()[name])
             for k in range(0, 101, every):
-                t_ns = scene.run.time_ns(k + (name == 'clearance' and 30 < k < 50))     # without a stamp: guessed
+                t_ns = scene.run.time_ns(k + (name == 'clearance' and 30 < k < 50))     # guessed, since it has no stamp
                 bag.write(f'/dragon/{name}', encoders(scene)['handles'](tick(scene, k)), t_ns, k + 1)
     _, out, _ = run(capsys, 'inspect', path, '--format', 'json', '--looks', '1')
     rows = {row['topic']: row for row in json.loads(out)['topics']}
@@ -187,7 +187,7 @@ def test_the_dragon_of_a_bag_is_named_with_or_without_its_slash_and_one_that_is_
 
 
 def test_a_clearance_is_taken_from_the_bag_only_with_the_stamp_of_its_tick(capsys, tmp_path):
-    """At wall times, as other recorders write, and with a topic without stamps that an earlier version logged late."""
+    """A bag has wall times, as from other recorders, and a topic without stamps that an earlier version logged late."""
     with BagWriter(tmp_path / 'a.mcap') as out:
         for name in ('handles', 'clearance', 'clearance/stamped'):
             out.add_channel(f'/dragon/{name}', channels()[name])
@@ -212,7 +212,7 @@ def test_inspect_examines_no_more_ticks_than_requested(capsys, bag):
 
 
 def changed(bag, path, change):
-    """Rewrite a bag with each message as ``change`` returns it, and unchanged metadata."""
+    """Rewrite a bag with the messages that ``change`` returns, and with unchanged metadata."""
     with BagReader(bag) as old, BagWriter(path) as new:
         new.describe('dragon_ros', old.metadata('dragon_ros'))
         from dragon_ros.messages.channels import channels

@@ -1,4 +1,4 @@
-"""The contract of the offline commands: output, exit codes, one clear line for bad input."""
+"""The contract of the offline commands: output, exit codes, and one clear line for bad input."""
 import argparse
 import csv
 import io
@@ -150,7 +150,7 @@ def test_bad_input_exits_with_2_and_a_clear_line(capsys, arguments, says):
 
 @pytest.mark.parametrize('name', [*EXECUTABLES, *(f'plot {kind}' for kind in command._KINDS)])
 def test_the_example_in_the_help_of_every_executable_is_understood(capsys, monkeypatch, name):
-    """Do everything but the work itself: the parsed command is accepted."""
+    """Do everything except the work itself, to show that the parsed command is accepted."""
     monkeypatch.setattr(command_line, 'guarded', lambda name, body: 0)
     if EXECUTABLES[name.split()[0]].module.startswith('dragon_ros.nodes'):
         pytest.importorskip('rclpy')
@@ -253,7 +253,8 @@ NEEDS = {
     'table BAG': (BAG, 'messages'),
     'export BAG --output OUT.csv': (BAG, 'messages'),
     'inspect BAG': (BAG, 'messages core.enclosures core.search'),
-    'plot dragon --output OUT.png': ('numpy numpy.ma yaml shapely matplotlib subprocess', ''),     # it marks overlaps
+    # Because it marks overlaps.
+    'plot dragon --output OUT.png': ('numpy numpy.ma yaml shapely matplotlib subprocess', ''),
 }
 ROOMS = {'messages', 'core.enclosures', 'core.search', 'core.effects', 'nodes', 'studies'}
 HEAVY = {'numpy', 'numpy.ma', 'yaml', 'mcap', 'zstandard', 'lz4', 'shapely', 'matplotlib', 'scipy', 'pyarrow', 'dask',
@@ -270,7 +271,7 @@ def test_a_command_imports_what_it_needs_and_no_more(tmp_path, line):
             'from dragon_ros.__main__ import main\n'
             f'with contextlib.redirect_stdout(None): assert main({words}) == 0\nprint(*set(sys.modules) - before)')
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
-    brought, new = (set(line.split()) for line in done.stdout.splitlines())     # numpy 1 itself imports numpy.ma
+    brought, new = (set(line.split()) for line in done.stdout.splitlines())     # numpy 1 imports numpy.ma on its own
     parts = {name.removeprefix('dragon_ros.').rpartition('.')[0] for name in new if name.startswith('dragon_ros.')}
     libraries, rooms = NEEDS[line]
     assert new & HEAVY - brought == set(libraries.split()) - brought
@@ -296,7 +297,7 @@ def test_the_defaults_that_help_names_are_those_of_the_code(name):
             said = action.help or ''
             if action.default not in (None, False, 0, argparse.SUPPRESS) and action.default != []:
                 assert '(%(default)' in said, f'{parser.prog} {action.dest}: {said}'
-            elif action.default != 0:       # the brackets at the end are not a value of the parser
+            elif action.default != 0:       # the brackets at the end do not hold a value of the parser
                 assert '%(default)' not in said
 
 

@@ -60,7 +60,7 @@ def test_values_are_the_known_ones(folder):
 
 
 def test_books_have_the_same_numbers_under_the_same_names_as_the_text_files(folder, books, request):
-    step = 1 if request.config.getoption('--long') else 10      # of the columns
+    step = 1 if request.config.getoption('--long') else 10      # step of the columns
     for name, sheets in {'result1': {'位置': '_positions', '速度': '_speeds'}, 'result2': {'Sheet1': ''}}.items():
         assert list(books[name]) == list(sheets)
         for title, file in sheets.items():
@@ -73,10 +73,10 @@ def test_books_have_the_same_numbers_under_the_same_names_as_the_text_files(fold
 
 
 def the_organisers_rows(name, sheet):
-    """The names that the organisers' empty result files have, read from copies of them that teams published.
+    """The names in the organisers' empty result files, read from copies that teams published.
 
     The original files are in the repositories julymiaw/CUMCM2024A (all three) and zty2004/CUMCM2024 (result4, the same
-    bytes); completed ones are in Diraw/Code-for-the-2024-CUMCM-Problems-A and in walker4869/CUMCM-2024-Problem-A.
+    bytes); completed files are in Diraw/Code-for-the-2024-CUMCM-Problems-A and in walker4869/CUMCM-2024-Problem-A.
     """
     names = ['龙头', *(f'第{n}节龙身' for n in range(1, 222)), '龙尾', '龙尾（后）']
     if sheet == '位置':

@@ -32,7 +32,7 @@ def unsearched(monkeypatch):
 
 
 def bag_of(path, scene, claim):
-    """The bag of a run that ends in its contact, as `sim` and `record` make it, with a claim (None: without)."""
+    """The bag of a run that ends in its contact, as `sim` and `record` make it, with a claim unless it is None."""
     found = FOUND[scene]
     if found:
         frames = [*(tick(scene, k) for k in range(ticks_before(scene, found.t_s))), contact_frame(scene, found.t_s)]

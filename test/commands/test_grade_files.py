@@ -1,4 +1,4 @@
-"""Grading of files: layouts of students, folders of teams, reports, and workbooks that are hostile or broken."""
+"""Grading of files: students' layouts, folders of teams, reports, and hostile or broken workbooks."""
 import io
 import json
 import os
@@ -114,7 +114,7 @@ def test_missing_and_empty_sheets_and_other_names_are_told(tmp_path):
 
 
 def changed(data, **parts):
-    """A workbook with other parts; None leaves one out."""
+    """A workbook with other parts; None omits a part."""
     out = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(out, 'w', zipfile.ZIP_DEFLATED) as new:
         for entry in old.infolist():
@@ -238,7 +238,7 @@ def test_a_folder_has_a_team_for_each_folder_and_for_each_name(room):
 
 def test_a_report_is_one_file_that_loads_nothing_and_escapes_names(room, tmp_path, capsys):
     out = tmp_path / 'report.html'
-    teams = [str(path) for path in room.iterdir() if path.name != 'both']       # two: in this process
+    teams = [str(path) for path in room.iterdir() if path.name != 'both']       # two teams are graded in this process
     assert main(['grade', *teams, '--lang', 'zh', '--output', str(out)]) == 0
     page = out.read_text(encoding='utf-8')
     assert '<script' not in page

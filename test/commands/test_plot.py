@@ -1,4 +1,4 @@
-"""Pictures: every kind from a scene and from a bag, with the same bytes each time, or a clear error."""
+"""Every kind of picture, from a scene and from a bag, has the same bytes each time, or there is a clear error."""
 import re
 import struct
 from pathlib import Path
@@ -97,7 +97,7 @@ def test_a_bag_shows_what_its_scene_shows(scene, bag):
 
 
 def test_a_bag_stamped_with_wall_time_shows_its_last_tick_too(tmp_path, scene):
-    now_s = 1_800_000_000       # so far that doubles are 2.4e-7 s apart
+    now_s = 1_800_000_000       # so late that doubles are 2.4e-7 s apart
     data = bytes(encoders(scene)['handles'](tick(scene, 0)))
     with BagWriter(tmp_path / 'a.mcap') as bag:
         bag.add_channel('/dragon/handles', channels()['handles'])
@@ -113,7 +113,7 @@ def test_a_bag_shows_the_track_of_its_scene_and_none_without_one(tmp_path, scene
     assert main(['simulate', *short, '--output', str(path)]) == 0
     with BagReader(path) as opened:
         assert np.array_equal(dragon_in(opened).track, SceneSource('winding', scene).track)
-    with BagReader(bag) as opened:      # written without its scene
+    with BagReader(bag) as opened:      # the bag has no scene
         assert dragon_in(opened).track is None
 
 
@@ -257,7 +257,7 @@ def source(request):
 
 
 def figures_of(source):
-    """The figures of every kind of picture that a source has; an animation's is its first frame."""
+    """The figures of every kind of picture of a source; that of an animation is its first frame."""
     first, last = source.span_s
     for many in (1, 2, 5):
         yield f'{many} dragons', dragon_picture(source, np.linspace(first, last, many).tolist())
@@ -284,7 +284,7 @@ def test_a_picture_shows_the_whole_dragon_with_its_track_around_it_wherever_it_i
     low, high = window(source.track, [one])
     corners = one.benches.corners.reshape(-1, 2)
     assert np.all((corners > low) & (corners < high))
-    assert max(high - low) < 6 * max(np.ptp(corners, axis=0))       # the dragon is not lost in a long street
+    assert max(high - low) < 6 * max(np.ptp(corners, axis=0))       # the dragon is not tiny in a long street
     near = np.all(np.abs(source.track - corners.mean(axis=0)) < np.ptp(corners, axis=0).max(), axis=1)
     assert np.all((source.track[near] > low) & (source.track[near] < high))
 
@@ -394,7 +394,7 @@ def test_a_film_is_an_mp4_with_a_frame_for_each_time_and_its_length(capsys, tmp_
     assert b'av01' in found[b'stsd']
     (count,) = struct.unpack_from('>I', found[b'stsz'], 8)
     scale, length = struct.unpack_from('>IQ', found[b'mdhd'], 20)
-    assert (count, scale, length) == (16, 1000, 533)        # 16 frames, 30 a second
+    assert (count, scale, length) == (16, 1000, 533)        # 16 frames at 30 per second
     assert struct.unpack_from('>Q', found[b'tkhd'], 28) == struct.unpack_from('>Q', found[b'mvhd'], 24) == (length,)
     assert found[b'elst'][:4] == b'\1\0\0\0'
     assert list(tmp_path.iterdir()) == [path]
@@ -423,7 +423,7 @@ def test_a_film_that_is_broken_off_leaves_nothing(tmp_path, scene):
 
 
 def test_a_codec_that_nothing_here_writes_is_said_with_what_to_install(capsys, tmp_path, monkeypatch):
-    monkeypatch.setenv('PATH', str(tmp_path))       # has no ffmpeg
+    monkeypatch.setenv('PATH', str(tmp_path))       # a folder without ffmpeg
     code, _, err = film(capsys, tmp_path / 'run.mp4', '--codec', 'h264')
     assert (code, len(err.splitlines())) == (2, 1)
     assert 'apt install ffmpeg' in err
@@ -441,7 +441,7 @@ def test_pictures_have_text_as_text_and_a_caption_with_scene_time_and_version(ca
 
 
 def test_pictures_can_be_read_in_black_and_white():
-    """Head and body differ in lightness, benches that touch are hatched, and lines have different dashes."""
+    """Head and body differ in lightness, touching benches are hatched, and lines have different dashes."""
     grey = {name: np.dot(to_rgb(colour), (0.299, 0.587, 0.114)) for name, colour in
             (('body', figures.BODY), ('head', figures.HEAD))}
     assert grey['body'] - grey['head'] > 0.15

@@ -1,4 +1,4 @@
-"""Links of almost zero length: those with a direction are supported, the others rejected, everywhere alike."""
+"""Links of almost zero length are supported if they have a direction, and rejected otherwise, by every part."""
 import json
 
 import numpy as np
@@ -26,7 +26,7 @@ def scene_options(link_m):
 
 
 def dragons(link_m):
-    """Dragons with such a head, and with one such bench among others."""
+    """Dragons whose head, or one of whose benches, has such a link."""
     short_m = 2 * INSET_M + link_m
     return Dragon(20, short_m), Mixed((Group(3.41), Group(2.2, 5), Group(short_m), Group(2.2, 13)))
 

@@ -1,4 +1,4 @@
-"""The web view: the server's answers, and a page that plays in a real browser without leaving this host."""
+"""The web view: the server's answers, and a page that plays in a real browser without contacting other hosts."""
 import contextlib
 import http.client
 import json
@@ -85,7 +85,7 @@ def test_frames_are_what_the_model_says(server, scene):
     assert frames[10, 240:] == pytest.approx(true.speed_m_s, abs=1e-6)
     touching = rows(server, run, 'contact')
     point_m = json.loads(get(server, 'contact.json'))['point_m']
-    assert touching[0, :2] == pytest.approx(point_m, abs=1e-6)    # the head's front left corner
+    assert touching[0, :2] == pytest.approx(point_m, abs=1e-6)    # at the head's front left corner
 
 
 def test_clearance_vanishes_at_the_contact(server):
@@ -168,11 +168,11 @@ def test_who_asks_is_answered_however_many_connections_ask_for_nothing(scene):
         silent = [stack.enter_context(socket.create_connection(server.server_address))
                   for _ in range(VIEW_CONNECTIONS + 8)]
         for one in silent:
-            with contextlib.suppress(OSError):      # it was closed
+            with contextlib.suppress(OSError):      # the connection was closed
                 one.sendall(b'G')
         assert json.loads(get(server, 'run.json'))['name'] == 'short'
         with contextlib.suppress(ConnectionError):
-            assert silent[0].recv(1) == b''         # the oldest of them made room
+            assert silent[0].recv(1) == b''         # the oldest one was closed to free its place
 
 
 def test_a_request_has_a_deadline_however_steadily_its_bytes_come(scene, monkeypatch):
@@ -264,7 +264,7 @@ def test_the_page_plays_in_a_browser(tmp_path, server, page):
     assert page.log() == []
 
 
-# Boxes of the page's titles and controls, as (text, left, top, right, bottom) of those that are seen.
+# Boxes of the page's visible titles and controls, as (text, left, top, right, bottom).
 BOXES = """return [...document.querySelectorAll(
     'h1, h2, #facts, #legend span, button, select, #time, .xtitle, .ytitle')]
     .filter((one) => one.getClientRects().length && !one.hidden).map((one) => {
@@ -324,7 +324,7 @@ def test_outlines_scale_with_the_zoom(server, page):
     page.click('whole')
     page.wait(f'{wide} === {before}')
     assert 0 < before < 1
-    assert page.run(width) == 0.8       # the track is a line
+    assert page.run(width) == 0.8       # the track is drawn as a line
 
 
 def test_the_first_frame_is_drawn_before_the_contact_is_searched(scene, page):
@@ -380,7 +380,7 @@ def window_of(page):
 
 
 def test_many_benches_are_drawn_where_they_are_at_every_zoom(big, big_server, page):
-    """No line leads through the empty middle of the spiral, and rectangles have the corners of the model."""
+    """No line passes through the empty middle of the spiral, and rectangles have the corners of the model."""
     true = moment(big, 0.0)
     seen = ('const {data, width, height} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height); '
             'let many = 0; for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) '
@@ -397,14 +397,15 @@ def test_many_benches_are_drawn_where_they_are_at_every_zoom(big, big_server, pa
     for made, right_ones in zip(corners, true.benches.corners[[0, 1, 4999]], strict=True):
         apart = np.hypot(*(made[:, None] - right_ones[None]).transpose(2, 0, 1))
         assert apart.min(axis=1).max() < 2e-5
-    assert 'draw calls a frame on a canvas' in page.run('return document.getElementById("scale").textContent')
+    assert 'draw calls per frame on a canvas' in page.run('return document.getElementById("scale").textContent')
     page.press('f')
-    page.wait('return cost.calls < 20 && cost.drawn < 200')       # only what is in view
-    assert [said for level, said in page.log() if level != 'WARNING'] == []    # of reading its pixels
+    page.wait('return cost.calls < 20 && cost.drawn < 200')       # only visible benches are drawn
+    assert [said for level, said in page.log() if level != 'WARNING'] == []    # warnings are about reading pixels
 
 
-# How WebGL pictures differ from the canvas: drawn at the same place, and a pixel to the right. Each is the share of
-# pixels that differ by more than an eighth of all shades, of the whole picture and of 40 pixels about the first handle.
+# How WebGL pictures differ from the canvas if drawn at the same place, and a pixel to the right. Each value is the
+# share of pixels that differ by more than an eighth of all shades, in the whole picture and within 40 pixels of the
+# first handle.
 APART = """const plot = document.getElementById('scene'), {range, _length} = plot._fullLayout.xaxis;
   const pixels = (webgl, moved) => {
     drawBy(webgl);
@@ -433,7 +434,7 @@ APART = """const plot = document.getElementById('scene'), {range, _length} = plo
 
 def test_webgl_draws_the_picture_of_the_canvas_and_gives_way_to_it(big_server, page):
     page.open_view(big_server.url)
-    assert page.run('return cost.webgl') is False       # WebGL would be drawn by software here, slower than the canvas
+    assert page.run('return cost.webgl') is False       # software would draw WebGL here, slower than the canvas
     apart = [page.run(APART)]
     page.press('f')
     page.wait('return shownSpan() < 20')
@@ -463,7 +464,7 @@ def test_the_page_follows_the_head_and_remembers_it(server, scene, page):
         page.wait(f'return parseFloat(document.getElementById("time").textContent) === {t_s} && !player.drawing')
         head = moment(SceneSource('short', scene), t_s).benches.centre[0]
         assert window_of(page).mean(axis=1) == pytest.approx(head, abs=0.01)
-    with serving(SceneSource('short', scene)) as later:     # of another run, on another port
+    with serving(SceneSource('short', scene)) as later:     # another run on another port
         page.open_view(later.url)
         page.wait(pressed + ' === "true"')
         page.click('whole')

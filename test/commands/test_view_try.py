@@ -148,7 +148,7 @@ def test_work_ends_when_the_page_that_asked_is_gone():
         def searched(progress):
             begun.set()
             try:
-                return source(lambda rows: progress(iter(int, 1)))     # steps without an end
+                return source(lambda rows: progress(iter(int, 1)))     # endless steps
             finally:
                 ended.set()
         object.__setattr__(made._source, 'searched', searched)
@@ -194,7 +194,7 @@ FITS = """const box = document.getElementById('scene').getBoundingClientRect();
 
 
 def test_a_changed_value_moves_the_dragon_and_renews_the_answers(server, page):
-    page.look(820, 1180)        # at this size the legend takes three lines
+    page.look(820, 1180)        # at this size, the legend takes three lines
     page.open_view(server.url)
     page.wait('return document.body.dataset.answered === "yes"')
     page.wait(FITS)
@@ -230,7 +230,7 @@ def test_values_are_changed_by_keys_alone_on_a_page_that_is_all_in_its_language(
         page.press('ArrowUp')
         page.wait('return location.search === "?dragon.width_m=0.305"')
         page.wait('return document.querySelectorAll("#answers progress").length === 0')
-        page.press('End')       # the field's own key: the run stays where it is
+        page.press('End')       # the field handles this key, so the time does not change
         assert page.run('return document.getElementById("time").textContent') == '411.00 s'
         said = page.wait('return document.querySelectorAll("#answers i").length === 5 && '
                          'document.getElementById("values").textContent')

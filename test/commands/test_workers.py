@@ -1,4 +1,4 @@
-"""Commands on several processes: the same output, and what remains if a process or the disk fails."""
+"""Commands on several processes have the same output, and leave valid files if a process or the disk fails."""
 import json
 import os
 import signal
@@ -28,7 +28,7 @@ from dragon_ros.scenes.load import load_scene
 
 DRAGON = [sys.executable, '-m', 'dragon_ros']
 COMMAND = [*DRAGON, 'simulate', '--scene', 'winding', '--workers', '2']
-RUN = ['run.start_s=380', 'run.stop_s=413.5']       # its last second has the contact
+RUN = ['run.start_s=380', 'run.stop_s=413.5']       # the last second contains the contact
 
 
 def squares(job):
@@ -50,7 +50,7 @@ class KilledElsewhere:
     def __call__(self, job):
         if os.getpid() != self.parent:
             os.kill(os.getpid(), signal.SIGKILL)
-        time.sleep(0.01)        # so that other processes get jobs, too
+        time.sleep(0.01)        # so that other processes also receive jobs
         return job
 
 
@@ -90,7 +90,7 @@ for _ in range(3):
 
 
 def test_a_pool_closes_no_file_twice():
-    # by chance about one pool in sixty did, when a process had ended just before the pool was shut down
+    # about one pool in sixty did so by chance, when a process had ended just before the pool was shut down
     done = subprocess.run([sys.executable, '-c', _SLOW_TO_CLOSE], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (0, '')
 
@@ -133,7 +133,7 @@ def children(pid):
 
 
 def complete_ticks(path):
-    """Return the number of ticks in a bag, all of them complete; a bag without its index cannot be opened."""
+    """Return the number of ticks in a bag, which must all be complete; a bag without its index cannot be opened."""
     with BagReader(path) as bag:
         counts = {topic.messages for topic in bag.topics if topic.name in ('/dragon/handles', '/dragon/benches')}
     assert len(counts) == 1
@@ -199,7 +199,7 @@ def long(tmp_path_factory):
 
 
 def changed(path, long, change):
-    """A copy of a bag; ``change`` returns the log times at which a message of a tick is written."""
+    """A copy of a bag, in which a message of a tick is written at the log times that ``change`` returns."""
     with BagReader(long) as bag, BagWriter(path) as out:
         for topic in bag.topics:
             out.add_channel(topic.name, channels()[topic.name.removeprefix('/dragon/')])
@@ -210,7 +210,7 @@ def changed(path, long, change):
 
 
 def damaged(name, t_ns, k):
-    """Drop ticks of one topic and of several, at the ends and in between; duplicate some; move some between ticks."""
+    """Drop ticks of one topic and of several, at the ends and in between; duplicate some and move others."""
     if name in ('scene', 'track') or k is None:
         return [t_ns]
     if k < 2 or 100 <= k < 400 or (name == 'handles' and k % 5 == 0) or k > 1670:
@@ -219,7 +219,7 @@ def damaged(name, t_ns, k):
 
 
 def late(name, t_ns, k):
-    """Log as a recorder at wall time does: each topic of a tick a little later."""
+    """Log like a recorder at wall time, which logs each topic of a tick a little later."""
     return [t_ns + {'handles': 1, 'velocities': 1}.get(name, 4) * 10**6]
 
 
@@ -239,7 +239,7 @@ def elsewhere(*command):
 def test_a_check_says_the_same_with_any_number_of_workers(capsys, tmp_path, long, change):
     path = long if change is None else changed(tmp_path / 'a.mcap', long, change)
     check = ['inspect', path, '--check', '--format', 'json']
-    if change is not None:      # written without the record of its run
+    if change is not None:      # the bag has no record of its run
         with BagReader(path) as bag:
             scene, sizes = load_scene('winding', RUN), []
 
@@ -361,7 +361,7 @@ BROKEN_OFF = {'check': ['inspect', 'BAG', '--check'],
 
 
 def broken_off(folder, long, what, end):
-    """Start a command, let ``end`` end it once it has started a process; return its exit code and errors.
+    """Start a command, end it by ``end`` once it has started a process, and return its exit code and errors.
 
     Only the original files remain.
     """

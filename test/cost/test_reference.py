@@ -1,4 +1,4 @@
-"""The reference of ``cost --scene`` against 50 digits: every hard case, and mpmath in the same process."""
+"""The reference of ``cost --scene`` agrees with 50 digits in every hard case, and with mpmath in the same process."""
 import importlib
 import json
 from decimal import Context, Decimal, localcontext
@@ -22,7 +22,7 @@ TRUTH = {name: row for file in ('reference.json', 'dances.json')
          for name, row in json.loads((FOLDER / file).read_text())['problems'].items()}
 CASES = {case.name: case for case in all_cases()}
 LAST_DIGIT = Decimal('1e-24')       # relative error of the 25 digits in the files
-MOST = 1001                         # handles of the longest dragon
+MOST = 1001                         # number of handles of the longest dragon
 DIGITS = 60
 
 

@@ -50,15 +50,15 @@ def said(*arguments: object) -> Said:
 
 
 def topics_in(lines: list[str]) -> Counter[str]:
-    """Return the messages of each topic as ``inspect`` prints them."""
+    """Return the number of messages of each topic as ``inspect`` prints them."""
     return Counter({row[1]: int(row[2]) for line in lines if (row := _TOPIC.fullmatch(line))})
 
 
 def hold_lines(path: Path, folder: Path, wanted: list[Row], ended: bool, model: dict[tuple[str, int], bytes]) -> Said:
     """Compare the lines of all commands with the messages ``wanted`` and with each other; return those of ``inspect``.
 
-    ``ended`` means that the stream reader reached the end of the file, so nothing else is in it. ``model`` has the
-    messages of the run, by topic and log time. Raises AssertionError.
+    ``ended`` means that the stream reader reached the end of the file, so nothing else is in the file. ``model`` has
+    the messages of the run, by topic and log time. Raises AssertionError.
     """
     told = said('inspect', path, '--namespace', 'dragon')
     if not told.lines:
@@ -74,7 +74,7 @@ def hold_lines(path: Path, folder: Path, wanted: list[Row], ended: bool, model: 
 
 
 def hold_saved(path: Path, output: Path, wanted: list[Row]) -> None:
-    """Check a repair: its bag has as many messages as reported, and all that the stream reader finds."""
+    """Check a repair: its bag has as many messages as reported, and all those that the stream reader finds."""
     output.unlink(missing_ok=True)
     done = said('inspect', path, '--repair', output)
     if not done.lines:
@@ -89,7 +89,7 @@ def hold_saved(path: Path, output: Path, wanted: list[Row]) -> None:
 
 
 def hold_ticks(path: Path, folder: Path, wanted: list[Row], ended: bool, model: dict[tuple[str, int], bytes]) -> Said:
-    """Compare table, export and the data of pictures and of the view with the bag's handles and with each other."""
+    """Compare table, export and the data of pictures and the view with the bag's handles and with each other."""
     output = folder / 'printed.csv'
     handles = [row for row in wanted if row[0] == HANDLES]
     exported = said('export', path, '--namespace', 'dragon', '--output', output, '--force')

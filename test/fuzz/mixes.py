@@ -1,4 +1,4 @@
-"""Bags with unusual structures, and what every reader of the package must report about them.
+"""Bags with unusual structures, and the reports that every reader of the package must give about them.
 
 A mix is built from bytes, two for each step: chunks and messages outside of them, stray ends of data, messages whose
 type has another length, topics of other dragons, undeclared channels, and summaries that are right, wrong or absent.
@@ -30,7 +30,7 @@ from dragon_ros.messages.schemas import schema_text
 from dragon_ros.scenes.provenance import RECORD, run_metadata
 
 SCENE = Scene(dragon=Dragon(3), run=Run(412, 412.1))
-_SCENE_TEXT = 'dragon: {benches: 3}\nrun: {start_s: 412, stop_s: 412.1}'     # short, since it is read many times
+_SCENE_TEXT = 'dragon: {benches: 3}\nrun: {start_s: 412, stop_s: 412.1}'     # a short run, since it is read many times
 TICKS = 6
 NAMES = tuple(encoders(SCENE))
 MAGIC = b'\x89MCAP0\r\n'
@@ -84,7 +84,7 @@ class Mix:
     """A file built step by step."""
 
     def __init__(self, summary: int) -> None:
-        """``summary`` selects which one ends it, and whether the bag has its scene."""
+        """``summary`` selects the summary that ends the file, and whether the bag has its scene."""
         self._summary = summary % 4
         self.out = bytearray(MAGIC + record(1, text('ros2') + text('mix')) + declared())
         if summary & 4:
@@ -151,7 +151,7 @@ class Mix:
             self.put(number, t_ns, model()[f'/dragon/{name}', t_ns])
 
     def end_chunk(self, how: int) -> None:
-        """Write the open chunk, compressed as ``how`` says, and its indexes, which are omitted for 7 of 8."""
+        """Write the open chunk, compressed as ``how`` states, and its indexes, which one value in eight omits."""
         rows, self._inside = self._inside, None
         if not rows:
             return
@@ -198,7 +198,7 @@ def built(data: bytes) -> bytes:
 
 
 def streamed(path: Path) -> tuple[list[Row], bool]:
-    """Return the messages of declared topics that the library's stream reader finds, and whether it came to the end."""
+    """Return the messages of declared topics that the library's stream reader finds, and whether it reached the end."""
     found, names = list[Row](), dict[int, str]()
     try:
         with path.open('rb') as file:
@@ -239,7 +239,7 @@ def hold_frames(bag: BagReader, read: Counter[Row]) -> None:
 
 
 def hold_check(bag: BagReader, read: Counter[Row]) -> None:
-    """If the check accepts a bag, each tick must have exactly one message per topic, as in the model, and no others."""
+    """If the check accepts a bag, each tick must have exactly one message per topic, equal to the model's."""
     found = compare_with_model(bag, SCENE, '/dragon')
     each = {f'/dragon/{name}' for name, row in channels().items() if row.each_tick}
     ticks = Counter({row: count for row, count in read.items() if row[0] in each})

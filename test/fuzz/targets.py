@@ -48,7 +48,7 @@ SCENE = Scene(dragon=Dragon(3), run=Run(412, 412.1))
 
 @dataclass(frozen=True)
 class Target:
-    """Seeds to mutate, words to mix in, and the function that takes the bytes; ``run`` raises what escapes."""
+    """Seeds to mutate, words to mix in, and the function that takes the bytes; ``run`` raises unexpected errors."""
 
     seeds: list[bytes]
     run: Callable[[bytes], object]
@@ -146,7 +146,7 @@ def folder_of_parts(folder: Path) -> Target:
 
 
 def scene(folder: Path) -> Target:
-    """Texts on the topic scene, and in bags."""
+    """Texts on the topic scene and in bags."""
     def run(data: bytes) -> None:
         with suppress(DragonError):
             text = data.decode(errors='replace')
@@ -269,7 +269,7 @@ def command_line(folder: Path) -> Target:
 
 
 def message(folder: Path) -> Target:
-    """Messages to the callbacks of recorder and monitor: a byte that selects the topic, then the message."""
+    """Messages to the callbacks of recorder and monitor: a byte that selects the topic, followed by the message."""
     import rclpy
 
     from dragon_ros.bags.write.writer import BagWriter
@@ -309,7 +309,7 @@ def message(folder: Path) -> Target:
 
 
 def obstacles(folder: Path) -> Target:
-    """Venues, maps and transforms to the monitor: a byte that selects the reader, then the message."""
+    """Venues, maps and transforms to the monitor: a byte that selects the reader, followed by the message."""
     numbers = range(4)
     benches = Benches(np.array([[2.0 * n, 0.0] for n in numbers]), np.array([[1.0, 0.0] for _ in numbers]),
                       np.full(4, 0.9), np.full(4, 0.15))
@@ -350,7 +350,7 @@ def obstacles(folder: Path) -> Target:
 
 
 def workbook(folder: Path) -> Target:
-    """Sheets of workbooks that are graded: the XML in a good archive, or, after a Z, the archive."""
+    """Sheets of workbooks that are graded: the XML in a valid archive or, after a Z, the archive."""
     import zipfile
 
     from dragon_ros.commands.grade.team import Team, grade_team
@@ -394,7 +394,7 @@ def workbook(folder: Path) -> Target:
 
 
 def drawing(folder: Path) -> Target:
-    """Drawings for ``route``: a byte that selects the format, then an SVG, a CSV file or a nav_msgs/Path."""
+    """Drawings for ``route``: a byte that selects the format, followed by an SVG, a CSV file or a nav_msgs/Path."""
     from dragon_ros.core.tracks.drawn import along
     from dragon_ros.messages.decode import read_path
     from dragon_ros.scenes.drawings import csv_line, svg_line
@@ -419,7 +419,7 @@ def drawing(folder: Path) -> Target:
 
 
 def command(folder: Path) -> Target:
-    """Speeds for a led dragon on cmd_vel, as messages with and without a stamp; each is walked for a tick."""
+    """Speeds for a led dragon on cmd_vel, as messages with and without a stamp; each speed is walked for a tick."""
     import rclpy
     from geometry_msgs.msg import Twist, TwistStamped
     from rclpy.serialization import deserialize_message, serialize_message
@@ -437,7 +437,7 @@ def command(folder: Path) -> Target:
         take, kind = (commands._on_stamped, TwistStamped) if data[:1] == b'S' else (commands._take, Twist)
         try:
             message = deserialize_message(data[1:], kind)
-        except (RuntimeError, ValueError):      # DDS would not have delivered it
+        except (RuntimeError, ValueError):      # DDS would not have delivered this message
             return
         take(message)
         frame = walked.take()

@@ -1,7 +1,7 @@
-"""Untrusted input raises only the package's own errors: seeded and short here, long with --minutes.
+"""Untrusted input raises only the package's own errors: this run is seeded and short, and a run with --minutes is long.
 
 ``./dragon test test/fuzz -n0 -s --minutes 60`` continues with new seeds, reports its progress, stores each input that
-raises another error in ``corpus/TARGET``, with which the next run begins, and prints a summary at the end.
+raises another error in ``corpus/TARGET``, from which the next run starts, and prints a summary at the end.
 """
 import resource
 import signal
@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from targets import TARGETS, Target, opened
 
 CORPUS = Path(__file__).with_name('corpus')
-_SHORT, _ROUND = 40, 500        # inputs of the short form, and of one round of the long one
+_SHORT, _ROUND = 40, 500        # number of inputs in the short form, and in one round of the long form
 _STUCK_S = 60               # an input that takes so long is a finding
 
 
@@ -35,7 +35,7 @@ def mutated(target: Target) -> st.SearchStrategy[bytes]:
 
 
 def changed(data: bytes, changes: list[tuple[str, float, bytes]]) -> bytes:
-    """Return bytes with changes at places given as shares of their length."""
+    """Return bytes with changes at positions that are given as shares of their length."""
     for what, share, word in changes:
         at, size = int(share * len(data)), len(word)
         before, after = data[:at], data[at:]
@@ -102,7 +102,7 @@ def test_only_the_package_s_own_errors_come_out(name, tmp_path, request):
 
 
 def long(name: str, target: Target, for_s: float, first: int) -> list[tuple[bytes, BaseException] | None]:
-    """Fuzz with one seed after another until the time is over; report progress every minute, and sum up."""
+    """Fuzz with one seed after another until the time is over; report progress every minute, and the results."""
     until, told, rounds, found = time.monotonic() + for_s, time.monotonic(), 0, {}
     while time.monotonic() < until:
         one = fuzz(target, _ROUND, first + rounds)

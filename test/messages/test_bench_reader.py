@@ -1,4 +1,4 @@
-"""Benches read by comparison with the previous message equal those that a parser finds, whatever has changed."""
+"""Benches read by comparison with the previous message equal those that a parser finds, regardless of changes."""
 import numpy as np
 import pytest
 from hypothesis import given
@@ -27,7 +27,7 @@ CUBES = messages()
 
 
 def outcome(read, data):
-    """Return a message's contents, or the reason why it has none."""
+    """Return a message's contents, or the reason why it is invalid."""
     try:
         shown = read(data)
     except MessageError as error:

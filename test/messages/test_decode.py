@@ -1,4 +1,4 @@
-"""The general decoder against the real rmw serialiser: every message type, alignment and byte order."""
+"""The general decoder agrees with the real rmw serialiser for every message type, alignment and byte order."""
 import struct
 import sys
 
@@ -74,7 +74,7 @@ def plain(value):
 
 
 def flat(value):
-    """Return all numbers and texts of a value in their order, whatever holds them."""
+    """Return all numbers and texts of a value in order, regardless of its structure."""
     if isinstance(value, dict):
         return [one for part in value.values() for one in flat(part)]
     if isinstance(value, (list, np.ndarray)):
@@ -92,7 +92,7 @@ def test_any_message_of_the_real_serialiser_is_decoded(name):
 
 
 def encoded(fields, values, order, out):
-    """Append values, by field, in either byte order, as another machine would send them."""
+    """Append values, by field, in either byte order, as another machine may send them."""
     def put(kind, value):
         size = struct.calcsize(kind)
         out.extend(b'\xee' * (-(len(out) - 4) % size))      # rmw leaves padding uninitialised
@@ -148,7 +148,7 @@ def test_the_monitor_sees_the_same_in_either_byte_order(style, frame_id):
 @pytest.mark.parametrize('text', ['', 'x', 'xx', 'xxxx', 'xxxxxxxx'])
 @pytest.mark.parametrize('ns', ['bench', 'be'])
 def test_cubes_with_any_string_lengths_are_viewed_in_one_or_two_runs(text, ns):
-    """A layout that is not a multiple of 8 bytes shifts the second marker; all later ones are alike."""
+    """A layout that is not a multiple of 8 bytes shifts the second marker; all later markers are alike."""
     serialization = pytest.importorskip('rclpy.serialization')
     from visualization_msgs.msg import MarkerArray
     scene = Scene(dragon=Dragon(40), run=Run(400, 413))
@@ -163,7 +163,7 @@ def test_cubes_with_any_string_lengths_are_viewed_in_one_or_two_runs(text, ns):
 
 
 class Marking(decoder.Reader):
-    """Notes which bytes are read: all others are padding."""
+    """Notes which bytes are read, since all others are padding."""
 
     def skip(self, kind, count=1):
         start = super().skip(kind, count)
@@ -229,7 +229,7 @@ def test_the_health_of_a_dragon_has_the_time_of_its_tick_and_all_else_has_none()
         return examined_ns(bytes(serialization.serialize_message(DiagnosticArray(status=rows))), 'red')
     assert of('2147483647.000000001') == 2147483647 * 10**9 + 1
     assert [of('soon'), of('1.5'), of('-1.000000000'), of('1.000000000', name='blue: clearance')] == [None] * 4
-    assert of('1.000000000', more=9999) is None         # more than any monitor writes
+    assert of('1.000000000', more=9999) is None         # longer than any monitor's message
     assert examined_ns(b'\0\1\0\0', 'red') is None
 
 

@@ -1,4 +1,4 @@
-"""Ticks are skipped if more arrive than can be taken: whole, evenly, and never beyond the budget."""
+"""If more ticks arrive than can be processed, whole ticks are skipped, evenly and so that the budget holds."""
 from itertools import groupby
 
 import pytest
@@ -33,7 +33,7 @@ def test_a_tick_is_kept_on_all_topics_or_on_none(messages):
     skips, said = EvenSkips(), {}
     for t_ns, topic, fill in messages:
         keeps, ahead = skips.keeps(topic, t_ns, fill), said.setdefault(t_ns, {})
-        if topic in ahead:      # of a run that started again
+        if topic in ahead:      # the run has restarted
             ahead.clear()
         ahead[topic] = keeps
         assert len(set(ahead.values())) == 1

@@ -23,7 +23,7 @@ SCENES = {style: Scene(dragon=Dragon(benches=24), effects=~Effect.NONE, markers=
 
 @lru_cache
 def made(style):
-    """Return the frame of a scene with every effect, in which benches touch, and its messages."""
+    """Return the frame of a scene with every effect, in which benches touch, and the frame's messages."""
     scene = SCENES[style]
     frame = tick(scene, 413 * 50)
     assert len(np.unique(frame.benches.yaw_rad)) == 24
@@ -55,14 +55,14 @@ def stamp_ns(header):
 
 
 def turned(orientation):
-    """Return the unit direction (2,) of the x axis of a pose that is turned about z alone."""
+    """Return the unit direction (2,) of the x axis of a pose that is rotated only about z."""
     assert (orientation.x, orientation.y) == (0.0, 0.0)
     angle = 2 * np.arctan2(orientation.z, orientation.w)
     return np.array([np.cos(angle), np.sin(angle)])
 
 
 def placed(poses):
-    """Return the places (n, 2) and the directions (n, 2) of poses in the plane."""
+    """Return the positions (n, 2) and the directions (n, 2) of poses in the plane."""
     assert all(one.position.z == 0.0 for one in poses)
     return (np.array([(one.position.x, one.position.y) for one in poses]),
             np.array([turned(one.orientation) for one in poses]))
@@ -107,12 +107,13 @@ def test_triangles_have_the_corners_of_each_bench(read):
     frame, message = made('triangles')[0], read('benches', 'triangles')
     faces = next(one for one in message.markers if one.type == 11)
     points = np.array([(one.x, one.y) for one in faces.points]).reshape(24, -1, 2)
-    assert (faces.scale.x, faces.scale.y, faces.scale.z) == (1.0, 1.0, 1.0)     # a viewer multiplies points by it
+    # A viewer multiplies points by the scale.
+    assert (faces.scale.x, faces.scale.y, faces.scale.z) == (1.0, 1.0, 1.0)
     assert (faces.pose.position.x, faces.pose.position.y) == (0.0, 0.0)
     for triangles, corners in zip(points, frame.benches.corners, strict=True):
         distance = np.hypot(*(triangles[:, None] - corners[None]).transpose(2, 0, 1))
-        assert np.max(np.min(distance, axis=1)) < 1e-12         # each point is a corner, and
-        assert np.max(np.min(distance, axis=0)) < 1e-12         # each corner a point
+        assert np.max(np.min(distance, axis=1)) < 1e-12         # each point is a corner
+        assert np.max(np.min(distance, axis=0)) < 1e-12         # each corner is a point
     (a, b), (c, d) = ((points[:, n::3] - points[:, ::3]).transpose(2, 0, 1) for n in (1, 2))
     near(0.5 * np.abs(a * d - b * c).sum(axis=1), 4 * frame.benches.half_length * frame.benches.half_width, 1e-12)
 
@@ -172,7 +173,7 @@ def test_fields_of_a_point_of_the_cloud_are_aligned_and_apart(read):
         assert one.offset % size[one.datatype] == 0
         assert one.offset >= ends[-1]
         ends.append(one.offset + size[one.datatype])
-    assert cloud.point_step == -(-ends[-1] // 8) * 8       # no larger than it takes, and the next point is aligned too
+    assert cloud.point_step == -(-ends[-1] // 8) * 8       # no larger than required, and the next point is also aligned
 
 
 def markers_of(message):
@@ -189,7 +190,7 @@ def test_every_marker_has_a_colour_a_size_and_a_place_that_can_be_seen(read, top
         colours = [one.color, *one.colors]
         assert {colour.a for colour in colours} == {1.0}
         assert all(0 <= part <= 1 for colour in colours for part in (colour.r, colour.g, colour.b))
-        width_m = 0.3       # of a bench: lines are thin beside it, points lie on it, and a text can be read
+        width_m = 0.3       # a bench's width: lines are thinner, points lie on the bench, and text is legible
         assert one.scale.x > 0 or one.type == 9
         if one.type in (4, 5):
             assert one.scale.x < 0.2 * width_m

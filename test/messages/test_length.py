@@ -1,4 +1,4 @@
-"""The length of a message is compared with its contents by type, for every type of the package."""
+"""For every type of the package, the length of a message is compared with the length that its contents require."""
 import struct
 
 import pytest

@@ -1,4 +1,4 @@
-"""The monitor's markers: red benches, the point, a label, read back by the real serialiser."""
+"""The monitor's markers (red benches, the point and a label) are read back by the real serialiser."""
 import numpy as np
 import pytest
 import shapely
@@ -39,7 +39,7 @@ def test_benches_in_contact_are_red_and_stand_where_they_are_with_a_point_and_a_
     assert (point.type, label.type) == (Marker.SPHERE, Marker.TEXT_VIEW_FACING)
     assert (point.pose.position.x, point.pose.position.y) == pytest.approx((1.479876, 2.106451), abs=1e-5)
     assert label.text == '0 x 8: -0.16 mm'
-    assert 0 < point.scale.x == point.scale.y == point.scale.z < 0.3 < label.scale.z < 0.6      # a bench has 0.3 m
+    assert 0 < point.scale.x == point.scale.y == point.scale.z < 0.3 < label.scale.z < 0.6      # a bench is 0.3 m wide
     assert {marker.color.a for marker in (*red, point, label)} == {1.0}
     assert max(marker.pose.position.z + 0.5 * marker.scale.z for marker in red) < point.pose.position.z
     assert point.pose.position.z < label.pose.position.z
@@ -62,7 +62,7 @@ def test_the_clearance_stands_as_a_text_beside_the_point_between_the_closest_ben
     middle = 0.5 * (one + other)
     assert message.pose.position.x == pytest.approx(middle[0], abs=0.02)
     assert message.pose.position.y + 2 * message.scale.z == pytest.approx(middle[1], abs=0.02)
-    assert message.pose.position.z - message.scale.z > 0.5 * BENCH_HEIGHT_M         # benches do not cover it
+    assert message.pose.position.z - message.scale.z > 0.5 * BENCH_HEIGHT_M         # benches do not cover the label
     vector = serialization.deserialize_message(vector_of(report), Vector3Stamped).vector
     assert report.closest == (0, 8)
     assert (vector.x, vector.y, vector.z) == pytest.approx((*(other - one), 0.0), abs=1e-9)

@@ -1,4 +1,4 @@
-"""Benches from the wire: both marker styles, from any publisher, give the rectangles of the model."""
+"""Received benches in both marker styles, from any publisher, are the rectangles of the model."""
 import numpy as np
 import pytest
 
@@ -29,7 +29,7 @@ def seen(data):
 
 
 def edited(change, benches=5):
-    """Return a frame and its triangles as changed and serialised by another publisher."""
+    """Return a frame and its triangles as another publisher changes and serialises them."""
     serialization = pytest.importorskip('rclpy.serialization')
     from visualization_msgs.msg import MarkerArray
     frame, data = messages(scene_in('triangles', benches))
@@ -83,7 +83,7 @@ def test_joined_handles_leave_the_longer_side_as_the_length():
 
 
 def other_cut(message):
-    """Cut each bench along its other diagonal, and give each triangle an arbitrary winding and first corner."""
+    """Split each bench along its other diagonal, and give each triangle an arbitrary winding and first corner."""
     points = message.markers[0].points
     for n in range(0, len(points), 6):
         a, b, c, _, _, d = points[n:n + 6]
@@ -176,7 +176,7 @@ def test_a_list_that_lies_across_its_own_frame_is_turned_into_the_plane(quaterni
         faces = message.markers[0]
         for name, value in zip('xyzw', (*axis, w), strict=True):
             setattr(faces.pose.orientation, name, float(value))
-        for point in faces.points:      # turned back, by the formula of Rodrigues
+        for point in faces.points:      # rotated back, by Rodrigues' formula
             here = np.array((point.x, point.y, point.z))
             aside = np.cross(axis, here)
             point.x, point.y, point.z = (here - 2 * w * aside + 2 * np.cross(axis, aside)).tolist()

@@ -1,4 +1,4 @@
-"""Obstacles from messages: venues of any publisher and occupancy grids, with rotated origins, and what is refused."""
+"""Obstacles from messages: venues of any publisher, occupancy grids with rotated origins, and rejected ones."""
 from dataclasses import replace
 
 import numpy as np

@@ -97,8 +97,8 @@ def test_waiting_for_partners_is_bounded_in_bytes_over_both_topics():
         assert pairs.held_bytes <= MONITOR_BYTES
     dropped = pairs.take_unmatched()
     assert len(dropped) > room
-    assert dropped[:2] == [('handles', 0), ('benches', 10**6)]      # those that have waited longest
-    assert pairs.add_benches(shown(2 * room - 1), 1e3) is not None   # the newest are still there
+    assert dropped[:2] == [('handles', 0), ('benches', 10**6)]      # the messages that have waited longest
+    assert pairs.add_benches(shown(2 * room - 1), 1e3) is not None   # the newest messages are kept
 
 
 @pytest.mark.parametrize(('markers', 'bytes_each'), [('cubes', 50), ('triangles', 66)])
@@ -141,7 +141,7 @@ def test_memory_that_names_and_layouts_take_counts_as_well():
 
 
 def interleaved(rng, rows):
-    """Return (publisher, number, stamp) of several publishers, each in its order, mixed at random."""
+    """Return (publisher, number, stamp) of several publishers, each in order, mixed at random."""
     left = {name: deque(messages) for name, messages in rows.items()}
     while any(left.values()):
         name = rng.choice([name for name, messages in left.items() if messages])
@@ -169,7 +169,7 @@ def test_a_known_publisher_that_seeks_stays_known_until_it_is_forgotten():
         streams.take(k, 10**9 + k, alone=True)
     streams.adopt(10**9 + 9)
     assert not streams.take(500_000, 5, alone=False)
-    assert streams.take(10, 7 * 10**9, alone=False)      # it went to another time
+    assert streams.take(10, 7 * 10**9, alone=False)      # the publisher moved to another time
     assert streams.take(11, 7 * 10**9 + 1, alone=False)
     assert not streams.take(500_001, 6, alone=False)
     streams.forget()
@@ -181,7 +181,7 @@ def test_a_known_publisher_that_seeks_stays_known_until_it_is_forgotten():
 def test_all_publishers_are_taken_until_one_is_adopted_by_its_stamp():
     streams = Streams()
     for k in range(1, 5):
-        assert streams.take(k, k * 10**9, alone=False)              # perhaps only handles, no dragon
+        assert streams.take(k, k * 10**9, alone=False)              # the publisher may have only handles and no dragon
         assert streams.take(100 + k, (50 + k) * 10**9, alone=False)
     streams.adopt(54 * 10**9)
     assert not streams.take(5, 5 * 10**9, alone=False)

@@ -1,4 +1,4 @@
-"""Poses from /tf: chains of frames up and down the tree, their newest transform, and what is refused."""
+"""Poses from /tf: chains of frames up and down the tree, their newest transforms, and rejected transforms."""
 import numpy as np
 import pytest
 
@@ -32,7 +32,7 @@ def test_a_pose_follows_the_tree_up_and_down_again():
                              ('hall', 'dragon', (1, 1, 0), np.pi, LEVEL)))
     assert pose(tree, 'map', 'earth') == (10, 0, round(np.pi / 2, 9))
     assert pose(tree, 'earth', 'map') == (0, 10, round(-np.pi / 2, 9))
-    assert pose(tree, 'map', 'dragon') == (-9, 5, round(-np.pi / 2, 9))     # seen from (1, 5), turned half around
+    assert pose(tree, 'map', 'dragon') == (-9, 5, round(-np.pi / 2, 9))     # seen from (1, 5) after half a turn
     assert pose(tree, '/map', 'map') == (0, 0, 0)
 
 

@@ -1,4 +1,4 @@
-"""The dragon as a robot: forward kinematics of its URDF with the angles of joint_states reproduce its benches."""
+"""Forward kinematics of the dragon's URDF with the angles of joint_states reproduce its benches."""
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -32,7 +32,7 @@ def moved(x, y, turn):
 
 
 def places_of(text, root, angles):
-    """Return the transform and the box of each link of a URDF, by name: from the document and the messages alone."""
+    """Return the transform and the box of each link of a URDF, by name, from the document and the messages alone."""
     robot, places = ElementTree.fromstring(text), {}
     links = {link.get('name'): link for link in robot.iter('link')}
     children = {joint.find('parent').get('link'): joint for joint in robot.iter('joint')}
@@ -97,7 +97,7 @@ def test_a_bag_with_joints_and_path_is_checked_to_its_last_message(capsys, tmp_p
 
 def test_the_inertia_of_every_bench_is_that_of_points_spread_evenly_over_its_box():
     robot = ElementTree.fromstring(urdf_of(SCENES['mixed']))
-    unit = (np.arange(60) + 0.5) / 60 - 0.5     # of each edge
+    unit = (np.arange(60) + 0.5) / 60 - 0.5     # positions along each edge
     for link in list(robot.iter('link'))[:2]:
         size = np.array(numbers(link.find('visual/geometry/box').get('size')))
         mass = float(link.find('inertial/mass').get('value'))

@@ -1,4 +1,4 @@
-"""The venue as markers, decoded again: every edge of every obstacle, its name, and nothing without a venue."""
+"""The venue's markers, decoded again, have every edge and name of every obstacle, and nothing without a venue."""
 from dataclasses import replace
 
 import numpy as np

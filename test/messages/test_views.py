@@ -38,9 +38,9 @@ def test_foxglove_shows_them_too_with_plots_and_health_and_every_panel_is_laid_o
     assert stamped == {name: stamp_at_of(channels()[name.removeprefix('/dragon/')].type) is not None
                        for name in stamped}
 
-    assert 'followTf' not in panels['3D!dragon']        # with it Lichtblick logs errors at each jump back
+    assert 'followTf' not in panels['3D!dragon']        # with followTf, Lichtblick logs errors at each jump back
     arrows = panels['3D!dragon']['topics']['/dragon/handles']['arrowScale']
-    assert min(arrows) > BENCH_HEIGHT_M       # they stick out of the benches
+    assert min(arrows) > BENCH_HEIGHT_M       # arrows are visible above the benches
     plots = [panel for name, panel in panels.items() if name.startswith('Plot!')]
     assert all(panel['foxglovePanelTitle'] == panel['lichtblickPanelTitle'] for panel in plots)
 

@@ -1,13 +1,13 @@
 """Mutate a room of the package and run its tests: ``./dragon mutants ROOM --sample 40 --seed 1``.
 
-Cosmic Ray makes the mutants: another operator, another number, another branch. One at a time is written into a copy
-of the checkout, and the tests that reach its line run there, the fastest first, until one fails. They run in a fork
-of this process, which has the libraries loaded, so a mutant takes a second plus its tests. A mutant that cannot be
-imported is not counted, since any test finds it. Tests marked ``snapshot``, which compare with an earlier output, are
-left out: only a property, a reference, a bound or an independent decoder counts.
+Cosmic Ray generates the mutants: another operator, another number, another branch. Each mutant is written into a copy
+of the checkout, where the tests that reach its line run, the fastest first, until one fails. The tests run in a fork of
+this process, which has loaded the libraries, so a mutant takes a second plus its tests. A mutant that cannot be
+imported is not counted, since any test finds it. Tests marked ``snapshot``, which compare with earlier output, are
+excluded: only a property, a reference, a bound or an independent decoder counts.
 
 Results are stored immediately in ``.venv/mutants``: after Ctrl-C, which loses one mutant, the same command continues.
-``--again`` retries survivors after a test was added.
+``--again`` retries survivors after a test has been added.
 """
 import argparse
 import ast
@@ -55,7 +55,7 @@ ROOMS = {
                  'test/nodes/test_monitor_topics.py', 'test/nodes/test_overload.py',
                  'test/messages/test_monitor_markers.py']),
 }
-# Replaced operators that resemble a programming slip; any test finds others, such as a shift instead of a sum.
+# Replacements of operators that resemble a programming slip. Any test finds others, such as a shift instead of a sum.
 _SLIPS = {'Add_Sub', 'Sub_Add', 'Mul_Div', 'Div_Mul', 'FloorDiv_Mul', 'Mod_FloorDiv', 'Pow_Mul', 'BitAnd_BitOr',
           'BitOr_BitAnd'}
 _IGNORED = ('core/VariableInserter', 'core/VariableReplacer', 'core/NoOp', 'core/RemoveDecorator', 'core/AddNot',
@@ -63,13 +63,13 @@ _IGNORED = ('core/VariableInserter', 'core/VariableReplacer', 'core/NoOp', 'core
 _BOTH_WAYS = (('min', 'max'), ('minimum', 'maximum'), ('floor', 'ceil'), ('any', 'all'), ('sin', 'cos'),
               ('AHEAD', 'BEHIND'), ('first', 'last'), ('low', 'high'))
 _OTHER = {**dict(_BOTH_WAYS), **{b: a for a, b in _BOTH_WAYS}, 'inf': '0.0', 'abs': 'float'}
-# Loaded before the forks. None of them imports the package.
+# Libraries loaded before the forks. None of them imports the package.
 _LOADED = ('numpy', 'shapely', 'hypothesis.extra.numpy', 'mpmath', 'flint', 'scipy.optimize', 'scipy.integrate', 'yaml',
            'matplotlib.figure', 'coverage')
 _UNUSED = ('xdist', 'cov', 'cacheprovider', 'stepwise', 'launch_testing', 'launch_pytest', 'ament_copyright')
-_SLACK = 4.0        # times the processor time of a test without a mutant, plus
-_EXTRA_S = 3.0      # these seconds; then a mutant counts as found, since it loops forever
-_WAITED = 20.0      # times those of all tests, in wall time, for a mutant that waits forever
+_SLACK = 4.0        # a test may take this multiple of its processor time without a mutant, plus
+_EXTRA_S = 3.0      # these seconds; beyond that, the mutant loops forever and counts as found
+_WAITED = 20.0      # the same multiple for all tests, in wall time, for a mutant that waits forever
 _NODES = ('dragon_ros/nodes/', 'test/nodes/')
 _ALIVE = ('survived', 'unreached')
 
@@ -90,7 +90,7 @@ class Swapped(Operator):
 
 
 class Scaled(Operator):
-    """Double a number, or halve it: a factor that was forgotten, or taken twice."""
+    """Double or halve a number, like a factor that was forgotten or taken twice."""
 
     def mutation_positions(self, node):
         if isinstance(node, parso.python.tree.Number) and node.value not in ('0', '0.0'):
@@ -109,7 +109,7 @@ class Scaled(Operator):
 
 @dataclass(frozen=True, order=True)
 class Mutant:
-    """One change: the file, the operator and which of its occurrences there, and the line."""
+    """One change: the file, the operator, the number of its occurrence in the file, and the line."""
 
     path: str
     operator: str
@@ -127,7 +127,7 @@ def operators() -> dict[str, Operator]:
 
 
 def mutants_of(path: str, source: str, known: dict[str, Operator]) -> Iterator[Mutant]:
-    """Yield every mutant of a file except in code that computes nothing (see ``_unused``)."""
+    """Yield every mutant of a file, except those in code that computes nothing (see ``_unused``)."""
     nodes = list(ast_nodes(get_ast(source)))
     inside = [(part.start_pos, part.end_pos) for node in nodes for part in _unused(node)]
     for name, operator in known.items():
@@ -170,9 +170,9 @@ def copied(room: str) -> Path:
 
 @dataclass(eq=False)
 class Order:
-    """A plugin of pytest that keeps some tests, in their order, and remembers the one that failed.
+    """A pytest plugin that selects some tests, in order, and records the one that failed.
 
-    A test that takes too much processor time, compared with its ``times`` in s, ends the process.
+    A test that takes too much processor time, compared with ``times`` in s, ends the process.
     """
 
     tests: list[str]
@@ -202,7 +202,7 @@ class Order:
 
 
 class Lines:
-    """A plugin of pytest that keeps, for each test, its processor time and the lines that it runs."""
+    """A pytest plugin that records the processor time of each test and the lines that the test runs."""
 
     def __init__(self, sources: list[Path]) -> None:
         from coverage import Coverage
@@ -230,7 +230,7 @@ class Lines:
 
 
 def forked(tree: Path, work: Callable[[], object], seconds: float = 1000.0) -> tuple[bool, object]:
-    """Do work in a fork of this process whose package is that of the tree; return whether it ended, and its answer."""
+    """Do work in a fork of this process that uses the tree's package; return whether it ended, and its answer."""
     answer = tree / 'answer.json'
     answer.unlink(missing_ok=True)
     child = os.fork()
@@ -262,14 +262,15 @@ def forked(tree: Path, work: Callable[[], object], seconds: float = 1000.0) -> t
 
 
 def run(arguments: list[str], plugin: object) -> int:
-    """Run pytest in this process, without the plugins that nothing here needs."""
+    """Run pytest in this process, without the plugins that are not needed here."""
     unused = [part for name in _UNUSED for part in ('-p', f'no:{name}')]
-    loaded = ('-W', 'ignore::pytest.PytestAssertRewriteWarning')      # hypothesis, before pytest could rewrite it
+    # Hypothesis was loaded before pytest could rewrite it.
+    loaded = ('-W', 'ignore::pytest.PytestAssertRewriteWarning')
     return int(pytest.main(['-q', '--tb=short', '-m', 'not snapshot', *loaded, *unused, *arguments], [plugin]))
 
 
 def reached(tree: Path, room: str, folder: Path) -> tuple[dict[str, dict[int, list[str]]], dict[str, float]]:
-    """Return which tests run which lines, and how long each test takes, from one run without a mutant.
+    """Return which tests run which lines, and how long each test takes, measured in one run without a mutant.
 
     Data about a test file is cached until that file or the room changes.
     """
@@ -296,9 +297,9 @@ def reached(tree: Path, room: str, folder: Path) -> tuple[dict[str, dict[int, li
 
 
 def in_functions(source: str) -> set[int]:
-    """Return the lines inside of functions: others run at import, and any test may use their results.
+    """Return the lines inside functions, since other lines run at import and any test may use their results.
 
-    A module that is imported on first use runs them in whichever test comes first.
+    If a module is imported on first use, these other lines run in the first test that uses it.
     """
     kinds = ast.FunctionDef, ast.AsyncFunctionDef
     return {line for node in ast.walk(ast.parse(source)) if isinstance(node, kinds)
@@ -328,13 +329,13 @@ def chosen(mutant: Mutant, lines: dict[str, dict[int, list[str]]], times: dict[s
            found: dict[str, int], most_s: float) -> dict[str, float]:
     """Return the tests that reach a mutant and their times in s without it, together at most ``most_s``.
 
-    Tests that have already found a mutant of this file come first, then the quickest ones; then all other tests of the
-    same test files, which may share results with them.
+    Tests that have already found a mutant of this file come first, followed by the fastest ones and by all other tests
+    of the same test files, which may share results with them.
     """
     rows = lines.get(mutant.path, {})
-    at_import = mutant.line not in rows         # a constant, which any code of its file may use
+    at_import = mutant.line not in rows         # a constant, which any code in its file may use
     names = {name for group in rows.values() for name in group} if at_import else {*rows[mutant.line]}
-    if mutant.path.startswith(_NODES[0]):       # they run in separate processes, whose lines are not recorded
+    if mutant.path.startswith(_NODES[0]):       # nodes run in separate processes, whose lines are not recorded
         names |= {name for name in times if name.startswith(_NODES[1])}
     shared = {name.partition('::')[0] for name in names}
     others = {name for name in times if name.partition('::')[0] in shared} - names
@@ -363,7 +364,7 @@ def tried(tree: Path, mutant: Mutant, times: dict[str, float], known: dict[str, 
           extra_s: float = _EXTRA_S) -> tuple[str, str]:
     """Return 'caught', 'survived', 'unreached' or 'incompetent' for a mutant, and the test that found it.
 
-    ``times`` maps the tests to run, in this order, to their times in s without a mutant.
+    ``times`` contains the tests to run, in this order, and their times in s without a mutant.
     """
     def work() -> object:
         sys.dont_write_bytecode = True
@@ -391,7 +392,7 @@ def tried(tree: Path, mutant: Mutant, times: dict[str, float], known: dict[str, 
 
 
 def difference(mutant: Mutant, known: dict[str, Operator]) -> str:
-    """Return the line before and after the change."""
+    """Return the line before and after a mutant's change."""
     source = (ROOT / mutant.path).read_text()
     before, after = source.splitlines(), mutate_code(source, known[mutant.operator], mutant.occurrence).splitlines()
     changed = [n for n, (a, b) in enumerate(zip(before, after, strict=False)) if a != b][:1]

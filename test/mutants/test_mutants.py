@@ -1,4 +1,4 @@
-"""The tool that mutates a room: what it changes, and which tests it runs for a change."""
+"""The tool that mutates a room: the changes that it makes, and the tests that it runs for a change."""
 import pytest
 
 pytest.importorskip('cosmic_ray')

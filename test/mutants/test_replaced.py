@@ -1,4 +1,4 @@
-"""Every test that replaces a part of the package or of a library is listed in docs/mutants.md with what this hides."""
+"""docs/mutants.md lists every test that replaces a part of the package or of a library, and what this hides."""
 import ast
 import re
 from pathlib import Path
@@ -13,7 +13,7 @@ def name_of(argument):
 
 
 def replaced(code):
-    """The names that a module of tests replaces by ``monkeypatch`` or ``patch``, however it calls them."""
+    """The names that a test module replaces by ``monkeypatch`` or ``patch``, regardless of how it calls them."""
     for node in ast.walk(ast.parse(code)):
         if (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in REPLACING
                 and len(node.args) > 1):

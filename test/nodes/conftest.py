@@ -1,4 +1,4 @@
-"""Real nodes in real processes over real DDS: one domain per test, waiting for conditions, never sleeping."""
+"""Run real nodes in real processes over real DDS, in one domain per test; wait for conditions, and never sleep."""
 import os
 import signal
 import sys
@@ -69,7 +69,7 @@ class Process:
         return self._child.pid
 
     def kill(self):
-        """Kill the process and its children: the nodes of a demo that hangs would continue."""
+        """Kill the process and its children, since the nodes of a demo that hangs would otherwise continue."""
         if self._child.poll() is None:
             for process in [*psutil.Process(self.pid).children(recursive=True), self._child]:
                 process.kill()
@@ -80,7 +80,7 @@ class Process:
 
 @pytest.fixture
 def domain(monkeypatch):
-    """A domain for the test, also for nodes in this process; parallel tests choose from different domains."""
+    """A domain for the test, including nodes in this process; parallel tests choose from different domains."""
     worker, workers = os.environ.get('PYTEST_XDIST_WORKER', 'gw0'), os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1')
     number = free_domain(range(1 + int(worker.removeprefix('gw')), 102, int(workers)))
     for key, value in local_environment(number).items():
@@ -91,7 +91,7 @@ def domain(monkeypatch):
 
 @pytest.fixture
 def start(domain, tmp_path):
-    """Start executables that end with the test: forked or, if the claim needs it, ``anew``, perhaps under a command."""
+    """Start executables that end with the test, forked or, if the claim needs it, ``anew``, perhaps by a command."""
     running = []
 
     def run(*arguments, anew=False, under=(), **variables):
@@ -108,7 +108,7 @@ def start(domain, tmp_path):
 
 @pytest.fixture
 def launched(start):
-    """Start the executables that launch would start, in the same way."""
+    """Start the executables that ``ros2 launch`` would start, in the same way."""
     def text(value):
         return str(value).lower() if isinstance(value, bool) else str(value) or '""'
 

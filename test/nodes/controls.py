@@ -1,9 +1,9 @@
 """Calls to a running sim, drawn from a seed: services, and live parameters with valid and invalid values.
 
-Each answer is compared with the table of parameters: a value is accepted if its type fits, it is within the limits and
-is one of the choices; otherwise the reason is one line and the old value is kept. To start it by hand beside a sim in
-the same ROS domain that does not end: ``./dragon python test/nodes/controls.py --calls 10000``. The soak test runs it
-until it is told to end, with only the calls that skip no tick.
+Each answer is compared with the table of parameters. A value is accepted if its type fits, it is within the limits and
+it is one of the choices; otherwise the reason is one line and the old value is kept. To start it by hand beside a sim
+that is in the same ROS domain and does not end: ``./dragon python test/nodes/controls.py --calls 10000``. The soak test
+runs it until it ends the process, with only those calls that skip no tick.
 """
 import argparse
 import json
@@ -51,7 +51,7 @@ def fits(parameter: Parameter, value: Any) -> bool:
 
 
 class Caller:
-    """Calls a sim and counts; ``faults`` lists deviations from the table."""
+    """Calls a sim and counts the calls; ``faults`` lists deviations from the table."""
 
     def __init__(self, seed: int, name: str = '/dragon/sim') -> None:
         """Open the clients in a separate context and wait for the sim."""
@@ -89,7 +89,7 @@ class Caller:
         return future.result()
 
     def serve(self, name: str) -> tuple[bool, str]:
-        """Call a service; its answer is one line."""
+        """Call a service, whose answer must be one line."""
         answer = self._ask(name, Trigger.Request())
         if '\n' in answer.message or not answer.message:
             self.faults.append(f'{name}: {answer.message!r} is not one line')
@@ -118,14 +118,14 @@ class Caller:
         return bool(result.successful)
 
     def get(self, name: str) -> Any:
-        """Return the value of a parameter, None where there is none."""
+        """Return the value of a parameter, None if it has none."""
         for value in self._ask('get_parameters', GetParameters.Request(names=[name])).values:
             return next((getattr(value, member) for kind, member in _KINDS.values() if member and kind == value.type),
                         None)
         return None
 
     def any_call(self) -> None:
-        """Do anything that an untrusted user might; the sim need not play a sensible run afterwards."""
+        """Make any call that an untrusted user might make; the sim need not play a sensible run afterwards."""
         rng = self._rng
         if rng.random() < 0.4:
             self.serve(rng.choice(SERVICES))
@@ -143,7 +143,7 @@ class Caller:
         return [known.low, known.high, self._rng.uniform(known.low, known.high)]
 
     def harmless_call(self) -> None:
-        """Do only what skips no tick: stop and continue, step, go back, change the speed, and set invalid values."""
+        """Make only calls that skip no tick: stop, continue, step, go back, change the speed, set invalid values."""
         rng, what = self._rng, self._rng.choice(('pause', 'step', 'back', 'speed', 'odd'))
         if what == 'pause':
             self.serve('pause')
@@ -166,7 +166,7 @@ class Caller:
 
 
 def main(argv: list[str]) -> int:
-    """Call, and print the results as JSON; the exit code is 1 if an answer was wrong."""
+    """Call a sim, and print the results as JSON; the exit code is 1 if an answer was wrong."""
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
     options.add_argument('--calls', type=int, default=10_000, help='service and parameter calls at least (10000)')
     options.add_argument('--harmless', action='store_true', help='only what skips no tick, until SIGINT')
@@ -191,7 +191,7 @@ def main(argv: list[str]) -> int:
 
 
 def called(counts: Counter[str]) -> int:
-    """Return the number of answered requests, without reads of parameters."""
+    """Return the number of answered requests, excluding reads of parameters."""
     return sum(counts[name] for name in (*SERVICES, 'set_parameters'))
 
 

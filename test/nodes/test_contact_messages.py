@@ -1,4 +1,4 @@
-"""The monitor's messages about a contact and about its state: each number under its name, in its unit."""
+"""The monitor's messages about a contact and about its state: each number has its name and its unit."""
 from math import nan
 
 import numpy as np

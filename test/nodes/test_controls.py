@@ -1,4 +1,4 @@
-"""Control of a running sim: services, live parameters, /clock, and nodes in executors of other programs."""
+"""Control of a running sim by services, live parameters and /clock, and of nodes in executors of other programs."""
 import gc
 import json
 import math
@@ -62,7 +62,7 @@ class Remote:
         return self._ask(DescribeParameters, 'describe_parameters', DescribeParameters.Request(names=names)).descriptors
 
     def shown(self, *ticks):
-        """Wait until exactly these ticks were heard since the last check."""
+        """Wait until exactly these ticks have been heard since the last check."""
         wanted = [START_NS + TICK_NS * k for k in ticks]
         self._node.until(lambda: len(self.stamps) >= len(wanted))
         assert self.stamps == wanted
@@ -71,7 +71,7 @@ class Remote:
 
 @pytest.fixture
 def paused(start, node):
-    """A sim of first_contact that was paused in its run and then reset: it is at tick 0."""
+    """A sim of first_contact that was paused during its run and then reset, so that it is at tick 0."""
     remote = Remote(node)
     remote.process = start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'wait_subscribers:=[handles=1]',
                            '-p', 'at_end:=hold')
@@ -248,7 +248,7 @@ def test_the_stamps_of_the_monitor_follow_the_clock(start, node):
 
 
 def shut_down(executor):
-    """Shut an executor down after its last callback: rclpy 7.1 does not wait for threads, which then find no node."""
+    """Shut an executor down after its last callback, since rclpy 7.1 does not wait for threads that use the node."""
     if threads := getattr(executor, '_executor', None):
         threads.shutdown()
     executor.shutdown()
@@ -284,7 +284,7 @@ def test_sim_and_monitor_share_an_executor_of_somebody_else(domain, kind, scale,
         rclpy.shutdown()
     del executor
     gc.collect()
-    assert 'never retrieved' not in capfd.readouterr().err      # an unhandled exception of a callback
+    assert 'never retrieved' not in capfd.readouterr().err      # the text of an unhandled exception in a callback
 
 
 @pytest.mark.parametrize('arguments', [['sim', '--scene', 'first_contact', '--set', 'run.stop_s=403'],

@@ -1,4 +1,4 @@
-"""The programs in docs/examples, beside real nodes over DDS."""
+"""The programs in docs/examples work beside real nodes over DDS."""
 import re
 import signal
 import subprocess

@@ -1,4 +1,4 @@
-"""The frames of a run: the first one is computed in advance, and none depends on that."""
+"""The frames of a run: the first one is computed in advance, and no frame depends on that."""
 import sys
 from dataclasses import replace
 from threading import Event
@@ -26,7 +26,7 @@ def tiles(scene):
 
 
 def built(scene):
-    """Return what is built: tables, and the series of leaders on their stretches."""
+    """Return the list of built parts: tables, and series of leaders on intervals."""
     return {id(tile): {key for key, one in tile.entrances.items() if one} for tile in tiles(scene)}
 
 
@@ -78,7 +78,7 @@ def test_nobody_waits_for_the_tables_of_a_run_and_one_is_built_once(nothing_buil
     whole = ShiftMap._built
 
     def slowly(self, number):
-        """Build the tile; all but the first wait for a signal."""
+        """Build the tile; all tiles but the first wait for a signal."""
         begun.append(number)
         assert len(begun) == 1 or go.wait(60)
         return whole(self, number)

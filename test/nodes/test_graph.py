@@ -1,4 +1,4 @@
-"""All nodes together, and each node's part."""
+"""All nodes work together, and each node does its part."""
 import os
 import shutil
 import signal
@@ -59,7 +59,7 @@ def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, no
                 '-p', f'time_scale:={scale}', anew=True)
     assert sim.end() == 0, sim.text
     monitor.wait_for('contact of benches 0 and 8')
-    node.until(lambda: events and node.count_subscribers('collision') == 2)     # the recorder listens to it as well
+    node.until(lambda: events and node.count_subscribers('collision') == 2)     # the recorder also subscribes to it
     assert record.stop() == 0, record.text
     assert monitor.stop() == 0, monitor.text
     with BagReader(bag) as run:
@@ -135,7 +135,8 @@ def test_a_replayed_bag_gives_the_same_bytes_and_the_same_event(start, node, tmp
                    '/dragon/handles=2,/dragon/benches=2,/dragon/velocities=1')
     assert replay.end() == 0, replay.text
     node.until(lambda: events)
-    assert monitor.stop(signal.SIGTERM) == 0, monitor.text      # it ends once the recorder has received its event
+    # The monitor ends once the recorder has received its event.
+    assert monitor.stop(signal.SIGTERM) == 0, monitor.text
     assert record.stop() == 0, record.text
     first, second = by_topic(path), by_topic(again)
     assert {name: second[name] for name in first} == first
@@ -444,7 +445,7 @@ def by_script(*arguments, **variables):
 
 @pytest.mark.skipif(not (ROOT / '.venv/requirements.installed').exists(), reason='./dragon is not set up here')
 def test_nodes_of_the_script_bind_this_host_alone_unless_told_otherwise(domain):
-    # 127.0.0.1, and the group in which Fast DDS discovers on that interface
+    # 127.0.0.1, and the multicast group that Fast DDS uses for discovery on that interface
     assert by_script('python', '-c', SOCKETS).strip() == "['0100007F', '0100FFEF']"
     shown = 'import os; print(os.environ.get("FASTRTPS_DEFAULT_PROFILES_FILE", ""))'
     assert by_script('python', '-c', shown).strip().endswith('loopback.xml')

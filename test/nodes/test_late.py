@@ -1,4 +1,4 @@
-"""Monitors and recorders that start later than what launch starts, in a namespace: they report what they missed."""
+"""Monitors and recorders that start later than launched nodes, in a namespace, report what they missed."""
 import pytest
 
 pytest.importorskip('rclpy')
@@ -19,7 +19,7 @@ EACH_TICK = 'handles', 'benches', 'velocities'
 
 @pytest.fixture
 def launched_as(launched, tmp_path):
-    """Start what launch starts for a sim, a replay or a led dragon, at a rate, without its monitor."""
+    """Start the nodes, except the monitor, that launch starts for a sim, a replay or a led dragon, at a rate."""
     def run(form, rate):
         given = {'sim': SIM, 'led': LED, 'replay': {'replay': str(tmp_path / 'bag.mcap')}}[form]
         if form == 'replay':

@@ -1,4 +1,4 @@
-"""The processes that dragon.launch.py starts, with or without the launch library; they are real."""
+"""The processes that dragon.launch.py starts, with or without the launch library; the processes are real."""
 import struct
 
 import pytest
@@ -51,7 +51,7 @@ def test_a_replayed_bag_moves_to_the_namespace_waits_for_the_monitor_and_leads_t
     assert (what.frame_id, what.namespace) == ('sea', '/red')
     ran = launched(what)
     node.until(lambda: node.count_publishers('/red/handles') == node.count_publishers('/red/clearance') == 1)
-    node.until(lambda: times[-1:] == [SCENE.run.time_ns(25)])       # it holds, and repeats the time
+    node.until(lambda: times[-1:] == [SCENE.run.time_ns(25)])       # the sim holds, and repeats the time
     assert node.count_publishers('/red/clearance') == 1
     assert node.count_publishers('/dragon/handles') == 0
     assert ran['replay'].stop() == 0, ran['replay'].text
@@ -59,7 +59,7 @@ def test_a_replayed_bag_moves_to_the_namespace_waits_for_the_monitor_and_leads_t
     assert ran['monitor'].stop() == 0
     assert 'saw 26 ticks' in ran['monitor'].text
     assert set(times) <= {SCENE.run.time_ns(k) for k in range(26)}
-    assert -1.0 not in gaps         # those of the bag: only the live monitor publishes
+    assert -1.0 not in gaps         # -1.0 is in the bag, and only the live monitor publishes
 
 
 def test_without_a_monitor_its_topics_are_replayed(watched):
@@ -72,7 +72,7 @@ def test_without_a_monitor_its_topics_are_replayed(watched):
 def test_what_launch_starts_waits_for_the_readers_it_starts():
     source = planned(record='run.mcap').source
     assert source.parameters['wait_subscribers'] == ['handles=2', 'benches=2', 'velocities=1']
-    assert source.parameters['discovery_s'] > 0             # for the recorder to find the monitor, and for others
+    assert source.parameters['discovery_s'] > 0             # so that the recorder and others discover the monitor
     alone = planned().source
     assert alone.parameters['wait_subscribers'] == ['handles=1', 'benches=1', 'velocities=0']
 

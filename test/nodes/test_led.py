@@ -1,4 +1,4 @@
-"""A dragon that is led over cmd_vel, and the use of its bag afterwards."""
+"""A dragon that is led over cmd_vel, and the later use of its bag."""
 import itertools
 import json
 import signal
@@ -27,7 +27,7 @@ class Leader:
                                  raw=True)
 
     def say(self, speed, off_s=0):
-        """Command a speed, stamped with the node's clock or with an offset from it; None: without a stamp."""
+        """Command a speed, stamped with the node's clock plus an offset; with None, the command has no stamp."""
         message = self.kind()
         twist = getattr(message, 'twist', message)
         twist.linear.x = speed
@@ -60,7 +60,7 @@ def test_a_led_dragon_walks_as_commanded_and_its_bag_is_recomputed_bit_for_bit(s
     sim.wait_for('command dropped')
     leader.keep_saying(9.0, lambda: leader.speeds[-1] == 1.5)       # no faster than the scene allows
     leader.keep_saying(-0.25, lambda: leader.speeds[-1] == -0.25)
-    node.until(lambda: leader.speeds[-1] == 0.0)                    # no command is valid any more
+    node.until(lambda: leader.speeds[-1] == 0.0)                    # no command is valid any longer
     assert sim.stop() == 0, sim.text
     assert record.end() == 0, record.text
     assert '3 not finite, 2 stale' in sim.text
@@ -121,7 +121,7 @@ def test_a_led_dragon_has_a_pace_and_no_other_ticks(start, node):
     node.until(lambda: leader.speeds)
     client = node.create_client(Trigger, 'sim/seek')
     node.until(client.service_is_ready)
-    done = client.call_async(Trigger.Request())      # to the start, by default; there is reset for that
+    done = client.call_async(Trigger.Request())      # by default a seek to the start, for which reset exists
     node.until(done.done)
     assert not done.result().success
     assert 'seek_s: -1' in done.result().message

@@ -1,4 +1,4 @@
-"""The monitor among obstacles, over real DDS: of the topic venue, of files and of maps, moved or refused by frame."""
+"""The monitor, over real DDS, with obstacles from the topic venue, from files and from maps, in several frames."""
 from dataclasses import replace
 
 import numpy as np
@@ -53,7 +53,7 @@ def clearances(bag):
 
 
 def searched(bag):
-    """The clearance at each tick, from the benches and obstacles in the bag, from scratch."""
+    """The clearance at each tick, computed from scratch from the benches and obstacles in the bag."""
     obstacles = RecordedObstacles(bag, '/dragon', 'dragon')
     return {one.t_ns: with_obstacles(obstacles.at(one.t_ns), closeness(one.handles_m, one.benches), one.benches
                                      ).clearance_m for one in frames(bag)}
@@ -88,15 +88,16 @@ def test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_a
     assert float(first.values['t_before_s']) < found.t_s <= float(first.values['t_after_s'])
     assert float(first.values['t_contact_s']) == pytest.approx(found.t_s, abs=1e-8)
     assert reported['obstacle'] == found.obstacle.name == 'post'
-    assert seen == again_seen       # from the benches in the bag, searched from scratch, to the last bit
+    assert seen == again_seen       # computed from the benches in the bag, from scratch, to the last bit
     model = {t_ns: tick(scene, scene.run.tick_at(t_ns)).closeness.clearance_m for t_ns in seen}
     assert len(seen) == compile_scene(scene).last_tick + 1
-    assert seen == pytest.approx(model, abs=1e-14)      # poses lose their last bits in quaternions
+    assert seen == pytest.approx(model, abs=1e-14)      # quaternions lose the last bits of poses
     assert main(['inspect', str(bag), '--check']) == 0, capsys.readouterr().out
 
     assert '/dragon/collision/obstacles' not in names
 
-    # The monitor of a replay without the venue has the obstacles from a file, and the third from the second bag alone.
+    # The monitor of a replay without the venue gets the obstacles from a file, and the third monitor only from the
+    # second bag.
     recorded_replay(start, bag, again, ('handles', 'benches', 'scene', 'model/clearance', 'model/contacts'),
                     '-p', f'venue:={scene_file}')
     recorded_replay(start, again, third, ('handles', 'benches', 'collision/obstacles'),
@@ -131,7 +132,7 @@ class Map:
             depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
 
     def show(self, cells, resolution_m, corner, degrees, frame='map'):
-        """Publish cells (rows, columns) whose outer corner is there, and whose rows go to the left."""
+        """Publish cells (rows, columns) with a given outer corner, whose rows extend to the left."""
         grid = self._kind()
         grid.header.frame_id = frame
         grid.info.height, grid.info.width = cells.shape
@@ -144,7 +145,7 @@ class Map:
 
 
 class Dragon:
-    """Publishes ticks of a scene to several monitors, and hears them; each is in a namespace of its own."""
+    """Publishes ticks of a scene to several monitors, each in its own namespace, and receives their messages."""
 
     def __init__(self, node, scene, *monitors):
         from diagnostic_msgs.msg import DiagnosticArray
@@ -211,7 +212,8 @@ def test_a_map_is_turned_by_its_origin_moved_by_the_declared_pose_and_never_over
     dragon.wait('moved', "contact of bench 0 and obstacle 'map' at")
     (begin,) = [{pair.key: pair.value for pair in status.values} for status in dragon.events['moved'][:1]]
     assert float(begin['x_m']) == pytest.approx(26, abs=0.01)
-    assert float(begin['t_contact_s']) == pytest.approx(26 - 20 - 0.275, abs=1e-6)      # the front is before the handle
+    # The front is ahead of the handle.
+    assert float(begin['t_contact_s']) == pytest.approx(26 - 20 - 0.275, abs=1e-6)
     dragon.wait('unknown', "contact of bench 0 and obstacle 'map' at")
     (first,) = [{pair.key: pair.value for pair in status.values} for status in dragon.events['unknown'][:1]]
     assert float(first['t_contact_s']) == pytest.approx(25 - 20 - 0.275, abs=1e-6)
@@ -309,7 +311,7 @@ def test_a_map_is_moved_by_static_and_other_transforms_where_there_are_some(star
     monitor = start('monitor')
     server, dragon = Map(node), Dragon(node, scene, 'dragon')
     show('/tf_static', 'hall', 'map', 30, 180)
-    server.show(np.array([[100]]), 1.0, (4.0, -0.5), 0)     # in the hall: from (25, -0.5) to (26, 0.5)
+    server.show(np.array([[100]]), 1.0, (4.0, -0.5), 0)     # in the frame hall, from (25, -0.5) to (26, 0.5)
     dragon.show(0, 50)
     monitor.wait_for('and /tf and /tf_static do not connect them')
     node.until(lambda: outs['/tf'].get_subscription_count())

@@ -1,4 +1,4 @@
-"""The topics of the monitor, and the sim that acts on a contact: real nodes over real DDS."""
+"""The topics of the monitor, and a sim that acts on a contact, with real nodes over real DDS."""
 from importlib.util import find_spec
 
 import numpy as np
@@ -16,7 +16,7 @@ T_STAR_NS = 412_473_837_682
 
 
 class Listener:
-    """Collects what is published on topics; types and QoS are those of topics.yaml."""
+    """Collects the messages of topics; types and QoS are those of topics.yaml."""
 
     def __init__(self, node, *names):
         from dragon_ros.nodes import qos
@@ -31,7 +31,7 @@ class Listener:
 
 
 class Publisher:
-    """Publishes single frames of the classic dragon or another, as any other publisher would."""
+    """Publishes single frames of the classic dragon or another one, as any publisher would."""
 
     def __init__(self, node, start_s=412.0, *overrides):
         from dragon_ros.nodes import qos
@@ -92,7 +92,7 @@ def test_health_goes_from_ok_over_warn_to_error_and_back(start, node):
     heard = Listener(node, '/diagnostics')
     node.until(lambda: heard.got['/diagnostics'])
     source = Publisher(node, 404)
-    node.until(lambda: heard.got['/diagnostics'])       # it listens: what came before is not kept for it
+    node.until(lambda: heard.got['/diagnostics'])       # the monitor now listens; earlier messages were not kept for it
     source.show(404, 412.44, 412.48, 404)
 
     def levels():
@@ -158,8 +158,9 @@ def test_of_two_dragons_on_one_topic_the_monitor_keeps_the_one_it_knows_and_name
     warned = next(status for status in heard.statuses('/diagnostics') if status.name == 'dragon: monitor: publishers')
     assert warned.level == b'\x01'
     assert values(warned) == dict.fromkeys(('/dragon/handles', '/dragon/benches'), '/dragon/observer, /dragon/stranger')
-    assert len(heard.got['clearance']) == 22        # nothing of the second
-    assert [values(status)['phase'] for status in heard.statuses()] == ['begin']      # it never started afresh
+    assert len(heard.got['clearance']) == 22        # nothing from the second publisher
+    # The monitor never restarted its run.
+    assert [values(status)['phase'] for status in heard.statuses()] == ['begin']
     for out in known.out.values():
         node.destroy_publisher(out)
     node.until(lambda: node.count_publishers('/dragon/handles') == 1)
@@ -169,7 +170,7 @@ def test_of_two_dragons_on_one_topic_the_monitor_keeps_the_one_it_knows_and_name
     def taken():
         second.show(430 + 0.02 * next(shown))
         return len(heard.got['clearance']) > before
-    node.until(taken)       # the known one is gone; now the other one is known
+    node.until(taken)       # the known publisher has left, and the other one is now the known one
     assert 'several publish on one topic: /dragon/handles: /dragon/observer and /dragon/stranger' in monitor.text
 
 
@@ -271,8 +272,9 @@ def test_a_recorder_keeps_every_topic_at_simulation_time(start, tmp_path):
     assert counts['/diagnostics'] >= 1
     assert counts['/dragon/clearance'] >= 1
     assert (counts['/dragon/collision'], counts['/dragon/collision/point']) == (1, 1)
-    assert counts['/dragon/collision/active'] == 2   # also the one before the run: latched
-    assert 1 <= counts['/dragon/collision/markers'] <= 27       # ticks in contact; only the last one is kept for long
+    assert counts['/dragon/collision/active'] == 2   # includes the latched message from before the run
+    # One per tick in contact, of which only the last one is kept for long.
+    assert 1 <= counts['/dragon/collision/markers'] <= 27
 
 
 @pytest.mark.parametrize('mode', ['stop', 'hold'])

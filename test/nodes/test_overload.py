@@ -1,4 +1,4 @@
-"""Monitors and recorders that cannot keep up skip and report whole ticks, but none of a publisher that waits."""
+"""Monitors and recorders that cannot keep up skip and report whole ticks, unless the publisher waits for them."""
 import threading
 
 import pytest
@@ -68,10 +68,11 @@ def test_a_monitor_that_cannot_follow_skips_whole_ticks_and_says_so_and_what_it_
                            if name in ('/diagnostics', 'collision')))
     for n, (name, data, _, number) in enumerate(messages):
         monitor._inbox.put(name, channels()[name].type, data, info(number))
-        if monitor._inbox.skipped == 1 and name == 'handles':      # at once: nothing has been read yet
+        if monitor._inbox.skipped == 1 and name == 'handles':      # reported at once, before anything has been read
             node.until(lambda: any('pace' in row.name for message in health for row in message.status))
         if n % 6 == 0 and n > 60:
-            monitor._inbox._read(*monitor._inbox._waiting.popleft())     # meanwhile it reads a sixth of the messages
+            # The monitor meanwhile reads a sixth of the messages.
+            monitor._inbox._read(*monitor._inbox._waiting.popleft())
     while monitor._inbox._waiting:
         monitor._inbox.work()
     assert (monitor.dropped, monitor.seen + monitor._inbox.skipped) == (0, 501)
@@ -106,10 +107,10 @@ def test_ticks_that_are_not_seen_are_known_by_the_numbers_of_their_handles():
     assert pace.before == 6
     assert not pace.see(20, 8, 0.0)
     assert pace.text() == ''
-    assert pace.see(50, 11, 0.0)        # at once
-    assert not pace.see(80, 14, 0.5)        # and then each second
+    assert pace.see(50, 11, 0.0)        # reported at once
+    assert not pace.see(80, 14, 0.5)        # and every second after that
     assert pace.see(90, 16, 1.6)
-    assert not pace.see(5, 17, 9.9)     # a run that started again
+    assert not pace.see(5, 17, 9.9)     # a restarted run
     assert not pace.see(9, 1, 9.9)      # another publisher
     assert (pace._unseen, pace._step_ns) == (2 + 2 + 1, 30)
     assert pace.warnings('red', 4.5)

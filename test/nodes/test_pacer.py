@@ -1,4 +1,4 @@
-"""Pacing follows a steady clock: no drift, no burst, overruns counted and recovered."""
+"""Pacing follows a steady clock without drift or bursts, and overruns are counted and recovered."""
 from itertools import pairwise
 
 import pytest
@@ -18,13 +18,13 @@ class Clock:
         monkeypatch.setattr(pacer.time, 'monotonic_ns', lambda: self.now_ns)
 
     def play(self, paced, t_ns):
-        """Wait until a tick is due, and start it, as a timer that is never late does."""
+        """Wait until a tick is due, and start it like a timer that is never late."""
         self.now_ns += paced.delay_ns(t_ns)
         paced.start(t_ns)
 
 
 def played(monkeypatch, work_ms, count=1000, scale=1.0, tick_ms=20):
-    """Return when ticks start, in ms, each of which takes ``work_ms(k)``; and the pacer."""
+    """Return the times in ms at which ticks start, if each takes ``work_ms(k)``, and the pacer."""
     clock, paced = Clock(monkeypatch), Pacer(scale)
     started = []
     for k in range(count):
@@ -144,7 +144,7 @@ def test_at_the_smallest_scales_the_next_tick_is_always_an_hour_away(monkeypatch
         clock.now_ns += paced.delay_ns(20 * MS)
         assert paced.delay_ns(20 * MS) == 3600 * 1000 * MS
     paced.scale = 1.0
-    assert paced.delay_ns(20 * MS) == pytest.approx(20 * MS, abs=100)      # at 2e-12, 22 ns have gone
+    assert paced.delay_ns(20 * MS) == pytest.approx(20 * MS, abs=100)      # at a scale of 2e-12, 22 ns have passed
 
 
 def test_a_run_that_is_late_goes_on_at_the_smallest_scale(monkeypatch):

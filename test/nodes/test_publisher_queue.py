@@ -1,4 +1,4 @@
-"""Unsubscribed topics are never encoded: real publishers and real subscribers over DDS."""
+"""Unsubscribed topics are never encoded; publishers and subscribers over DDS are real."""
 import pytest
 
 pytest.importorskip('rclpy')
@@ -13,7 +13,7 @@ READER = ('geometry_msgs/msg/PoseArray', 'handles')
 
 
 class Source:
-    """A feed of handles that notes the ticks whose bytes it makes."""
+    """A source of handles that records the ticks that it encodes."""
 
     def __init__(self, node, durability):
         from dragon_ros.nodes.shell import message_type

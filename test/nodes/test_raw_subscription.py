@@ -1,4 +1,4 @@
-"""A busy reader takes all messages that have arrived, in order, each once: real publishers over DDS."""
+"""A busy reader takes each message that has arrived once and in order; publishers over DDS are real."""
 import pytest
 
 pytest.importorskip('rclpy')

@@ -1,4 +1,4 @@
-"""Recorders that are killed, or lack disk space or messages: recorded data stay, and losses are reported."""
+"""Recorders that are killed, or lack disk space or messages, keep recorded data and report losses."""
 import re
 import resource
 import signal
@@ -42,7 +42,7 @@ def streamed(path):
                     names[record.id] = record.topic
                 if isinstance(record, Message):
                     found.append((names[record.channel_id], record.log_time, record.data))
-    except (EndOfFile, ValueError, OSError, ZstdError):      # the last chunk may be half written
+    except (EndOfFile, ValueError, OSError, ZstdError):      # the last chunk may be incomplete
         pass
     return found
 
@@ -74,7 +74,7 @@ def test_recorders_killed_at_random_moments_lose_at_most_the_flush_interval_and_
     scene = load_scene('first_contact', ['run.start_s=400', 'run.stop_s=405'])
     for n, record in enumerate(records):
         assert record.end() == -signal.SIGKILL, record.text
-        check_killed(tmp_path / f'{n}.mcap', heard_ns[n] - 10**9)     # half a second, and as much for a busy machine
+        check_killed(tmp_path / f'{n}.mcap', heard_ns[n] - 10**9)     # half a second, plus the same for a busy machine
         check_repaired(tmp_path / f'{n}.mcap', tmp_path / f'whole{n}.mcap', scene, capsys)
 
 
@@ -88,7 +88,7 @@ def check_killed(bag, heard_ns):
 
 
 def check_repaired(bag, whole, scene, capsys):
-    """The remaining bag is reported, repaired, and equal to the model bit for bit up to its end."""
+    """The remaining bag is reported, is repaired, and equals the model bit for bit up to its end."""
     assert main(['inspect', str(bag)]) == 1
     if not streamed(bag):
         return
@@ -121,7 +121,7 @@ def test_a_bag_alone_makes_its_run_again(start, tmp_path):
     with BagReader(bag) as run:
         assert compare_with_model(run, scene).faults == []
     info = yaml.safe_load((tmp_path / 'run' / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
-    assert info['message_count'] == 3 * 26 + 2      # and track and scene
+    assert info['message_count'] == 3 * 26 + 2      # plus track and scene
 
 
 @pytest.mark.parametrize('on_contact', ['stop', 'hold'])
@@ -138,7 +138,7 @@ def test_a_bag_of_a_run_that_ends_in_its_contact_is_checked_to_its_last_frame(st
     assert main(['inspect', str(tmp_path / 'a.mcap'), '--check']) == 0
     assert f'{3 * 10} messages are bit-identical to the model, 0 are not' in capsys.readouterr().out
     monkeypatch.setattr(contacts_in_bag, 'SEARCHED_BENCHES', 222)
-    assert main(['inspect', str(tmp_path / 'a.mcap'), '--check']) == 0      # by its certificate
+    assert main(['inspect', str(tmp_path / 'a.mcap'), '--check']) == 0      # checked by its certificate
     assert 'the contact at 412.47383768211' in capsys.readouterr().out
 
 
@@ -165,7 +165,7 @@ def test_a_disk_that_fails_stops_the_recording_and_nothing_else(start, tmp_path,
         messages = list(make_reader(file, validate_crcs=True).iter_messages())
     assert messages
     assert bag.stat().st_size <= 2_000_000 or how == 'gone'
-    assert publisher.stop() == 0, publisher.text        # it was still there
+    assert publisher.stop() == 0, publisher.text        # the publisher was still running
 
 
 def test_lost_and_missing_ticks_are_reported_in_the_bag_on_the_terminal_and_by_the_exit_code(start, node, tmp_path):
@@ -198,7 +198,7 @@ def test_lost_and_missing_ticks_are_reported_in_the_bag_on_the_terminal_and_by_t
 
 @pytest.mark.parametrize('first', ['record', 'sim'])
 def test_a_live_recording_is_complete_whoever_starts_first(start, node, tmp_path, first):
-    """As in the tutorial, without naming subscribers: the sim waits for those that discovery finds."""
+    """As in the tutorial, no subscribers are named, and the sim waits for those that discovery finds."""
     short = 'run.start_s=412.2', 'run.stop_s=412.7'
     changes = [part for pair in short for part in ('--set', pair)]
     record, names = None, node.get_node_names_and_namespaces
@@ -297,7 +297,7 @@ def test_no_scene_on_the_topic_ends_or_blinds_a_recorder(start, node, tmp_path):
     node.until(lambda: len([row for row in streamed(bag) if row[0] == '/dragon/handles']) == 4)
     assert record.stop() == 3, record.text
     assert 'Traceback' not in record.text
-    assert '1 ticks are missing: 3' in record.text      # the last scene counts, whatever came before
+    assert '1 ticks are missing: 3' in record.text      # the last scene counts, regardless of earlier ones
     with bag.open('rb') as file:
         assert 1 <= len(list(make_reader(file).iter_attachments())) <= RECORDED_SCENES
 

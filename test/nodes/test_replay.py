@@ -1,4 +1,4 @@
-"""Replay under control: start, speed, pause, step and seek, and the order of latched messages."""
+"""Controls of a replay: start, speed, pause, step and seek, and the order of latched messages."""
 from collections import Counter
 
 import pytest
@@ -35,7 +35,7 @@ def recorded(tmp_path_factory):
 
 @pytest.fixture
 def stamps(node):
-    """The stamps of the received handles, in ticks of a tenth of a second."""
+    """The stamps of the received handles, in units of a tenth of a second."""
     from geometry_msgs.msg import PoseArray
     out = []
     node.create_subscription(PoseArray, 'handles',
@@ -166,7 +166,7 @@ def test_typed_keys_are_distinguished():
 
 
 def test_keys_of_a_terminal_control_the_replay(domain, recorded, tmp_path):
-    """A real terminal: the other end of a pty."""
+    """The terminal is real: it is the other end of a pty."""
     import os
     import pty
     import sys
@@ -197,7 +197,7 @@ def test_keys_of_a_terminal_control_the_replay(domain, recorded, tmp_path):
 
 
 def stranger_s_bag(path, schema):
-    """A bag with one message, of a type of that name, or without a schema."""
+    """A bag with one message of a given type, or without a schema."""
     from mcap.writer import Writer
     with path.open('wb') as file:
         writer = Writer(file)

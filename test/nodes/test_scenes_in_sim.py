@@ -21,7 +21,7 @@ def recorded(start, bag, scene, changes):
     record = start('record', '--output', bag)
     overrides = [part for change in changes for part in ('--set', change)]
     readers = ','.join(f'{name}=1' for name in topics)
-    scale = 1.0 if loaded.is_led else 0.0       # commands come in real time
+    scale = 1.0 if loaded.is_led else 0.0       # commands arrive in real time
     sim = start('sim', '--scene', scene, *overrides, '--ros-args', '-p', f'time_scale:={scale}',
                 '-p', f'wait_subscribers:=[{readers}]')
     assert sim.end() == 0, sim.text

@@ -1,4 +1,4 @@
-"""The bag that is simulated offline is the one that real nodes record."""
+"""A bag simulated offline equals the bag that real nodes record."""
 from dragon_ros.__main__ import main
 from dragon_ros.bags.read.frames import scene_of_bag
 from dragon_ros.bags.read.reader import BagReader
@@ -33,7 +33,7 @@ def test_the_scene_recorded_live_and_simulated_offline_give_equal_messages(start
     for name, kind in (('scene', String), ('track', Marker)):
         (live,), (offline,) = recorded[f'/dragon/{name}'], simulated[f'/dragon/{name}']
         assert live[:2] == offline[:2]
-        # Messages serialised by the sender have their own padding, so fields are compared. The scene contains settings
-        # of sim.
+        # Messages that the sender serialises have their own padding, so fields are compared. The scene contains
+        # settings of sim.
         told, expected = (deserialize_message(row[2], kind) for row in (live, offline))
         assert name == 'scene' or told == expected

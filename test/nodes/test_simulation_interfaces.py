@@ -17,7 +17,7 @@ needs_standard = pytest.mark.skipif(find_spec('simulation_interfaces') is None,
 
 
 class Simulator:
-    """A client of the standard, which knows nothing about dragons."""
+    """A client of the standard that has no information about dragons."""
 
     def __init__(self, node, name):
         from simulation_interfaces import action, msg, srv
@@ -45,7 +45,7 @@ class Simulator:
                     if getattr(self.msg.SimulationState, f'STATE_{name}') == number)
 
     def offered(self):
-        """Return the services of the standard that the simulator has."""
+        """Return the services of the standard that the simulator offers."""
         namespace, _, name = self.name.rpartition('/')
         self.node.until(lambda: (name, namespace) in self.node.get_node_names_and_namespaces())
         return {service.rpartition('/')[2] for service, kinds in self.node.get_service_names_and_types_by_node(
@@ -67,7 +67,7 @@ class Simulator:
             Vector3(x=float(x), y=float(y), z=float(z)) for x, y, z in points])
 
     def steps(self, count, heard=None, cancel_after=None):
-        """Simulate steps by the action; return the feedback (as many as ``heard``), the status and the result."""
+        """Simulate steps by the action; return the feedback (``heard`` messages), the status and the result."""
         from rclpy.action import ActionClient
         from rclpy.qos import QoSProfile
         client, told = ActionClient(self.node, self.action.SimulateSteps, f'{self.name}/simulate_steps',
@@ -82,7 +82,7 @@ class Simulator:
             self.node.until(lambda: len(told) >= cancel_after)
             goal.cancel_goal_async()
         self.node.until(answered.done)
-        self.node.until(lambda: heard is None or len(told) >= heard)        # which may come after the result
+        self.node.until(lambda: heard is None or len(told) >= heard)        # feedback may arrive after the result
         client.destroy()
         return [(one.completed_steps, one.remaining_steps) for one in told], answered.result().status, (
             answered.result().result.result.result)
@@ -283,7 +283,7 @@ def test_without_the_package_nothing_is_offered_and_nothing_loaded(domain, monke
     import rclpy
 
     from dragon_ros.nodes.sim import Sim
-    monkeypatch.setitem(sys.modules, 'simulation_interfaces', None)      # the import system's mark of a missing package
+    monkeypatch.setitem(sys.modules, 'simulation_interfaces', None)      # marks a missing package for the import system
     monkeypatch.delitem(sys.modules, 'dragon_ros.nodes.simulation_interfaces', raising=False)
     rclpy.init()
     try:

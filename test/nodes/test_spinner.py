@@ -1,4 +1,4 @@
-"""A spinner handles all that an rclpy executor does: messages, timers, requests, events, and later additions."""
+"""A spinner handles what an rclpy executor handles: messages, timers, requests, events and later additions."""
 import gc
 import threading
 import time
@@ -29,7 +29,7 @@ STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 
 @pytest.fixture
 def served(domain):
-    """A node, and a function that serves it by a spinner until a condition holds."""
+    """A node, and a function that serves the node by a spinner until a condition holds."""
     rclpy.init()
     node = rclpy.create_node('served')
     spinner = Spinner(node)
@@ -103,7 +103,7 @@ def test_what_is_added_and_removed_while_it_spins_is_noticed(served):
         seen = len(ticks)
         until(lambda: not publisher.get_subscription_count())
         begin = time.monotonic()
-        until(lambda: time.monotonic() - begin > 0.5)       # two looks
+        until(lambda: time.monotonic() - begin > 0.5)       # long enough for two looks
         assert len(ticks) == seen
 
 
@@ -157,7 +157,7 @@ def test_a_cancelled_timer_rests_until_it_is_reset_with_another_period(served):
 
 
 def test_a_wait_that_lasts_for_hours_because_the_system_clock_was_set_back_is_ended(domain, monkeypatch):
-    monkeypatch.setattr(spinner_module, '_WAIT_NS', 7200 * 10**9)      # as long as the middleware then waits
+    monkeypatch.setattr(spinner_module, '_WAIT_NS', 7200 * 10**9)      # the time for which the middleware then waits
     rclpy.init()
     node, late = rclpy.create_node('waiting'), []
     with closing(Spinner(node)) as spinner:
@@ -222,7 +222,7 @@ def test_a_guard_condition_and_an_action_wake_it_without_a_look_at_all_else(serv
 
 
 def action_server(node, take):
-    """Return a server of the only action that may be installed here, or None; ROS wheels bring no action."""
+    """Return a server of the only action that may be installed here, or None; ROS wheels contain no action."""
     if find_spec('simulation_interfaces') is None:
         return None
     from rclpy.action import ActionServer

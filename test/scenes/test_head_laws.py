@@ -1,4 +1,4 @@
-"""Custom head laws: by entry point, rejected if they break their contract, never from a bag."""
+"""Custom head laws are loaded by entry point, never from a bag, and rejected if they break their contract."""
 import sys
 
 import pytest

@@ -1,4 +1,4 @@
-"""Venues in scene files, inline and from GeoJSON and WKT, and in the scene of a bag."""
+"""Venues in scene files, inline or from GeoJSON and WKT, and in the scene of a bag."""
 import json
 import re
 

@@ -1,6 +1,6 @@
-"""The memory of a recorder grows only with the longest time for which it is stopped.
+"""Show that a recorder's memory grows only with the longest time for which it is stopped.
 
-Started by hand: ``./dragon python test/soak/backlog.py``. A sim at 100 Hz runs alongside. The recorder is stopped for
+Start it by hand: ``./dragon python test/soak/backlog.py``. A sim at 100 Hz runs alongside. The recorder is stopped for
 increasing durations, three times each, and then runs for three minutes. ``in use`` is the memory that malloc has given
 to Python and the middleware; ``free`` is the memory that malloc keeps.
 """
@@ -29,7 +29,7 @@ class _Allocated(ctypes.Structure):
 
 
 def told() -> str:
-    """Return as text the anonymous memory of this process, and the memory that malloc has in use and free."""
+    """Return, as text, this process's anonymous memory, and the memory that malloc has in use and free."""
     libc = ctypes.CDLL('libc.so.6')
     libc.mallinfo2.restype = _Allocated
     found = libc.mallinfo2()
@@ -40,7 +40,7 @@ def told() -> str:
 
 
 def grow(folder: Path, rest_s: float, stop: threading.Event) -> int:
-    """Record, stand still, and print the memory after each time."""
+    """Record, stop repeatedly, and print the memory after each stop."""
     node = Recorder(BagWriter(folder / 'bag'))
     waiting = [*((stall_s, _REST_S) for stall_s in _STALLS_S), (0.0, rest_s)]
     said, due_s = 'at the beginning', time.monotonic() + 6 * _REST_S

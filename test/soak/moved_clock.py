@@ -1,7 +1,7 @@
-"""A run is recorded, watched and replayed while the system clock of its processes is set forwards and back by hours.
+"""Record, watch and replay a run while the system clock of its processes is set forwards and back by hours.
 
-Started by hand: ``./dragon python test/soak/moved_clock.py --times 8``. No real clock is set: a preloaded library,
-which a C compiler makes of ``moved_clock.c``, moves the clock of these processes and the waits that follow it. Both
+Start it by hand: ``./dragon python test/soak/moved_clock.py --times 8``. No real clock is set: a preloaded library,
+which a C compiler builds from ``moved_clock.c``, moves the clock of these processes and the waits that follow it. Both
 bags must equal the model each time, and all processes must end; otherwise the exit code is 1.
 """
 import argparse
@@ -17,7 +17,7 @@ from pathlib import Path
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 
 _PATIENCE_S = 180
-_MOVES_S = (3600, -3600, 0, -7200)      # the settings of the clock, one after another
+_MOVES_S = (3600, -3600, 0, -7200)      # successive settings of the clock
 _MILLION = 1_000_000
 
 
@@ -32,7 +32,7 @@ class Moved:
     """Processes of one domain whose clock moves."""
 
     def __init__(self, folder: Path, preloaded: Path, rng: random.Random) -> None:
-        """The clock starts to move a few seconds from now, perhaps while nodes look for each other."""
+        """The clock starts to move a few seconds from now, perhaps while nodes discover each other."""
         self._file, self._over = folder / 'moved', threading.Event()
         self._file.unlink(missing_ok=True)
         self._environment = {**local_environment(free_domain()), 'LD_PRELOAD': str(preloaded),
@@ -60,7 +60,7 @@ class Moved:
 
 
 def ended(name: str, process: subprocess.Popen[str], faults: list[str], codes: tuple[int, ...] = (0,)) -> None:
-    """Wait for the end of a process, and note one that does not end or fails."""
+    """Wait for the end of a process, and note if it does not end or fails."""
     try:
         errors = process.communicate(timeout=_PATIENCE_S)[1]
     except subprocess.TimeoutExpired:
@@ -73,7 +73,7 @@ def ended(name: str, process: subprocess.Popen[str], faults: list[str], codes: t
 
 
 def once(folder: Path, preloaded: Path, rng: random.Random) -> list[str]:
-    """Run, record, watch and replay; return what went wrong."""
+    """Run, record, watch and replay; return the faults."""
     faults: list[str] = []
     for name in ('run', 'again'):
         moved = Moved(folder, preloaded, rng)
@@ -83,7 +83,7 @@ def once(folder: Path, preloaded: Path, rng: random.Random) -> list[str]:
         player = moved.start('sim', '--scene', 'first_contact', '--ros-args', '-p', wait) if name == 'run' else (
             moved.start('replay', folder / 'run.mcap', '--wait-subscribers', '/dragon/handles=2,/dragon/benches=2'))
         ended(f'the player of {name}', player, faults)
-        ended(f'the recorder of {name}', record, faults, (0, 3))    # 3: a topic of the monitor lacks its beginning
+        ended(f'the recorder of {name}', record, faults, (0, 3))    # code 3: a topic of the monitor lacks its beginning
         monitor.send_signal(signal.SIGINT)
         ended(f'the monitor of {name}', monitor, faults)
         moved.close()
@@ -95,7 +95,7 @@ def once(folder: Path, preloaded: Path, rng: random.Random) -> list[str]:
 
 
 def main(argv: list[str]) -> int:
-    """Try several times, and print what went wrong."""
+    """Try several times, and print the faults."""
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
     options.add_argument('--times', type=int, default=8, help='runs (8)')
     options.add_argument('--seed', type=int, default=1, help='of the moments at which the clock is set (1)')

@@ -1,9 +1,9 @@
-"""A soak test: a live dragon for many minutes; recorders are killed and stalled, monitors restarted, bags replayed.
+"""A soak test of a live dragon for many minutes: recorders are killed and stalled, monitors restarted, bags replayed.
 
-Started by hand, never by the tests: ``./dragon python test/soak/soak.py --minutes 60 --controls 2``. It reports its
-progress every minute, and at the end the losses, the differences from the model, the drift of stamps against the clock,
-and the growth of memory; the exit code is 1 if a tick was lost or differs. With controls the dragon is paused, stepped,
-moved back by a few seconds, and its speed is changed: ticks repeat, none is skipped.
+Start it by hand, since the tests never do: ``./dragon python test/soak/soak.py --minutes 60 --controls 2``. It reports
+its progress every minute, and at the end the losses, the differences from the model, the drift of stamps against the
+clock, and the growth of memory; the exit code is 1 if a tick was lost or differs. With controls, the dragon is paused,
+stepped and moved back by a few seconds, and its speed is changed: ticks repeat, but none is skipped.
 """
 import argparse
 import json
@@ -27,16 +27,16 @@ from dragon_ros.scenes.load import load_scene
 
 RATE_HZ = 100
 _EVERY_S = 5.0          # time between two actions, and between two checks of the memory
-_SETTLED_S = 120.0      # growth of memory is counted from here on
-_BEGUN_S = 60.0         # by then a recorder has something on disk ...
-_BEGUN_BYTES = 200_000  # ... this much
+_SETTLED_S = 120.0      # time from which growth of memory is counted
+_BEGUN_S = 60.0         # time by which a recorder has data on disk
+_BEGUN_BYTES = 200_000  # size of that data
 _NS = 10**9
 Stamps = np.ndarray[tuple[int], np.dtype[np.int64]]
 
 
 @dataclass
 class Soak:
-    """One soak: its processes, and what it has seen."""
+    """One soak: its processes and its observations."""
 
     folder: Path
     domain: int = field(default_factory=free_domain)
@@ -70,7 +70,7 @@ class Soak:
         self.counts[what] = self.counts.get(what, 0) + by
 
     def look(self, **processes: subprocess.Popen[bytes]) -> None:
-        """Note how much memory the processes have."""
+        """Record how much memory the processes use."""
         for name, process in processes.items():
             if process.poll() is not None:
                 self.faults.append(f'{name} ended with {process.returncode}')
@@ -87,14 +87,14 @@ def ended(process: subprocess.Popen[bytes], number: int = signal.SIGINT) -> int:
 
 
 def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
-    """Run one; without controls it ends with the dragon, which lags behind the clock on a busy machine."""
+    """Run a soak; without controls, it ends with the dragon, which lags behind the clock on a busy machine."""
     folder, rng = run.folder, random.Random(seed)
     whole = run.start('record', '--output', folder / 'whole', '--split-duration-s', 300)
     monitor, extra = run.start('monitor'), run.start('record', '--output', folder / 'extra_0.mcap')
     stop_s = 60 * minutes
     sim = run.start('sim', *set_of(minutes, controls_s), '--ros-args', '-p',
                     'wait_subscribers:=[handles=3,benches=3,scene=2]')
-    if controls_s and not waited_for(folder / 'extra_0.mcap'):     # a step before the start is seen by nobody
+    if controls_s and not waited_for(folder / 'extra_0.mcap'):     # no subscriber sees a step before the start
         run.faults.append('the run did not start')
     controls = controls_s and run.run('controls', [str(Path(__file__).parents[1] / 'nodes/controls.py'), '--harmless',
                                                    '--each-s', str(controls_s), '--seed', str(seed)])
@@ -105,7 +105,7 @@ def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
         run.look(sim=sim, recorder=whole)
         act = ('kill', 'stall', 'monitor', 'join', 'look')[acts % 5]
         acts += 1
-        if act == 'kill':       # a recorder, and what is left is repaired and replayed elsewhere
+        if act == 'kill':       # kill a recorder; its remaining bag is repaired and replayed elsewhere
             bag = folder / f'extra_{run.counts.get("recorders killed", 0)}.mcap'
             begun = waited_for(bag)
             ended(extra, signal.SIGKILL)
@@ -115,7 +115,7 @@ def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
                 run.faults.append(f'{bag.name} held nothing after {_BEGUN_S:g} s')
             run.count('recorders killed')
             extra = run.start('record', '--output', folder / f'extra_{run.counts["recorders killed"]}.mcap')
-        elif act == 'stall':    # the recorder that must lose nothing
+        elif act == 'stall':    # stall the recorder that must lose nothing
             whole.send_signal(signal.SIGSTOP)
             time.sleep(rng.uniform(0.1, 1.0))
             whole.send_signal(signal.SIGCONT)
@@ -125,12 +125,12 @@ def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
                 run.faults.append(f'monitor ended with {monitor.returncode}')
             monitor = run.start('monitor')
             run.count('monitors restarted')
-        elif act == 'join':     # a late one that leaves again
+        elif act == 'join':     # a late recorder joins and leaves again
             (folder / 'late.mcap').unlink(missing_ok=True)
             late = run.start('record', '--output', folder / 'late.mcap')
             if not waited_for(folder / 'late.mcap'):
                 run.faults.append(f'late.mcap held nothing after {_BEGUN_S:g} s')
-            if ended(late) not in (0, 3):       # 3: it lacks the beginning
+            if ended(late) not in (0, 3):       # code 3: the beginning is missing
                 run.faults.append(f'a late recorder ended with {late.returncode}')
             with BagReader(folder / 'late.mcap') as reader:
                 mind_holes(run, 'a late recorder', stamps_in(reader))
@@ -153,13 +153,13 @@ def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
 
 
 def set_of(minutes: float, controls_s: float) -> list[str]:
-    """Return the scene as options: with controls a signal ends the run, which must be long enough."""
+    """Return the scene as options; with controls, a signal ends the run, which must be long enough."""
     return ['--scene', 'unwinding', '--set', f'run.stop_s={60 * minutes * (2 if controls_s else 1)}',
             '--set', f'run.rate_hz={RATE_HZ}']
 
 
 def waited_for(bag: Path) -> bool:
-    """Wait until a chunk of a bag is on disk: a recorder killed before that leaves nothing to compare."""
+    """Wait until a chunk of a bag is on disk, since a recorder killed before that leaves nothing to compare."""
     until = time.monotonic() + _BEGUN_S
     while time.monotonic() < until:
         if bag.exists() and bag.stat().st_size >= _BEGUN_BYTES:
@@ -212,7 +212,7 @@ def mind_holes(run: Soak, whose: str, stamps: Stamps) -> None:
 
 
 def differing(run: Soak, options: list[str]) -> int:
-    """Return how many messages of handles and benches in the bag of the whole run are not those of the model."""
+    """Return how many messages of handles and benches in the bag of the whole run differ from the model."""
     scene = load_scene(options[1], options[3::2])
     encode, last_k, frame, different = encoders(scene), -1, None, 0
     with BagReader(run.folder / 'whole') as reader:

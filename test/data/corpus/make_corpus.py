@@ -1,6 +1,7 @@
 """Make the bags of this folder, good and bad: ``python test/data/corpus/make_corpus.py`` in the checkout's environment.
 
-Each is small. CORPUS gives the expected result: None for a bag that is read to its end, otherwise words of the error.
+Each bag is small. CORPUS gives the expected result: None for a bag that is read to its end, otherwise words of the
+error.
 """
 import struct
 import zlib
@@ -93,7 +94,7 @@ def message(channel=1, data=bytes(8), t_ns=1):
 
 
 def bomb(megabytes, pack):
-    """Return a chunk of zeros: small on disk, large when it is opened."""
+    """Return a chunk of zeros, which is small on disk and large when it is opened."""
     return chunk(pack(bytes(megabytes * 2**20)), megabytes * 2**20, b'zstd' if pack is zstd else b'lz4')
 
 
@@ -124,7 +125,7 @@ def liar_in_zstd():
 
 
 GOOD = bag()
-# Each file with the words of its error. Tests import this, so slow compression is done only when files are written.
+# Each file with the words of its error. Tests import this module, so slow compression runs only when files are written.
 CORPUS = {
     'good_none': (GOOD, None),
     'good_zstd': (bag(CompressionType.ZSTD), None),

@@ -1,4 +1,4 @@
-"""Makes the files of this folder with version 0.2.0, and with no other: ``CHECKOUT_OF_0.2.0/dragon python make.py``."""
+"""Make the files of this folder with version 0.2.0 only: ``CHECKOUT_OF_0.2.0/dragon python make.py``."""
 import json
 import subprocess
 import sys
@@ -7,7 +7,7 @@ from pathlib import Path
 from dragon_ros.version import __version__
 
 HERE = Path(__file__).resolve().parent
-BAG = {     # three lengths of benches, an S-turn, smooth ramps and every effect, across the first contact
+BAG = {     # has three bench lengths, an S-turn, smooth ramps and every effect, and covers the first contact
     'dragon': {'kind': 'mixed', 'groups': [{'length_m': 3.41}, {'count': 20, 'length_m': 2.2},
                                            {'count': 3, 'length_m': 1.7}]},
     'track': {'kind': 'turn', 'pitch_m': 0.8, 'before_m': 12},

@@ -22,7 +22,7 @@ const WORDS = {
   server: ['is the server still running?', '服务器还在运行吗？'],
   follow: ['Follow head', '跟随龙头'],
   scale: ['a bench is {long} × {wide} pixels here', '此处一节板凳为 {long} × {wide} 像素'],
-  by_canvas: ['; {kb} kB and {calls} draw calls a frame on a canvas', '；画布绘制，每帧 {kb} kB、{calls} 次绘制调用'],
+  by_canvas: ['; {kb} kB and {calls} draw calls per frame on a canvas', '；画布绘制，每帧 {kb} kB、{calls} 次绘制调用'],
   by_webgl: ['; {kb} kB and one draw call per frame by WebGL', '；WebGL 绘制，每帧 {kb} kB、一次绘制调用'],
   rate: [', {rate} frames a second', '，每秒 {rate} 帧'],
   // The values of --try
