@@ -1,16 +1,16 @@
 """How far corners of benches deviate from straight lines while a spiral's pitch changes at a constant head radius.
 
 In units of b (see ``min_pitch``) the chain then grows: it is ``scale`` times as large, with handle 0 at theta = scale
-r. One prime is scale times the derivative by the scale, two are scale^2 times the second derivative: c' = c, c'' = 0,
-and the leading handle has p = theta' = theta, a = theta'' = 0. With m = theta - p, 0 for the leading handle, F = c^2 /
-2 gives
+r. A prime denotes scale times the derivative by the scale, and two primes denote scale^2 times the second derivative:
+c' = c, c'' = 0, and the leading handle has p = theta' = theta, a = theta'' = 0. With m = theta - p, which is 0 for the
+leading handle, F = c^2 / 2 gives
 
     delta'  = (delta^2 + (1 - cos delta) (theta delta + (2 theta + delta) m)) / F_delta,
     m_next  = (1 + d1) m + theta (theta + delta) delta sin delta / F_delta,
     delta'' = d1 a + (delta^2 + 2 (1 - cos delta) (theta delta + m (2 theta - m)) - 2 F_td p delta' - F_dd delta'^2)
               / F_delta,
 
-where nothing large cancels because c^2 was replaced by 2 F. The link's direction is theta + psi, and as in
+where no large terms cancel, because c^2 was replaced by 2 F. The link's direction is theta + psi, and as in
 ``on_spiral``
 
     psi' = delta' / 2 + N / c^2,     N = sin delta (delta p - theta delta') + (theta + delta / 2) delta delta',
@@ -18,11 +18,11 @@ where nothing large cancels because c^2 was replaced by 2 F. The link's directio
 
 Handles turn by p = theta_0 plus the sum of delta' before them; theta_0 is common to all and cancels in differences.
 
-Ranges of theta and delta: assume that every curvature times every link is below 2, so 1 + d1 > 0 and delta < pi. Each
-theta grows with r and with the scale (p_next = (1 + d1) p + c^2 / F_delta). m >= 0 by the formula above, so delta grows
-with the scale; it falls as r grows (docs/contact.md, lemma 1). So over a rectangle of r and scale, theta is smallest
-where both are smallest and largest where both are largest; delta is smallest at the largest r and smallest scale, and
-largest at the opposite corner.
+Ranges of theta and delta: assume that every curvature times every link is below 2, so that 1 + d1 > 0 and delta < pi.
+Each theta increases with r and with the scale (p_next = (1 + d1) p + c^2 / F_delta). By the formula above m >= 0, so
+delta increases with the scale; it decreases as r increases (docs/contact.md, lemma 1). Over a rectangle of r and scale,
+theta is therefore smallest where both are smallest and largest where both are largest; delta is smallest at the largest
+r and smallest scale, and largest at the opposite corner.
 """
 from dataclasses import dataclass
 
@@ -41,7 +41,7 @@ def bend_by_scale(theta: Ball, delta: Ball, chord: Ball, arm: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class _Growth:
-    """For handles (M, K+1): m and a. For links (M, K): delta' and delta''."""
+    """The values of m and a for handles (M, K+1), and of delta' and delta'' for links (M, K)."""
 
     m: Ball
     a: Ball

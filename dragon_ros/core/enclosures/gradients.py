@@ -1,8 +1,8 @@
-"""Numbers and their first derivatives in balls, for all values that some variables can have in a box.
+"""Numbers and their first derivatives as balls, for all values that variables can have in a box.
 
 A number is an array (n,) of balls, one per box; its slopes (V, n) are its derivatives by the V variables. By the mean
-value theorem, a function that is smooth on a box is nowhere below its value in the middle minus the sum of half widths
-times the largest absolute slopes; this is exact to first order.
+value theorem, a function that is smooth on a box is nowhere below its value in the middle minus the sum of the half
+widths times the largest absolute slopes; this is exact to first order.
 """
 from dataclasses import dataclass
 
@@ -65,11 +65,11 @@ class Vector:
         return Vector(self.x * factor, self.y * factor)
 
     def left(self) -> 'Vector':
-        """Return the vector turned left by a quarter turn."""
+        """Return the vector rotated by a quarter turn to the left."""
         return Vector(-self.y, self.x)
 
     def seen_along(self, axis: 'Vector') -> 'Vector':
-        """Return the components along a unit vector and to the left of it."""
+        """Return the components along a unit vector and to its left."""
         return Vector(axis.x * self.x + axis.y * self.y, axis.x * self.y - axis.y * self.x)
 
 

@@ -3,12 +3,12 @@
 On an interval of length h (in the polar angle of the leading handle) the corners of a bench, in the frame of another,
 deviate from the straight lines between their positions at its ends by at most B h^2 / 8, if B bounds their second
 derivative there. Along straight lines the separation from a fixed edge is concave, so it is nowhere less than the
-smaller of its values at the two ends. Hence a pair is apart on the whole interval if, for one edge and one side of it,
-that smaller value exceeds B h^2 / 8.
+smaller of its values at the two ends. Hence a pair is apart on the whole interval if, for one side of one edge, that
+smaller value exceeds B h^2 / 8.
 
 Close to a lock there is no such B, and the bound is the distance that the handles of both benches move. Benches further
-out are cleared by a circle about the centre that separates them. All this assumes that handles move in one direction on
-an interval: it must not contain a position at which a handle turns back.
+out are cleared if a circle about the centre separates them. All this assumes that handles move in one direction on an
+interval: it must not contain a position at which a handle turns back.
 
 B follows from the polar angles of the handles at the two ends of the interval; docs/contact.md has the proofs. A prime
 is a derivative by the polar angle of the leading handle. A link of chord c (in units of b) from a handle at theta spans
@@ -25,17 +25,17 @@ In the frame of a bench that turns at w, the handle b theta exp(i theta) has the
 
     b (a - theta v^2)  outwards,     b (2 p v + theta v')  across.
 
-Benches of adjacent layers turn at almost the same rate, so v is small and nothing large cancels. The span delta lies
-between its values at the ends, and so does theta on either side of the position where the follower turns back. So every
-formula is evaluated once, for all values in these ranges, widened by the position error.
+Benches of adjacent layers turn at almost the same rate, so v is small and no large terms cancel. The span delta lies
+between its values at the ends, and so does theta on either side of the position where the follower turns back. Every
+formula is therefore evaluated once, for all values in these ranges, widened by the position error.
 
 Everything is rounded outwards: balls by their arithmetic (``ball_arithmetic``), separations by
-``signed_distance.rounding_m``, and formulas that combine bounds, sums and products of a few dozen positive numbers, by
+``signed_distance.rounding_m``, and formulas that combine bounds (sums and products of a few dozen positive numbers) by
 the factor ABOVE.
 
-On a spiral that winds in from afar the chain behind a bench depends only on the polar angle theta of its front handle.
-So intervals end at such angles, and benches are sampled there. Leading benches with different followers are sampled
-together: the next handles behind all of them are placed at once, each with its own link.
+On a spiral that winds in from afar, the chain behind a bench depends only on the polar angle theta of its front handle.
+Intervals therefore end at such angles, and benches are sampled there. Leading benches with different followers are
+sampled together: the next handles behind all of them are placed at once, each with its own link.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
@@ -53,13 +53,13 @@ from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints
 from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND
 
-ABOVE = 1 + 2.0**-40    # for bounds: covers more than eight thousand roundings of positive numbers
+ABOVE = 1 + 2.0**-40    # factor for bounds: covers more than eight thousand roundings of positive numbers
 _SETTLED = 0.5      # relative to a gap: a first-order bound this close to it is sufficient
-_SURE = 8           # times the position error: more than any tolerance
-_STILL = 1e-9  # margin about the follower's turning position: closer to it, motion is below the position error
+_SURE = 8           # times the position error: exceeds any tolerance
+_STILL = 1e-9  # margin around the follower's turning position, where motion is below the position error
 _COMPLEX = np.array([1, 1j])
-_AT_ONCE = 512  # positions, so that intermediate results fit into the cache
-_FEW = 64       # followers tried first: more than two layers of the classic dragon near the centre
+_AT_ONCE = 512  # number of positions whose intermediate results fit into the cache
+_FEW = 64       # number of followers tried first: more than two layers of the classic dragon near the centre
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floa
     leaders = np.zeros(theta.size, dtype=np.int64), theta, np.zeros_like(theta)
     chain = marched_many(track, links_m, leaders, BEHIND)
     z, axis = chain.p @ _COMPLEX, axes_of(chain) @ _COMPLEX
-    # Far out an angle has too few digits for a link's span; its low part provides the rest.
+    # Far out the float of an angle has too few digits for a link's span; its low part provides the rest.
     delta, centre = np.diff(chain.u) + np.diff(chain.u_lo), 0.5 * (z[:, :-1] + z[:, 1:])
     half_length_m, half_width_m = half_m
     pairs = seen_from((centre[:, :1], centre[:, 2:]), (axis[:, :1], axis[:, 2:]),
@@ -118,9 +118,9 @@ def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floa
 class Sizes:
     """The sampled benches: links, half lengths (L, K) and half width in metres; ``error_m`` bounds position errors.
 
-    There is one row per leading bench or, after ``of``, per sample. ``longest_m`` (L, 1) is the longest link among
-    these and those behind; 0 if all links behind the first are equal. Fewer than K benches are padded with copies of
-    the last.
+    There is one row per leading bench or, after ``of``, per sample. ``longest_m`` (L, 1) is the longest of these links
+    and all links behind them; 0 if all links behind the first are equal. If there are fewer than K benches, copies of
+    the last are added.
     """
 
     b_m: float
@@ -131,7 +131,7 @@ class Sizes:
     longest_m: Floats
 
     def of(self, lead: Ints) -> 'Sizes':
-        """Return the rows of samples; a single row applies to all."""
+        """Return one row per sample; a single row applies to all samples."""
         if self.longest_m.size == 1:
             return self
         rows = (each[lead] for each in (self.links_m, self.half_length_m, self.longest_m))
@@ -141,7 +141,8 @@ class Sizes:
     def angle_errors(self, theta: Floats) -> Floats:
         """Return the error of polar angles (...): a handle at theta moves b sqrt(1 + theta^2) per radian.
 
-        It is twice the position error, so the second half covers the computation of positions from angles.
+        The error corresponds to twice the position error; the second half covers the computation of positions from
+        angles.
         """
         out: Floats = (2 * self.error_m / self.b_m) / np.maximum(theta, 1.0)
         return out
@@ -157,7 +158,7 @@ class Sizes:
 class BenchSampler:
     """Samples benches ``leads`` (0 is the head), each with ``follow`` benches from it on, on a spiral first segment.
 
-    ``error_m`` bounds position errors. With several leads, no link may have a length of zero or nearly so.
+    ``error_m`` bounds position errors. With several leads, no link may have a length of zero or nearly zero.
     """
 
     track: Track
@@ -168,7 +169,7 @@ class BenchSampler:
     error_m: float
 
     def sample(self, theta: Floats, lead: Ints | None = None) -> BenchSamples:
-        """Return the samples at positions (M,) of leading benches (M,), given by index; by default of the first."""
+        """Return the samples at positions (M,) of leading benches (M,), given by index, by default the first."""
         lead = np.zeros(theta.size, dtype=np.int64) if lead is None else lead
         return joined([self._sample(theta[at:at + _AT_ONCE], lead[at:at + _AT_ONCE])
                        for at in range(0, theta.size, _AT_ONCE)])
@@ -196,7 +197,7 @@ class BenchSampler:
                      0.5 * d.width_m, np.array(longest_m))
 
     def reaching(self, theta: Floats, lead: Ints | None = None) -> 'BenchSampler':
-        """Return a sampler of only the followers that can come within reach at given positions, if these are few."""
+        """Return a sampler that is limited to the followers within reach at given positions, if these are few."""
         follow, most = _FEW, self.dragon.benches - np.array(self.leads)
         while follow < self.follow:
             fewer = replace(self, follow=follow)
@@ -213,14 +214,15 @@ class BenchSampler:
 def beyond(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
     """Return how far benches (M, K-2) stay outside the leading one's circle about the centre, between two positions.
 
-    The leading bench reaches at most as far out as a corner's distance beyond its rear handle. The line of a link is at
-    H = b (c^2 - delta^2) cot(delta / 2) / 2c from the centre, which falls as delta grows and so rises with theta.
+    The leading bench extends outwards by at most a corner's distance beyond its rear handle. The line of a link is at H
+    = b (c^2 - delta^2) cot(delta / 2) / 2c from the centre, which decreases as delta increases and thus increases with
+    theta.
     """
     span, outer = np.maximum(a.delta, b.delta)[:, 2:], np.maximum(a.theta[:, 1], b.theta[:, 1])
     inner, chord = np.minimum(a.theta, b.theta)[:, 2:-1], sizes.links_m[:, 2:] / sizes.b_m
     linked = chord > 0
     across = line_distance(np.where(linked, chord, 1), np.where(linked, span, 1), 2 * sizes.angle_errors(inner))
-    along = inner * inner / np.sqrt(1 + inner * inner)      # for a link of zero length: a tangent
+    along = inner * inner / np.sqrt(1 + inner * inner)      # distance of a tangent, for a link of zero length
     overhang = sizes.half_length_m[:, 0] - 0.5 * sizes.links_m[:, 0]
     reach = sizes.b_m * outer + 2 * sizes.error_m + np.hypot(overhang, sizes.half_width_m)
     off = sizes.rounding_m(np.maximum(a.theta[:, -1], b.theta[:, -1]))
@@ -231,7 +233,7 @@ def beyond(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
 def line_distance(chord: Floats, delta: Floats, error: Floats) -> Floats:
     """Return lower bounds on the distances of the lines of links from the centre, in units of b.
 
-    Links are ``chord`` long and span ``delta`` to within an error e. For delta < pi the distance (c^2 - delta^2)
+    Links are ``chord`` long and span ``delta`` with an error of at most e. For delta < pi the distance (c^2 - delta^2)
     cot(delta / 2) / 2c changes by at most e (2 / c + 2.5 c / delta^2), because delta cot(delta / 2) <= 2 and sin(delta
     / 2) >= delta / pi; from pi on it is not positive. Rounding adds 2^-49 of c / delta.
     """
@@ -241,12 +243,13 @@ def line_distance(chord: Floats, delta: Floats, error: Floats) -> Floats:
 
 
 def further(a: BenchSamples, b: BenchSamples, sizes: Sizes, circle: Floats) -> Floats:
-    """Return how far each bench (M, K-2) and all behind it stay outside that circle; ``circle`` is from ``beyond``.
+    """Return how far each bench (M, K-2) and all behind it stay outside the leading bench's circle.
 
-    If links are equal, this is the distance of each bench itself, which grows from bench to bench. Otherwise a link of
-    length l comes no nearer to the centre than sqrt(r^2 - l^2 / 4), where r is the distance of its front handle and
-    grows from bench to bench: its nearer handle is at most l / 2 from the foot of the perpendicular. No point of a
-    bench is further from its link than the overhang at the hole and half the width.
+    ``circle`` is the result of ``beyond``. If links are equal, the result is the distance of each bench itself, which
+    increases from bench to bench. Otherwise a link of length l comes no nearer to the centre than sqrt(r^2 - l^2 / 4),
+    where r is the distance of its front handle and increases from bench to bench: the nearer handle is at most l / 2
+    from the foot of the perpendicular. No point of a bench is further from its link than the overhang at the hole and
+    half the width.
     """
     if not np.any(sizes.longest_m):
         return circle
@@ -281,7 +284,7 @@ def _all_pairs(count: int) -> _Pairs:
 
 
 def _some_pairs(row: Ints, bench: Ints) -> _Pairs:
-    """Return pairs (P,) of bench 0 with others."""
+    """Return pairs (P,) of bench 0 with given others."""
     first = np.zeros_like(row)
     return _Pairs((row, first), (row, first + 1), (row, bench), (row, bench + 1))
 
@@ -298,7 +301,7 @@ class _Slopes:
 
 @dataclass(frozen=True)
 class Spans:
-    """Links (M, K) from handles at theta to handles at outer: functions of delta, and the inverse of F_delta."""
+    """Functions of delta, and the inverse of F_delta, for links (M, K) from handles at theta to handles at outer."""
 
     theta: Ball
     delta: Ball
@@ -310,25 +313,25 @@ class Spans:
 
     @property
     def both(self) -> Ball:
-        """2 theta + delta."""
+        """The sum 2 theta + delta."""
         return self.theta + self.outer
 
     @property
     def area(self) -> Ball:
-        """Theta (theta + delta)."""
+        """The product theta (theta + delta)."""
         return self.theta * self.outer
 
     @property
     def delta_1(self) -> Ball:
-        """d1 for a constant chord."""
+        """The derivative d1 for a constant chord."""
         return -(self.both * self.less * self.inverse)
 
 
 @dataclass(frozen=True)
 class SpiralMotion:
-    """Handles (M, K+1): angle, p, a, and ``turned``: p without the common part; links (M, K): turning and its rate.
+    """The angle, p, a and ``turned`` of handles (M, K+1), and the turning of links (M, K) with its rate.
 
-    The common part is left out of the links' turning too: only differences matter.
+    Both ``turned`` and the turning exclude the part of p common to all, because only differences matter.
     """
 
     theta: Ball
@@ -361,7 +364,7 @@ def bend(theta: Ball, delta: Ball, chord: Ball, arm: Floats, pairs: _Pairs | Non
 def corners(moving: SpiralMotion, arm: Floats, growth: float = 0.0, pairs: _Pairs | None = None) -> Floats:
     """Return bounds as ``bend`` does, or (P, 2) for selected pairs; arms grow by ``growth`` of their length per unit.
 
-    If a bench turns at W relative to the other one, the second derivative of its arm is the arm times
+    If a bench turns at W relative to the other bench, the second derivative of its arm is the arm times
     i (W' + 2 growth W) - W^2.
     """
     pairs, arm = pairs or _all_pairs(moving.w.mid.shape[1]), np.broadcast_to(arm, moving.w.mid.shape)
@@ -377,7 +380,7 @@ def corners(moving: SpiralMotion, arm: Floats, growth: float = 0.0, pairs: _Pair
 
 
 def _middles(moving: SpiralMotion, pairs: _Pairs, w: Ball, w_rate: Ball) -> Floats:
-    """Return bounds on the accelerations of middles of benches in the turning frames of leading benches."""
+    """Return bounds on the accelerations of the middles of benches in the turning frames of leading benches."""
     one, two, three, four = (_acceleration(moving, at, w, w_rate) for at in pairs)
     return 0.5 * (one + two + three + four)
 
@@ -411,7 +414,7 @@ def _slopes(theta: Ball, delta: Ball, chord: Ball) -> _Slopes:
 
 
 def _with_joined(slopes: _Slopes, theta: Ball, joined: Array) -> _Slopes:
-    """Return the slopes, with those of links of zero length, which lie along the track."""
+    """Return the slopes, completed for links of zero length, which lie along the track."""
     none = Ball(np.zeros_like(theta.mid), np.zeros_like(theta.mid))
     flat = (1 + theta.squared()).inverse()
     along = none, none, flat, -2 * theta * flat.squared()
@@ -423,7 +426,7 @@ def _with_joined(slopes: _Slopes, theta: Ball, joined: Array) -> _Slopes:
 def _handles(slopes: _Slopes) -> tuple[Ball, Ball]:
     """Return p and a of all handles; behind the third, a follows from a / p, which is a sum along the chain.
 
-    The second and third handle may turn back; there this quotient has no bound.
+    The second and third handle may turn back, where this quotient has no bound.
     """
     ratio, rate = 1 + slopes.delta_1, slopes.delta_2
     none = Ball(np.zeros_like(ratio.mid[:, :1]), np.zeros_like(ratio.mid[:, :1]))
@@ -438,9 +441,9 @@ def _handles(slopes: _Slopes) -> tuple[Ball, Ball]:
 
 
 def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tuple[Floats, Floats]:
-    """Return lower bounds (M,) of the gaps on intervals between samples a and b, and room.
+    """Return lower bounds (M,) on the gaps in intervals between samples a and b, and a factor for each length.
 
-    An interval is cleared if its bound is positive. Room is the factor, at most 1, by which its length should shrink.
+    An interval is cleared if its bound is positive. Its length should be multiplied by the factor, which is at most 1.
     Only the next ``behind`` (M,) benches count. Pairs are not examined further if the benches' motion, or the circle,
     leaves most of their gap.
     """
@@ -462,7 +465,7 @@ def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tupl
 
 
 def _bent(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, other: Ints) -> tuple[Floats, Floats]:
-    """Return second-order bounds (P,) of the gaps of pairs, numbered from the second bench behind on, and room."""
+    """Return second-order bounds (P,) on the gaps of pairs, counted from the second bench behind, and the factors."""
     sizes_at = row if sizes.links_m.shape[0] > 1 else np.zeros_like(row)
     half_length_m = sizes.half_length_m[sizes_at, 0], sizes.half_length_m[sizes_at, other + 2]
     half_m = [(each, sizes.half_width_m) for each in half_length_m]
@@ -474,9 +477,9 @@ def _bent(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, other: Ints
 
 
 def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints) -> Floats:
-    """Return how far corners deviate from straight lines, (P, 2) in metres: in frames of leading and of other benches.
+    """Return how far corners (P, 2) deviate from straight lines, in m, in the frames of leading and other benches.
 
-    Chains are followed up to the last of these benches, in the rows that have one.
+    Chains are followed up to the last of these benches, in the rows that contain any.
     """
     used, row = np.unique(row, return_inverse=True)
     count = int(np.max(bench)) + 1
@@ -497,10 +500,10 @@ def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints)
 def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
     """Return an upper bound on the summed motion, in metres, of the corners of both benches of pairs (M, K-2).
 
-    It is the smaller of two bounds. A corner moves at most as far as a handle, times the bench's lever. Handles move
-    along their track. In a frame that turns about the centre with the leading handle, they move inwards by b times the
-    change of their angle, and around by the sum of the changes of all spans from the leading one on. Each of these
-    changes is monotone.
+    It is the smaller of two bounds. A corner moves at most as far as a handle times the bench's lever. For the first
+    bound, handles move along their track. For the second, in a frame that turns about the centre with the leading
+    handle, they move inwards by b times the change of their angle, and around the centre by the sum of the changes of
+    all spans from the leading one on. Each of these changes is monotone.
     """
     outer = np.maximum(a.theta, b.theta)
     inwards = sizes.b_m * np.abs(a.theta - b.theta)
@@ -516,10 +519,10 @@ def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
 
 
 def levers(sizes: Sizes) -> Floats:
-    """Return the ratio of a bench's largest corner motion to the motion of its farther handle, (M, K).
+    """Return upper bounds (M, K) on the ratio of a bench's largest corner motion to the larger motion of its handles.
 
-    A rotation of the bench about the middle of its link, with its handles moving in opposite directions, comes close to
-    it.
+    A bench that rotates about the middle of its link, with its handles moving in opposite directions, comes close to
+    the bound.
     """
     overhang = sizes.half_length_m - 0.5 * sizes.links_m + sizes.half_width_m
     out: Floats = 1 + 2 * overhang / np.maximum(sizes.links_m, 1e-12)
@@ -530,9 +533,9 @@ def _straight(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
     """Return how far benches (M, K-2) stay behind the leading one along its axis, if the chain is nearly straight.
 
     The track turns by less than 2 radians per radian of the polar angle, so no two links between a bench's front handle
-    and another's rear one differ in direction by more than twice their common span: the turn. The links in between lead
-    away from the leading bench by at least their lengths times the cosine of the turn. The result is minus infinity if
-    the turn is more than a radian.
+    and another's rear handle differ in direction by more than twice their common span, the turn. The links in between
+    lead away from the leading bench by at least their lengths times the cosine of the turn. The result is minus
+    infinity if the turn is more than a radian.
     """
     off = sizes.angle_errors(np.minimum(a.theta, b.theta)[:, :-1])
     turn = 2 * np.cumsum(ABOVE * np.maximum(a.delta, b.delta) + 4 * off, axis=1)[:, 2:]

@@ -17,26 +17,26 @@ angles from e to the track at A and B. The length l is constant, so with speeds 
 (behind a leading tail, e points away from A, so w, w. and the prime have the opposite sign).
 
 Ranges of angles between two states: a quantity with a total variation of at most L lies within L / 2 of the mean of its
-two values, or between these if they are further apart. The turning of a link, and of the track under its handles,
-bounds the change of angles (``swing_rad``). If k l < 2 for the largest curvature k in between, the directions of a
-chord and of the track at its ends always differ by at most asin(k l / 2) (Schur). Then each pass bounds the rates of
+two values, or between them if they are further apart. The turning of a link, and of the track under its handles, bounds
+the change of angles (``swing_rad``). If k l < 2 for the largest curvature k in between, the directions of a chord and
+of the track at its ends always differ by at most asin(k l / 2) (Schur). In this case each pass bounds the rates of
 angles, and from these the angles; if both handles stay on one line or arc, angles are constant.
 
-For two benches let x be the middle of the second in the frame of the first, from its middle and along its axis, and tau
-the angles of the handles' tracks in that frame:
+For two benches let x be the middle of the second bench in the frame of the first, whose origin is the first bench's
+middle and whose x axis is its axis, and let tau be the angles of the handles' tracks in that frame:
 
     x' = V_2 - V_1 - omega J x,      x'' = A_2 - A_1 - 2 omega J x' - omega' J x + omega^2 x,
 
 V and A are the means of v (cos tau, sin tau) and of v' (cos tau, sin tau) + k v^2 (-sin tau, cos tau) over both
-handles, J a quarter turn. If everything turns together, x' vanishes and all terms of x'' cancel up to rounding. In the
-frame of the other bench, which turns by D more, the bound is |x''| + 2 |D| |x'| + (|D'| + D^2) |x|; a corner at a
-distance from the middle adds that distance times |(D', D^2)|. Curvatures jump at joints, so first derivatives have
-kinks there; the argument only needs them to be bounded.
+handles, and J is a quarter turn. If everything turns together, x' vanishes and all terms of x'' cancel up to rounding.
+In the frame of the other bench, which turns faster by D, the bound is |x''| + 2 |D| |x'| + (|D'| + D^2) |x|; a corner
+at a distance from the middle adds that distance times |(D', D^2)|. Curvatures jump at joints, so first derivatives have
+kinks there; the argument only requires them to be bounded.
 
 Everything is evaluated in ball arithmetic and rounded outwards: balls by their arithmetic, their combinations by the
 factor ABOVE (``on_spiral``). States are known only to within the position error e: the axis of a link of length l turns
-by at most 2 e / l, that of a link of zero length with the track, and the track by k e; curvatures of lines and arcs are
-constant, and those of spirals change by at most k^2 e.
+by at most 2 e / l, the axis of a link of zero length turns with the track, and the track turns by at most k e.
+Curvatures of lines and arcs are constant, and those of spirals change by at most k^2 e.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -48,10 +48,10 @@ from dragon_ros.core.enclosures.ball_arithmetic import Ball, between, side_by_si
 from dragon_ros.core.enclosures.on_spiral import ABOVE
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 
-_ROUNDED_RAD = 2.0**-46 # error of an angle between unit vectors
-_PASSES = 8     # at most; each shrinks the part beyond the ends to about motion / (2 link length)
-_WORTH = 0.9    # of a radius: passes end when nearly all radii keep more than this
-_FEW = 0.02     # of the radii: so many may still shrink by more
+_ROUNDED_RAD = 2.0**-46 # rounding error of an angle between unit vectors
+_PASSES = 8     # most passes; each shrinks the part beyond the ends by a factor of about motion / (2 link length)
+_WORTH = 0.9    # relative to a radius: passes end when nearly all radii stay above this
+_FEW = 0.02     # fraction of the radii that may still fall below
 
 Range = tuple[Floats, Floats]
 
@@ -60,8 +60,8 @@ Range = tuple[Floats, Floats]
 class LinkStates:
     """Links of M chains at one state each, from the leader on: N + 1 handles, and N angles from links to the track.
 
-    ``along_m`` are distances along the track, ``segment`` and ``curvature`` (1/m, signed) the values there; ``near``
-    and ``far`` are the angles at a link's handle nearer to the leader and at its other one.
+    ``along_m`` are distances along the track, ``segment`` and ``curvature`` (1/m, signed) are the values there, and
+    ``near`` and ``far`` are the angles at a link's handle nearer to the leader and at its other handle.
     """
 
     along_m: Floats
@@ -83,7 +83,7 @@ class LinkStates:
 
 def link_states(along_m: Floats, segment: Ints, curvature: Floats, headings: Floats, axis: Floats,
                 leader: int) -> LinkStates:
-    """Return the links of chains given from head to tail; ``leader`` is 0 or -1, ``axis`` (M, N, 2) has links' axes."""
+    """Return the links of chains given from head to tail; ``leader`` is 0 or -1, ``axis`` (M, N, 2) are links' axes."""
     ends = _angle(axis, headings[:, :-1]), _angle(axis, headings[:, 1:])
     if leader == 0:
         return LinkStates(along_m, segment, curvature, *ends)
@@ -101,8 +101,9 @@ def _angle(axis: Floats, headings: Floats) -> Floats:
 def curvature_range(bends: Range, segments: Sequence[Ints], curvatures: Sequence[Floats]) -> Range:
     """Return the smallest and largest curvature in 1/m on the track between positions on given segments.
 
-    ``bends`` are the bounds from one segment to another, (P, P). Curvature is monotone on a segment, so on one segment
-    it lies between the values at the positions; otherwise the whole range of every segment in between counts.
+    ``bends`` are the bounds from one segment to another, (P, P). Curvature is monotone on a segment, so if all
+    positions are on one segment it lies between the values there; otherwise the whole range of every segment in between
+    counts.
     """
     first, last = reduce(np.minimum, segments), reduce(np.maximum, segments)
     one = first == last
@@ -111,7 +112,7 @@ def curvature_range(bends: Range, segments: Sequence[Ints], curvatures: Sequence
 
 
 def swing_rad(most: Floats, link_m: float | Floats, moved_m: Floats) -> Floats:
-    """Return the largest total angle by which a link turns while its two handles together move by ``moved_m``.
+    """Return the largest total angle by which a link turns while its two handles move by ``moved_m`` in total.
 
     ``most`` is the largest curvature in 1/m between the rear handle's first position and the front handle's last. A
     link turns at (v_rear sin beta - v_front sin alpha) / link. No sine exceeds 1 or, if most * link < 2, half of that
@@ -126,8 +127,9 @@ def swing_rad(most: Floats, link_m: float | Floats, moved_m: Floats) -> Floats:
 class LinkMotion:
     """Enclosures of links (M, N) and their handles (M, N+1), from the leader on, over M intervals.
 
-    ``k`` are curvatures, ``near`` and ``far`` sines and cosines of the angles; ``inverse_l`` has the sign of e.
-    ``rigid`` links have constant angles, ``joined`` ones zero length. Rates are by the distance of the nearer handle.
+    ``k`` are curvatures, and ``near`` and ``far`` are sines and cosines of the angles; ``inverse_l`` has the sign of e.
+    ``rigid`` links have constant angles, and ``joined`` links have zero length. Rates are with respect to the distance
+    of the nearer handle.
     """
 
     k: Ball
@@ -173,7 +175,7 @@ class LinkMotion:
 
 
 def speeds_along(r: Ball, g: Ball) -> tuple[Ball, Ball]:
-    """Return handle speeds (M, N+1) relative to the leader's, and the rates of their logs by the leader's distance.
+    """Return handle speeds (M, N+1) relative to the leader's, and their logarithmic rates by the leader's distance.
 
     ``r`` and ``g`` (M, N) are as in ``LinkMotion``.
     """
@@ -188,7 +190,7 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
 
     ``bends`` are the smallest and largest curvatures from one segment to another, (P, P), ``sign`` is 1.0 behind a head
     and -1.0 ahead of a tail, and ``error_m`` bounds position errors. At most ``passes`` passes narrow the angles;
-    without any they are as wide as the turning of links and the track.
+    without any, the angles are as wide as the turning of links and the track.
     """
     with np.errstate(all='ignore'):
         low, high = curvature_range(bends, (one.segment, two.segment), (one.curvature, two.curvature))
@@ -208,8 +210,8 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
 def speeds_enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, sign: float) -> tuple[Ball, Ball]:
     """Return ``LinkMotion.r`` (M, N) and the rates of the logs of speeds (M, N+1), between states as in ``enclosed``.
 
-    Only links that span several segments, or lie on a spiral, are enclosed: both ends of any other link have exactly
-    the same speed. On a track of lines and arcs this leaves about two links per joint.
+    Only links that span several segments or lie on a spiral are enclosed: both ends of any other link have exactly the
+    same speed. On a track of lines and arcs, about two links per joint remain.
     """
     same = one.segment[:, :-1]
     even = bends[0].diagonal() == bends[1].diagonal()
@@ -231,7 +233,7 @@ def direction_errors(links_m: Floats, bends: Range, error_m: float) -> tuple[Flo
 
 
 def _largest(one: LinkStates, two: LinkStates, bends: Range) -> Floats:
-    """Return bounds on the curvatures between the handles of links (M, N)."""
+    """Return upper bounds on the absolute curvatures between the handles of links (M, N)."""
     places = [(state.segment[:, part], state.curvature[:, part]) for state in (one, two)
               for part in (slice(None, -1), slice(1, None))]
     low, high = curvature_range(bends, [segment for segment, _ in places], [curvature for _, curvature in places])
@@ -240,7 +242,7 @@ def _largest(one: LinkStates, two: LinkStates, bends: Range) -> Floats:
 
 
 def _first_angles(ends: list[Ball], k: Ball, most: Floats, way: Floats, links_m: Floats, off: Floats) -> list[Ball]:
-    """Return enclosures of both angles, from the largest turning of links and the track, and from Schur's bound."""
+    """Return enclosures of both angles from the largest turning of links and the track, and from Schur's bound."""
     half = ABOVE * 0.5 * most * links_m
     widest = np.where(half < 1, ABOVE * np.arcsin(np.minimum(half, 1.0)), np.inf)
     swing = swing_rad(most, links_m, way[:, :-1] + way[:, 1:])
@@ -252,7 +254,7 @@ def _first_angles(ends: list[Ball], k: Ball, most: Floats, way: Floats, links_m:
 
 def _narrowed(angles: list[Ball], ends: list[Ball], k: Ball, way: Floats, rigid: Array, inverse_l: Floats,
               off: Floats, passes: int) -> list[Ball]:
-    """Return enclosures of both angles, narrowed by their rates, pass by pass."""
+    """Return enclosures of both angles, narrowed pass by pass by their rates."""
     ways = way[:, :-1], way[:, 1:]
     for _ in range(passes):
         (sin_n, cos_n), (sin_f, cos_f) = (angle.sin_cos() for angle in angles)
@@ -268,7 +270,7 @@ def _narrowed(angles: list[Ball], ends: list[Ball], k: Ball, way: Floats, rigid:
 
 
 def _settled(before: Sequence[Ball], now: Sequence[Ball]) -> bool:
-    """Return whether a pass has hardly changed nearly all radii."""
+    """Return whether a pass has left nearly all radii almost unchanged."""
     return not any(np.count_nonzero(b.rad < _WORTH * a.rad) > _FEW * b.rad.size
                    for a, b in zip(before, now, strict=True))
 
@@ -282,10 +284,10 @@ def _where(chosen: Array, one: Ball, other: Ball) -> Ball:
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Enclosures of handles (M, N+1) and links (M, N), from head to tail, over intervals, by the leader's distance.
+    """Enclosures of handles (M, N+1) and links (M, N), from head to tail, over intervals of the leader's distance.
 
-    They are speeds ``v`` and turning ``w`` with their rates. ``k`` are curvatures; ``axis_error`` (N,) and
-    ``track_error`` bound the errors of directions of links and of the track, and ``error_m`` those of positions.
+    These are speeds ``v`` and turning ``w`` with their rates. ``k`` are curvatures; ``axis_error`` (N,) and
+    ``track_error`` bound the errors of directions of links and of the track, and ``error_m`` bounds those of positions.
     """
 
     v: Ball
@@ -313,7 +315,7 @@ def kinematics(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, 
 
 @dataclass(frozen=True)
 class Views:
-    """Pairs of benches (K,) at one state: the second's middle as seen from the first, and the handles' tracks.
+    """Pairs of benches (K,) at one state: the second's middle in the frame of the first, and the handles' tracks.
 
     ``track`` are the cosines and sines (K, 4, 2) of both handles' headings of the first bench and then of the second.
     """
@@ -323,7 +325,7 @@ class Views:
 
 
 def views(p: Floats, axis: Floats, headings: Floats, row: Ints, i: Ints, j: Ints) -> Views:
-    """Return pairs of benches i, j of the chains in rows, given handles ``p`` (M, N+1, 2) and the axes of links."""
+    """Return pairs of benches i, j of the chains in rows; ``p`` (M, N+1, 2) are handles, ``axis`` those of links."""
     u = axis[row, i]
     middle = 0.5 * (p[row, j] + p[row, j + 1] - p[row, i] - p[row, i + 1])
     x, y = _turned(u, middle)
@@ -338,10 +340,10 @@ def _turned(u: Floats, vectors: Floats) -> tuple[Floats, Floats]:
 
 def second_derivatives(moving: Kinematics, one: Views, two: Views, row: Ints, i: Ints, j: Ints, gone_m: Floats,
                        arm: Floats) -> tuple[Floats, Floats]:
-    """Return bounds (K,) on second derivatives of the second bench's corners as seen from the first, and vice versa.
+    """Return bounds (K,) on second derivatives of the second bench's corners in the frame of the first, and vice versa.
 
-    ``gone_m`` (K,) are the leader's moves, ``arm`` (N,) the distances of corners from middles. Unbounded derivatives
-    give infinity.
+    ``gone_m`` (K,) are the leader's moves, and ``arm`` (N,) the distances of corners from middles. The bound is
+    infinite if a derivative is unbounded.
     """
     with np.errstate(all='ignore'):
         turn, turn_rate = _at(moving.w, row, i), _at(moving.w_rate, row, i)
@@ -370,30 +372,30 @@ def _at(ball: Ball, row: Ints, column: Ints) -> Ball:
 
 def _handle(moving: Kinematics, row: Ints, handle: Ints, track: tuple[Floats, Floats], turn: Ball, gone_m: Floats,
             off: Floats) -> tuple[tuple[Ball, Ball], tuple[Ball, Ball]]:
-    """Return a handle's velocity and its rate, along and across the first bench, in a frame that does not turn."""
+    """Return a handle's velocity and its rate, with components along and across the first bench, in a fixed frame."""
     v, a, k = (_at(ball, row, handle) for ball in (moving.v, moving.a, moving.k))
     start, stop = (np.arctan2(each[:, 1], each[:, 0]) for each in track)
     stop = start + np.remainder(stop - start + np.pi, 2 * np.pi) - np.pi
     reach = ABOVE * (0.5 * (k * v - turn).most * gone_m + off)
     ends = between(start, stop, off)
-    # ``stop`` assumes the shorter turn from ``start``: this is certain if the angle turns by less than half a turn.
+    # ``stop`` assumes the shorter turn from ``start``, which is certain if the angle changes by less than half a turn.
     sin, cos = Ball(ends.mid, np.where(reach < 0.5 * np.pi, np.maximum(ends.rad, reach), np.inf)).sin_cos()
     bent = k * v.squared()
     return (v * cos, v * sin), (a * cos - bent * sin, a * sin + bent * cos)
 
 
 def _off_m(one: Views, two: Views, axis_error: Floats, error_m: float) -> Floats:
-    """Return the errors in m of the second bench's middle, as seen from the first, at both states."""
+    """Return the errors in m of the second bench's middle in the frame of the first, at both states."""
     out: Floats = 3 * error_m + axis_error * np.maximum(np.hypot(*one.middle), np.hypot(*two.middle))
     return out
 
 
 def _middle(one: Views, two: Views, v: tuple[Ball, Ball], turn: Ball, gone_m: Floats,
             off: Floats) -> tuple[Ball, Ball, Ball, Ball]:
-    """Return enclosures of the second bench's middle, seen from the first, and of its velocity.
+    """Return enclosures of the second bench's middle in the frame of the first, and of its velocity.
 
-    The rotation of the first bench does not change the distance of the middles, so their velocities bound its change.
-    At the two states they may be off by ``off`` (K,) in metres.
+    The rotation of the first bench does not change the distance between the middles, so their velocities bound its
+    change. At the two states the middles may be off by ``off`` (K,) in metres.
     """
     far = np.minimum(np.hypot(*one.middle), np.hypot(*two.middle)) + off
     far = ABOVE * (far + gone_m * np.hypot(v[0].most, v[1].most))

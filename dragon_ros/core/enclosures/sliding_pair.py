@@ -1,7 +1,7 @@
-"""The gap of two benches at any two positions on a spiral: bounds over boxes of all variables on which it depends.
+"""The gap of two benches at any two positions on a spiral: bounds over boxes of the variables that determine it.
 
-In units of b = pitch / 2 pi there is a single spiral, r = theta, and a dragon is ``scale`` = 1 / b times as large. The
-gap of two benches depends on five variables, the rows of a box:
+In units of b = pitch / 2 pi all spirals are r = theta, and a dragon is ``scale`` = 1 / b times as large. The gap of two
+benches depends on five variables, the rows of a box:
 
     THETA   polar angle of the front handle of the bench that is further in
     AHEAD   polar angle from there to the front handle of the other bench
@@ -9,12 +9,12 @@ gap of two benches depends on five variables, the rows of a box:
     LINK    distance in metres between the handles of the bench further in
     OTHER   the same distance for the other bench
 
-The number and the lengths of the benches between the two matter only for the angles AHEAD that occur. A bench extends
-``overhang`` metres beyond its handles and half its width to either side.
+The number and the lengths of the benches in between only affect which angles AHEAD occur. A bench extends ``overhang``
+metres beyond its handles and half its width to either side.
 
 A link of chord c from theta spans delta, the root of F(theta, delta) = c^2 / 2 (docs/contact.md). Up to delta = pi
-F_delta > 0, so there is one root; it falls as theta grows (lemma 1), grows with c, and has the derivatives -F_theta /
-F_delta and c / F_delta. A span is enclosed by two floats at which F is proved too small and too large.
+F_delta > 0, so there is one root; it decreases as theta increases (lemma 1), increases with c, and has the derivatives
+-F_theta / F_delta and c / F_delta. A span is enclosed by two floats at which F is proved too small and too large.
 """
 from typing import NamedTuple
 
@@ -27,7 +27,7 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.spiral import first_guesses, steps
 
 THETA, AHEAD, SCALE, LINK, OTHER = range(5)
-_WIDER = 2.0**-30       # relative to a span: Newton's method in floats is more accurate, and balls (2^-36) can prove it
+_WIDER = 2.0**-30       # relative to a span: exceeds the error of Newton's method in floats and of balls (2^-36)
 _ABOVE = 1 + 2.0**-40   # covers the rounding of a sum of positive numbers
 
 
@@ -35,8 +35,8 @@ class Separations(NamedTuple):
     """Lower bounds ``low`` (n,) of the gaps in boxes, in units of b; positive if the benches are apart.
 
     In the middle of a box, ``middle`` (n,) is the distance of the nearest corner from the edge that separates the
-    benches most; ``slope`` (5, n) are the derivatives of this distance there, and ``spread`` (5, n) bounds its change
-    from the middle of a box to its ends, per variable.
+    benches most, and ``slope`` (5, n) are the derivatives of this distance; ``spread`` (5, n) bounds its change from
+    the middle of a box to its ends, per variable.
     """
 
     low: Floats
@@ -46,12 +46,12 @@ class Separations(NamedTuple):
 
 
 def least_span(theta: Floats, chord: Floats) -> Floats:
-    """Return angles at most as large as the spans of chords (in units of b) from polar angles."""
+    """Return lower bounds on the spans of chords (in units of b) from polar angles."""
     return _proved_span(theta, chord, 1 - _WIDER, -1)
 
 
 def largest_span(theta: Floats, chord: Floats) -> Floats:
-    """Return angles at least as large as the spans of chords (in units of b) from polar angles."""
+    """Return upper bounds on the spans of chords (in units of b) from polar angles."""
     return _proved_span(theta, chord, 1 + _WIDER, 1)
 
 
@@ -89,7 +89,7 @@ def _proved_span(theta: Floats, chord: Floats, factor: float, sense: int) -> Flo
 def _edges(low: Floats, high: Floats, half_width_m: float, overhang_m: float) -> list[list[Graded]]:
     """Return how far the four corners of each bench are beyond each of the four edges of the other, in units of b.
 
-    Polar angles are measured from the front handle further in.
+    Polar angles are measured from the front handle of the bench further in.
     """
     theta, ahead, scale, link, other = variables(low, high)
     chord, far_chord, far = scale * link, scale * other, theta + ahead
@@ -109,8 +109,8 @@ def _nothing(like: Graded) -> Graded:
 
 def _span(theta: Graded, chord: Graded, theta_low: Floats, theta_high: Floats, chord_low: Floats,
           chord_high: Floats) -> Graded:
-    """Return enclosures of the spans of links that start between two polar angles and have lengths between two."""
-    out, off = 1 + 2.0**-50, 2.0**-50 * theta_high      # for the sums and products of the given floats
+    """Return enclosures of the spans of links, given bounds on their starting polar angles and on their lengths."""
+    out, off = 1 + 2.0**-50, 2.0**-50 * theta_high      # cover rounding of sums and products of the given floats
     delta = between(least_span(theta_high + off, chord_low / out), largest_span(theta_low - off, chord_high * out))
     sin, less = delta.sin_cos()[0], delta.versine()
     by_theta = (2 * theta.value + delta) * less
@@ -120,7 +120,7 @@ def _span(theta: Graded, chord: Graded, theta_low: Floats, theta_high: Floats, c
 
 def _beyond(front: Vector, rear: Vector, chord: Graded, other_front: Vector, other_rear: Vector, other_chord: Graded,
             overhang: Graded, half_width: Graded) -> list[list[Graded]]:
-    """Return how far the corners of the other bench are beyond the left, right, front and rear edge of a bench."""
+    """Return how far the corners of the other bench are beyond the left, right, front and rear edges of a bench."""
     axis = (front - rear) * chord.inverse()
     ahead, behind = ((handle - front).seen_along(axis) for handle in (other_front, other_rear))
     along = (ahead - behind) * other_chord.inverse()

@@ -1,1 +1,1 @@
-"""The geometry of one instant: where benches lie, how far apart they are, and which pairs to test."""
+"""The geometry of one instant: the positions of benches, their gaps, and the pairs to test."""

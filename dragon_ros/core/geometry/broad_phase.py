@@ -1,10 +1,10 @@
-"""Candidate pairs of benches that can touch: adjacent layers of a dragon that winds about the origin, or all by boxes.
+"""Pairs of benches that could touch: on adjacent layers of a dragon that winds about the origin, or by bounding boxes.
 
 For each bench, the paper intersects the lines from the centre through its two handles with the next layer out, at theta
-+ 2 pi (it prints theta - 2 pi; docs/errata.md), and takes the three benches nearest to each of the two points. That is
-complete only if a bench reaches no further than its neighbours on the next layer, and no bench meets its own layer or
-the next but one. ``candidates`` instead finds the benches that share a direction and a distance from the origin, turn
-by turn. This is complete for any positions of the benches, and yields the same few benches whenever the paper's choice
++ 2 pi (it prints theta - 2 pi; docs/errata.md), and takes the three benches nearest to each of the two points. This is
+complete only if a bench extends no further than its neighbours on the next layer, and no bench meets its own layer or
+the next but one. ``candidates`` instead finds, turn by turn, the benches that share a direction and a distance from the
+origin. This is complete for any positions of the benches, and yields the same few benches whenever the paper's choice
 is complete.
 """
 from collections.abc import Iterator
@@ -16,17 +16,17 @@ from dragon_ros.core.errors import CrowdError
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 
-_TOGETHER = 4   # steps of a chain whose boxes are queried together
+_TOGETHER = 4   # number of steps of a chain whose boxes are queried together
 _AT_ONCE = 256
 _MOST_PAIRS = 1_000_000     # in total, unless the limit per bench allows more
 _MOST_EACH = 16             # per bench
-_MOST_TURNS = 8         # layers that a bench can reach; for more, boxes are faster
-_HAIR = 1e-9            # rad and fraction of the size: far above rounding errors
+_MOST_TURNS = 8         # most layers that a bench can reach; for more, boxes are faster
+_HAIR = 1e-9            # in rad, and relative to the size: far above rounding errors
 
 
 @dataclass(frozen=True)
 class _Sectors:
-    """The part of the plane about the origin in which each bench lies: directions [low, high] and distances."""
+    """The sector of the plane about the origin in which each bench lies: directions [low, high] and distances."""
 
     low: Floats
     high: Floats
@@ -35,17 +35,18 @@ class _Sectors:
 
 
 def candidates(p: Floats, benches: Benches, reach_m: float | None = None) -> tuple[Ints, Ints]:
-    """Return pairs (i, j), j >= i + 2, in order, including every pair that touches or is within ``reach_m`` of contact.
+    """Return sorted pairs (i, j), j >= i + 2, including every pair that touches or has a gap of at most ``reach_m``.
 
     ``p`` are the handles (N+1, 2) in metres about the centre. ``reach_m`` is by default the largest width, or a
     twentieth of the largest length if that is more. If the smallest gap of the candidates is at most ``reach_m``, it is
     that of all pairs; if it is larger, the gaps of all pairs exceed ``reach_m``. Pairs with |i - j| = 2 and 3 are
     always included, and so are the benches of the next layer in the same directions, at any distance.
 
-    It takes O(N) if the handles wind outwards about the origin: the directions of the benches grow (or shrink) towards
-    the tail, no bench goes back over half a turn, and few layers are within reach of each other. If a bench reaches
-    more layers, or its own, its candidates include those layers. A bench over the origin meets every direction. All
-    these conditions are checked; if one fails, the candidates are those of ``box_pairs``, complete for any layout.
+    The search takes O(N) if the handles wind outwards about the origin: the directions of the benches increase (or
+    decrease) towards the tail, no bench goes back over half a turn, and few layers are within reach of each other. If a
+    bench reaches more layers, or its own, its candidates include those layers. A bench over the origin covers every
+    direction. All these conditions are checked; if one fails, the candidates are those of ``box_pairs``, which are
+    complete for any layout.
     """
     reach = default_reach_m(benches) if reach_m is None else reach_m
     sectors = _sectors(p, benches, reach)
@@ -61,7 +62,7 @@ def default_reach_m(benches: Benches) -> float:
 def _sectors(p: Floats, benches: Benches, reach: float) -> _Sectors | None:
     """Return the sectors of the benches, enlarged by half the reach; None if their directions cannot be ordered.
 
-    Directions are those of the centres, each within half a turn of the middle of its two handles, unwrapped.
+    Directions are those of the centres, unwrapped, each within half a turn of the middle of the bench's handles.
     """
     centre, axis = benches.centre, benches.axis
     size = float(np.max(np.abs(centre))) + float(np.max(benches.half_length + benches.half_width))
@@ -137,7 +138,7 @@ def _polar_pairs(sectors: _Sectors) -> tuple[Ints, Ints] | None:
 
 
 def _spelt(start: Ints, size: Ints) -> tuple[Ints, Ints]:
-    """Return pairs (i, j) from windows (N, K) of j for each i."""
+    """Return pairs (i, j), given windows (N, K) of j for each i."""
     i = np.repeat(np.arange(start.shape[0]), size.sum(axis=1))
     ends = np.cumsum(size)
     j = np.arange(i.size) + np.repeat(start.ravel() - ends + size.ravel(), size.ravel())
@@ -153,9 +154,9 @@ def box_pairs(benches: Benches, reach_m: float = 0.0) -> tuple[Ints, Ints]:
 
 
 def swept_pairs(corners: Floats, reach_m: float) -> tuple[Ints, Ints]:
-    """Return every pair whose boxes about all corners (M, N, 4, 2) of each come within ``reach_m``, like ``box_pairs``.
+    """Return every pair whose boxes, each about all corners (M, N, 4, 2) of a bench, come within ``reach_m``.
 
-    The gaps of all other pairs exceed it at each of the M states.
+    The gaps of all other pairs exceed it at each of the M states. The rest is as in ``box_pairs``.
     """
     (found,) = pairs_on_steps(corners.min(axis=(0, 2))[None], corners.max(axis=(0, 2))[None], np.array([reach_m]))
     return found
@@ -187,7 +188,7 @@ def _on_steps(low: Floats, high: Floats) -> list[tuple[Ints, Ints]]:
 
 
 def _meet(low: Floats, high: Floats, i: Ints, j: Ints) -> Array:
-    """Return whether boxes (N, 2) i and j meet, one coordinate after the other: numpy is slow along short axes."""
+    """Return whether boxes (N, 2) i and j meet, coordinate by coordinate, because numpy is slow along short axes."""
     meet: Array = np.ones(i.size, dtype=bool)
     for one, other in zip(low.T.copy(), high.T.copy(), strict=True):
         meet &= one[i] <= other[j]
@@ -196,8 +197,8 @@ def _meet(low: Floats, high: Floats, i: Ints, j: Ints) -> Array:
 
 
 def _meeting(low: Floats, high: Floats) -> Ints:
-    """Return the pairs i, j of boxes (N, 2) that meet, and those with |i - j| = 2 and 3, as sorted numbers i N + j."""
-    import shapely  # dragons that wind about the origin do not need it
+    """Return as sorted numbers i N + j the pairs of boxes (N, 2) that meet, and those with |i - j| = 2 and 3."""
+    import shapely  # not needed for dragons that wind about the origin
     count = low.shape[0]
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
     tree, total, most = shapely.STRtree(boxes), 0, max(_MOST_PAIRS, _MOST_EACH * count)

@@ -10,10 +10,10 @@ Pair = tuple[int, int]
 class Closeness:
     """The smallest signed gap in metres of benches that are not neighbours, its pair, and all pairs that touch.
 
-    In a venue obstacles count too: in a pair (i, j) they are numbered after the benches, in the order of its names.
+    In a venue obstacles are included: in a pair (i, j) they are numbered after the benches, in the order of its names.
 
     With fewer than three benches, ``clearance_m`` is inf and ``closest`` is None; if several pairs have the same gap,
-    the first is the closest. ``i`` and ``j`` (K,) are the pairs that touch, i < j, with ``gap_m`` (K,), the deepest
+    ``closest`` is the first. ``i`` and ``j`` (K,) are the pairs that touch, i < j, with ``gap_m`` (K,), the deepest
     first.
     """
 
@@ -41,7 +41,7 @@ OBSTACLE = -1       # the owner of an edge or a corner of an obstacle, instead o
 
 @dataclass(frozen=True)
 class ObstacleTouch:
-    """The contact of a bench with an obstacle: the ends of the edge, and the corner that meets an edge of the bench.
+    """The contact of a bench with an obstacle: the ends of its edge, and its corner that meets an edge of the bench.
 
     ``corner_m`` is None if a corner of the bench meets the edge.
     """
@@ -62,5 +62,5 @@ class Observation:
 
 
 def pair_words(pair: Pair, obstacle: str = '') -> str:
-    """Return words for two benches, or for a bench and an obstacle with this name."""
+    """Return a description of two benches, or of a bench and an obstacle with this name."""
     return f'bench {pair[0]} and obstacle {obstacle!r}' if obstacle else f'benches {pair[0]} and {pair[1]}'

@@ -1,14 +1,15 @@
-"""The closest and the touching pairs of benches and obstacles, sample by sample: near edges are kept in between.
+"""The closest and the touching pairs of benches and obstacles at successive samples, from a kept list of near edges.
 
-``with_obstacles`` searches from scratch. ``NearObstacles`` returns the same, to the last bit, from the state of an
-earlier sample: all pairs of a bench and an edge that had gaps up to a reach. Obstacles rest, so the gap of a bench with
-half diagonal r changes by at most m = |c - c'| + r |w - w'| since then, with centres c and turns w (unit complex
-numbers). Unlisted pairs have gaps above the reach less m. A listed pair may be excluded by its gap less m, or by its
-separation along the axis that parted it best, as in ``near_pairs``: a bench that walks along a wall stays as far from
-it. Only pairs that may be nearer than the closest two benches or than the nearest edge are computed.
+``with_obstacles`` searches from scratch. ``NearObstacles`` returns a bit-identical result from the state of an earlier
+sample: all pairs of a bench and an edge whose gaps were at most a given reach. Obstacles are at rest, so since then the
+gap of a bench with half diagonal r has changed by at most m = |c - c'| + r |w - w'|, with centres c and turns w (unit
+complex numbers). The gaps of unlisted pairs are above the reach minus m. A listed pair may be excluded by its gap minus
+m, or by its separation along the axis that separated it best, as in ``near_pairs``: a bench that moves along a wall
+keeps its distance from it. Only pairs that may be closer than the closest two benches or than the nearest edge are
+computed. The state affects only the time that a sample takes.
 
 A bench on the wrong side of an obstacle's edges (``misplaced_benches``) touches it, even if it meets none of them: its
-signed gap is then minus its distance from the nearest one. This state affects only the time of a sample.
+signed gap is then minus its distance from the nearest edge.
 """
 from dataclasses import dataclass, replace
 from math import inf
@@ -23,13 +24,13 @@ from dragon_ros.core.geometry.signed_distance import PartedPairs, gap_of, parted
 from dragon_ros.core.geometry.venue import Surroundings
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 
-_SKIN = 0.3             # relative to the mean length of a bench: a longer list lasts longer, and takes longer
+_SKIN = 0.3             # relative to the mean length of a bench: a longer list stays valid longer but takes longer
 _HAIR = 2.0**-40        # relative to coordinates and sizes: more than the rounding errors of gaps and moves
-_FEW = 8                # pairs that are computed one by one; more are computed as arrays
+_FEW = 8                # up to this many pairs are computed one by one, more as arrays
 
 
 def with_obstacles(around: Surroundings, found: Closeness, benches: Benches) -> Closeness:
-    """Return the closeness of benches to each other and to obstacles, which are numbered behind the benches."""
+    """Return the closeness of benches to each other and to obstacles, which are numbered after the benches."""
     nearest = around.nearest(benches)
     bench, edge = around.near(benches, TOUCH_M)
     gap_m = np.append(around.gaps(benches, bench, edge), nearest.gap_m)
@@ -40,7 +41,7 @@ def with_obstacles(around: Surroundings, found: Closeness, benches: Benches) -> 
 
 def _together(around: Surroundings, found: Closeness, benches: Benches, pairs: tuple[Ints, Ints], gap_m: Floats,
               misplaced: tuple[Ints, Ints]) -> Closeness:
-    """Add obstacles to a closeness, from the gaps of pairs that include the nearest edge and all that are touched."""
+    """Add obstacles to a closeness, given the gaps of pairs that include the nearest edge and all touched edges."""
     count, names = len(benches.half_length), len(around.names)
     key, index = np.unique(pairs[0] * names + around.owner[pairs[1]], return_inverse=True)
     least_m: Floats = np.full(key.size, inf)
@@ -51,7 +52,7 @@ def _together(around: Surroundings, found: Closeness, benches: Benches, pairs: t
         deep = [around.gap_to(benches, *pair) for pair in zip(*(one.tolist() for one in misplaced), strict=True)]
         key, least_m = np.concatenate((key[right], wrong)), np.concatenate((least_m[right], deep))
     i, number = np.divmod(key, names)
-    j, least_m = count + number, least_m + 0.0      # zero has no sign
+    j, least_m = count + number, least_m + 0.0      # removes the sign of a zero
     first = int(np.lexsort((key, least_m))[0])
     if least_m[first] < found.clearance_m:
         found = replace(found, clearance_m=float(least_m[first]), closest=(int(i[first]), int(j[first])))
@@ -67,8 +68,8 @@ def _together(around: Surroundings, found: Closeness, benches: Benches, pairs: t
 class _Kept:
     """Benches at a sample (centres, axes, half diagonals and sizes), and the pairs with gaps up to ``reach_m`` there.
 
-    ``list`` has their axes, with edges (``middles``, ``axes``) numbered behind the benches. ``nearest`` is
-    the pair with the least gap of the last sample that computed some.
+    ``list`` holds the axes that separate the pairs, with edges (``middles``, ``axes``) numbered after the benches.
+    ``nearest`` is the pair with the smallest gap at the last sample for which gaps were computed.
     """
 
     sizes: bytes
@@ -86,13 +87,13 @@ class _Kept:
     nearest: tuple[int, int] | None
 
     def separations(self, rows: Ints, benches: Benches) -> Floats:
-        """Return how far listed pairs are apart, along their axes, now."""
+        """Return the current separations of listed pairs along their axes."""
         centre, axis = (np.concatenate(one) for one in zip(_complex(benches), (self.middles, self.axes), strict=True))
         return self.list.rows(rows).separations(centre, axis, axis.conj())
 
 
 class NearObstacles:
-    """Adds obstacles to the closeness of one dragon after another, faster if consecutive ones are similar."""
+    """Adds obstacles to the closeness of one sample after another, faster if consecutive samples are similar."""
 
     def __init__(self, around: Surroundings) -> None:
         """Start without a state."""
@@ -100,7 +101,7 @@ class NearObstacles:
         self._kept: _Kept | None = None
 
     def look(self, found: Closeness, benches: Benches) -> Closeness:
-        """Return what ``with_obstacles`` returns."""
+        """Return the same as ``with_obstacles``."""
         kept = self._kept
         if kept is None or kept.sizes != _sizes(benches):
             kept = None
@@ -112,7 +113,7 @@ class NearObstacles:
         return self._decided(kept, found, benches, kept.gap_m - moved_m.take(kept.bench), limit_m)
 
     def _limit_m(self, kept: _Kept | None, found: Closeness, benches: Benches) -> float:
-        """Return an upper bound on the clearance, and at least the largest gap of contacts."""
+        """Return an upper bound on the clearance that is not below the largest gap of contacts."""
         least_m = found.clearance_m
         if kept and kept.nearest:
             least_m = min(least_m, gap_of(benches, *kept.nearest, self.around.edges))
@@ -141,7 +142,7 @@ class NearObstacles:
                      None if least is None else (int(bench[least]), int(edge[least])))
 
     def _decided(self, kept: _Kept, found: Closeness, benches: Benches, low_m: Floats, limit_m: float) -> Closeness:
-        """Return the closeness, from lower bounds of the listed gaps."""
+        """Return the closeness, given lower bounds on the listed gaps."""
         rows = (low_m <= limit_m).nonzero()[0]
         misplaced = self._misplaced(kept, benches, low_m) if rows.size else kept.misplaced
         if rows.size > _FEW:
@@ -167,7 +168,7 @@ class NearObstacles:
         return np.array([gap_of(benches, *pair, edges) for pair in zip(bench.tolist(), edge.tolist(), strict=True)])
 
     def _crossed(self, kept: _Kept, benches: Benches, rows: Ints) -> NDArray[np.bool_]:
-        """Return for which listed pairs the centre of the bench has crossed the edge."""
+        """Return whether the centre of the bench has crossed the edge, for listed pairs."""
         bench, edge = kept.bench[rows], kept.edge[rows]
         before, now = kept.centre[bench], _complex(benches)[0][bench]
         a, b = self.around.start[edge], self.around.stop[edge]
@@ -176,7 +177,7 @@ class NearObstacles:
         return out
 
     def _misplaced(self, kept: _Kept, benches: Benches, low_m: Floats) -> tuple[Ints, Ints]:
-        """Return the misplaced benches: those that may have crossed an edge are examined again."""
+        """Return the misplaced benches, after examining again those that may have crossed an edge."""
         rows = (low_m <= 0).nonzero()[0]
         if rows.size:
             rows = rows[self._crossed(kept, benches, rows)]
@@ -198,7 +199,7 @@ def _left(a: Complexes, b: Complexes, c: Complexes) -> NDArray[np.bool_]:
 
 
 def _moved_m(kept: _Kept, benches: Benches) -> Floats:
-    """Return how far the points of each bench have moved at most since then (N,)."""
+    """Return upper bounds (N,) on how far the points of each bench have moved since the kept sample."""
     centre, axis = _complex(benches)
     moved: Floats = np.abs(axis - kept.axis)
     moved *= kept.far

@@ -1,12 +1,12 @@
-"""The closest two benches and all that touch, sample by sample: near pairs are kept from one sample to the next.
+"""The closest two benches and all that touch at successive samples, from a kept list of near pairs.
 
-``closeness`` searches from scratch. ``NearPairs`` returns the same, to the last bit, from the state of the last
-samples: a list of near pairs (Verlet, Phys. Rev. 159, 98, 1967) with bounds on how much their gaps, and all others,
-have changed since. This state affects only how long a sample takes.
+``closeness`` searches from scratch. ``NearPairs`` returns a bit-identical result from the state of the last samples: a
+list of near pairs (Verlet, Phys. Rev. 159, 98, 1967) with bounds on how much their gaps, and all others, have changed
+since. This state affects only the time that a sample takes.
 
 The method uses three bounds. The signed gap of two convex figures is the largest of -(h_A(n) + h_B(-n)) over all
 directions n, where h are their support functions, and a support function changes by at most the displacement of the
-farthest-moving point. So
+farthest-moving point. Therefore:
 
 1. The gap of a pair is at least its separation along any one direction. A listed pair stores one direction: the axis,
 of either bench, that separated them best when the list was measured. It turns with its bench. Benches of neighbouring
@@ -15,16 +15,16 @@ closest.
 2. The gap of a pair changes by at most the displacement of its points, in any frame, including that of a third bench k:
 with centres c and turns w since then (unit complex numbers), the points of a bench with half diagonal r move by at most
 m = |(c - c_k) conj(w_k) - (c' - c_k')| + r |w - w_k|, and a gap changes by at most 2 max m. If all benches move as one,
-m is 0. So as long as the gaps of unlisted pairs were larger by that amount, none of them is closest or touches.
-3. In a large dragon the inner layers turn much faster than the outer ones. So the dragon is split into parts. The pairs
-of each part's benches with each other and with those that follow, up to an end, have their own list and their own bench
-k. All pairs across an end differ in their distance from the origin. If each bench is turned back about the origin by
-its own turn, no point of it moves by more than e = |c conj(w) - c'|, and such a turn changes no distance from the
-origin.
+m is 0. As long as the gaps of unlisted pairs were larger by that amount, none of them is closest or touches.
+3. In a large dragon the inner layers turn much faster than the outer ones, so the dragon is split into parts. The pairs
+of a part's benches with each other and with the following benches, up to an end, have their own list and their own
+bench k. In all pairs across an end, the two benches differ in their distance from the origin. If each bench is turned
+back about the origin by its own turn, no point of it moves by more than e = |c conj(w) - c'|, and such a turn changes
+no distance from the origin.
 
-The last sample's closest pair, at its current position, bounds the clearance from above. Only pairs that these bounds
-do not exclude are computed, and the closest and the touching ones are found among them. If rounding could make a
-difference, a bound is lowered by ``_HAIR`` of coordinates and sizes: 64 times the error of a gap (``rounding_m``).
+The current gap of the last sample's closest pair bounds the clearance from above. Only pairs that these bounds do not
+exclude are computed; they include the closest and all touching pairs. If rounding could make a difference, a bound is
+lowered by ``_HAIR`` of coordinates and sizes: 64 times the error of a gap (``rounding_m``).
 """
 from dataclasses import dataclass, replace
 from math import inf, isfinite, sqrt
@@ -39,13 +39,13 @@ from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.geometry.signed_distance import PartedPairs, gap_of, gaps, parted_pairs
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 
-TOUCH_M = 1e-10         # positions are accurate to 2e-12 m: a smaller gap counts as contact
-_SKIN = 0.45            # relative to the mean half length: with more, a list lasts longer and takes longer
+TOUCH_M = 1e-10         # a smaller gap counts as contact; positions are accurate to 2e-12 m
+_SKIN = 0.45            # relative to the mean half length: a longer list stays valid longer but takes longer
 _HAIR = 2.0**-40        # relative to coordinates and sizes
-_MOST_EACH = 32         # listed pairs per bench: with more, each sample is searched from scratch
-_FEW = 8                # pairs that are computed one by one; more are computed as arrays
+_MOST_EACH = 32         # most listed pairs per bench; with more, each sample is searched from scratch
+_FEW = 8                # up to this many pairs are computed one by one, more as arrays
 _FIRST_PART = 512       # benches of the innermost part; each further part reaches twice as far
-_OVERLAP = 2.5          # benches of all parts and those that follow, per bench: with more, the dragon is not split
+_OVERLAP = 2.5          # most benches of all parts and their followers, per bench; with more, the dragon is not split
 _WORTH = 0.02           # relative to the skin: a part this close to the closest pair is measured at each sample
 
 _NONE: Ints = np.empty(0, dtype=np.int64)
@@ -60,14 +60,14 @@ def closeness(p: Floats, benches: Benches) -> Closeness:
     reach = default_reach_m(benches)
     i, j = candidates(p, benches, reach)
     gap_m = gaps(benches, i, j)
-    if i.size and float(np.min(gap_m)) > reach:     # a smaller gap may have been out of reach
+    if i.size and float(np.min(gap_m)) > reach:     # an unlisted pair may have a smaller gap
         i, j = candidates(p, benches, float(np.min(gap_m)))
         gap_m = gaps(benches, i, j)
     return _of(i, j, gap_m)
 
 
 def _of(i: Ints, j: Ints, gap_m: Floats) -> Closeness:
-    """Return the closeness from ordered pairs that include the closest and all that touch."""
+    """Return the closeness, given sorted pairs that include the closest and all that touch."""
     if not i.size:
         return _NOTHING
     gap_m = gap_m + 0.0         # no negative zero
@@ -81,7 +81,7 @@ def _of(i: Ints, j: Ints, gap_m: Floats) -> Closeness:
 
 
 class _ComplexBenches(NamedTuple):
-    """The benches of one sample as complex numbers (N,): centres, axes, and axes conjugated; and half diagonals."""
+    """The benches of one sample: centres, axes and conjugated axes as complex numbers (N,), and half diagonals."""
 
     centre: Complexes
     axis: Complexes
@@ -93,10 +93,10 @@ class _ComplexBenches(NamedTuple):
 class _NearList:
     """The near pairs (i, j) of benches ``first`` <= i < ``stop`` with benches j < ``end``, and their reference state.
 
-    ``held`` is the reference bench, ``from_held`` are the others' centres (M,) relative to it, ``turned_back`` their
-    axes (M,), conjugated. At that state gaps had changed by at most ``spent_m`` since pairs with gaps larger than
-    ``beyond_m`` were left out, and no listed pair was closer than ``nearest_m``. When the list was last measured,
-    ``close`` pairs had to be computed.
+    ``held`` is the reference bench, ``from_held`` are the others' centres (M,) relative to it, and ``turned_back``
+    their conjugated axes (M,). At the reference state gaps had changed by at most ``spent_m`` since pairs with gaps
+    larger than ``beyond_m`` were left out, and no listed pair was closer than ``nearest_m``. When the list was last
+    measured, ``close`` pairs had to be computed.
     """
 
     first: int
@@ -112,7 +112,7 @@ class _NearList:
     list: PartedPairs
 
     def change_m(self, bodies: _ComplexBenches) -> float:
-        """Return an upper bound on the change of gaps since the reference state: bound 2 of the module."""
+        """Return an upper bound on the change of gaps since the reference state (bound 2 of the module)."""
         turn = bodies.axis[self.first:self.end] * self.turned_back
         held = bodies.centre.item(self.held)
         turn_held = turn.item(self.held - self.first)
@@ -135,7 +135,7 @@ class _NearList:
 
 def _listed(bodies: _ComplexBenches, p: Floats, benches: Benches, part: tuple[int, int, int], reach_m: float,
             above_m: float) -> tuple[_NearList, Floats] | None:
-    """Return the list of the pairs of a part with gaps up to ``reach_m``, and their separations; None for too many.
+    """Return the list of a part's pairs with gaps up to ``reach_m``, and their separations; None if they are too many.
 
     ``above_m`` is an upper bound on the clearance.
     """
@@ -161,7 +161,7 @@ def _listed(bodies: _ComplexBenches, p: Floats, benches: Benches, part: tuple[in
 
 
 def _middle(bodies: _ComplexBenches, first: int, end: int) -> int:
-    """Return the reference bench, halfway between the nearest to the origin and the farthest from it in a part."""
+    """Return the reference bench, halfway between the benches of a part nearest to and farthest from the origin."""
     radius = np.abs(bodies.centre[first:end])
     return first + int(np.argmin(np.abs(radius - 0.5 * (np.min(radius) + np.max(radius)))))
 
@@ -177,7 +177,7 @@ def _seen_part(part: _NearList, bodies: _ComplexBenches, p: Floats, benches: Ben
         return part, _NONE
     apart = part.list.separations(*bodies[:3])
     rows = (apart <= limit_m).nonzero()[0]
-    if rows.size > 2 * part.close + _FEW:       # other axes may separate the pairs better by now
+    if rows.size > 2 * part.close + _FEW:       # other axes may now separate the pairs better
         found, apart = parted_pairs(bodies.centre, bodies.axis, benches, *part.list.pairs)
         rows = np.flatnonzero(apart <= limit_m)
         part = replace(part, list=found, close=rows.size)
@@ -187,7 +187,7 @@ def _seen_part(part: _NearList, bodies: _ComplexBenches, p: Floats, benches: Ben
 
 
 def _decided(benches: Benches, known: tuple[tuple[int, int], float], pairs: list[tuple[int, int]]) -> Closeness:
-    """Return the closeness from pairs that include the closest and all that touch; the gap of one is known."""
+    """Return the closeness, given pairs that include the closest and all that touch; the gap of one pair is known."""
     if len(pairs) > _FEW:
         i, j = np.array(pairs).T
         return _of(i, j, gaps(benches, i, j))
@@ -203,7 +203,7 @@ def _decided(benches: Benches, known: tuple[tuple[int, int], float], pairs: list
 class _Kept:
     """The state kept from one sample to the next: the parts, the closest pair, and the ``sizes`` of the benches.
 
-    Pairs across the ends of parts were ``apart_m`` apart when benches had these centres (N,) and conjugated axes.
+    Pairs across the ends of parts were ``apart_m`` apart when the benches had these centres (N,) and conjugated axes.
     """
 
     sizes: bytes
@@ -217,7 +217,7 @@ class _Kept:
     turned_back: Complexes
 
     def across_m(self, bodies: _ComplexBenches) -> float:
-        """Return a lower bound on the gap of pairs across the ends of parts: bound 3 of the module."""
+        """Return a lower bound on the gap of pairs across the ends of parts (bound 3 of the module)."""
         if len(self.parts) == 1:
             return inf
         moved = bodies.axis * self.turned_back
@@ -227,7 +227,7 @@ class _Kept:
 
 
 def _first_kept(p: Floats, benches: Benches, found: Closeness) -> _Kept | None:
-    """Return the state after a sample from scratch; None if too many pairs are near."""
+    """Return the state after a search from scratch; None if too many pairs are near."""
     assert found.closest
     skin_m = _SKIN * float(np.mean(benches.half_length))
     bodies = _bodies(benches, np.hypot(benches.half_length, benches.half_width))
@@ -243,7 +243,7 @@ def _first_kept(p: Floats, benches: Benches, found: Closeness) -> _Kept | None:
 
 
 def _cuts(bodies: _ComplexBenches, apart_m: float) -> list[tuple[int, int, int]]:
-    """Return first, stop and end of each part; distances from the origin differ across an end by at least ``apart_m``.
+    """Return first, stop and end of each part; across an end, distances from the origin differ by ``apart_m`` or more.
 
     There is a single part unless the dragon is large and winds about the origin.
     """
@@ -270,9 +270,9 @@ def _sizes(benches: Benches) -> bytes:
 
 
 class NearPairs:
-    """Evaluates one sample after another, as ``closeness`` does, but faster if consecutive ones are similar.
+    """Evaluates one sample after another like ``closeness``, but faster if consecutive samples are similar.
 
-    The state is replaced as a whole: samples from several threads may interleave, with the same results.
+    The state is replaced as a whole, so that samples from several threads may interleave without affecting results.
     """
 
     def __init__(self) -> None:
@@ -295,9 +295,9 @@ class NearPairs:
         return found
 
     def _again(self, kept: _Kept, p: Floats, benches: Benches) -> Closeness | None:
-        """Return the result of a sample, computed from the last state; None if that does not help."""
+        """Return the result of a sample, computed from the last state; None if the state is of no use."""
         above_m, bodies = gap_of(benches, *kept.closest), _bodies(benches, kept.far)
-        size_m = sqrt(np.vdot(bodies.centre, bodies.centre).real)   # an upper bound of the largest, in a single call
+        size_m = sqrt(np.vdot(bodies.centre, bodies.centre).real)   # an upper bound on the largest, in a single call
         limit_m = max(above_m, TOUCH_M) + _HAIR * (size_m + kept.skin_m)
         if not (above_m <= max(kept.clearance_m, 0.0) + kept.skin_m and kept.across_m(bodies) > limit_m):
             return None

@@ -1,4 +1,4 @@
-"""Benches as rectangles: from handle to handle, extended by the hole inset, with half the width on each side."""
+"""Benches as rectangles from handle to handle, extended by the hole inset, with half the width on each side."""
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +37,7 @@ class Benches:
 
 
 def together(one: Benches, other: Benches) -> Benches:
-    """Return the rectangles of two in one, one after the other."""
+    """Return the rectangles of both, one after the other."""
     return Benches(np.concatenate((one.centre, other.centre)), np.concatenate((one.axis, other.axis)),
                    np.concatenate((one.half_length, other.half_length)),
                    np.concatenate((one.half_width, other.half_width)))

@@ -1,14 +1,15 @@
 """Separating axes, and the signed gap of two rectangles: their distance, or minus the translation that separates them.
 
-The minimum translation that separates two overlapping convex polygons is normal to an edge, so it is given by the
-separating-axis value. If they are apart, that value is only a lower bound, and the nearest corner determines the gap.
+The minimum translation that separates two overlapping convex polygons is normal to an edge, so the separating-axis
+value gives it. If the polygons are apart, that value is only a lower bound, and the nearest corner determines the gap.
 
 Rounding errors, for handles given as floats: let no coordinate exceed S, let the sum of half length and half width of a
-bench not exceed L, and let u = 2^-53. The error of a centre is u S, and that of a bench's axis, the quotient of a
-difference and its length, 4 u. A vector between centres is at most D <= 2.9 S long, with an error of 2.9 u S. The error
-of its components along an axis is 2.9 u S + 9 u D, and after rotation into the other bench's axes 1.5 times that and 14
-u D: 80 u S in all. The error of a rectangle's extent along an axis is 20 u L, and that of the root of a sum of squares
-1.5 times that of its terms. So the error of any separation or gap of two benches is at most 128 u (S + L).
+bench not exceed L, and let u = 2^-53. The error of a centre is u S, and the error of a bench's axis, which is the
+quotient of a difference and its length, is 4 u. A vector between centres has a length of at most D <= 2.9 S and an
+error of 2.9 u S. The error of its components along an axis is 2.9 u S + 9 u D; rotation into the other bench's axes
+multiplies it by 1.5 and adds 14 u D, which gives 80 u S in all. The error of a rectangle's extent along an axis is 20 u
+L, and the error of the root of a sum of squares is 1.5 times that of its terms. Therefore the error of any separation
+or gap of two benches is at most 128 u (S + L).
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from dragon_ros.core.numerics.types import Array, Complexes, Floats, Index, Ints
 CORNERS = ('front left', 'rear left', 'rear right', 'front right')     # as in Benches.corners
 EDGES = ('front', 'rear', 'left', 'right')
 _ROUNDED = 2.0**-46 # relative to coordinates and sizes: the largest rounding error of a separation or gap
-_AT_ONCE = 4096     # pairs, so that intermediate results fit into the cache
+_AT_ONCE = 4096     # number of pairs whose intermediate results fit into the cache
 _SAME = 1e-12       # relative to the sizes: smaller differences are ties
 _STRAIGHT_M = 1e-200    # avoids a division by zero
 _ALONG: Floats = np.array([[1.0], [-1], [-1], [1]])
@@ -49,7 +50,7 @@ class RelativePoses:
 
     @property
     def _extents(self) -> tuple[Floats, Floats]:
-        """The distances of the centres along A's two axes at which the rectangles just touch along that axis."""
+        """The distances of the centres along each of A's axes at which the rectangles just touch along that axis."""
         (a_x, a_y), (half, side), c, s = self.a, self.b, np.abs(self.cos), np.abs(self.sin)
         return a_x + half * c + side * s, a_y + half * s + side * c
 
@@ -59,7 +60,7 @@ class RelativePoses:
         return [self.x - along, -self.x - along, self.y - aside, -self.y - aside]
 
     def along_axes(self) -> list[Floats]:
-        """Return the separations along A's axes and along B's, the larger of both sides: four in total."""
+        """Return the separations along both axes of A and of B, each the larger of two sides: four in total."""
         pairs = (self, *self._extents), (other := self.mirrored(), *other._extents)
         return [each for one, along, aside in pairs for each in (np.abs(one.x) - along, np.abs(one.y) - aside)]
 
@@ -67,8 +68,8 @@ class RelativePoses:
         """Return the larger separation along A's two axes (negative if both overlap), and B's squared distance.
 
         The distance is that of A from the nearer of B's two leading corners. With B reflected so that its centre has x,
-        y >= 0, those are the corners with the smallest x and with the smallest y. The edge between them hides the other
-        two corners: some point of it is always at least as near.
+        y >= 0, those are the corners with the smallest x and with the smallest y. The other two corners need not be
+        considered: a point of the edge between the leading ones is always at least as near.
         """
         x, y, c, s = np.abs(self.x), np.abs(self.y), np.abs(self.cos), np.abs(self.sin)
         (a_x, a_y), (half, side) = self.a, self.b
@@ -84,7 +85,7 @@ class RelativePoses:
 
 
 def rounding_m(far_m: Floats | float, half_m: float) -> Floats | float:
-    """Return the largest error of separations and gaps, for handles whose coordinates do not exceed ``far_m``.
+    """Return the largest error of separations and gaps for handles whose coordinates do not exceed ``far_m``.
 
     ``half_m`` is the largest sum of a bench's half length and half width.
     """
@@ -92,9 +93,9 @@ def rounding_m(far_m: Floats | float, half_m: float) -> Floats | float:
 
 
 def placement(benches: Benches, i: Index, j: Index, others: Benches | None = None) -> RelativePoses:
-    """Return benches j relative to benches i; the last axes but one are benches, i and j may be any indices.
+    """Return benches j relative to benches i; the second last axes count benches, and i and j may be any indices.
 
-    If there are ``others``, j are their indices.
+    If ``others`` are given, j are their indices.
     """
     others = benches if others is None else others
     offset = _at(others.centre, j) - _at(benches.centre, i)
@@ -107,18 +108,18 @@ def placement(benches: Benches, i: Index, j: Index, others: Benches | None = Non
 
 def seen_from(centre: tuple[Complexes, Complexes], axis: tuple[Complexes, Complexes], a: tuple[Any, Any],
               b: tuple[Any, Any]) -> RelativePoses:
-    """Return rectangles with half sizes ``b`` relative to others with ``a``; centres and axes are complex numbers."""
+    """Return rectangles with half sizes ``b`` relative to those with ``a``; centres and axes are complex numbers."""
     back = np.conj(axis[0])
     offset, turn = (centre[1] - centre[0]) * back, axis[1] * back
     return RelativePoses(offset.real, offset.imag, turn.real, turn.imag, a, b)
 
 
 def parted_between(states: Sequence[RelativePoses], sag: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return a lower bound of the separation of pairs between their ``states``, and its largest ratio to the sag.
+    """Return a lower bound on the separation of pairs between their ``states``, and its largest ratio to the sag.
 
-    In between, corners deviate from the lines (or the bilinear surface) through their positions at the states by at
-    most ``sag``: those of B relative to A, and those of A relative to B. Along these lines the separation from an edge
-    is concave.
+    Between the states, corners deviate by at most ``sag`` from the lines (or the bilinear surface) through their
+    positions at the states: those of B relative to A, and those of A relative to B. Along these lines the separation
+    from an edge is concave.
     """
     low, ratio = np.full(np.shape(sag[0]), -np.inf), np.zeros(np.shape(sag[0]))
     for bent, views in zip(sag, (states, [each.mirrored() for each in states]), strict=True):
@@ -132,8 +133,8 @@ def parted_between(states: Sequence[RelativePoses], sag: tuple[Floats, Floats]) 
 class PartedPairs(NamedTuple):
     """Pairs (P,) with the axis that separates each best: the bench that owns it, the other bench, and the projections.
 
-    ``towards`` is the conjugate of the direction to the other bench in the owner's axes, ``extent`` the owner's half
-    size along it, ``sizes`` (P, 2) are the half sizes of the other bench. The axis turns with its owner.
+    ``towards`` is the conjugate of the direction to the other bench in the owner's axes, ``extent`` is the owner's half
+    size along it, and ``sizes`` (P, 2) are the half sizes of the other bench. The axis turns with its owner.
     """
 
     owner: Ints
@@ -143,7 +144,7 @@ class PartedPairs(NamedTuple):
     sizes: Floats
 
     def separations(self, centre: Complexes, axis: Complexes, back: Complexes) -> Floats:
-        """Return the separation of each pair along its axis from centres, axes and conjugated axes: at most its gap."""
+        """Return the separation of each pair along its axis, which is at most its gap; ``back`` are conjugated axes."""
         towards = back.take(self.owner)
         towards *= self.towards
         offset = centre.take(self.other)
@@ -194,7 +195,7 @@ def signed_gap(pairs: RelativePoses) -> Floats:
 
 
 def gaps(benches: Benches, i: Index, j: Index, others: Benches | None = None) -> Floats:
-    """Return the signed gaps of benches i and j in metres. If there are ``others``, j are their indices."""
+    """Return the signed gaps of benches i and j in metres. If ``others`` are given, j are their indices."""
     if isinstance(i, tuple) or isinstance(j, tuple) or i.ndim != 1 or i.shape != j.shape or i.size <= _AT_ONCE:
         return signed_gap(placement(benches, i, j, others))
     parts = range(0, i.size, _AT_ONCE)
@@ -203,9 +204,9 @@ def gaps(benches: Benches, i: Index, j: Index, others: Benches | None = None) ->
 
 
 def gap_of(benches: Benches, i: int, j: int, others: Benches | None = None) -> float:
-    """Return the signed gap of benches i and j in metres, bit-identical to ``gaps``: the same operations on floats.
+    """Return the signed gap of benches i and j in metres, bit-identical to ``gaps``, by the same operations on floats.
 
-    For a single pair it takes a tenth of the time of arrays. If there are ``others``, j is one of them.
+    For a single pair this takes a tenth of the time of arrays. If ``others`` are given, j is one of them.
     """
     others = benches if others is None else others
     (x_i, y_i), (x_j, y_j) = benches.centre[i].tolist(), others.centre[j].tolist()
@@ -238,7 +239,7 @@ def _separation(x: float, y: float, cos: float, sin: float, a: tuple[float, floa
 
 
 def _at(array: Array, index: Index) -> Floats:
-    """Return ``array[index]``; ``take`` is faster for a single array of indices."""
+    """Return ``array[index]``, using ``take``, which is faster, for a single array of indices."""
     out: Floats = array[index] if isinstance(index, tuple) else array.take(index, axis=0)
     return out
 
@@ -279,7 +280,7 @@ class Witnesses:
 
 @dataclass(frozen=True)
 class _CornersOnEdges:
-    """Corners of the owners at edges of the others: the separation, distance past the edge's ends, and indices."""
+    """Corners of the owners at edges of the others: separations, distances past the edges' ends, and indices."""
 
     separation: Floats
     past: Floats
@@ -289,7 +290,7 @@ class _CornersOnEdges:
 
 
 def witness(benches: Benches, i: int, j: int) -> Witness:
-    """Return the witness of benches i and j. If both have such a corner, that of bench i is returned."""
+    """Return the witness of benches i and j. If both benches have such a corner, it is the one of bench i."""
     return witnesses(benches, np.array([i]), np.array([j]))[0]
 
 
@@ -338,7 +339,7 @@ def _side(benches: Benches, owner: Ints, other: Ints, gap: Floats) -> _CornersOn
 
 
 def _apart(corners: Floats, size: Floats) -> tuple[Array, ...]:
-    """Return the distance, 0, corner, edge and the middle x, y for corners (2, 4, M) and half sizes (2, M)."""
+    """Return the distance, 0, corner, edge, and the middle x and y, for corners (2, 4, M) and half sizes (2, M)."""
     outside = np.abs(corners) - size[:, None]
     distance = np.hypot(*np.maximum(outside, 0))
     corner = np.argmin(distance, axis=0)
@@ -350,7 +351,7 @@ def _apart(corners: Floats, size: Floats) -> tuple[Array, ...]:
 
 
 def _overlapping(corners: Floats, size: Floats, centre: Floats) -> tuple[Array, ...]:
-    """Return the separation (negative), distance past the edge, corner, edge and middle x, y, shaped as in _apart."""
+    """Return the negative separation, distance past the edge, corner, edge, and middle x and y, as in ``_apart``."""
     sign = np.where(centre < 0, -1.0, 1.0)
     depth = sign[:, None] * corners - size[:, None]
     deepest = depth.min(axis=1)

@@ -1,12 +1,12 @@
-"""Track the contacts of a dragon tick by tick, each with its bracket: the pure part of the monitor.
+"""Track the contacts of a dragon tick by tick, each with its bracket: the part of the monitor without ROS.
 
-A tracker receives only ticks. It reports the last tick without contact, the first one with contact, and the time
+A tracker receives only ticks. It reports the last tick without contact, the first tick with contact, and the time
 between them at which the signed gap, interpolated through the last ticks, vanishes. Each episode of a pair has a start,
-a deepest gap and an end. If the surroundings are known, obstacles count too; their numbers follow the benches'.
+a deepest gap and an end. If the surroundings are known, obstacles are included; their numbers follow the benches'.
 
 Observations may arrive late, repeatedly or from a restarted run: ``ReorderBuffer`` passes them on in order.
-``Episodes`` holds the open contacts of all pairs, as arrays: which pairs touch, how deep and when, and which were
-reported.
+``Episodes`` holds the open contacts of all pairs as arrays: the pairs, their deepest gaps and the times of these, and
+whether they were reported.
 """
 from collections import deque
 from dataclasses import dataclass
@@ -29,12 +29,12 @@ NS = 10**9
 NEAR_M = 0.02           # a smaller clearance triggers a warning
 MOST_REPORTED = 32      # episodes reported at one time; the deepest come first
 _SHOWN = 8
-_UNEVEN = 4             # the largest ratio of time steps between ticks that are interpolated together
+_UNEVEN = 4             # largest ratio between the time steps of ticks that are interpolated together
 
 _KEY = 2**32        # a pair (i, j) has the key i * _KEY + j
-_LAST = 8           # an observation no older than this many before the last one may just be late
-_LATE_NS = 10**9    # by at most this
-_IN_A_ROW = 3       # this many late observations in a row indicate a restarted run
+_LAST = 8           # number of last observations: one that is not older than all of them may just be late
+_LATE_NS = 10**9    # the most by which an observation may be late
+_IN_A_ROW = 3       # number of consecutive late observations that indicates a restarted run
 
 Bools = NDArray[np.bool_]
 
@@ -43,10 +43,11 @@ Bools = NDArray[np.bool_]
 class Event:
     """The start of a contact: benches (inner first), bracket in ns, interpolated time, point, and gap in m.
 
-    If the second is an ``obstacle``, that is its name.
+    If the second member of the pair is an obstacle, ``obstacle`` is its name.
 
     ``before_ns`` is None if the first observed tick already had the contact. ``gap_m`` is the signed gap at
-    ``after_ns``, negative for overlap. ``approach_m_s`` is how fast the gap shrank at the contact; nan if unknown.
+    ``after_ns``, negative for overlap. ``approach_m_s`` is the rate at which the gap shrank at the contact; nan if
+    unknown.
     """
 
     benches: Pair
@@ -67,8 +68,8 @@ PARTED, RESTART, VENUE = 'parted', 'restart', 'venue'
 class EpisodeEnd:
     """The end of a contact: benches, the deepest signed gap of all ticks in m and its tick, and the interpolated end.
 
-    The ``cause`` may be that the benches PARTED. If it is a RESTART of time, or another VENUE, ``t_end_s`` is the last
-    observed tick.
+    The ``cause`` is that the benches PARTED, or a RESTART of time, or another VENUE; in the last two cases ``t_end_s``
+    is the time of the last observed tick.
     """
 
     benches: Pair
@@ -85,9 +86,9 @@ class EpisodeEnd:
 class Report:
     """The result of one observation.
 
-    ``clearance_m`` is the smallest signed gap of all benches that are not neighbours (inf if there are none) and
-    ``closest`` are its benches. ``touching`` are the first few of all ``count`` pairs in contact, deepest first.
-    ``more`` counts contacts that began beyond the ``MOST_REPORTED``. Obstacles ``around`` count too.
+    ``clearance_m`` is the smallest signed gap of all benches that are not neighbours (inf if there are none), and
+    ``closest`` are its benches. ``touching`` are the deepest few of all ``count`` pairs in contact, in this order.
+    ``more`` counts the contacts that began in excess of ``MOST_REPORTED``. Obstacles ``around`` are included.
     """
 
     observation: Observation
@@ -127,7 +128,7 @@ T = TypeVar('T', bound=_Timed)
 
 
 class ReorderBuffer(Generic[T]):
-    """Passes observations on in order of time; drops late and repeated ones, and restarts if time goes back."""
+    """Passes on observations in order of time, drops late and repeated ones, and restarts if time goes back."""
 
     def __init__(self) -> None:
         """Start without observations."""
@@ -138,8 +139,8 @@ class ReorderBuffer(Generic[T]):
     def take(self, observation: T) -> tuple[bool, list[T]]:
         """Return whether time restarts, and the observations to examine now, in order.
 
-        Time restarts if the number of handles changes, if a time is before the last few or more than a second back, and
-        after a few late observations in a row; those are then passed on, so nothing of a restarted run is lost.
+        Time restarts if the number of handles changes, if a time is before the last few or more than a second back, or
+        after a few late observations in a row; these are then passed on, so that nothing of a restarted run is lost.
         """
         if not self._times or observation.p.shape != self._shape:
             return self._pass(bool(self._times), [observation])
@@ -166,7 +167,7 @@ class ReorderBuffer(Generic[T]):
 
 @dataclass(frozen=True)
 class Episodes:
-    """Pairs that touch, by increasing ``key`` (M,); deepest gap in m, its time in ns, and whether it was reported."""
+    """Pairs that touch, in order of ``key`` (M,): deepest gap in m, its time in ns, and whether it was reported."""
 
     key: Ints
     deepest_m: Floats
@@ -178,7 +179,7 @@ class Episodes:
         return Episodes(self.key[which], self.deepest_m[which], self.deepest_ns[which], self.reported[which])
 
     def advance(self, t_ns: int, key: Ints, gap_m: Floats) -> tuple['Episodes', Bools, Bools]:
-        """Return the episodes at ``t_ns``, which of them are new, and which of the current ones have ended.
+        """Return the episodes at ``t_ns``, whether each of them is new, and whether each previous one has ended.
 
         ``key`` (K,) are the pairs that touch now, increasing and distinct; ``gap_m`` (K,) are their gaps.
         """
@@ -214,13 +215,13 @@ class ContactTracker:
 
     @property
     def around(self) -> Surroundings | None:
-        """The surroundings, None if there are none."""
+        """The surroundings; None if there are none."""
         return self._obstacles.around if self._obstacles else None
 
     def surround(self, around: Surroundings | None) -> None:
         """Examine later observations in these surroundings. Contacts with obstacles of other surroundings end.
 
-        Surroundings with the same names are the same ones, moved.
+        Surroundings with the same names count as the same surroundings that have moved.
         """
         same = around and self.around and around.names == self.around.names
         if self._seen and self._open.key.size and not same:
@@ -232,7 +233,7 @@ class ContactTracker:
     def add(self, observation: Observation) -> list[Report]:
         """Return the reports of an observation; a repeated or late one has none.
 
-        The tracker restarts if time goes back, or with another dragon. Raises CrowdError if too many benches lie close
+        The tracker restarts if time goes back or the dragon changes. Raises CrowdError if too many benches lie close
         together.
         """
         afresh, observations = self._buffer.take(observation)
@@ -293,7 +294,7 @@ class ContactTracker:
     def _event(self, observation: Observation, pair: Pair, gap: float) -> Event:
         name = _obstacle(self.around, observation, pair)
         before = self._seen[-1] if self._seen else None
-        if before and name and self._gap_m(before, pair) <= TOUCH_M:     # the obstacle was not known then
+        if before and name and self._gap_m(before, pair) <= TOUCH_M:     # the obstacle was still unknown
             before = None
         t_s, slope = self._crossing(observation, pair) if before else (observation.t_ns / NS, nan)
         known = [*self._even(observation), observation] if before else [observation]
@@ -311,7 +312,7 @@ class ContactTracker:
         return self.around.gap_to(observation.benches, pair[0], number)
 
     def _crossing(self, observation: Observation, pair: Pair) -> tuple[float, float]:
-        """Return when the gap of a pair vanished since the last tick, and its slope there in m/s (nan if unknown)."""
+        """Return when, since the last tick, a pair's gap vanished, and its slope then in m/s (nan if unknown)."""
         if not self._seen:
             return observation.t_ns / NS, nan
         known = [*self._even(observation), observation]
@@ -324,7 +325,7 @@ class ContactTracker:
         return origin / NS + root, float(curve.deriv()(root))
 
     def _even(self, observation: Observation) -> list[Observation]:
-        """Return the last observations with about the same spacing in time as the last one and this one."""
+        """Return the previous observations whose spacing in time is about that between the last one and this one."""
         out, step = [self._seen[-1]], observation.t_ns - self._seen[-1].t_ns
         for one in reversed(self._seen[:-1]):
             if not step <= _UNEVEN * (out[0].t_ns - one.t_ns) <= _UNEVEN**2 * step:
@@ -334,7 +335,7 @@ class ContactTracker:
 
 
 def _interpolated(known: list[Observation], t_s: float) -> Benches:
-    """Return the benches at a time: centres and axes interpolated by polynomials (Lagrange) through observations."""
+    """Return the benches at a time, with centres and axes interpolated by Lagrange polynomials through observations."""
     last = known[-1].benches
     at = [(one.t_ns - known[-1].t_ns) / NS for one in known]
     t = t_s - known[-1].t_ns / NS

@@ -2,9 +2,9 @@
 
 An edge is a rectangle of zero width, so ``signed_distance`` gives its gap to a bench: their distance or, if they
 overlap, minus the shortest move that separates them. A bench that starts outside an obstacle and never meets one of its
-edges stays outside, and one that starts within the inside and never meets its edges stays within. So the edges alone
-determine contact during a motion. At a single instant a bench that meets no edge may still be on the wrong side of them
-(``misplaced_benches``): a map can cover it, or a run is sampled coarsely.
+edges stays outside, and a bench that starts within the inside and never meets its edges stays within. Hence the edges
+alone determine contact during a motion. At a single instant a bench that meets no edge may still be on the wrong side
+of them (``misplaced_benches``), for example if a map covers it or a run is sampled coarsely.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,15 +23,15 @@ from dragon_ros.core.venue import LineObstacle, Venue
 if TYPE_CHECKING:
     from shapely import STRtree
 
-_FIRST_REACH_M = 1.0    # search radius for the nearest edge; it doubles until an edge is found
+_FIRST_REACH_M = 1.0    # first search radius for the nearest edge, doubled until an edge is found
 _FARTHEST_M = 4e9       # no edge is further from a bench: coordinates are below 1e9 m
 OUTSIDE, LINE, WITHIN = 1, 0, -1        # where benches must stay: outside an area, off a line, or within an area
 
-PlanePose = tuple[complex, complex]     # of a frame in another one: its origin in m, and its x axis as a unit number
+PlanePose = tuple[complex, complex]     # pose of a frame in another: its origin in m, and its x axis as a unit number
 
 
 class Nearest(NamedTuple):
-    """The smallest signed gap in metres of some benches to a venue, with its bench and its edge."""
+    """The smallest signed gap in metres between benches and a venue, with its bench and its edge."""
 
     gap_m: float
     bench: int
@@ -42,7 +42,7 @@ class Nearest(NamedTuple):
 class Surroundings:
     """Edges (E,) of a venue from ``start`` to ``stop``, and the index of the name to which each belongs (``owner``).
 
-    ``side`` holds for each name where benches must stay: OUTSIDE, LINE or WITHIN.
+    For each name, ``side`` holds the side on which benches must stay: OUTSIDE, LINE or WITHIN.
     """
 
     names: tuple[str, ...]
@@ -53,7 +53,7 @@ class Surroundings:
 
     @property
     def inside(self) -> int | None:
-        """The index of the inside among the names."""
+        """The index of the inside among the names; None if there is none."""
         return next(iter(np.flatnonzero(self.side == WITHIN).tolist()), None)
 
     def moved(self, pose: PlanePose) -> 'Surroundings':
@@ -88,19 +88,19 @@ class Surroundings:
         return together(benches.some(np.array([bench])), self.edges.some(np.array([edge])))
 
     def two(self, benches: Benches, pair: Pair) -> tuple[Benches, int, int]:
-        """Return the rectangles of a pair; an obstacle, numbered behind the benches, shows its nearest edge."""
+        """Return the rectangles of a pair; an obstacle, numbered after the benches, is given by its nearest edge."""
         count = len(benches.half_length)
         if pair[1] < count:
             return benches, *pair
         return self.rectangle(benches, pair[0], self.nearest_edge(benches, pair[0], pair[1] - count)), 0, 1
 
     def nearest_edge(self, benches: Benches, bench: int, number: int) -> int:
-        """Return the edge of an obstacle, by the index of its name, with the least gap to a bench."""
+        """Return the edge of an obstacle, given the index of its name, with the smallest gap to a bench."""
         edge = self.edges_of(number)
         return int(edge[np.argmin(self.gaps(benches, np.full(edge.size, bench), edge))])
 
     def edges_of(self, number: int) -> Ints:
-        """Return the edges of an obstacle, by the index of its name."""
+        """Return the edges of an obstacle, given the index of its name."""
         return np.flatnonzero(self.owner == number)
 
     def touch(self, benches: Benches, bench: int, edge: int) -> tuple[ObstacleTouch, Witness]:
@@ -108,7 +108,7 @@ class Surroundings:
         seen = witness(self.rectangle(benches, bench, edge), 0, 1)
         start, stop = ((float(end[edge].real), float(end[edge].imag)) for end in (self.start, self.stop))
         numbers = [bench, OBSTACLE]
-        own = seen.owner == 1       # a corner of the edge; its axis goes from start to stop
+        own = seen.owner == 1       # a corner of the edge, whose axis points from start to stop
         corner = (stop if seen.corner.startswith('front') else start) if own else None
         seen = replace(seen, owner=numbers[seen.owner], other=numbers[seen.other],
                        corner='corner' if own else seen.corner, edge=seen.edge if own else 'edge')
@@ -121,19 +121,19 @@ class Surroundings:
 
     @cached_property
     def tree(self) -> 'STRtree':
-        """A spatial index of the edges, by boxes."""
+        """A spatial index of the edges' bounding boxes."""
         from shapely import STRtree, linestrings
         ends = np.stack((self.start, self.stop), axis=1)
         return STRtree(linestrings(np.stack((ends.real, ends.imag), axis=-1)))
 
     def in_boxes(self, low: Floats, high: Floats) -> tuple[Ints, Ints]:
-        """Return the indices of boxes (M, 2), and of edges that may reach into them."""
+        """Return the indices of boxes (M, 2) and of edges: all pairs that may intersect."""
         from shapely import box
         found = self.tree.query(box(*low.T, *high.T))
         return found[0], found[1]
 
     def near(self, benches: Benches, reach_m: Floats | float) -> tuple[Ints, Ints]:
-        """Return benches and edges: all pairs within a distance of each other, and some more."""
+        """Return benches and edges: all pairs within a distance of each other, and possibly others."""
         corners = benches.corners
         reach = np.broadcast_to(np.asarray(reach_m), corners.shape[:1])[:, None]
         return self.in_boxes(corners.min(axis=1) - reach, corners.max(axis=1) + reach)
@@ -162,7 +162,7 @@ class Surroundings:
             reach_m *= 2
 
     def closest(self, benches: Benches, reach_m: float) -> tuple[Ints, Ints, Floats]:
-        """Return benches, indices of names, and their smallest gaps (K,): all pairs within a reach, and some more."""
+        """Return benches, indices of names, and smallest gaps (K,): all pairs within a reach, and possibly others."""
         bench, edge = self.near(benches, reach_m)
         pair, index = np.unique(bench * len(self.names) + self.owner[edge], return_inverse=True)
         least: Floats = np.full(pair.size, np.inf)
@@ -170,16 +170,16 @@ class Surroundings:
         return *np.divmod(pair, len(self.names)), least
 
     def points(self, benches: Benches, bench: Ints, number: Ints) -> Floats:
-        """Return where benches touch obstacles (K, 2), by the indices of their names."""
+        """Return the points (K, 2) at which benches touch obstacles, given the indices of the obstacles' names."""
         return np.array([self._point(benches, *pair) for pair in zip(bench.tolist(), number.tolist(), strict=True)])
 
     def _point(self, benches: Benches, bench: int, number: int) -> tuple[float, float]:
         return witness(*self.two(benches, (bench, len(benches.half_length) + number))).point_m
 
     def gap_to(self, benches: Benches, bench: int, number: int) -> float:
-        """Return the gap of a bench to a whole obstacle, by the index of its name: minus it on the wrong side."""
+        """Return the gap of a bench to a whole obstacle, given its name's index; on the wrong side it is negated."""
         edge = self.edges_of(number)
-        gap_m = float(np.min(self.gaps(benches, np.full(edge.size, bench), edge))) + 0.0    # zero has no sign
+        gap_m = float(np.min(self.gaps(benches, np.full(edge.size, bench), edge))) + 0.0    # removes the sign of a zero
         wrong = gap_m > 0 and number in self.misplaced_benches(benches, np.array([bench]))[1]
         return -gap_m if wrong else gap_m
 
@@ -199,12 +199,12 @@ class Surroundings:
         return int(number[0]) if number.size else None
 
     def misplaced_benches(self, benches: Benches, which: Ints) -> tuple[Ints, Ints]:
-        """Return benches whose centres are covered by a polygon or not by the inside, and the indices of its names."""
+        """Return benches whose centres are in a polygon or not in the inside, and the indices of these names."""
         row, number = self.misplaced_points(benches.centre[which])
         return which[row], number
 
     def misplaced_points(self, points_m: Floats) -> tuple[Ints, Ints]:
-        """Return the indices of points (K, 2) and of names: a polygon that covers a point, or an inside that does not.
+        """Return indices of points (K, 2) and of names: polygons that cover a point, and an inside that does not.
 
         A point is covered by an area if a ray from it crosses the area's edges an odd number of times.
         """
@@ -249,7 +249,7 @@ def _kept(values: Complexes) -> Complexes:
     return values
 
 
-_KEPT: dict[int, tuple['ref[Venue]', Surroundings]] = {}  # by id: hashing a large venue is slow
+_KEPT: dict[int, tuple['ref[Venue]', Surroundings]] = {}  # keys are ids, because hashing a large venue is slow
 
 
 def surroundings_of(venue: Venue) -> Surroundings:
