@@ -1,7 +1,7 @@
-"""Bench dragon simulator for ROS 2: the model without ROS, its nodes, and their tools.
+"""Bench dragon simulator for ROS 2: a model that needs no ROS, nodes, and tools.
 
-This module provides the public Python API (``docs/python.md``). It is imported on first use, so that a node or a
-command loads only what it uses.
+This module provides the public Python API (``docs/python.md``), which is imported on first use, so that nodes and
+commands load only the modules that they need.
 """
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -33,7 +33,7 @@ __all__ = ['Bag', 'Contact', 'DragonError', 'FieldError', 'InputError', 'Missing
 
 
 def __getattr__(name: str) -> Any:
-    """Import the public API, or the version, on first use of one of its names (PEP 562)."""
+    """Import a name of the public API, or the version, on first use (PEP 562)."""
     if name == '__version__':
         return import_module('dragon_ros.version').__version__
     if name in __all__:

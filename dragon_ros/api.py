@@ -83,7 +83,7 @@ def _path(field: str, value: Any) -> str:
 
 
 def _times(values: Any) -> list[float]:
-    """Return times in s as a list. Raises FieldError for anything but a sequence of numbers."""
+    """Return times in s as a list. Raises FieldError unless they are a sequence of numbers."""
     try:
         times = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -96,10 +96,10 @@ def _times(values: Any) -> list[float]:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """All handles at one time or at many (then arrays have a leading axis): read-only.
+    """All handles at one time, or at many in arrays with a leading axis; read-only.
 
-    ``t_s`` (...), ``handles_m`` (..., N+1, 2), ``velocity_m_s`` (..., N+1, 2), and ``promise_m``, the largest error
-    that a position may have in this run away from a lock.
+    The fields are ``t_s`` (...), ``handles_m`` (..., N+1, 2), ``velocity_m_s`` (..., N+1, 2), and ``promise_m``, the
+    largest error of a position in this run, except close to a lock.
     """
 
     t_s: Floats
@@ -108,7 +108,7 @@ class Motion:
     promise_m: float
 
     def __repr__(self) -> str:
-        """Return the times and the shape, since the arrays are long."""
+        """Return the times and the shape instead of the long arrays."""
         times = f'{self.t_s:g} s' if self.t_s.ndim == 0 else f'{self.t_s.size} times'
         return f'Motion({times}, handles_m {self.handles_m.shape}, promise_m={self.promise_m:g})'
 
@@ -133,7 +133,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Simulated:
-    """A compiled scene, to query for handles at a time, the first contact, or the contents of a tick."""
+    """A compiled scene that can be queried for handles at a time, the first contact, or the contents of a tick."""
 
     simulation: Simulation
 
@@ -169,8 +169,8 @@ class Simulated:
     def states(self, times_s: Sequence[float] | Floats, out: tuple[Floats, Floats] | None = None) -> Motion:
         """Return all handles at many times at once, several times faster than one by one.
 
-        ``out``, two arrays (times, N+1, 2), receives handles and velocities, so that a loop can reuse its memory.
-        Raises FieldError for other arrays.
+        ``out``, if given, is a pair of arrays (times, N+1, 2) for the handles and velocities, so that a loop can reuse
+        its memory. Raises FieldError for other arrays.
         """
         times = _times(times_s)
         if out is not None and not (isinstance(out, (tuple, list)) and len(out) == 2
@@ -197,24 +197,24 @@ class Simulated:
     def contact(self, *, progress: Progress = _quiet) -> Contact | NoContact:
         """Return the first contact of the run (truthy) or NoContact (falsy), each with its proof.
 
-        ``progress(states)`` is called with the number of newly computed states. Raises FieldError for a run that cannot
-        be searched to its end; the error names a time at which to stop.
+        ``progress(states)`` is called with the number of newly computed states. Raises FieldError if the run cannot be
+        searched to its end; the error suggests an earlier stop.
         """
         return first_contact(self.scene, progress)
 
     def contact_within(self, tolerances: Mapping[str, float], *, progress: Progress = _quiet) -> FamilyProof:
-        """Return the time up to which no dragon within the given tolerances of the scene's touches itself.
+        """Return the time until which no dragon within the given tolerances of this scene's dragon touches itself.
 
-        ``tolerances`` are in metres, such as ``{'dragon.width_m': 0.005}``; each bench has its own values, and the
-        track has one pitch. Raises FieldError for an unknown key or a scene that is not covered (only one spiral, led
-        by the head, is), and DragonError if nothing can be proved; the error names the tolerance to reduce.
+        ``tolerances`` are in metres, such as ``{'dragon.width_m': 0.005}``; each bench varies independently, and the
+        track has one pitch. The track must be a single spiral, led by the head. Raises FieldError for another scene or
+        an unknown key, and DragonError, which names the tolerance to reduce, if nothing can be proved.
         """
         if not isinstance(tolerances, Mapping):
             raise FieldError('tolerances', tolerances, 'it is not a mapping', "write {'dragon.width_m': 0.005}")
         return first_contact_within(self.scene, tolerances, progress)
 
     def track_m(self, sag_m: float = 1e-4) -> Floats:
-        """Return points (P, 2) along the part of the track that handles cover in the run, to ``sag_m``."""
+        """Return points (P, 2) along the part of the track that handles cover in the run, accurate to ``sag_m``."""
         return self.simulation.track_line(number('sag_m', sag_m, low=1e-9, high=1e9))
 
     def plot(self, t_s: float | None = None, ax: 'Axes | None' = None) -> 'Axes':
@@ -222,7 +222,7 @@ class Simulated:
         return plot(self, t_s, ax)
 
     def _repr_svg_(self) -> str:
-        """Return the picture for Jupyter."""
+        """Return an SVG picture for Jupyter."""
         return _svg(self)
 
 
@@ -253,7 +253,7 @@ class Bag:
 
     @cached_property
     def scene(self) -> Scene | None:
-        """The scene of the run, None if the bag has none. Raises InputError beyond the budgets without ``trust``."""
+        """The scene of the run; None if the bag has none. Without ``trust``, raises InputError beyond its budgets."""
         return scene_of_bag(self._reader, self.namespace, self._trust)
 
     @property
@@ -266,7 +266,7 @@ class Bag:
         return frames(self._reader, self.namespace)
 
     def arrays(self) -> Motion:
-        """Return all ticks; velocities that were not recorded are nan. Raises InputError without ticks."""
+        """Return all ticks; velocities that were not recorded are nan. Raises InputError if there are no ticks."""
         rows = list(self)
         if not rows:
             raise InputError(f'{self._reader.path}: it has no ticks')
@@ -278,7 +278,7 @@ class Bag:
 
 
 def read_bag(path: str | PathLike[str], namespace: str | None = None, trust: bool = False) -> Bag:
-    """Return a recorded run; ``namespace`` chooses among several dragons. ``trust`` lifts the budgets of its scene."""
+    """Return a recorded run; ``namespace`` chooses among several dragons. ``trust`` lifts the budgets for its scene."""
     return Bag(path, namespace, trust)
 
 
@@ -314,7 +314,7 @@ def _svg(of: 'Simulated | Scene') -> str:
 
 
 class Design:
-    """Design questions: the smallest pitch, the room that a run requires, the largest speed, the S-turn.
+    """Design questions: the smallest pitch, the space that a run requires, the largest speed, and the S-turn.
 
     ``progress(states)`` is called with the number of newly computed states.
     """
@@ -323,11 +323,11 @@ class Design:
     def min_pitch(dragon: Scene | Simulated | AnyDragon | None = None, *, diameter_m: float = 9.0,
                   start_turns: float = 16.0, largest_m: float = 1.0, within_m: float = 2e-11,
                   smallest_m: float | None = None, progress: Progress = _quiet) -> 'MinPitch':
-        """Return the smallest pitch from which on, up to ``largest_m``, the head reaches a circle without contact.
+        """Return the smallest pitch at and above which, up to ``largest_m``, the head reaches a circle without contact.
 
-        ``dragon`` is a dragon, or a scene with one; None means the classic dragon. Bounds are ``within_m`` apart. Mixed
-        benches need ``smallest_m``, a pitch at which benches touch; for them ``proved`` is false, since larger pitches
-        than the bracket may have contacts. Raises FieldError.
+        ``dragon`` is a dragon or a scene; None means the classic dragon. The bounds of the result are at most
+        ``within_m`` apart. Mixed benches need ``smallest_m``, a pitch at which benches touch; for them ``proved`` is
+        false, since pitches above the bracket may have contacts. Raises FieldError.
         """
         from dragon_ros.core.search.min_pitch import min_pitch
         if not isinstance(dragon, (Dragon, Mixed, NoneType)):
@@ -341,7 +341,7 @@ class Design:
             progress: Progress = _quiet) -> 'BoundingBox | VenueFit':
         """Return how far the benches reach in a run or, in a venue, the smallest gap to each obstacle.
 
-        Bounds are ``within_m`` apart, by default 1e-10, or 1e-6 in a venue. Raises FieldError.
+        Bounds are at most ``within_m`` apart, by default 1e-10 m, or 1e-6 m in a venue. Raises FieldError.
         """
         given = _scene('scene', scene)
         within = None if within_m is None else number('within_m', within_m, above=0.0)
@@ -353,9 +353,9 @@ class Design:
 
     @staticmethod
     def max_speed(scene: Scene | Simulated, *, progress: Progress = _quiet) -> 'MaxSpeed':
-        """Return the largest ratio of a handle's speed to the leader's. Raises FieldError for a run to a lock.
+        """Return the largest ratio of a handle's speed to the leader's. Raises FieldError if the run ends in a lock.
 
-        ``max_speed(scene).leader_m_s(2.0)`` is the leader's largest speed under a limit of 2 m/s for every handle.
+        ``max_speed(scene).leader_m_s(2.0)`` is the largest speed of the leader at which no handle exceeds 2 m/s.
         """
         from dragon_ros.core.search.max_speed import max_speed
         return max_speed(_scene('scene', scene), progress)
@@ -401,11 +401,11 @@ class Rows:
 
 def study(name_or_path: str | PathLike[str], output: str | PathLike[str] | None = None, samples: int | None = None,
           workers: int | None = None, scheduler: str | None = None) -> Rows:
-    """Return the rows of a study, given by name or file, in the folder ``output``; missing rows are computed first.
+    """Return the rows of a study, given by name or file, from the folder ``output``, computing missing rows first.
 
-    Instead of a study, give the folder of a data set. Rows are computed by processes on this host, one per core, or by
-    a Dask cluster (``docs/studies.md``); in a script, put the call below ``if __name__ == '__main__':``. Raises
-    InputError for an invalid study, MissingError if Dask is not installed.
+    The folder of a data set can be given instead of a study. Rows are computed by processes on this host, one per core,
+    or by a Dask cluster (``docs/studies.md``). In a script, put the call below ``if __name__ == '__main__':``. Raises
+    InputError for an invalid study, and MissingError if Dask is not installed.
     """
     try:
         from dragon_ros.studies.cluster import complete
@@ -424,7 +424,7 @@ def study(name_or_path: str | PathLike[str], output: str | PathLike[str] | None 
 
 
 def _draw_in_jupyter() -> None:
-    """Register pictures of plain scenes if IPython is running, because scenes must not import drawing code."""
+    """Register the pictures of scenes with IPython if it is running, because scenes must not import drawing code."""
     shell = sys.modules['IPython'].get_ipython() if 'IPython' in sys.modules else None
     if shell is not None:
         shell.display_formatter.formatters['image/svg+xml'].for_type(Scene, _svg)

@@ -15,7 +15,7 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of
 from dragon_ros.core.tiers import PAPER
 
-_BATCH_HANDLES = 2**18      # handles per batch: 8 MB with velocities; with fewer, calls cost more than arithmetic
+_BATCH_HANDLES = 2**18      # handles per batch: 8 MB with velocities; in smaller batches the cost of calls dominates
 _TICK_HANDLES = 2**12       # handles per group of consecutive ticks, whose frames stay in the cache
 
 
@@ -32,7 +32,7 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
     for begin in range(first, stop, size):
         times_ns = [scene.run.time_ns(k) for k in range(begin, min(begin + size, stop))]
         chains = [simulation.chain(t_ns / NS) for t_ns in times_ns]
-        if size == 1:       # links of zero length lie along the track, which only the chain itself knows
+        if size == 1:       # only the chain itself can compute the directions of links of zero length
             yield frame_of(simulation, begin, times_ns[0], chains[0])
             continue
         together = replace(chains[0], p=np.stack([chain.p for chain in chains]))
@@ -44,7 +44,7 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
 
 
 def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) -> Chain:
-    """Return the chains at many instants (S,) as one, with a leading axis; they equal single ones within the tier.
+    """Return the chains at many instants (S,) as one with a leading axis, equal to single chains within the tier.
 
     ``out`` (S, N+1, 2), if given, receives the handles. Raises FieldError if it does not fit.
     """
@@ -63,9 +63,9 @@ def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) ->
 
 
 def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float], out: Floats | None = None) -> Floats:
-    """Return the velocities of all handles in m/s, shape (..., N+1, 2), for one chain and time or for many.
+    """Return the velocities of all handles in m/s, shape (..., N+1, 2), for one chain at one time or for many.
 
-    ``out``, of the same shape, receives them if it is given. Raises FieldError if it does not fit.
+    ``out``, an array of that shape, receives them if it is given. Raises FieldError if it does not fit.
     """
     if out is not None:
         _check_room(out, chain.p.shape)
@@ -85,7 +85,7 @@ class Batch(NamedTuple):
 def batches(scene: Scene, times_s: Sequence[float], size: int | None = None) -> Iterator[Batch]:
     """Yield many instants, ``size`` at a time, in memory that the next batch reuses: copy what you want to keep.
 
-    Allocating new memory takes as long as the computation. By default a batch is about as large as a cache.
+    Allocating new memory would take as long as the computation. By default a batch is about as large as a cache.
     """
     size = size or max(1, _BATCH_HANDLES // (scene.dragon.benches + 1))
     room: Floats = np.empty((2, min(size, len(times_s)), scene.dragon.benches + 1, 2))

@@ -39,7 +39,7 @@ def whole(field: str, value: Any, *, low: int, high: int) -> int:
 
 
 def plane_pose(field: str, text: str) -> tuple[complex, complex]:
-    """Return a pose written as X,Y,DEGREES: its position in m, and its x axis, complex numbers. Raises FieldError."""
+    """Return the position in m and the x axis of a pose X,Y,DEGREES, both as complex numbers. Raises FieldError."""
     try:
         x, y, degrees = map(float, text.split(','))
     except ValueError:

@@ -7,16 +7,16 @@ _NEAR = 0.65            # difflib ratio: pich_m is close to pitch_m (0.92), obst
 
 
 def shown(value: object) -> str:
-    """Return a value as an error shows it: its Python form, abbreviated if it is long."""
+    """Return the text of a value for an error message: its ``repr``, abbreviated if it is long."""
     try:
         text = repr(value)
-    except (ValueError, RecursionError):        # an integer of thousands of digits, or endless nesting
+    except (ValueError, RecursionError):        # an integer with thousands of digits, or endless nesting
         return f'a huge {type(value).__name__}'
     return text if len(text) <= _MOST_SHOWN else f'{text[:_MOST_SHOWN // 2]}...{text[-_MOST_SHOWN // 4:]}'
 
 
 def did_you_mean(word: object, known: Iterable[str], otherwise: str, alike: float = _NEAR) -> str:
-    """Ask about the name most similar to a word; return ``otherwise`` if no name reaches the ratio ``alike``."""
+    """Return a question about the known name most similar to a word, or ``otherwise`` if none is at least ``alike``."""
     from difflib import get_close_matches  # rarely needed
     names = {name.lower(): name for name in known}
     near = get_close_matches(str(word).lower(), names, n=1, cutoff=alike)
@@ -26,7 +26,7 @@ def did_you_mean(word: object, known: Iterable[str], otherwise: str, alike: floa
 class DragonError(Exception):
     """Root of all errors that dragon_ros raises deliberately.
 
-    ``fields`` has the numbers of the message, for programs.
+    ``fields`` holds the values of the message, for programs.
     """
 
     def __init__(self, message: str, **fields: Any) -> None:
@@ -57,7 +57,7 @@ class DiskError(DragonError):
 
 
 class ModelEnd(DragonError):
-    """The model has no state at the requested time; ``fields`` has ``t_s`` and the limit."""
+    """The model has no state at the requested time; ``fields`` holds ``t_s`` and the limit."""
 
 
 class TrackEndError(ModelEnd):

@@ -72,7 +72,7 @@ def effects_of(names: Iterable[object]) -> Effect:
 def check_needs(effects: Effect) -> None:
     """Raise FieldError if an effect is on but another effect that it needs is off."""
     complete = effects
-    for effect, need in reversed(NEEDS.items()):        # dependent effects come after those they need
+    for effect, need in reversed(NEEDS.items()):        # each effect comes after those that it needs
         complete |= need if effect in complete else Effect.NONE
     if complete != effects:
         effect, need = next((e, n) for e, n in NEEDS.items() if e in effects and n not in effects)
@@ -108,7 +108,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Trails:
-    """How many seconds a trail goes back, and the number of points in it."""
+    """The duration of a trail in seconds, and its number of points."""
 
     seconds: float = 10.0
     points: int = 32

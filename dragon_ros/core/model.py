@@ -34,7 +34,7 @@ from dragon_ros.core.tracks.polyline import SAG_M, polyline
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import STurn, TrackSpec
 
-_LAST_FLOAT = 1.7976931348623157e308    # stands for no end
+_LAST_FLOAT = 1.7976931348623157e308    # means that there is no end
 _MOST_SIMULATIONS = 64              # compiled simulations kept
 _MOST_BYTES_AHEAD = 256_000_000     # for the shift maps of a model that are built in advance
 _MOST_BYTES = 1_000_000_000         # for the shift maps of all kept models; the least recently used are dropped first
@@ -42,7 +42,7 @@ _MOST_BYTES = 1_000_000_000         # for the shift maps of all kept models; the
 
 @dataclass(frozen=True)
 class TravelEnd:
-    """How far the leader can travel: metres, the reason of the end ('lock' or 'track'), and the link that locks."""
+    """An end of the leader's range: its distance in metres, its reason ('lock' or 'track'), and the link that locks."""
 
     gone_m: float
     reason: str
@@ -51,7 +51,7 @@ class TravelEnd:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """The positions of all handles by the distance that the leader has travelled along a track, at one tier."""
+    """A function from the distance that the leader has travelled to the positions of all handles, at one tier."""
 
     dragon: AnyDragon
     spec: TrackSpec
@@ -90,9 +90,9 @@ class Model:
     def placement(self) -> Placement:
         """The solver that places the handles: shift maps for blocks of equal links, or the march.
 
-        Links are solved to the last digit for all tiers, which takes at most one more Newton step. Tiers differ only in
-        the series of the maps: coarser ones are used if those of ``exact`` do not converge or take longer. On a spiral
-        they do not differ there either: its series are short, and close to a lock any error grows along the chain.
+        At every tier links are solved to the last digit, which takes at most one more Newton step. Tiers differ only in
+        the series of the maps: coarser series are used if those of ``exact`` do not converge or take longer. On a
+        spiral all tiers use the same series: they are short, and close to a lock any error grows along the chain.
         """
         lengths = {} if self.solver == 'march' else lengths_with_maps(self.links_m)
         tier = EXACT if self.track.may_lock else self.tier
@@ -110,7 +110,7 @@ class Model:
         return self.placement.place(self.leader.place(gone_m))
 
     def place_many(self, gone_m: tuple[Floats, Floats], out: Floats | None = None) -> Chain:
-        """Return the chains at many distances (S,) in one: the same within the tier's metres, but not bit for bit.
+        """Return the chains at many distances (S,) as one, equal to single chains within the tier, but not bit for bit.
 
         ``out`` (S, N+1, 2), if given, receives the handles.
         """
@@ -121,12 +121,12 @@ class Model:
         return marched(self.track, self.links_m, self.leader.place(gone_m), self.direction)
 
     def size_m(self, extent_m: tuple[float, float]) -> float:
-        """Return a bound on how far handles are from the origin while the leader moves between two distances."""
+        """Return a bound on the handles' distance from the origin while the leader moves between two distances."""
         return self.leader.size_m(extent_m)
 
     @cached_property
     def sure_m(self) -> float:
-        """A distance that the leader can certainly travel, without a search for the lock; negative if unknown.
+        """A distance that the leader can certainly travel, found without a search for the lock; negative if unknown.
 
         Handles lie at increasing radii, and no link locks at a radius above half its chord (``lock.lock_angle``).
         """
@@ -135,7 +135,7 @@ class Model:
 
     @cached_property
     def limits(self) -> tuple[TravelEnd | None, TravelEnd | None]:
-        """How far the leader can travel back, and on; None if there is no end. Raises ChainLockError."""
+        """The ends of the leader's range, backwards and forwards; None without an end. Raises ChainLockError."""
         back_m, onwards_m = self.leader.range_m
         if not self.track.may_lock:
             back, onwards = (TravelEnd(gone_m, 'track') if abs(gone_m) < inf else None
@@ -212,7 +212,7 @@ class Simulation:
 
     @cached_property
     def limit(self) -> End | None:
-        """The end of the model itself, where the chain locks or a handle reaches the end of the track, or None."""
+        """The end of the model, when the chain locks or a handle reaches the end of the track; None if it has none."""
         law = self.scene.head
         ends = [(t_s, limit) for limit, sense in zip(self.model.limits, (-1, 1), strict=True)
                 if limit and (t_s := law.passage_s(limit.gone_m, sense)) is not None]
@@ -268,7 +268,7 @@ class Simulation:
 
     @cached_property
     def _sure_s(self) -> float:
-        """A time up to which a state certainly exists; a search for the exact end takes as long as many states."""
+        """A time up to which states certainly exist; finding the exact end takes as long as computing many states."""
         if self.model.sure_m < 0:
             return -1.0
         passed_s = self.scene.head.passage_s(self.model.sure_m)
@@ -326,7 +326,7 @@ class Simulation:
     def build_tables(self) -> None:
         """Build the shift maps of the run from its start until the memory limit is reached.
 
-        Another thread may place chains meanwhile. Tiles that are not built yet are built when the leader gets there;
+        Another thread may place chains meanwhile. Tiles that do not exist yet are built when the leader reaches them;
         positions are bit-identical either way.
         """
         maps = self.model.placement.maps.values()
@@ -375,7 +375,7 @@ class _Compiled:
     """A cache of simulations and models, the most recently used last, limited in number and bytes."""
 
     def __init__(self) -> None:
-        self._simulations: OrderedDict[int, Simulation] = OrderedDict()     # each keeps its scene, so ids are unique
+        self._simulations: OrderedDict[int, Simulation] = OrderedDict()     # each keeps its scene, so ids stay unique
         self._models: OrderedDict[tuple[AnyDragon, TrackSpec, str, str, Tier], Model] = OrderedDict()
         self._latest: Simulation | None = None
         self._lock = Lock()
@@ -396,7 +396,7 @@ class _Compiled:
     def _compiled(self, scene: Scene) -> Simulation:
         """Return a new simulation, with the cached model if there is one."""
         simulation = self._at(scene, tier_for(scene.accuracy))
-        tier = tier_for(scene.accuracy, simulation.size_m)      # metres may require another tier far out
+        tier = tier_for(scene.accuracy, simulation.size_m)      # may differ if the accuracy is in metres
         return simulation if tier is simulation.tier else self._at(scene, tier)
 
     def _at(self, scene: Scene, tier: Tier) -> Simulation:
@@ -426,14 +426,14 @@ _COMPILED = _Compiled()
 
 
 def _key_of(scene: Scene, tier: Tier) -> tuple[AnyDragon, TrackSpec, str, str, Tier]:
-    """Return the inputs from which a model is compiled."""
+    """Return everything that determines a model."""
     return scene.dragon, scene.track, scene.head.lead, scene.solver, tier
 
 
 def compile_scene(scene: Scene) -> Simulation:
     """Return the simulation of a scene from a cache; scenes with the same geometry share one model.
 
-    Raises FieldError for faults that the settings alone do not show: pieces that do not join, bends that are too tight
-    for the benches, a start off the track, an accuracy that floats cannot keep at such coordinates.
+    Raises FieldError for faults that the settings alone do not reveal: pieces that do not join, bends that are too
+    tight for the benches, a start off the track, or an accuracy that floats cannot provide at these coordinates.
     """
     return _COMPILED.get(scene)

@@ -65,7 +65,7 @@ def place(track: Track, links_m: Floats, speed_m_s: float, t_s: float) -> PaperC
 
 
 def _head(spiral: SpiralCurve, speed_m_s: float, steps: int) -> tuple[float, float]:
-    """Return angle and lagged radius of the head after a number of Euler steps."""
+    """Return the angle and the lagged radius of the head after a number of Euler steps."""
     theta = spiral.start.hi
     rho = spiral.b_m * theta
     for _ in range(steps):
@@ -83,7 +83,7 @@ def _links(links_m: Floats) -> list[float]:
 
 
 def _turn(b_m: float, theta: float, rho: float, length_m: float) -> int | None:
-    """Return the smallest number of steps after which the chord (paper, equation 15) is close to the link."""
+    """Return the smallest number of steps after which the chord (paper, equation 15) is close to the link's length."""
     for k in range(1, int(2 * pi / STEP_RAD)):
         delta = k * STEP_RAD
         outer = b_m * (theta + delta)

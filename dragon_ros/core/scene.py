@@ -21,7 +21,7 @@ ACCURACIES = ('paper', 'preview', 'standard', 'fine', 'exact')
 
 @dataclass(frozen=True)
 class Run:
-    """Start and stop of a run, and its tick rate; if ``stop_s`` is None, the run lasts until the model ends."""
+    """The start, stop and tick rate of a run; if ``stop_s`` is None, the run lasts until the model ends."""
 
     start_s: float = 0.0
     stop_s: float | None = None
@@ -38,7 +38,7 @@ class Run:
 
     @property
     def start_ns(self) -> int:
-        """First tick, in nanoseconds."""
+        """Time of the first tick, in nanoseconds."""
         return round(self.start_s * NS)
 
     def time_ns(self, k: int) -> int:
@@ -63,9 +63,9 @@ def _period(rate_hz: float) -> tuple[int, int]:
 class Scene:
     """A dragon on a track, led by its head or its tail, with an accuracy, effects, a run and optionally a venue.
 
-    All fields are settings: equivalent scenes are equal. ``markers`` selects how benches are shown: 'cubes', one each,
-    or 'triangles', all in one list. Faults that only show when the track is laid out in the plane (at joints, in bends,
-    where the chain locks) are reported when the scene is compiled.
+    All fields are settings: equivalent scenes are equal. ``markers`` selects how benches are shown: 'cubes', one per
+    bench, or 'triangles', all in one list. Faults that appear only when the track is laid out in the plane (at joints,
+    in bends, at a lock) are reported when the scene is compiled.
     """
 
     dragon: AnyDragon = field(default_factory=Dragon)
@@ -81,9 +81,9 @@ class Scene:
     venue: Venue | None = None
 
     def __post_init__(self) -> None:
-        """Reject a wrong accuracy, unknown choices, effects without those they need, and scenes beyond ``paper``.
+        """Reject invalid settings, effects whose requirements are off, and scenes that ``paper`` does not support.
 
-        The speeds of a commanded dragon's leader are part of every run.
+        Every run of a commanded dragon includes the effect ``leader``.
         """
         if self.is_led:
             settle(self, effects=self.effects | Effect.LEADER)

@@ -54,7 +54,7 @@ def state(scene: Scene, t_s: float) -> Chain:
 
 
 def led_tick(simulation: Simulation, law: Walked, k: int) -> Frame:
-    """Return the frame of tick k of a commanded dragon whose leader has moved by this law so far."""
+    """Return the frame of tick k of a commanded dragon whose leader has followed this law so far."""
     led = Simulation(replace(simulation.scene, head=law), simulation.model)
     t_ns = led.scene.run.time_ns(k)
     return frame_of(led, k, t_ns, led.chain(t_ns / NS))

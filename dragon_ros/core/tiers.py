@@ -16,7 +16,7 @@ from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError, did_you_mean
 from dragon_ros.core.numerics.types import Floats
 
-_FLOAT_SIZE_M = 20.0     # beyond it floats cannot keep 2e-12 m, so the promise of the exact tier grows with coordinates
+_FLOAT_SIZE_M = 20.0     # floats cannot resolve 2e-12 m beyond it, so the promise of the exact tier grows there
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,10 @@ def best_m(size_m: float) -> float:
 
 
 def tier_for(accuracy: Any, size_m: float = 0.0) -> Tier:
-    """Return the tier of a name, or the cheapest one that keeps a number of metres for coordinates up to ``size_m``.
+    """Return the tier of a name, or the cheapest one that promises this accuracy for coordinates up to ``size_m``.
 
-    Raises FieldError, with the possible values, if floats cannot keep it. The tier ``paper`` must be requested by name.
+    Raises FieldError, with the possible values, if floats cannot provide it. The tier ``paper`` must be requested by
+    name.
     """
     if isinstance(accuracy, str):
         if accuracy not in TIERS:

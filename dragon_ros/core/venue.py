@@ -23,7 +23,7 @@ Points = tuple[Point, ...]
 
 @dataclass(frozen=True)
 class PolygonObstacle:
-    """A polygon that no bench may touch: its corners in order, and those of its holes (such as courtyards)."""
+    """A polygon that no bench may touch: its corners in order, and the corners of its holes (such as courtyards)."""
 
     name: str
     points_m: Points
@@ -55,7 +55,7 @@ class LineObstacle:
         name = _name(field, self.name)
         points = _points(f'{field}.points_m', name, self.points_m)
         if len(points) < 2:
-            raise FieldError(f'{field}.points_m', name, f'a line needs at least 2 different points, this one has '
+            raise FieldError(f'{field}.points_m', name, f'a line needs at least 2 different points; this one has '
                              f'{len(points)}', 'add points, or remove it')
         return LineObstacle(name, points)
 
@@ -144,7 +144,7 @@ def _ring(field: str, name: str, values: Any) -> Points:
     points = _points(field, name, values)
     points = points[:-1] if len(points) > 1 and points[0] == points[-1] else points
     if len(points) < 3:
-        raise FieldError(field, name, 'a polygon needs at least 3 different corners, this one has '
+        raise FieldError(field, name, 'a polygon needs at least 3 different corners; this one has '
                                       f'{len(points)}', _AROUND)
     return points
 

@@ -1,1 +1,1 @@
-"""Parameter studies: many scenes, each a row of answers, computed on Dask and kept as Parquet."""
+"""Parameter studies: many scenes, each with a row of answers, computed with Dask and stored as Parquet."""

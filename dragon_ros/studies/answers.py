@@ -1,4 +1,4 @@
-"""A summary of a data set in figures: the number of rows of each status, and statistics of the answers."""
+"""Numerical summary of a data set: the number of rows of each status, and statistics of the answers."""
 from collections.abc import Iterator
 from dataclasses import asdict
 from importlib.util import find_spec
@@ -25,12 +25,12 @@ from dragon_ros.studies.study import Study
 
 SAFE = 0.999            # the share of dragons that a bound must cover
 _RANDOM = ('random', 'sobol')
-_FEW = 8                # with fewer rows no distribution is estimated
-_MOST_SHOWN = 5         # reasons
+_FEW = 8                # fewest rows for which a distribution is estimated
+_MOST_SHOWN = 5         # number of reasons in a summary
 
 
 def main_answers(study: Study) -> list[str]:
-    """Return the column of each question that summaries and figures show."""
+    """Return, for each question, the column that summaries and figures show."""
     return [MAIN[name_of(one)] for one in study.ask]
 
 
@@ -54,7 +54,7 @@ def summary(data: DataSet) -> dict[str, Any]:
 
 
 def _figures(study: Study, table: pa.Table, name: str) -> dict[str, Any]:
-    """Return the minimum, median and maximum of an answer; for random rows also bounds on all dragons."""
+    """Return the minimum, median and maximum of an answer, and, for random rows, bounds for all dragons."""
     values = numbers(table, name)
     known = values[~np.isnan(values)]
     if not known.size:
@@ -102,7 +102,7 @@ def _between(one: dict[str, Any]) -> str:
 
 
 def _bounds(name: str, one: dict[str, Any]) -> Iterator[str]:
-    """Yield a bound that covers all but one dragon in a thousand, if the rows suffice, or how many rows it needs."""
+    """Yield a bound that covers all but one dragon in a thousand, or the number of rows needed if there are too few."""
     if 'share' not in one:
         return
     if one['bound'] is not None:

@@ -1,8 +1,8 @@
-"""Run a study on Dask: on processes that it starts on this host, or on a running cluster.
+"""Run a study with Dask: on processes that it starts on this host, or on a running cluster.
 
 A batch takes about ``_BATCH_S`` seconds, to keep the overhead of Dask small. A few batches per worker are submitted
-ahead. A batch returns as a Parquet file, which is written as received. If a worker dies, Dask computes its batch again;
-if a batch kills one worker after another, its rows are tried one by one.
+ahead. The result of a batch is a Parquet file, which is written as received. If a worker dies, Dask computes its batch
+again; if a batch kills several workers in a row, its rows are tried one by one.
 """
 import asyncio
 import logging
@@ -39,15 +39,15 @@ from dragon_ros.version import __version__
 _BATCH_S = 2.0          # work per batch; each costs Dask a few milliseconds
 _MOST_ROWS = 4096       # largest batch; a block is a multiple of it
 _AHEAD = 2              # batches per worker: one is computed while the next one waits
-_LATEST = 0.3           # weight of the latest batch in the mean time per row
+_LATEST = 0.3           # weight of the latest batch in the average time per row
 _WAIT_S = 0.5           # longest wait for a batch before signals are checked again
 _LOOK_S = 2.0           # time between two counts of the workers
 _CONNECT_S = 30.0
 _START_S = 120.0        # longest wait for a thread of this process
 _NO_WORKERS_S = 60.0    # time without workers that counts as an error
-# Dask's HTTP routes are for its dashboard, which is off. Its profiler is off too: sampling a hundred times per second
-# took a tenth of a worker's time. By default a worker returns blocks of 64 KB and more to the system, and fetching them
-# again takes as long as the arithmetic.
+# Dask's HTTP routes serve its dashboard, which is off. Its profiler is also off: sampling a hundred times per second
+# took a tenth of a worker's time. By default a worker returns blocks of 64 KB and more to the system, and allocating
+# them again takes as long as the arithmetic.
 _ALONE: dict[str, Any] = {'distributed.scheduler.http.routes': [], 'distributed.worker.http.routes': [],
                           'distributed.worker.profile.enabled': False, 'distributed.admin.tick.interval': '1s',
                           'distributed.admin.system-monitor.interval': '5s',
@@ -67,7 +67,7 @@ class BatchResult(NamedTuple):
 
 @dataclass
 class StudyProgress:
-    """The progress of a study: the number of existing rows, and of rows that this run has computed, by status."""
+    """The progress of a study: the number of existing rows, and the number that this run has computed, by status."""
 
     total: int
     done: int
@@ -112,10 +112,10 @@ def _check_same(who: str, found: dict[str, str], wanted: dict[str, str]) -> None
 
 @contextmanager
 def local_client(workers: int | None) -> Iterator[Client]:
-    """Yield a client of processes on this host, one per core, that nobody else can reach.
+    """Yield a client of private worker processes on this host, one per core.
 
     They listen on the loopback address, without a dashboard, and use TLS with keys that exist only in memory, so
-    another user of this host can neither read nor join.
+    other users of this host can neither read the traffic nor join.
     """
     with TemporaryDirectory(prefix='dragon-study-') as scratch, dask.config.set(_ALONE), \
             ExitStack() as opened:
@@ -133,7 +133,7 @@ def local_client(workers: int | None) -> Iterator[Client]:
 def _running_loop() -> tuple[IOLoop, Callable[[], None]]:
     """Return an event loop that runs in its own thread, and a function that ends it. Raises DragonError if none starts.
 
-    Dask can start one too, but allows only ten seconds, which is too short for a machine that stalls for a moment.
+    Dask can also start one, but allows only ten seconds, which is too short if the machine stalls for a moment.
     """
     ready: Queue[tuple[IOLoop, asyncio.Event]] = Queue()
 
@@ -161,8 +161,8 @@ def _running_loop() -> tuple[IOLoop, Callable[[], None]]:
 def _deaf_to_ctrl_c() -> Iterator[None]:
     """Block SIGINT in threads and processes that are started inside this block; in this thread it stays pending.
 
-    A terminal sends SIGINT to all processes, but workers should be ended by this one and not each with a traceback. The
-    resource tracker of multiprocessing is started beforehand, since it would unblock the signal.
+    A terminal sends SIGINT to all processes, but this process should stop the workers, without a traceback from each.
+    The resource tracker of multiprocessing is started beforehand, since it would unblock the signal.
     """
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
@@ -181,10 +181,10 @@ def joined_client(scheduler: str) -> Iterator[Client]:
     where = {'scheduler_file': scheduler} if Path(scheduler).is_file() else {'address': scheduler}
     loop, end = _running_loop()
     try:
-        with warnings.catch_warnings():         # versions are compared below, with one message for all of them
+        with warnings.catch_warnings():         # ``check_versions`` below reports all differences in one error
             warnings.simplefilter('ignore', distributed.versions.VersionMismatchWarning)
             client = Client(**where, timeout=_CONNECT_S, set_as_default=False, loop=loop)
-    except (OSError, ValueError, TypeError, RuntimeError) as error:     # the client closes itself in its loop, later
+    except (OSError, ValueError, TypeError, RuntimeError) as error:     # the client closes itself later, in its loop
         why = ' '.join(str(error).split())[:200] or type(error).__name__
         raise MissingError(f'--scheduler {scheduler}: cannot be reached ({why}); give an address such as '
                            'tcp://host:8786, or a scheduler file', field='scheduler') from None
@@ -217,7 +217,7 @@ def _asked(call: Callable[[], Any]) -> Any:
 def run(data: DataSet, client: Client, stop: Event, tell: Callable[[StudyProgress], object]) -> StudyProgress:
     """Compute and write the missing rows of a data set, until it is complete or ``stop`` is set.
 
-    ``tell`` is called after each batch. Raises DiskError if rows cannot be written, DragonError if the cluster is gone.
+    ``tell`` is called after each batch. Raises DiskError if rows cannot be written, DragonError if the cluster is lost.
     Written rows are kept, and the next run continues from them.
     """
     work = _StudyRun(data, client)
@@ -228,7 +228,7 @@ def run(data: DataSet, client: Client, stop: Event, tell: Callable[[StudyProgres
             work.take()
             tell(work.progress)
     finally:
-        with suppress(Exception):       # the cluster itself may be gone
+        with suppress(Exception):       # the cluster may no longer exist
             client.cancel(list(work.ahead))
     if work.is_done:
         data.join_blocks()
@@ -273,7 +273,7 @@ class _StudyRun:
         future.add_done_callback(self._came.put)
 
     def _size(self) -> int:
-        """Return the size of the next batch: one row until one is timed, and fewer rows when few remain per worker."""
+        """Return the size of the next batch: one row until a row has been timed, and fewer rows towards the end."""
         if self._row_s is None:
             return 1
         left = sum(stop - start for start, stop in self._ranges)

@@ -1,9 +1,9 @@
 """A study's data set: a folder with the study file and its rows as Parquet parts, each complete or absent.
 
-A part contains the rows of one range of indices and is named after the range. It is written under a temporary name,
-synchronised to disk and renamed, so a killed study, a full disk or a power cut leaves no partial file. The parts of
-batches are joined into larger ones, block by block, and then removed. If the study is killed in between, duplicates are
-ignored until the next run removes them. In the end each block of ``BLOCK`` rows is one file, regardless of the batches.
+A part contains the rows of one index range and is named after it. It is written under a temporary name, synchronised to
+disk and renamed, so a killed study, a full disk or a power cut leaves no partial file. The parts of batches are joined
+into larger ones, block by block, and then removed. If the study is killed in between, duplicates are ignored until the
+next run removes them. Finally, each block of ``BLOCK`` rows is one file, whatever the batches were.
 """
 import fcntl
 import os
@@ -23,13 +23,13 @@ from dragon_ros.studies.rows import Row, columns_of
 from dragon_ros.studies.study import Study, as_text, study_of
 
 STUDY_FILE, ROWS, LOCK = 'study.yaml', 'rows', '.lock'
-BLOCK = 16_384      # rows of a joined part
+BLOCK = 16_384      # number of rows in a joined part
 _PART = re.compile(r'part-(\d{10})-(\d{10})\.parquet')
 _TYPES: dict[type, Any] = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(), str: pa.string()}
 
 
 class RowFile(NamedTuple):
-    """A file with the rows start <= index < stop."""
+    """A file that contains the rows start <= index < stop."""
 
     start: int
     stop: int
@@ -56,15 +56,15 @@ def _as_bytes(table: pa.Table) -> bytes:
 
 
 class DataSet:
-    """The rows of a study in a folder that one process writes."""
+    """The rows of a study in a folder to which a single process writes."""
 
     def __init__(self, folder: Path, study: Study) -> None:
-        """Take an existing folder (``open_set``, ``created``)."""
+        """Use an existing folder."""
         self.folder, self.study = folder, study
 
     @property
     def parts(self) -> list[RowFile]:
-        """The parts in order, without parts that another part covers."""
+        """The parts in order, except parts that are covered by another part."""
         kept: list[RowFile] = []
         for part in sorted(self._files(), key=lambda one: (one.start, -one.stop)):
             if not kept or part.start >= kept[-1].stop:

@@ -1,8 +1,8 @@
 """The questions that a study can ask about a scene: options, columns of the answer, and the answering function.
 
-An answer has brackets if the search gives them; ``proved`` says whether they are proved (docs/model.md). Rows of a
-batch share work: scenes with the same dragon and track share a compiled model, and the smallest pitch of a dragon is
-searched only once.
+Answers have brackets if the search provides them; ``proved`` indicates whether they are proved (docs/model.md). Rows of
+a batch share work: scenes with the same dragon and track share a compiled model, and the smallest pitch of a dragon is
+searched for only once.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -28,14 +28,14 @@ from dragon_ros.core.search.near_misses import near_misses
 Tell = Callable[[int], object]
 Values = dict[str, Any]
 _NEAR_M = 1.0       # largest threshold for near misses
-_SHARED = 64        # cached answers, for other rows of a batch
+_SHARED = 64        # number of cached answers, which other rows of a batch can use
 
 
 class Asked:
-    """A scene with results that several questions need, so that the first contact is computed only once."""
+    """A scene, and the results that several questions need, so that the first contact is computed only once."""
 
     def __init__(self, scene: Scene, tell: Tell) -> None:
-        """Take the scene. ``tell(states)`` is called during the work, and may raise an exception to end it."""
+        """Store the scene. ``tell(states)`` is called during the work, and may raise an exception to end it."""
         self.scene, self.tell = scene, tell
 
     @cached_property
@@ -130,11 +130,11 @@ class ClearanceQuestion:
 
 @dataclass(frozen=True)
 class MinPitchQuestion:
-    """The smallest pitch at which the head, from ``start_turns`` on (by default the scene's), reaches a circle freely.
+    """The smallest pitch at which the head reaches a circle without contact, starting at ``start_turns``.
 
-    If all benches behind the head are equal, it is proved that no pitch from there to ``largest_m`` has a contact. For
-    mixed benches the bracket from ``smallest_m`` to ``largest_m`` is bisected: its two ends are proved, but larger
-    pitches are not examined.
+    By default ``start_turns`` is the scene's. If all benches behind the head are equal, it is proved that no pitch from
+    the result to ``largest_m`` has a contact. For mixed benches the bracket from ``smallest_m`` to ``largest_m`` is
+    bisected: its two ends are proved, but larger pitches are not examined.
     """
 
     diameter_m: float = 9.0
@@ -157,7 +157,7 @@ class MinPitchQuestion:
             number('ask.min_pitch.start_turns', self.start_turns, above=0.0, high=1e4)
 
     def answer(self, asked: Asked) -> Values:
-        """Answer. ``min_pitch_m`` is the upper end of the bracket, the safe side."""
+        """Answer. ``min_pitch_m`` is the upper, safe end of the bracket."""
         dragon = asked.scene.dragon
         start_turns = asked.scene.spiral.start_turns if self.start_turns is None else self.start_turns
         try:
@@ -186,7 +186,7 @@ class _Key:
 
 @lru_cache(maxsize=_SHARED)
 def _pitch_of(key: _Key) -> MinPitch:
-    """Return the smallest pitch, which is shared by rows that differ only in other values."""
+    """Return the smallest pitch from a cache that serves all rows with the same key."""
     question, dragon, start_turns = key.values
     return min_pitch(dragon, question.diameter_m, start_turns, question.largest_m, question.within_m, key.tell,
                      question.smallest_m)
@@ -194,7 +194,7 @@ def _pitch_of(key: _Key) -> MinPitch:
 
 @dataclass(frozen=True)
 class FitQuestion:
-    """The smallest squares around the run, and whether it fits into a given one; in a venue also the smallest gap."""
+    """The smallest squares around the run, and whether it fits into a given one; in a venue, also the smallest gap."""
 
     square_m: float | None = None
     columns: ClassVar[dict[str, type]] = {
@@ -250,12 +250,12 @@ class MaxSpeedQuestion:
 
 @dataclass(frozen=True)
 class LockQuestion:
-    """The lock that ends the run unless something else does: its time and link."""
+    """The time and the link of the lock that ends the run unless it ends earlier."""
 
     columns: ClassVar[dict[str, type]] = {'locks': bool, 'lock_t_s': float, 'lock_link': int, 'lock_proved': bool}
 
     def answer(self, asked: Asked) -> Values:
-        """Answer. The place is exact to the last float; this is tested, not proved."""
+        """Answer. The position of the lock is exact to the last float; this is tested, not proved."""
         limit = compile_scene(replace(asked.scene, run=replace(asked.scene.run, stop_s=None))).limit
         if limit is None or limit.reason != 'lock':
             return {'locks': False, 'lock_proved': False}

@@ -1,4 +1,4 @@
-"""Rows and batches of rows. A row is a scene of a study with its answers; it depends only on the study and an index.
+"""Rows and batches of rows. A row is a scene of a study with its answers; it depends only on the study and its index.
 
 If a scene is rejected or exceeds its budget, its row states the reason. Only ``cpu_s``, and hence whether a row exceeds
 its budget, depends on the machine.
@@ -55,14 +55,14 @@ def _type_of(study: Study, key: str, variation: object) -> type:
 
 
 def row_of(study: Study, index: int) -> Row:
-    """Return the row of an index; missing answers are None."""
+    """Return the row with an index; missing answers are None."""
     return _computed(study, _DrawnRow.of(study, index))
 
 
 def rows_of(study: Study, indices: Iterable[int]) -> list[Row]:
     """Return rows in index order. Rows with the same dragon and track are computed consecutively.
 
-    They share a compiled model; this does not affect their values.
+    They share a compiled model, which does not affect their values.
     """
     drawn = sorted((_DrawnRow.of(study, index) for index in indices), key=lambda one: one.shares)
     return sorted((_computed(study, one) for one in drawn), key=lambda row: row['index'])
@@ -70,7 +70,7 @@ def rows_of(study: Study, indices: Iterable[int]) -> list[Row]:
 
 @lru_cache(maxsize=8)
 def parsed(text: str) -> Study:
-    """Return the study of a complete text, which is how workers receive it."""
+    """Return the study from its complete text, the form in which workers receive it."""
     return study_from('study', text)
 
 
@@ -113,7 +113,7 @@ def _computed(study: Study, drawn: _DrawnRow) -> Row:
 
 
 def _tried(what: str, answer: Callable[[], object], reasons: list[tuple[str, str]], study: Study) -> object:
-    """Return an answer, or note the reason and return None: one scene's error must not end a study of a million."""
+    """Return an answer, or record why there is none: the error of one scene must not end a study of a million."""
     try:
         return answer()
     except _OverBudget:

@@ -1,7 +1,7 @@
 """Designs of experiments: the values of a row as a function of the study and the row's index alone.
 
 Each random point has its own generator, seeded by (seed, index); a Sobol point is reached by advancing one scrambled
-sequence. Rows can therefore be drawn in any order, batch and process.
+sequence. Rows can therefore be drawn in any order, batch or process.
 """
 from functools import lru_cache
 from importlib.util import find_spec
@@ -56,7 +56,7 @@ def _copied(value: Any) -> Any:
 
 
 def _in_grid(study: Study, index: int) -> Values:
-    """Return the values of a point of a grid; the last key changes fastest."""
+    """Return the values at a point of a grid; the last key changes fastest."""
     out: Values = {}
     for key, variation in reversed(study.vary):
         steps = levels_of(variation)
@@ -75,7 +75,7 @@ def levels_of(variation: Variation) -> list[Any]:
 
 
 def _typed(study: Study, key: str, value: Any) -> Any:
-    """Return a value as an integer if the scene has an integer there."""
+    """Return a value as an integer if the scene has an integer for this key."""
     last, target = target_of(study.base, key)
     return round(value) if isinstance(target[last], int) and isinstance(value, float) else value
 
@@ -90,7 +90,7 @@ def _point(study: Study, index: int) -> Floats:
 
 
 def _of_two(study: Study, base: int, which: int) -> Floats:
-    """Return base point A (0), B (1), or A with B's values of one key (2 and on): rows of Saltelli 2010, table 2."""
+    """Return base point A (0) or B (1), or A with B's values of one key (2 onwards), as in Saltelli 2010, table 2."""
     both = _sequence(2 * study.dimensions, study.seed).point(base)
     a, b = both[:study.dimensions], both[study.dimensions:]
     if which < 2:
@@ -111,7 +111,7 @@ class _Sequence:
         self._last: Floats = np.empty(0)
 
     def point(self, index: int) -> Floats:
-        """Return the point of an index."""
+        """Return the point with an index."""
         if index == self._next - 1:
             return self._last
         if index < self._next:

@@ -1,4 +1,4 @@
-"""The JSON Schema of study files, made from the dataclasses that they describe, for editors and other programs.
+"""The JSON Schema of study files, generated from the dataclasses that they describe, for editors and other programs.
 
 It covers names, types and choices. Checks that need the base scene, such as which keys can be varied, are made when a
 study is read, with clearer errors.

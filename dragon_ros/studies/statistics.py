@@ -1,4 +1,4 @@
-"""Statistics of a data set: quantiles and distributions with confidence bands, shares, and Sobol indices.
+"""Statistics of a data set: quantiles and distributions with confidence bands, proportions, and Sobol indices.
 
 Bands have 95 % confidence and, unless stated otherwise, assume nothing about the distribution. They are valid for rows
 of a random design; for a Sobol design they are usually too wide, but this is not proved.
@@ -14,13 +14,13 @@ from dragon_ros.studies.study import Study
 
 CONFIDENCE = 0.95
 _RESAMPLES = 999
-_NORMAL_FROM = 20       # rows; fewer give no standard deviation
-_MOST_TESTED = 5000     # values; the test's p-values are inaccurate for more
+_NORMAL_FROM = 20       # fewest rows for which a standard deviation is estimated
+_MOST_TESTED = 5000     # number of values; for more, the p-values of the test are inaccurate
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value with its confidence interval; an end is infinite if there are too few rows to give one."""
+    """A value with its confidence interval; an end is infinite if there are too few rows to estimate it."""
 
     value: float
     low: float
@@ -38,12 +38,12 @@ def quantile(values: Floats, share: float, confidence: float = CONFIDENCE) -> Es
 
 
 def safe_rows(share: float, confidence: float = CONFIDENCE) -> int:
-    """Return how many rows are needed for their maximum to bound a quantile: 1 - share^N >= confidence."""
+    """Return the number of rows whose maximum bounds a quantile: the smallest N with 1 - share^N >= confidence."""
     return ceil(log(1 - confidence) / log(share))
 
 
 def upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) -> float:
-    """Return an upper bound of a given share of all values, with confidence; inf if there are too few rows."""
+    """Return an upper bound for a share of all values, with a given confidence; inf if there are too few rows."""
     from scipy.stats import binom
     count = values.size
     rank = int(binom.ppf(confidence, count, share)) + 1
@@ -67,7 +67,7 @@ def may_be_normal(values: Floats) -> bool:
 
 
 def proportion(hits: int, count: int, confidence: float = CONFIDENCE) -> Estimate:
-    """Return a share with its interval (Clopper and Pearson 1934)."""
+    """Return a proportion with its confidence interval (Clopper and Pearson 1934)."""
     from scipy.stats import beta
     out = (1 - confidence) / 2
     return Estimate(hits / count, float(beta.ppf(out, hits, count - hits + 1)) if hits else 0.0,
@@ -83,7 +83,7 @@ def distribution(values: Floats, confidence: float = CONFIDENCE) -> tuple[Floats
 
 @dataclass(frozen=True)
 class Indices:
-    """Sobol indices of one input: its own effect (first order), and with all interactions (total)."""
+    """Sobol indices of one input: its effect alone (first order), and including all interactions (total)."""
 
     key: str
     first: Estimate
@@ -91,9 +91,10 @@ class Indices:
 
 
 def indices(study: Study, values: Floats) -> list[Indices]:
-    """Return the indices of an answer (rows,) of a study by the design ``saltelli`` (Saltelli 2010), bootstrapped.
+    """Return the Sobol indices of an answer (rows,), with bootstrapped intervals, for the design ``saltelli``.
 
-    Raises FieldError for another design, and if an answer is missing, since the indices need every row.
+    The estimators are those of Saltelli 2010. Raises FieldError for another design, or if an answer is missing, since
+    the indices need every row.
     """
     if study.design != 'saltelli':
         raise FieldError('design', study.design, 'Sobol indices need paired rows', 'write design: saltelli')

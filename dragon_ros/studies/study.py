@@ -1,7 +1,7 @@
-"""A study: a base scene, what varies in it, the design, the samples and the questions. It is read like a scene.
+"""A study: a base scene, its variations, the design, the samples and the questions. It is read like a scene.
 
-A study is self-contained: it includes its complete base scene and can be written as a YAML text that restores it.
-Workers receive this text, and data sets contain it.
+A study is self-contained: it includes its complete base scene and can be written as a YAML text from which it can be
+restored. Workers receive this text, and data sets contain it.
 """
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -22,10 +22,10 @@ from dragon_ros.studies.questions import QUESTIONS, Question, name_of
 
 DESIGNS = ('grid', 'random', 'sobol', 'saltelli')
 MOST_ROWS = 10**9
-MOST_DIMENSIONS = 10_000        # of a Sobol sequence; saltelli needs twice as many, and scipy supports 21,201
+MOST_DIMENSIONS = 10_000        # limit of a Sobol sequence; saltelli needs twice as many, and scipy supports 21,201
 _KEYS = ('scene', 'set', 'vary', 'design', 'samples', 'seed', 'ask', 'budget_s', 'about')
 _MOST_STEPS = 100_000
-_MOST_DIGITS = 6        # digits of the index of a list item
+_MOST_DIGITS = 6        # largest number of digits in the index of a list item
 _FAR = 1e300            # largest value, so that differences stay finite
 Values = dict[str, Any]
 
@@ -127,10 +127,10 @@ def _per(is_per_bench: bool) -> Values:
 
 @dataclass(frozen=True)
 class Study:
-    """A base scene, the varied keys, the design and the questions: everything that a row depends on besides its index.
+    """A base scene, the varied keys, the design and the questions: with an index, all that determines a row.
 
     ``samples`` is the number of points of a random or Sobol design; for ``saltelli`` it is the number of base points,
-    each of which has two rows and one more per key. It is ignored for grids. ``budget_s`` is the CPU time per row.
+    each of which has two rows plus one per key. It is ignored for grids. ``budget_s`` is the CPU time per row.
     """
 
     scene: Scene = field(default_factory=Scene)
@@ -228,7 +228,7 @@ class Study:
 
 
 def as_text(values: Values) -> str:
-    """Return values as YAML, written by libyaml if PyYAML has it."""
+    """Return values as YAML text, written by libyaml if PyYAML includes it."""
     text: str = yaml.dump(values, Dumper=getattr(yaml, 'CSafeDumper', yaml.SafeDumper), sort_keys=False)
     return text
 
@@ -253,7 +253,7 @@ def target_of(scene: Values, key: str) -> tuple[str, Values]:
 
 
 def _steps_of(variation: Variation) -> Any:
-    """Return a sequence of the length of a variation in a grid."""
+    """Return a sequence whose length is that of a variation in a grid."""
     return variation.values if isinstance(variation, Listed) else range(getattr(variation, 'steps', None) or 1)
 
 
@@ -263,7 +263,7 @@ def study_names() -> list[str]:
 
 
 def load_study(name_or_file: str) -> Study:
-    """Return the study of a name or file. Raises InputError with file, line and key."""
+    """Return the study with a name or in a file. Raises InputError, which names the file, line and key."""
     if '/' in name_or_file or name_or_file.endswith(('.yaml', '.yml')):
         path = Path(name_or_file)
     elif name_or_file in study_names():
@@ -275,7 +275,7 @@ def load_study(name_or_file: str) -> Study:
 
 
 def study_from(name: str, text: str) -> Study:
-    """Return the study of a complete text. Raises InputError."""
+    """Return the study from its complete text. Raises InputError."""
     return study_of(parse_document(name, text), None)
 
 

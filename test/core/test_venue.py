@@ -43,7 +43,7 @@ def test_a_venue_says_how_large_it_is_and_not_its_corners():
     (lambda: Venue((PolygonObstacle('none', ()),)), r"points_m: 'none' .* this one has 0;"),
     (lambda: Venue((PolygonObstacle('a', SQUARE, ((),)),)), r"holes_m\.1: 'a' .* this one has 0;"),
     (lambda: Venue((PolygonObstacle('a', SQUARE, (((9, 9), (8, 9), (8, 8)),)),)), r"obstacles\.1: 'a' .*hole"),
-    (lambda: Venue((LineObstacle('dot', ((1, 1), (1, 1))),)), r"points_m: 'dot' .* 2 .* points, this one has 1;"),
+    (lambda: Venue((LineObstacle('dot', ((1, 1), (1, 1))),)), r"points_m: 'dot' .* 2 .* points; this one has 1;"),
     (lambda: Venue((LineObstacle('b', ((0, 0), (nan, 1))),)), r"points_m\.2: nan .*coordinates of 'b' must be finite"),
     (lambda: Venue((LineObstacle('b', ((0, 0), (1, True))),)), r'points_m\.2: True '),
     (lambda: Venue((LineObstacle('b', ((0, 0), (2e9, 1))),)), r'points_m\.2: 2000000000\.0 .*at most 1e\+09'),

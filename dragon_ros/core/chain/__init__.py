@@ -1,1 +1,1 @@
-"""The chain: benches and their handles, the law of their leader, and the positions of all handles behind it."""
+"""The chain: benches and their handles, the leader's law, and the positions of all followers."""

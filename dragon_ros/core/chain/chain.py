@@ -1,8 +1,8 @@
 """The chain: the positions of all handles, whichever solver placed them, and their velocities.
 
 Velocities follow from the rigid-link constraint v[i+1] cos(beta) = v[i] cos(alpha), where alpha and beta are the angles
-between a link and the track's tangents at its two handles: the velocity components of both handles along a rigid link
-are equal.
+between a link and the track's tangents at its two handles: both handles have the same velocity component along a rigid
+link.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,19 +33,19 @@ class PlacedLinks(Protocol):
 
     @property
     def solver(self) -> str:
-        """The solver that placed them: 'table', 'march' if the table did not reach, '' if no table was requested."""
+        """The solver: 'table', 'march' if the table did not cover these links, '' if no table was requested."""
         ...
 
     def velocities(self, chain: 'Chain', speed: Any, out: Floats) -> Any:
-        """Fill in the velocities of these handles, given the first one's speed towards the head; return the last one's.
+        """Fill in the velocities of these handles from the speed of the first towards the head; return the last's.
 
-        ``out`` is (S, N+1, 2), and for one instant a flat array of its 2 N + 2 numbers. A part may leave its last
-        handle to the next part.
+        ``out`` is (S, N+1, 2), or for one instant a flat array of 2 N + 2 numbers. A part may leave its last handle to
+        the next part.
         """
         ...
 
     def headings(self, chain: 'Chain', out: Floats) -> None:
-        """Fill in unit tangents in the head's direction; ``out`` as above."""
+        """Fill in unit tangents in the head's direction; ``out`` is as for ``velocities``."""
         ...
 
     def places(self) -> Places:
@@ -55,11 +55,11 @@ class PlacedLinks(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """All handles at one instant (or at many: the arrays then have a leading axis).
+    """All handles at one instant, or at many in arrays with a leading axis.
 
-    ``p`` (..., N+1, 2) are coordinates in metres, ``links_m`` (N,) is the spacing of the handles from head to tail,
-    ``evaluations`` the number of evaluations of an equation. The leader is the head if ``direction`` is BEHIND (its
-    followers lie behind), otherwise the tail. ``parts`` are in order from the leader on.
+    ``p`` (..., N+1, 2) are coordinates in metres, ``links_m`` (N,) is the spacing of the handles from head to tail, and
+    ``evaluations`` is the number of evaluated equations. The leader is the head if ``direction`` is BEHIND, with its
+    followers behind it; otherwise it is the tail. ``parts`` are in order from the leader on.
     """
 
     p: Floats
@@ -70,7 +70,7 @@ class Chain:
     parts: tuple[PlacedLinks, ...]
 
     def __repr__(self) -> str:
-        """Name the size and the solver, without the long arrays."""
+        """Return the size and the solver, without the long arrays."""
         return f'Chain({self.links_m.size + 1} handles, solver={self.solver!r})'
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
@@ -91,7 +91,7 @@ class Chain:
 
     @cached_property
     def residuals_m(self) -> Floats:
-        """Distance of consecutive handles minus link length, from the coordinates, shape (..., N)."""
+        """Distances between consecutive handles, from their coordinates, minus the link lengths; shape (..., N)."""
         step = np.diff(self.p, axis=-2)
         out: Floats = np.hypot(step[..., 0], step[..., 1]) - self.links_m
         return out
@@ -117,7 +117,7 @@ class Chain:
 
     @property
     def tangents(self) -> Floats:
-        """Unit tangents against the head's direction, towards the tail, even of handles that temporarily move back."""
+        """Unit tangents towards the tail, against the head's direction, even for handles that temporarily move back."""
         return read_only(-self.headings)
 
     @cached_property
@@ -133,7 +133,7 @@ class Chain:
 
     @property
     def segment(self) -> Ints:
-        """Indices of the segments on which the handles are."""
+        """Indices of the segments of all handles."""
         return self.places[0]
 
     @property
@@ -154,7 +154,8 @@ class Chain:
     def velocities(self, leader_speed_m_s: Any, out: Floats | None = None) -> Floats:
         """Return velocity vectors in m/s, shape (..., N+1, 2), in ``out`` if it is given.
 
-        The leader's speed (one, or one per instant) is positive in its own direction: outwards if the tail leads.
+        The leader's speed, common to all instants or one per instant, is positive in its own direction: outwards if the
+        tail leads.
         """
         speed = -self.direction * leader_speed_m_s
         out = np.empty(self.p.size) if out is None else out.reshape(-1)
@@ -168,9 +169,9 @@ class Chain:
 def conditioning(chain: Chain) -> float:
     """Return the ratio of the fastest handle's speed to the leader's, at least 1.
 
-    Close to a lock it grows without bound, and with it the effect of the last bit of the head's position on the
-    handles: the promise for positions in metres grows with this number, and that for speeds, which is relative to the
-    speed itself, with its square (1 / cos^2 beta).
+    Close to a lock it grows without bound, and so does the effect of the last bit of the head's position on the
+    handles. The promise for positions in metres grows with this number, and the promise for speeds, which is relative
+    to the speed, grows with its square (1 / cos^2 beta).
     """
     v = chain.velocities(1.0)
     return max(1.0, float(np.max(np.hypot(v[..., 0], v[..., 1]))))
@@ -199,7 +200,7 @@ class MarchedLinks:
         rows[..., chain.slice_of(self), :] = chain.track.headings(*self.handles)[..., ::-chain.direction, :]
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
-        """Fill in velocities; a link of zero length carries the speed over unchanged."""
+        """Fill in velocities; a link of zero length passes the speed on unchanged."""
         some, order = chain.slice_of(self), slice(None, None, -chain.direction)
         heading = chain.track.headings(*self.handles)
         p = chain.p[..., some, :][..., order, :]
@@ -214,7 +215,7 @@ class MarchedLinks:
 
 
 class MarchedLink(NamedTuple):
-    """One link at one instant, like ``MarchedLinks`` in plain floats: the handle nearer to the leader and the other."""
+    """One link at one instant, like ``MarchedLinks`` but in plain floats; ``near`` is nearer to the leader."""
 
     start: int
     near: Place
@@ -245,7 +246,7 @@ class MarchedLink(NamedTuple):
             out[at], out[at + 1] = heading.real, heading.imag
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
-        """Fill in velocities; a link of zero length carries the speed over unchanged."""
+        """Fill in velocities; a link of zero length passes the speed on unchanged."""
         at, following = self._numbers(chain)
         segments, (k, u), (k_2, u_2) = chain.track.segments, self.near, self.far
         one = segments[k].heading(*u)
@@ -263,7 +264,7 @@ class MarchedLink(NamedTuple):
 
 
 def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Chain:
-    """Return the chain of a leader by forward placement: of the head (``direction`` BEHIND), or of the tail.
+    """Return the chain of a leader, the head (``direction`` BEHIND) or the tail, by forward placement.
 
     On a single spiral all handles are solved ``together``, elsewhere one after the other; both take equally long.
     Raises the same errors as ``forward``.
@@ -277,9 +278,9 @@ def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Cha
 
 
 def marched_many(track: Track, links_m: Floats, leaders: Places, direction: int) -> Chain:
-    """Return the chains of many leaders in one, as ``marched`` does for one, equal to the last digits.
+    """Return the chains of many leaders as one, equal to those of ``marched`` to the last digits.
 
-    Links are common to all (N,), or one row for each (M, N) where ``forward_many`` allows it.
+    Links are common to all leaders (N,), or one row for each (M, N) if ``forward_many`` allows it.
     """
     if links_m.ndim == 1:
         rows, spent = forward_many(track, blocks_of(links_m, direction), leaders, direction)
@@ -312,7 +313,7 @@ def arrays_of(handles: Handles) -> Places:
 
 
 def stack(chains: Sequence[Chain], count: int | None = None) -> Chain:
-    """Return the first ``count`` chains of one dragon, or all, as one with a leading axis; with 0 the axis is empty."""
+    """Return chains of one dragon, all or the first ``count``, as one with a leading axis, which may be empty."""
     first = chains[0]
     segment, u, lo = (np.stack(values)[:count, ..., ::-first.direction]
                       for values in zip(*(one.places for one in chains), strict=True))

@@ -1,8 +1,8 @@
 """A leader that is commanded externally: its settings, its next possible speed, and the law that it has followed.
 
-The leader's speed changes at ticks and is linear between them. The speeds at the ticks are recorded; they determine the
-distance travelled at each tick exactly, in rational arithmetic, as with a profile of the same knots. So a recording of
-the speeds is enough to place every handle again, bit for bit.
+The leader's speed is linear between ticks. The speeds at the ticks are recorded; as with a profile of the same knots,
+they determine the distance travelled at each tick exactly, in rational arithmetic. A recording of the speeds is
+therefore enough to reproduce every handle bit for bit.
 """
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
@@ -20,12 +20,12 @@ from dragon_ros.core.checks import number, settle
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.exact_polynomial import ExactPolynomial
 
-SHORT_M = 0.01  # the leader stops this far or more before a lock, where speeds grow without bound, or a track's end
+SHORT_M = 0.01  # the leader stops at least this far before a track's end or a lock, where speeds grow without bound
 
 
 @dataclass(frozen=True)
 class Commanded:
-    """Commanded externally, on topic `cmd_vel`, within limits; the leader stops `timeout_s` after the last command.
+    """Commanded externally on topic `cmd_vel`, within limits; the leader stops `timeout_s` after the last command.
 
     The leader starts at rest. Its travel is known only from a recording: the topic `leader` of a bag.
     """
@@ -49,7 +49,7 @@ class Commanded:
         _unknown()
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Raise FieldError: the distance travelled is in the bag of a run."""
+        """Raise FieldError: the distance travelled is known only from the bag of a run."""
         _unknown()
 
     def speed_at_m_s(self, t_s: float) -> float:
@@ -100,14 +100,14 @@ class Walked:
         return [t_s for t_s, _ in self.knots]
 
     def walked_on(self, t_s: float, speed_m_s: float, keep_s: float = 0.0) -> 'Walked':
-        """Return the law with one more knot; of the earlier knots, those of the last ``keep_s`` are kept."""
+        """Return the law with one more knot, without the knots from before the last ``keep_s`` seconds."""
         new = t_s, speed_m_s
         reached_m = self.reached_m[-1] + ramp_m(self.knots[-1], new)
         first = max(0, bisect_right(self.knots, (t_s - keep_s, inf)) - 1)
         return Walked(self.settings, (*self.knots[first:], new), (*self.reached_m[first:], reached_m))
 
     def _ramp_at(self, t_s: float) -> tuple[ExactPolynomial, ...]:
-        """Return distance, speed and acceleration by time on the ramp at ``t_s``."""
+        """Return distance, speed and acceleration as polynomials in time on the ramp at ``t_s``."""
         n = max(0, bisect_right(self.knots, (t_s, inf)) - 1)
         return ramp(self.knots[n:n + 2], self.reached_m[n]) if n + 1 < len(self.knots) else self._from_the_last_on
 
@@ -155,14 +155,15 @@ def walked_from(settings: Commanded, start_s: float) -> Walked:
 
 def next_speed_m_s(settings: Commanded, speed_m_s: float, wanted_m_s: float, step_s: float,
                    left_m: tuple[float, float]) -> float:
-    """Return the speed at the next tick: towards the commanded one, within the limits, short of the ends of the range.
+    """Return the speed at the next tick, towards the commanded speed, so that all limits hold and the leader can stop.
 
-    ``left_m`` are the remaining metres back and on. From the speed v at the next tick the leader can brake within
+    ``left_m`` are the metres that remain backwards and forwards. From the speed v at the next tick the leader can brake
+    within
 
         (speed + v) / 2 step + v^2 / (2 a) <= left - SHORT_M - a step^2,
 
-    and a leader that satisfies this at one tick can satisfy it at the next, by braking alone. The last term covers the
-    last step of braking, which is as long as the others.
+    and a leader that satisfies this at one tick can satisfy it at the next by braking alone. The last term covers the
+    final braking step, which lasts as long as the others.
     """
     most = settings.max_acceleration_m_s2 * step_s
     top = settings.max_speed_m_s
@@ -176,10 +177,10 @@ def next_speed_m_s(settings: Commanded, speed_m_s: float, wanted_m_s: float, ste
 
 def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, float],
              keep_s: float = 0.0) -> tuple[Walked, int]:
-    """Return the law up to the next tick, and the end of the range before which it brakes: -1 back, 1 on, 0 none.
+    """Return the law up to the next tick, and the end before which it brakes: -1 backwards, 1 forwards, 0 none.
 
-    ``ends_m`` are the limits of travel back and on; infinite if there is none. Of the knots before the next tick, those
-    of the last ``keep_s`` are kept.
+    ``ends_m`` are the limits of travel backwards and forwards, infinite if there is none. Knots from before the last
+    ``keep_s`` seconds are dropped.
     """
     (before_s, speed), gone_m = law.knots[-1], float(law.reached_m[-1])
     step = law.settings, speed, wanted_m_s, t_s - before_s
@@ -190,7 +191,7 @@ def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, fl
 def profile_of(settings: Commanded, walked: Iterable[tuple[float, float]]) -> Profile:
     """Return a profile with the (t_s, speed_m_s) of the ticks and the same distances to the last bit.
 
-    A knot between two others of the same speed is redundant and left out. Raises FieldError if too many knots remain.
+    A knot between two others of the same speed is redundant and omitted. Raises FieldError if too many knots remain.
     """
     knots = [(0.0, 0.0)]
     for t_s, speed_m_s in walked:

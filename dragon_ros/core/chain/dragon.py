@@ -9,11 +9,11 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats, read_only
 
 _MOST, _MOST_GROUPS = 1_000_000, 10_000
-LEAST_LINK = 2e-10      # relative to the longest bench: errors at the promise hide the direction of shorter links
+LEAST_LINK = 2e-10      # relative to the longest bench: allowed errors obscure the direction of shorter links
 
 
 class _Lengths(Settings):
-    """Quantities that follow from the lengths of benches, equal or not."""
+    """Quantities that follow from the lengths of benches, whether equal or not."""
 
     width_m: float
     hole_inset_m: float
@@ -117,12 +117,12 @@ AnyDragon = Dragon | Mixed
 
 
 def is_even(lengths_m: Floats) -> bool:
-    """Return whether all values behind the first are equal, as for the classic dragon (link or bench lengths, (N,))."""
+    """Return whether all lengths (N,) after the first are equal, as for links and benches of the classic dragon."""
     return bool(np.all(lengths_m[1:] == lengths_m[-1]))
 
 
 def has_same_links_behind(lengths_m: Floats, one: int, other: int) -> bool:
-    """Return whether the benches from ``other`` on are the same as those from ``one`` <= other, up to the tail."""
+    """Return whether the benches from ``other`` to the tail have the same lengths as those from ``one`` <= other."""
     rest = lengths_m[other:]
     return bool(rest[0] == lengths_m[one] and np.all(rest == lengths_m[one:one + rest.size]))
 

@@ -1,6 +1,6 @@
-"""Forward placement: handle after handle along a track, block of equal links by block, at one instant or at many.
+"""Forward placement: handle by handle along a track, in blocks of equal links, at one instant or at many.
 
-There is one function per case, and each gives its reason: ``forward`` for one instant, ``forward_many`` for many
+There is one function per case, whose docstring gives the reason: ``forward`` for one instant, ``forward_many`` for many
 leaders and, called by it, ``together`` for tens of chains on a spiral and ``by_segment`` for tracks of several
 segments.
 """
@@ -18,16 +18,16 @@ from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Past
 from dragon_ros.core.tracks.spiral import TIGHT, SpiralSegment, corrections
 
-FEWEST_ROWS = 8        # of handles that are placed simultaneously
-_AT_ONCE = 2**14        # handles, so that intermediate results fit into the cache
-_MOST_LEADERS = 512     # for more leaders, placing row after row is as fast
-_FAR_RAD = 2.0          # initial guesses of all rows start here
-_NEWTON_STEPS = 8       # on all rows simultaneously
+FEWEST_ROWS = 8        # fewest rows of handles that are placed simultaneously
+_AT_ONCE = 2**14        # number of handles whose intermediate results fit into the cache
+_MOST_LEADERS = 512     # for more leaders, placing row by row is as fast
+_FAR_RAD = 2.0          # smallest polar angle at which all rows can be guessed
+_NEWTON_STEPS = 8       # for all rows simultaneously
 _STEEP = 0.05           # smallest slope from row to row: below it, a follower almost turns back
 
 
 class Block(NamedTuple):
-    """Links ``start`` to ``stop`` from the leader on, all of one length; for many chains, one length each (M,)."""
+    """Links ``start`` to ``stop`` from the leader on, all of one length; for many chains, one length for each (M,)."""
 
     start: int
     stop: int
@@ -35,7 +35,7 @@ class Block(NamedTuple):
 
 
 class Handles(NamedTuple):
-    """Handles from a leader on, at one instant: segments and coordinates (hi, lo), and evaluations."""
+    """Handles from a leader on, at one instant: segments, coordinates (hi, lo), and the number of evaluations."""
 
     segment: list[int]
     u: list[float]
@@ -60,7 +60,7 @@ def blocks_of(links_m: Floats, direction: int) -> tuple[Block, ...]:
 def forward(track: Track, blocks: tuple[Block, ...], leader: Place, direction: int) -> Handles:
     """Return the handles of blocks of links from a leader on, the leader first.
 
-    This is for one instant: plain floats take 0.9 us per handle, whereas arrays of one number take 30 us.
+    For one instant, plain floats take 0.9 us per handle, whereas arrays with one number take 30 us.
 
     Raises ChainLockError if a link cannot be placed near a spiral's centre, TrackEndError if the track is too short.
     """
@@ -91,7 +91,7 @@ def forward(track: Track, blocks: tuple[Block, ...], leader: Place, direction: i
 
 
 def locked(track: Track, link: int, theta: float, link_m: float) -> ChainLockError:
-    """Return the error for a link that cannot be placed; its front handle is at an angle on the first segment."""
+    """Return the error for a link that cannot be placed; its front handle is at ``theta`` on the first segment."""
     spiral = track.from_afar
     assert spiral
     radius = spiral.curve.b_m * theta
@@ -103,11 +103,11 @@ def locked(track: Track, link: int, theta: float, link_m: float) -> ChainLockErr
 
 def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int,
                  settle: Callable[[Places], Places] | None = None) -> tuple[Places, int]:
-    """Return the handles behind many leaders (M,) as arrays (links + 1, M), and evaluations.
+    """Return the handles behind many leaders (M,) as arrays (links + 1, M), and the number of evaluations.
 
-    This is for many instants: an array per row takes 0.16 us per handle at 300 leaders. Handles agree with ``forward``
-    to the last digits, but not bit for bit. Chains with different links are only possible outwards on a first segment
-    that winds in from afar. With ``settle``, which may adjust each row, rows end where the track ends. Raises the same
+    For many instants, an array per row takes 0.16 us per handle with 300 leaders. Handles agree with ``forward`` to the
+    last digits, but not bit for bit. Chains with different links are supported only outwards on a first segment that
+    winds in from afar. With ``settle``, which may adjust each row, rows end where the track ends. Raises the same
     errors as ``forward``.
     """
     if not settle and blocks and (found := together(track, _links_of(blocks), leaders, direction)):
@@ -125,7 +125,7 @@ def _links_of(blocks: tuple[Block, ...]) -> Floats:
 
 def row_by_row(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int,
                settle: Callable[[Places], Places] | None = None) -> tuple[Places, int]:
-    """Return ``forward_many`` from handle to handle, with an array per row."""
+    """Return ``forward_many`` handle by handle, with an array per row."""
     rows, spent = [leaders], 0
     for block in blocks:
         past: list[Floats] = []
@@ -148,11 +148,11 @@ def row_by_row(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
 
 
 def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int) -> tuple[Places, int]:
-    """Return ``forward_many`` from segment to segment, with all handles of a block on each at once.
+    """Return ``forward_many`` segment by segment, placing all handles of a block on a segment at once.
 
-    This is for tracks of several segments, where the handles of a row are on many of them: 500 leaders with 223 links
-    on 50 lines and arcs take a fifth of the time of ``row_by_row``. On a line or an arc all links span the same arc, so
-    all handles on it follow directly.
+    On tracks of several segments the handles of a row are on many of them: 500 leaders with 223 links on 50 lines and
+    arcs take a fifth of the time of ``row_by_row``. On a line or an arc all links span the same arc, so all handles on
+    it follow directly.
     """
     size, (first, stop) = leaders[1].size, (blocks[0].start, blocks[-1].stop) if blocks else (0, 0)
     rows: Places = np.empty((stop + 1, size), dtype=np.int64), *np.empty((2, stop + 1, size))    # from ``first`` on
@@ -169,7 +169,7 @@ def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
 
 
 def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
-    """Place the handles of leaders ``on`` a line or an arc, and the first of each beyond it; return evaluations.
+    """Place the handles of leaders ``on`` a line or an arc, and the first beyond it; return the evaluation count.
 
     ``at`` (M,) holds the rows of the last handles placed so far and is advanced.
     """
@@ -194,7 +194,7 @@ def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
 
 
 def _on_curve(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
-    """Place handles on a spiral link by link, as ``_evenly`` does elsewhere at once."""
+    """Place handles on a spiral link by link, whereas ``_evenly`` places them at once on lines and arcs."""
     spent, past = 0, list[Floats]()
     while on.size:
         here = rows[0][at[on], on], rows[1][at[on], on], rows[2][at[on], on]
@@ -227,9 +227,9 @@ def _across(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
 def together(track: Track, links_m: Floats, leaders: Places, direction: int) -> tuple[Places, int] | None:
     """Return ``forward_many`` by a simultaneous solver for all handles; None if they must be placed row by row.
 
-    This is for few leaders of long chains, for which an array per row would be too short: 30 chains of 223 links take a
-    fifth of the time of ``row_by_row``, and one takes as long as ``forward``. It works behind leaders on an inward
-    spiral from afar, unless handles almost turn back. Links are from the leader on, (N, 1), or per chain, (N, M).
+    With few leaders of long chains an array per row would be too short: 30 chains of 223 links take a fifth of the time
+    of ``row_by_row``, and one takes as long as ``forward``. The solver works behind leaders on an inward spiral from
+    afar, unless handles almost turn back. Links are given from the leader on, (N, 1), or per chain, (N, M).
     """
     (number, begin, begin_lo), spiral = leaders, track.from_afar
     if direction != BEHIND or not spiral or np.any(number):
@@ -241,10 +241,10 @@ def together(track: Track, links_m: Floats, leaders: Places, direction: int) -> 
 
 
 def placed(spiral: SpiralSegment, begin: tuple[Floats, Floats], chords: Floats) -> tuple[Floats, Floats, int] | None:
-    """Return the handles (L+1, M) behind the first ones (M,) on a spiral, (hi, lo), simultaneously, and evaluations.
+    """Return the handles (L+1, M) behind the first ones (M,) on a spiral as (hi, lo), and the number of evaluations.
 
-    Chords (L, M), or (L, 1) for all, are in units of b. Rows are solved in groups whose intermediate results fit into
-    the cache. None if handles must be placed row by row.
+    Chords (L, M), or (L, 1) for all, are in units of b. Rows are solved simultaneously, in groups whose intermediate
+    results fit into the cache. The result is None if handles must be placed row by row.
     """
     sign, some = 1.0 if spiral.way == BEHIND else -1.0, max(FEWEST_ROWS, _AT_ONCE // begin[0].size)
     (u, lo), spent, rows = begin, 0, [begin]
@@ -263,7 +263,7 @@ def _guessed(begin: Floats, begin_lo: Floats, chords: Floats, sign: float) -> tu
     """Return approximate handles (L+1, M) at chords from the first ones (M,), outwards (1.0) or inwards (-1.0).
 
     The arc from one to the next is about chord + chord^3 / 24 r^2, and the squares of polar angles grow by twice the
-    arcs, less the logarithm of the ratio of the radii. None if the handles would be too close to the centre.
+    arcs, minus the logarithm of the ratio of the radii. The result is None if handles would be too close to the centre.
     """
     squares, grown = begin * begin, sign * 2 * np.cumsum(chords, axis=0)
     if np.min(begin) < _FAR_RAD or np.min(squares + grown) < _FAR_RAD**2:
@@ -276,11 +276,12 @@ def _guessed(begin: Floats, begin_lo: Floats, chords: Floats, sign: float) -> tu
 
 
 def _refined(spiral: SpiralSegment, u: Floats, lo: Floats, chords: Floats) -> tuple[Floats, Floats, int] | None:
-    """Return guessed rows of handles (R+1, M), as (hi, lo), refined to chords (R, M) in units of b; and evaluations.
+    """Refine guessed rows of handles (R+1, M) as (hi, lo) to chords (R, M) in units of b; count the evaluations.
 
-    A single row is little work for arrays, so Newton's method is applied to all rows at once. With its step e for each
-    link and the slope a of the map from row to row, errors satisfy d' = a d + e, which is solved by a product and a
-    sum. None if it does not converge, leaves the spiral, or does not find the nearest positions.
+    A single row is too little work for an array operation, so Newton's method is applied to all rows at once. With its
+    step e for each link and the slope a of the map from row to row, errors satisfy d' = a d + e, which is solved by a
+    product and a sum. The result is None if the method does not converge, leaves the spiral, or does not find the
+    nearest positions.
     """
     low, high = min(spiral.first, spiral.last), max(spiral.first, spiral.last)
     for rounds in range(1, _NEWTON_STEPS):
@@ -312,10 +313,10 @@ def _stacked(rows: list[Places]) -> Places:
 
 def next_places(track: Track, places: Places, chord_m: float, direction: int,
                 past: Past | None = None) -> tuple[Places, Floats | None, int]:
-    """Return the next positions behind or ahead of many, the predictor's state, and evaluations.
+    """Return the next positions behind or ahead of many, the predictor's state, and the number of evaluations.
 
-    The state is None unless all stayed on one segment. Raises TrackEndError if the track is too short for any, and
-    ChainLockError with its ``theta_rad`` if any locks.
+    The state is None unless all positions are on one segment. Raises TrackEndError if the track is too short for a
+    link, and ChainLockError with its ``theta_rad`` if a link locks.
     """
     number, u, lo = places
     if not number.size:
@@ -346,9 +347,9 @@ def _next_on_one(track: Track, k: int, places: Places, chord_m: float, direction
 
 def _stepped(track: Track, k: int, places: Places, chord_m: float, direction: int,
              past: Past | None) -> tuple[tuple[Floats, Floats], Array, Floats, int]:
-    """Return the next positions, (hi, lo), whether each is still on segment k, the predictor's state, and evaluations.
+    """Return next positions (hi, lo), whether each is still on segment k, the predictor's state, and evaluation count.
 
-    Where none is found, the position itself is returned.
+    If there is no next position, the position itself is returned.
     """
     segment, (_, u, lo), edge = track.segments[k], places, track.edge(k, chord_m, direction)
     shift, spent = segment.shifts(u, chord_m, direction, past)

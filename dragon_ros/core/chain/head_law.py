@@ -1,8 +1,8 @@
-"""The head law: the distance travelled by the leading handle along the track at a time, and its speed.
+"""The head law: the distance that the leading handle has travelled along the track by a time, and its speed.
 
 Speeds are positive inwards, in the head's direction. If the tail leads they are positive outwards: the dragon is wound
-in behind the start of the head, the tail moves out along the track, and each handle is placed by its link to the next
-one nearer to the tail.
+up behind the start of the head, the tail moves out along the track, and each handle is placed by the link to the next
+handle towards the tail.
 """
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
@@ -30,7 +30,7 @@ Knot = tuple[float, float]      # a time in s, and the speed in m/s there
 
 @dataclass(frozen=True)
 class Head:
-    """Constant speed; the leader has travelled ``speed_m_s * t`` of arc length at time t (paper, eq. 4)."""
+    """Constant speed; the leader has travelled the arc length ``speed_m_s * t`` at time t (paper, eq. 4)."""
 
     speed_m_s: float = 1.0
     lead: str = 'head'
@@ -62,7 +62,7 @@ class Head:
         return 0.0, 0.0
 
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
-        """Return when the leader has first travelled ``distance_m``, onwards (sense 1) or back; None if never.
+        """Return when the leader first reaches ``distance_m`` travelled, forwards (sense 1) or back; None if never.
 
         The distance must have the sign of the sense, or be 0.
         """
@@ -76,10 +76,10 @@ class Head:
 
 @dataclass(frozen=True)
 class Profile(Settings):
-    """Speed by time: ``knots`` are (t_s, speed_m_s) in order, with ``ramps`` between them; the last speed continues.
+    """Speed over time: ``knots`` are (t_s, speed_m_s) in order, with ``ramps`` between them; the last speed continues.
 
     A ramp is ``linear``, or ``smooth``: v0 + (v1 - v0) (3 x^2 - 2 x^3), with zero acceleration at both ends. Two knots
-    at one time are a jump. Distances are the exact integrals, in rational arithmetic, rounded once.
+    at the same time are a jump. Distances are the exact integrals, in rational arithmetic, rounded once.
     """
 
     knots: tuple[tuple[float, float], ...]
@@ -123,11 +123,11 @@ class Profile(Settings):
         return self._polynomials_at(t_s)[0].halves_at(t_s)
 
     def speed_at_m_s(self, t_s: float) -> float:
-        """Return the leader's speed; at a jump, the one after it."""
+        """Return the leader's speed; at a jump, the speed after it."""
         return self._polynomials_at(t_s)[1].at(t_s)
 
     def _polynomials_at(self, t_s: float) -> tuple[ExactPolynomial, ...]:
-        """Return distance, speed and acceleration by time, from the knot before ``t_s`` to the next."""
+        """Return distance, speed and acceleration as polynomials in time, from the knot before ``t_s`` to the next."""
         n = self._knot_before(t_s)
         return self._polynomials.get(n) or self._polynomials_from(n)
 
@@ -140,19 +140,19 @@ class Profile(Settings):
         return out
 
     def speed_before_m_s(self, t_s: float) -> float:
-        """Return the leader's speed just before a time: at a jump, the one before it."""
+        """Return the leader's speed just before a time; at a jump, the speed before it."""
         n = bisect_left(self._times, t_s)
         return self.knots[n][1] if n < len(self.knots) and self._times[n] == t_s else self.speed_at_m_s(t_s)
 
     def acceleration_at_m_s2(self, t_s: float) -> float:
-        """Return the rate of the leader's speed in m/s^2; at a knot, the one just after it."""
+        """Return the rate of the leader's speed in m/s^2; at a knot, the rate just after it."""
         return self._polynomials_at(t_s)[2].at(t_s)
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
         """Return the smallest and largest rate of the leader's speed between two times without a knot in between."""
         n = self._knot_before(start_s)
         ends = [Fraction(t_s) for t_s, _ in self.knots[n:n + 2]]
-        middle = (ends[0] + ends[-1]) / 2       # where a smooth ramp is steepest
+        middle = (ends[0] + ends[-1]) / 2       # a smooth ramp is steepest there
         times: list[float | Fraction] = [start_s, stop_s]
         if start_s < middle < stop_s:
             times.append(middle)
@@ -178,9 +178,9 @@ class Profile(Settings):
         return lambda x: (x * x * (3 - 2 * x) - rest, 6 * x * (1 - x))
 
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
-        """Return when the leader has first travelled ``distance_m``, onwards (sense 1) or back; None if never.
+        """Return when the leader first reaches ``distance_m`` travelled, forwards (sense 1) or back; None if never.
 
-        The distance must have the sign of the sense, or be 0: then the result is the time at which the leader leaves.
+        The distance must have the sign of the sense, or be 0; for 0 the result is the time when the leader departs.
         """
         def beyond(t_s: float) -> tuple[float, float]:
             hi, lo = self.travelled_m(t_s)
@@ -200,13 +200,13 @@ class Profile(Settings):
 
 
 def ramp(knots: Sequence[Knot], reached_m: Fraction, smooth: bool = False) -> tuple[ExactPolynomial, ...]:
-    """Return distance, speed and acceleration by time from the first of one or two knots, at distance ``reached_m``.
+    """Return distance, speed and acceleration as polynomials in time from the first knot, at distance ``reached_m``.
 
-    With a single knot, the last of a law, its speed continues.
+    There are two knots, or one, the last of a law, whose speed continues.
     """
     (t_s, speed), (end_s, then) = knots[0], knots[-1]
     length, change = Fraction(end_s) - Fraction(t_s), Fraction(then) - Fraction(speed)
-    rise: list[Fraction] = []       # of the speed, by powers of the time since the knot, from the first power on
+    rise: list[Fraction] = []       # coefficients of the speed, from the first power of the time since the knot on
     if change:
         rise = [Fraction(0), 3 * change / length**2, -2 * change / length**3] if smooth else [change / length]
     speeds = [Fraction(speed), *rise]
@@ -216,7 +216,7 @@ def ramp(knots: Sequence[Knot], reached_m: Fraction, smooth: bool = False) -> tu
 
 
 def ramp_m(one: Knot, two: Knot) -> Fraction:
-    """Return the distance on a ramp between two knots: its mean speed is the mean of its end speeds."""
+    """Return the distance travelled on a ramp between two knots, whose mean speed is the mean of its end speeds."""
     return (Fraction(two[0]) - Fraction(one[0])) * (Fraction(one[1]) + Fraction(two[1])) / 2
 
 

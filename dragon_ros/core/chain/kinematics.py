@@ -1,4 +1,4 @@
-"""Speeds and accelerations of all handles from the rigid links, on any track, behind the head or the tail.
+"""Speeds and accelerations of all handles from the rigid links, on any track, with the head or the tail leading.
 
 Handle i moves along the track at the signed speed s_i, positive in the head's direction, so that q' = s T and
 
@@ -11,8 +11,8 @@ Differentiating this once and twice gives
     s_f (e . T_f) = s_r (e . T_r),
     s_f' (e . T_f) + s_f^2 kappa_f (e . N_f) + |q_f' - q_r'|^2 / l = s_r' (e . T_r) + s_r^2 kappa_r (e . N_r),
 
-one equation per link for speeds and one for s', solved link by link from the leader. If e . T of a follower vanishes,
-the chain locks.
+which is one equation per link for s and one for s', solved link by link from the leader. If e . T of a follower
+vanishes, the chain locks.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -32,9 +32,10 @@ _ULP = 2.0**-52
 class RigidLinks:
     """The links of a chain and the track under its handles, at one instant or at many (leading axes).
 
-    ``p`` (..., N+1, 2) are the handles in metres, ``links_m`` (N,) the links, ``forward`` (..., N+1, 2) unit tangents
-    in the head's direction, ``leader`` is the leading handle, 0 or -1. The leader's speed and tangential acceleration
-    are positive in its own direction: in the head's if the head leads, against it if the tail leads.
+    ``p`` (..., N+1, 2) are the handles in metres, ``links_m`` (N,) the link lengths, ``forward`` (..., N+1, 2) unit
+    tangents in the head's direction, and ``leader`` is the index of the leading handle, 0 or -1. The leader's speed and
+    tangential acceleration are positive in its own direction: in the head's if the head leads, against it if the tail
+    leads.
     """
 
     p: Floats
@@ -44,11 +45,11 @@ class RigidLinks:
 
     @cached_property
     def along_track(self) -> Array:
-        """Whether a link (..., N) lies along the track and passes speed and acceleration on unchanged.
+        """Whether each link (..., N) lies along the track and passes speed and acceleration on unchanged.
 
         This holds for links of zero length. For a link of length l the error of its direction is ulp |p| / l, and the
         error of e . T, which is even in that angle, is at least its square. If the link is treated as lying along the
-        track, the error is (kappa l)^2. Up to l = sqrt(ulp) |p|, rounding is the larger of the two.
+        track, the error is (kappa l)^2. Up to l = sqrt(ulp) |p|, the rounding error is the larger of the two.
         """
         size = np.max(np.abs(self.p), axis=(-2, -1), keepdims=True)[..., 0]
         out: Array = self.links_m <= np.sqrt(_ULP) * size
@@ -87,8 +88,9 @@ class RigidLinks:
     def accelerations(self, speeds: Floats, curvature: Floats, leader_m_s2: float | Floats) -> Floats:
         """Return the accelerations (..., N+1, 2) in m/s^2.
 
-        ``speeds`` (..., N+1) are those of ``speeds``, ``curvature`` (..., N+1) is signed, in 1/m, positive if the head
-        turns left (see ``entered_curvatures`` for joints), ``leader_m_s2`` (...) is the rate of the leader's speed.
+        ``speeds`` (..., N+1) is the result of ``speeds``. ``curvature`` (..., N+1) is signed, in 1/m, positive if the
+        head turns left (see ``entered_curvatures`` for joints). ``leader_m_s2`` (...) is the rate of the leader's
+        speed.
         """
         side, bend = left(self.forward), speeds * speeds * curvature
         front, rear = self.cosines
@@ -105,13 +107,13 @@ class RigidLinks:
         return read_only(tangential[..., None] * self.forward + bend[..., None] * side)
 
     def _forward(self, leader: float | Floats) -> Floats:
-        """Return a rate of the leader in the head's direction."""
+        """Return a speed or acceleration of the leader with its sign in the head's direction."""
         rate = np.asarray(leader, dtype=np.float64)
         return rate if self.leader == 0 else -rate
 
 
 def carried(start: Floats, ratio: Floats, added: Floats) -> Floats:
-    """Return y (..., N+1) with y[0] = start (...) and y[m+1] = ratio[m] y[m] + added[m], both (..., N)."""
+    """Return y (..., N+1) with y[0] = start (...) and y[m+1] = ratio[m] y[m] + added[m], given (..., N) of each."""
     if ratio.ndim == 1:
         return np.array(list(_carried(float(start), zip(ratio.tolist(), added.tolist(), strict=True))))
     out = np.empty((*ratio.shape[:-1], ratio.shape[-1] + 1))
@@ -126,16 +128,16 @@ def _carried(start: float, steps: Iterator[tuple[float, float]]) -> Iterator[flo
 
 
 def entered_curvatures(track: Track, segment: Ints, u: Floats, speeds: Floats, within_m: float) -> Floats:
-    """Return the signed curvatures (..., N+1) in 1/m that handles are entering: the values just after this instant.
+    """Return the signed curvatures (..., N+1) in 1/m at all handles just after this instant.
 
-    A handle that is on a joint to within ``within_m``, the possible error of its position, counts as being on the
-    segment into which it moves. A handle at rest keeps its own segment; its curvature has no effect, because it is
-    multiplied by the squared speed.
+    A handle within ``within_m``, the possible error of its position, of a joint counts as being on the segment that it
+    is entering. A handle at rest keeps its own segment; its curvature has no effect, because it is multiplied by the
+    squared speed.
     """
     if not track.joints_m:
         return track.curvatures(segment, u)
     along, joints = track.distances(segment, u), np.array(track.joints_m)
-    near = within_m + 4 * _ULP * np.abs(along)      # a distance along the track is rounded as well
+    near = within_m + 4 * _ULP * np.abs(along)      # the distance along the track is also rounded
     entered = np.where(speeds > 0, np.searchsorted(joints, along + near, side='right'),
                        np.where(speeds < 0, np.searchsorted(joints, along - near, side='left'), segment))
     ahead, behind = entered > segment, entered < segment

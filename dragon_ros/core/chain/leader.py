@@ -16,11 +16,11 @@ from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 
 @dataclass(frozen=True, eq=False)
 class Leader:
-    """The leader of the chain whose head is ``start_m`` along a track when the leader has travelled 0.
+    """The leader of a chain whose head is initially ``start_m`` along a track.
 
     If the head leads, followers lie behind. If the tail leads (``direction`` AHEAD), the leader is the last handle: it
-    moves back along the track, and each handle lies ahead of the one nearer to the tail, so links follow in reverse.
-    The track then ends at the initial position of the head.
+    moves back along the track, and each handle lies ahead of the one nearer to the tail, so links follow in reverse
+    order. The track then ends at the initial position of the head.
     """
 
     track: Track
@@ -37,7 +37,7 @@ class Leader:
 
     @cached_property
     def least_m(self) -> float:
-        """Distance of the head when the tail is at the start of the track; -inf if the track is open."""
+        """Distance of the head along the track when the tail is at its start; -inf if the track is open."""
         if self.track.begin_m == -inf:
             return -inf
         try:
@@ -71,11 +71,11 @@ class Leader:
         return float(-self.direction * (high + (low - self._origin_m[1])))
 
     def along_m(self, gone_m: float) -> float:
-        """Return the distance of the leader along the track when it has travelled that far."""
+        """Return the distance of the leader along the track when it has travelled ``gone_m``."""
         return self._origin_m[0] - self.direction * gone_m
 
     def turning_m(self, low_m: float, high_m: float, links: int | None = None) -> list[float]:
-        """Return the leader's distances, between two, at which any handle turns back; increasing.
+        """Return the leader's distances, between two given ones, at which any handle turns back, in increasing order.
 
         Between them every handle moves in one direction. Handles turn back only near the centre of a single spiral,
         where links may lock; if ``links`` is given, only those of the first ``links`` links count.
@@ -95,7 +95,7 @@ class Leader:
         return 0.0, self._origin_m[0] - self.track.begin_m
 
     def size_m(self, extent_m: tuple[float, float]) -> float:
-        """Return a bound on how far handles are from the origin while the leader moves between two distances."""
+        """Return a bound on the handles' distance from the origin while the leader moves between two distances."""
         spiral = self.track.from_afar
         if self.track.may_lock and spiral:  # r^2 grows by at most 2 b per metre of track
             curve, length_m = spiral.curve, float(np.sum(self.links_m))
@@ -106,7 +106,7 @@ class Leader:
     def span_m(self, extent_m: tuple[float, float]) -> tuple[float, float]:
         """Return the interval of the track on which handles are while the leader moves between two distances.
 
-        Every handle moves on as the leader moves on, so the tail's smallest distance is that at the leader's smallest.
+        Every handle moves forward with the leader, so the tail is furthest back when the leader is.
         """
         (least, most), origin, track = extent_m, self._origin_m[0], self.track
         if self.direction == BEHIND:
@@ -114,7 +114,7 @@ class Leader:
             low, high = track.distance_of(_last(track, self.links_m, first, BEHIND))[0], min(origin + most, track.end_m)
         else:
             low, high = max(origin - most, track.begin_m), self.start_m
-        return min(low, high), high     # the tail's distance is rounded, and may exceed that of a leader close to it
+        return min(low, high), high     # the tail's distance is rounded, and may exceed that of a nearby leader
 
 
 def head_in_front_m(track: Track, links_m: Floats, tail_m: float) -> float:

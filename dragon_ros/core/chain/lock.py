@@ -1,6 +1,6 @@
 """Where a chain locks: the innermost position of the head at which every link can still be placed.
 
-As the chain moves in, the first peak of the chord equation (``spiral.first_peak``) sinks; when it reaches the link's
+As the chain moves in, the first maximum of the chord (``spiral.first_peak``) decreases; when it reaches the link's
 length, the smallest root vanishes and the follower's speed becomes infinite.
 """
 from collections.abc import Callable, Sequence
@@ -11,12 +11,12 @@ from math import cos, inf, pi, sin, sqrt, ulp
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.tracks.spiral import chord_of, first_guess, first_peak, step
 
-_NO_TURN = 4.0  # no link turns back with its front handle this far beyond its chord: it spans below 60 degrees
+_NO_TURN = 4.0  # no link turns back if its front handle is this far beyond its chord: it spans less than 60 degrees
 
 
 @lru_cache(maxsize=256)
 def lock_angle(chord: float) -> float:
-    """Return the polar angle below which a link (``chord`` in units of b) cannot be placed; 0 if it always can."""
+    """Return the polar angle below which a link (``chord`` in units of b) cannot be placed; 0 if there is none."""
     low, high = max(0.0, 0.5 * (chord - 1.5 * pi)), 0.5 * (chord - pi)
     if high <= 0.0 or chord <= chord_of(_first_with_peak(), first_peak(_first_with_peak(), pi)[0]):
         return 0.0
@@ -25,11 +25,11 @@ def lock_angle(chord: float) -> float:
 
 
 def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
-    """Return (polar angle of the head where the chain first locks while winding in, link); (0, 0) if it never does.
+    """Return the head's polar angle at which the chain first locks when winding in, and the link; (0, 0) if never.
 
     A link locks when its front handle reaches ``lock_angle``. For each link, from the head on, that handle is followed
-    over the positions of the head at which the links before can be placed. Between the ``places`` it moves in one
-    direction. Because handles lie at increasing radii, the search ends when none of the longest links could lock.
+    over the positions of the head at which the preceding links can be placed. Between the ``places`` it moves in one
+    direction. Because handles lie at increasing radii, the search ends when even the longest link could no longer lock.
     """
     angle, link, top = lock_angle(chords[0]), 0, lock_angle(max(chords[1:], default=0.0))
     places = sorted({angle, *(turn for turn in turns(chords[0]) if angle < turn < top), max(angle, top)}) if top else []
@@ -46,7 +46,7 @@ def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
 
 
 def _meets(chords: Sequence[float], theta: float, low: float, high: float) -> float:
-    """Return the first head angle in (low, high] at which the handle behind these links is at least at theta."""
+    """Return the smallest head angle in (low, high] at which the handle behind these links is at theta or beyond."""
     return _bisect(lambda place: _handle(place, chords) >= theta, low, high)
 
 
@@ -55,7 +55,8 @@ def _one_link_on(chords: Sequence[float], chord: float, places: list[float],
     """Return the head angles, between given ones, at which the rear handle of one more link turns back.
 
     Its front handle, behind ``chords``, is ``here`` at the given ``places`` and moves in one direction between them.
-    The other results are the increasing head angles between which the rear handle does so, and its own angles at them.
+    The other results are the increasing head angles between which the rear handle moves in one direction, and its
+    angles at them.
     """
     turning = [illinois(lambda x, turn=turn: _handle(x, chords) - turn,  # type: ignore[misc]
                         places[n], places[n + 1], here[n] - turn, here[n + 1] - turn)
@@ -67,7 +68,7 @@ def _one_link_on(chords: Sequence[float], chord: float, places: list[float],
 
 
 def _handle(theta: float, chords: Sequence[float]) -> float:
-    """Return the polar angle of the handle behind some links; infinite if there is none."""
+    """Return the polar angle of the handle behind these links; infinite if there is none."""
     for chord in chords:
         theta = follower(theta, chord)
     return theta
@@ -79,7 +80,7 @@ def follower(theta: float, chord: float) -> float:
 
 
 def _rear(theta: float, chord: float) -> float:
-    """Return ``follower``; at a lock itself, where rounding may leave no root, the angle of the longest chord."""
+    """Return ``follower``; exactly at a lock, where rounding may remove the root, the angle of the longest chord."""
     rear = follower(theta, chord)
     return rear if rear < inf else theta + first_peak(theta, pi)[0]
 
@@ -122,7 +123,7 @@ def turning_places(chords: Sequence[float], low: float, high: float) -> list[flo
 
     Between them every handle moves in one direction. The links are followed from the head on, until no later link turns
     back. If all links behind the head's are equal, those behind the third handle only follow it (docs/contact.md, lemma
-    2), so two links are enough.
+    2), so two links suffice.
     """
     longest = [*accumulate(reversed(chords), max)][::-1]
     places, here, found = [low, high], [low, high], list[float]()
@@ -136,7 +137,7 @@ def turning_places(chords: Sequence[float], low: float, high: float) -> list[flo
 
 @lru_cache(maxsize=256)
 def turns(chord: float) -> list[float]:
-    """Return where a link's rear handle turns back: at most once while it spans less than 3/4 turn, and once beyond."""
+    """Return the angles at which a link's rear handle turns back: at most one for spans below 3/4 turn, one above."""
     far = 1.5 * pi
     apart = 0.5 * (sqrt(2 * chord * chord - far * far) - far) if chord > far else 0.0
     ends = sorted({lock_angle(chord), max(apart, lock_angle(chord)), chord + _NO_TURN})

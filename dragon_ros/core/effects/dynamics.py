@@ -25,8 +25,8 @@ def tensions(chain: Chain, a: Floats) -> Floats:
 
     ``a`` (N+1, 2) are the accelerations of the handles in m/s^2.
 
-    The model has equal masses at the handles, massless links, and a track without friction, whose force is normal to
-    itself; the leader is driven externally. Along the track only the two links of a handle act on it,
+    The model has equal masses at the handles, massless links, and a frictionless track that acts only along its normal;
+    the leader is driven externally. Along the track, only the two adjacent links act on a handle:
 
         a[i] . t[i] = T[i-1] e[i-1] . t[i] - T[i] e[i] . t[i],
 

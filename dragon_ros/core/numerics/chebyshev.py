@@ -6,9 +6,9 @@ from numpy.polynomial import chebyshev
 
 from dragon_ros.core.numerics.types import Floats
 
-_ENOUGH = 1e-12        # a Newton step, relative to the interval: the next error is smaller by at least four digits
-_NOTHING = 5e-16       # relative to the interval: about the rounding error of series values at the nodes
-_NEWTON_STEPS = 6       # from within a tenth of the interval: three steps reach the last digit
+_ENOUGH = 1e-12        # Newton step relative to the interval after which the next error is at least four digits smaller
+_NOTHING = 5e-16       # smallest coefficient relative to the interval: about the rounding error of series values
+_NEWTON_STEPS = 6       # from a start within a tenth of the interval, three steps reach the last digit
 _WORK = 200_000         # multiplications per product: BLAS splits larger products among threads, and on a busy machine
                         # their synchronisation takes longer than a single thread
 
@@ -16,7 +16,7 @@ _WORK = 200_000         # multiplications per product: BLAS splits larger produc
 @lru_cache(maxsize=64)
 def transform(nodes: int) -> tuple[Floats, Floats]:
     """Return the Chebyshev nodes in [-1, 1] and the matrix from values there to the coefficients."""
-    quarter = np.cos(np.arange(4 * nodes) * (np.pi / (2 * nodes)))     # whole turns are removed in integers
+    quarter = np.cos(np.arange(4 * nodes) * (np.pi / (2 * nodes)))     # integer arithmetic removes whole turns
     odd = 2 * np.arange(nodes) + 1
     matrix = 2 / nodes * quarter[np.outer(np.arange(nodes), odd) % (4 * nodes)]
     matrix[0] *= 0.5
@@ -61,10 +61,10 @@ def _derivatives(nodes: int, terms: int) -> tuple[Floats, ...]:
 
 
 def _inverse(series: Floats) -> Floats:
-    """Return ``inverse_series`` of a group of columns.
+    """Return ``inverse_series`` for a group of columns.
 
     Products give values and four derivatives at the nodes, so Newton's method starts from a polynomial's root near each
-    node. It keeps the slopes of that polynomial; only the values are recomputed.
+    node. The slopes of that polynomial are kept; only the values are recomputed.
     """
     x, matrix = transform(series.shape[0])
     wanted = x[:, None]

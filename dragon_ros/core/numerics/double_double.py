@@ -46,7 +46,7 @@ def plus(hi: Any, lo: Any, delta: Any) -> tuple[Any, Any]:
 def product(a: Any, b: Any) -> tuple[Any, Any]:
     """Return a * b exactly, as (hi, lo), floats or arrays (Dekker; operands up to 1e290)."""
     hi = a * b
-    big_a, big_b = 134217729.0 * a, 134217729.0 * b     # 2^27 + 1 splits a float in two halves
+    big_a, big_b = 134217729.0 * a, 134217729.0 * b     # 2^27 + 1 splits a float into two halves
     a1, b1 = big_a - (big_a - a), big_b - (big_b - b)
     a2, b2 = a - a1, b - b1
     return hi, ((a1 * b1 - hi) + a1 * b2 + a2 * b1) + a2 * b2

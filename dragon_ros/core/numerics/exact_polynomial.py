@@ -1,7 +1,7 @@
 """Polynomials with rational coefficients, evaluated exactly at floats or at midpoints of two floats, and rounded once.
 
-All arithmetic is on integers over one denominator: rational numbers would cancel common factors after each operation,
-which takes ten times as long as the rest.
+All arithmetic uses integers over one common denominator, because ``Fraction`` would cancel common factors after each
+operation, which takes ten times as long as the rest.
 """
 from collections.abc import Sequence
 from fractions import Fraction
@@ -12,7 +12,7 @@ class ExactPolynomial:
     """A polynomial in t - origin, given by its coefficients from the lowest power up."""
 
     def __init__(self, origin: float, coefficients: Sequence[Fraction]) -> None:
-        """Bring the coefficients to one denominator."""
+        """Convert the coefficients to a common denominator."""
         self._origin = origin.as_integer_ratio()
         self._denominator = lcm(*(one.denominator for one in coefficients))
         highest, *others = [one.numerator * (self._denominator // one.denominator) for one in reversed(coefficients)]

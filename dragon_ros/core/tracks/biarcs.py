@@ -1,4 +1,4 @@
-"""Biarcs: two tangent arcs that join two points with given headings; and curves composed of them.
+"""Biarcs (two tangent arcs that join two points with given headings) and curves composed of them.
 
 From p with heading t to q with heading s, with both tangent legs d long, the arcs meet halfway between their corners p
 + d t and q - d s, which are 2 d apart (K. M. Bolton, Biarc curves, Computer-Aided Design 7, 1975):
@@ -20,7 +20,7 @@ _LONGEST_RAD = 2.5      # the largest turn of an arc in a fitted curve
 
 
 class Bow(NamedTuple):
-    """An arc from ``start`` with a unit heading and a turn by ``angle_rad``, positive to the left; a line if 0."""
+    """An arc from ``start`` with a unit heading, turning by ``angle_rad``, positive to the left; a line if it is 0."""
 
     start: complex
     heading: complex
@@ -66,7 +66,7 @@ class Bow(NamedTuple):
         return np.where(on, np.abs(np.abs(seen) - self.radius_m), ends)
 
     def points(self, sag_m: float) -> Complexes:
-        """Return points along the arc, both ends included, whose chords deviate from it by at most ``sag_m``."""
+        """Return points along the arc, including both ends, whose chords deviate from it by at most ``sag_m``."""
         if self.radius_m > _FLAT_M:
             return np.array((self.start, self.end))
         count = 2 + int(abs(self.angle_rad) * sqrt(self.radius_m / (8 * sag_m)))
@@ -96,16 +96,16 @@ def biarc(start: complex, heading: complex, end: complex, leaving: complex) -> t
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Biarcs along a curve, each between two of its points (first, last); None if an arc would bend too tightly."""
+    """Biarcs along a curve, each between two of its points (first, last); None where an arc would bend too tightly."""
 
     spans: tuple[tuple[int, int], ...]
     biarcs: tuple[tuple[Bow, Bow] | None, ...]
 
 
 def fitted(points: Complexes, headings: Complexes, tolerance_m: float, least_m: float) -> Fitted:
-    """Return arcs from point to point of a curve (n,), as few as possible, within a tolerance of all its points.
+    """Return as few arcs as possible between points of a curve (n,), within a tolerance of all its points.
 
-    Each node is followed by the longest biarc that stays within ``tolerance_m`` and has radii of at least ``least_m``.
+    From each node on, the biarc is the longest that stays within ``tolerance_m`` and has radii of at least ``least_m``.
     """
     spans, biarcs, first = list[tuple[int, int]](), list[tuple[Bow, Bow] | None](), 0
     while first < len(points) - 1:
@@ -118,7 +118,7 @@ def fitted(points: Complexes, headings: Complexes, tolerance_m: float, least_m: 
 
 def _longest(points: Complexes, headings: Complexes, first: int,
              limits_m: tuple[float, float]) -> tuple[int, tuple[Bow, Bow] | None]:
-    """Return the farthest point that one biarc reaches within limits, and the biarc; None if there is none."""
+    """Return the farthest point that one biarc reaches within the limits, and the biarc; None if there is none."""
     good, best, beyond, ahead = first + 1, None, len(points), 1
     while first + ahead < beyond:
         tried = first + ahead
@@ -140,7 +140,7 @@ def _longest(points: Complexes, headings: Complexes, first: int,
 
 def _within(points: Complexes, heading: complex, leaving: complex,
             limits_m: tuple[float, float]) -> tuple[Bow, Bow] | None:
-    """Return the biarc from the first point to the last if it respects tolerance and radius."""
+    """Return the biarc from the first point to the last if it respects the tolerance and the radius, else None."""
     tolerance_m, least_m = limits_m
     found = biarc(complex(points[0]), complex(heading), complex(points[-1]), complex(leaving))
     if found is None or any(abs(bow.angle_rad) > _LONGEST_RAD or bow.radius_m < least_m for bow in found):

@@ -4,7 +4,7 @@ A track is a sequence of segments in the head's direction; a single spiral is a 
 (``Place``) is a segment's index and a coordinate on it, stored as a double-double. The next handle is the first
 position behind, or ahead, at the distance of the chord. On a composite track the largest curvature times the longest
 link is below 2; otherwise the track is rejected. Then the chord grows along the track until it reaches the link's
-length, there is exactly one such position within ``reach_m``, it moves on when the handle before it moves on, and no
+length, there is exactly one such position within ``reach_m``, it moves forward when the preceding handle does, and no
 link ever locks. A single spiral leads to its centre, where links may lock and followers may turn back: ``may_lock`` is
 then true.
 """
@@ -28,13 +28,13 @@ from dragon_ros.core.tracks.segments import BEHIND, LARGEST_BEND, ArcSegment, Li
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
 from dragon_ros.core.tracks.spiral import TIGHT, TINY, SpiralCurve, SpiralSegment, first_peak
 
-_FURTHEST = 1e9     # metres before a track, and radians on a circle, up to which the low part of an angle stays small
-_ULPS = 2.0**-49     # relative to a coordinate and the distance there: the sum of a few rounding errors
+_FURTHEST = 1e9     # metres before a track, or radians on a circle, up to which the low part of an angle is small
+_ULPS = 2.0**-49     # relative to a coordinate and its distance: the sum of a few rounding errors
 _HAIR = 1e-9        # relative to a distance: how far rounding may put the leader beyond the track's end
 _SLACK = 0.02       # relative to a link: how far an error of the coarsest tier may put a follower beyond the end
 WIDEST_RAD = 1.3    # about the largest span of a link on an inward spiral: further in it may approach its lock
 _ROUNDING = 1e-14   # relative to a coordinate: how far beyond the track's end rounding may put a link of zero length
-_NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from the start that the next piece states
+_NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # largest difference between a joint and the start stated by the next piece
 
 Places = tuple[Ints, Floats, Floats]        # indices of the segments, and the coordinates on them as (hi, lo)
 
@@ -47,7 +47,7 @@ class Place(NamedTuple):
 
     @classmethod
     def of(cls, segment: Any, u: Any, lo: Any) -> 'Place':
-        """Return the position at an index of the arrays."""
+        """Return the position from arrays' elements or numbers."""
         return cls(int(segment), DoubleDouble(float(u), float(lo)))
 
 
@@ -60,8 +60,8 @@ def least_radius_m(links_m: Floats) -> float:
 class Track:
     """Segments in the head's direction; ``origins_m`` are the distances along the track at their anchors.
 
-    After long travel a float is coarser than the promise, so ``origins_lo_m`` has the low parts if the segments are
-    laid piece by piece.
+    After long travel a float is coarser than the promise, so ``origins_lo_m`` holds the low parts if the segments are
+    laid out piece by piece.
     """
 
     segments: tuple[Segment, ...]
@@ -90,12 +90,12 @@ class Track:
 
     @cached_property
     def from_afar(self) -> SpiralSegment | None:
-        """The first segment if it is a spiral that winds in from afar: handles that reach it stay on it."""
+        """The first segment if it is a spiral that winds in from afar, else None: handles that reach it stay on it."""
         first = self.segments[0]
         return first if isinstance(first, SpiralSegment) and first.way == BEHIND and first.first == inf else None
 
     def without_locks(self, link_m: float) -> 'Track | None':
-        """Return the part of the track on which links of a length do not lock; None if that is not an interval."""
+        """Return the part of the track on which links of this length do not lock; None if it is not an interval."""
         first = self.segments[0]
         if self.bend * link_m <= LARGEST_BEND:
             return self
@@ -146,7 +146,7 @@ class Track:
         if not self.begin_m <= metres <= self.end_m:
             limit_m = self.begin_m if metres < self.begin_m else self.end_m
             if not abs(metres - limit_m) <= _HAIR * (1 + max(abs(limit_m), abs(from_m))):
-                raise TrackEndError(f'{metres:.9g} m along the track is off the track, which goes from '
+                raise TrackEndError(f'{metres:.9g} m along the track is off the track, which extends from '
                                     f'{self.begin_m:.9g} to '
                                     f'{self.end_m:.9g} m', distance_m=metres, limit_m=self.end_m)
         k = bisect_right(self.joints_m, metres)
@@ -165,7 +165,7 @@ class Track:
         return number, u, u_lo
 
     def present(self, number: Ints) -> list[int]:
-        """Return the segments that occur among many positions."""
+        """Return the segments on which any of many positions are."""
         if len(self.segments) == 1:
             return [0]
         occurring: list[int] = np.flatnonzero(np.bincount(number.reshape(-1))).tolist()
@@ -177,28 +177,28 @@ class Track:
         return [self._distance(k, self.segments[k].first) for k in range(1, len(self.segments))]
 
     def between(self, low_m: float, high_m: float) -> list[tuple[Segment, float, float]]:
-        """Return the segments between two distances, with u at both ends of each."""
+        """Return the segments between two distances, each with the values of u at both ends."""
         first, last = self.place_at(low_m), self.place_at(high_m)
         return [(segment, first.u.hi if k == first.segment else segment.first,
                  last.u.hi if k == last.segment else segment.last)
                 for k, segment in enumerate(self.segments) if first.segment <= k <= last.segment]
 
     def far_m(self, low_m: float, high_m: float) -> float:
-        """Return a bound on the distance from the origin between two distances along the track."""
+        """Return a bound on the distance from the origin for the part of the track between two distances along it."""
         return max(segment.far_m(a, b) for segment, a, b in self.between(low_m, high_m))
 
     def laid_from_m(self, metres: float) -> float:
-        """Return a bound on the distance from the origin of the pieces up to a distance along the track.
+        """Return a bound on the distance from the origin for all pieces up to a distance along the track.
 
-        A rounding error at one piece's end moves all pieces after it.
+        A rounding error at the end of a piece moves all later pieces.
         """
         before = self.segments[:self.place_at(metres).segment] if self.origins_lo_m else ()
         return max((segment.far_m(segment.after(0.0).hi, segment.last) for segment in before), default=0.0)
 
     def next(self, place: Place, chord_m: float, direction: int) -> tuple[Place, int]:
-        """Return the position of the next handle, behind (``direction`` BEHIND) or ahead, and evaluations.
+        """Return the position of the next handle, behind (``direction`` BEHIND) or ahead, and the evaluation count.
 
-        At a lock itself, where rounding may leave no root, it is the position of the longest chord.
+        Exactly at a lock, where rounding may remove the root, it is the position of the longest chord.
         """
         segment, u = self.segments[place.segment], place.u
         edge = self.edge(place.segment, chord_m, direction)
@@ -212,7 +212,7 @@ class Track:
         return found, spent + more
 
     def edge(self, k: int, chord_m: float, direction: int) -> float:
-        """Return where segment k ends behind or ahead; slightly further at the ends of the track."""
+        """Return the coordinate at which segment k ends behind or ahead, or slightly beyond at the track's ends."""
         segment = self.segments[k]
         edge = segment.first if direction == BEHIND else segment.last
         if 0 <= k + direction < len(self.segments) or abs(edge) == inf:
@@ -221,7 +221,7 @@ class Track:
         return float(edge + direction * (_SLACK * chord_m + _ROUNDING * (1 + abs(rate * edge))) / rate)
 
     def across(self, place: Place, chord_m: float, direction: int) -> tuple[Place, int]:
-        """Return the next position beyond one or more joints, and evaluations. Raises TrackEndError if none exists."""
+        """Return the next position beyond joints, and the number of evaluations. Raises TrackEndError without one."""
         k, segment = place.segment, self.segments[place.segment]
         here = complex(segment.at(*place.u))
         gone = float(segment.metres_between(place.u.hi, segment.first if direction == BEHIND else segment.last)
@@ -239,10 +239,10 @@ class Track:
 
     def _cut(self, k: int, here: complex, chord_m: float, direction: int,
              arcs_m: tuple[float, float]) -> tuple[Place, int]:
-        """Return the position on segment k at a chord's length from a point, and evaluations.
+        """Return the position on segment k at a chord's length from a point, and the number of evaluations.
 
-        ``arcs_m`` are the arcs from the point to the segment's near end, and to the position at most. The root is
-        solved for at the distance ``most`` beyond the near end, so a step next to the joint is not relative to 0.
+        ``arcs_m`` are the arc from the point to the segment's near end, and the longest arc to the position. The
+        unknown is offset by ``most``, so that steps near the joint are not relative to 0.
         """
         gone, reach = arcs_m
         segment = self.segments[k]
@@ -264,7 +264,7 @@ class Track:
 
     @cached_property
     def _joint_hair_m(self) -> float:
-        """How far from a joint rounding may put a position that should be on it."""
+        """The largest distance by which rounding may move a position away from its joint."""
         ends = [(segment, u) for segment in self.segments for u in (segment.first, segment.last) if abs(u) < inf]
         return _ULPS * max((abs(float(m)) for segment, u in ends for m in (u * segment.rate(u), segment.metres(u))),
                            default=0.0)
@@ -297,7 +297,7 @@ class Track:
 
     @cached_property
     def bends(self) -> tuple[Floats, Floats]:
-        """Smallest and largest signed curvature in 1/m on all segments from one to another, (P, P) each."""
+        """Smallest and largest signed curvature in 1/m over all segments from one to another, (P, P) each."""
         ends = np.array([segment.curvature(np.array([segment.first, segment.last])) for segment in self.segments])
         count = range(len(self.segments))
         rows = [[ends[min(i, j):max(i, j) + 1] for j in count] for i in count]
@@ -330,7 +330,7 @@ class Track:
         return self._vectors(segment, u, lambda k, here: self.segments[k].heading(u[here], lo[here]))
 
     def poses(self, segment: Ints, u: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``points`` and ``headings`` for little more than the cost of one.
+        """Return ``points`` and ``headings``, which takes little longer than one of them.
 
         ``segment`` may lack the last axes of ``u`` (..., K): it then applies to all K positions.
         """
@@ -346,7 +346,7 @@ class Track:
         return _vectors_of(out)
 
     def _parts(self, segment: Ints) -> Iterator[tuple[int, Any]]:
-        """Yield the segments that occur among many positions, each with the indices of its positions."""
+        """Yield the segments on which any of many positions are, each with the indices of its positions."""
         for k in self.present(segment):
             yield k, ... if len(self.segments) == 1 else segment == k
 
@@ -357,16 +357,16 @@ def _vectors_of(points: Array) -> Floats:
 
 
 def _guessed(segment: Segment, near: float, here: Array, chord_m: float, direction: int) -> Floats:
-    """Return how far from its near end, in metres, a segment is at a chord's length from many points.
+    """Return approximate distances, from a segment's near end, of its points at a chord's length from many points.
 
-    This is exact for the osculating circle there, which is the segment itself if it is a line or an arc; where that
-    circle is not reached, the tangent is used.
+    The segment is replaced by its osculating circle at the near end, which is exact for lines and arcs. If the chord
+    does not reach that circle, the tangent is used.
     """
     link = (complex(segment.at(near)) - here) / (direction * complex(segment.heading(near)))
     aside = np.abs(link.imag)
     out: Floats = np.sqrt(np.maximum(0.0, (chord_m - aside) * (chord_m + aside))) - link.real
     if bend := direction * float(segment.curvature(near)):
-        centre = link + 1j / bend       # the circle's point x m on is centre - 1j / bend * exp(1j * bend * x)
+        centre = link + 1j / bend       # the point after x m on the circle is centre - 1j / bend * exp(1j * bend * x)
         far = np.abs(centre)
         cosine = 0.5 * ((far - chord_m) * (far + chord_m) * bend * bend + 1) / np.maximum(far * abs(bend), TINY)
         begin, angle = np.angle(centre * (bend / 1j)), np.arccos(np.clip(cosine, -1.0, 1.0))
@@ -378,7 +378,7 @@ def _guessed(segment: Segment, near: float, here: Array, chord_m: float, directi
 
 def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: float, direction: int,
           arcs_m: tuple[Floats, float, float]) -> tuple[tuple[Floats, Floats], int]:
-    """Return where a segment is at a chord's length from many points, as ``Track._cut``: Newton within brackets."""
+    """Return ``Track._cut`` for many points, by Newton's method within brackets."""
     (near, far), (gone, reach, hair_m) = ends, arcs_m
     rate, sense = abs(float(segment.rate(near))), 1.0 if far > near else -1.0
     left, hair = np.maximum(reach - gone, 0.0), hair_m / rate
@@ -408,7 +408,7 @@ def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: flo
 
 
 def track_of(spec: TrackSpec, direction: int = BEHIND) -> Track:
-    """Return the track of a spec in the plane. Raises FieldError if pieces do not join, naming the joint.
+    """Return the track of a spec in the plane. Raises FieldError, which names the joint, if pieces do not join.
 
     A single spiral leads to its centre; if the tail leads (``direction`` AHEAD), it ends where the head starts.
     Distances are measured from the start of the head, from the entry of an S-turn, or from the start of a composite
@@ -429,7 +429,7 @@ def track_of(spec: TrackSpec, direction: int = BEHIND) -> Track:
 
 
 def spiral_track(spiral: Spiral, last_rad: float, may_lock: bool = False) -> Track:
-    """Return a single spiral as a track that winds in from afar to a polar angle; distances count from its start."""
+    """Return a single spiral as a track that winds in from afar to a polar angle, with distances from its start."""
     return Track((SpiralSegment(SpiralCurve.of(spiral), 0j, 1 + 0j, 1, BEHIND, inf, last_rad),), (0.0,), may_lock)
 
 
@@ -451,10 +451,10 @@ def _composite(spec: Composite) -> Track:
 
 
 def _segment(piece: Piece, start: complex, heading: complex, open_ended: bool) -> Segment:
-    """Return the segment of a piece from a point.
+    """Return the segment of a piece that begins at a point.
 
     An open-ended piece extends backwards without end: as a line, a circle traversed repeatedly, or a spiral that winds
-    in (one that winds out cannot).
+    in. A spiral that winds out cannot be extended.
     """
     if isinstance(piece, Line):
         return LineSegment(start, heading, -inf if open_ended else 0.0, piece.length_m)
@@ -474,7 +474,7 @@ def _segment(piece: Piece, start: complex, heading: complex, open_ended: bool) -
 
 
 def _check_joint(k: int, piece: Piece, point: complex, heading: complex) -> None:
-    """Reject a piece whose stated start or heading differs from the end of the piece before."""
+    """Reject a piece whose stated start or heading differs from the end of the preceding piece."""
     if piece.at_m is not None:
         x, y = piece.at_m
         gap = hypot(x - point.real, y - point.imag)

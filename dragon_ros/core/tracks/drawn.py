@@ -1,9 +1,9 @@
-"""Converts a drawn line into a track: corners are rounded, curves are fitted with arcs, and every bend can be walked.
+"""Convert a drawn line into a track: round corners, fit arcs to curves, and make every bend walkable.
 
 A drawn line is a sequence of parts, straight or smooth, that meet at points; if they meet at an angle, the point is a
-corner. Corners, and bends too tight for the links, are replaced by the shortest biarc around them that has the
-requested radius. The rest is straight, or a curve to which biarcs are fitted. All pieces are tangent to each other,
-because each begins at the end point and heading of the one before.
+corner. Corners, and bends that are too tight for the links, are replaced by the shortest biarc around them that has the
+requested radius. The rest is straight, or a curve to which biarcs are fitted. Consecutive pieces are tangent, because
+each begins at the end point and heading of the preceding one.
 """
 import cmath
 from collections.abc import Sequence
@@ -22,18 +22,18 @@ from dragon_ros.core.tracks.biarcs import Bow, biarc, fitted
 from dragon_ros.core.tracks.spec import MOST_PIECES, Arc, Line, Piece
 
 LEAD_IN_M = 1.0         # the line before a track that would otherwise begin with a bend
-_MOST_SAMPLES = 20_000  # per curve
+_MOST_SAMPLES = 20_000  # limit per curve
 _FINE = 0.002           # relative to the tolerance: deviation of samples of a piece when its distance is measured
 _THINNED = 0.05         # relative to the tolerance: limit for the thinning of points
 _EASED = (0.0, 0.25, 0.5, 0.75)     # relative to the tolerance: limits of smoothing, tried in order
 _TAUBIN, _PASSES, _TINY_M = (0.5, -0.53), 300, 1e-300
-_KINK_RAD = 0.05        # up to this angle a curve is bent to meet its neighbour; a larger angle is a corner
+_KINK_RAD = 0.05        # a curve is bent by up to this angle to meet its neighbour; a larger angle is a corner
 _SAME = 1e-9            # relative to a length
 _ALIKE = 1e-7           # relative to a radius: arcs that agree are merged
 _MEASURED = 1e-5        # relative to its radius: deviation of samples of a blend when its distance is measured
-_ROUNDS = 12             # of the search for bends that are too tight
-_DECIMALS = 11          # of metres and degrees in a scene file
-_GROWTH, _CLOSE = 1.2, 1e-6     # of a blend: its growth until its radius is sufficient, and the precision of its size
+_ROUNDS = 12             # limit for the search for bends that are too tight
+_DECIMALS = 11          # for metres and degrees in a scene file
+_GROWTH, _CLOSE = 1.2, 1e-6     # growth factor of a blend until its radius is sufficient, and the precision of its size
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,13 +50,13 @@ class SmoothPart:
 
     @property
     def is_straight(self) -> bool:
-        """Whether it is a line: a shortened curve may have two points as well, but with different headings."""
+        """Whether it is a line: a shortened curve may also have two points, but with different headings."""
         way = self.points[-1] - self.points[0]
         return len(self.points) == 2 and bool(np.all(np.abs(self.headings - way / abs(way)) < _SAME))
 
     @cached_property
     def gone_m(self) -> Floats:
-        """Distances (n,) of its points along it."""
+        """Distances (n,) of the points along the part."""
         return gone_m(self.points)
 
 
@@ -72,7 +72,7 @@ def _stretch(points: Complexes, headings: Complexes) -> SmoothPart:
 
 @dataclass(frozen=True)
 class Change:
-    """A deliberate deviation of a track from the drawing: its position and radius, and the largest distance."""
+    """A deliberate deviation of a track from the drawing: its position, its radius and its largest distance."""
 
     place_m: tuple[float, float]
     radius_m: float
@@ -82,7 +82,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Route:
-    """The pieces of a track, the first with its position; the changes; the deviation of curves from the drawing.
+    """The pieces of a track (the first with its position), the changes, and the deviation of curves from the drawing.
 
     The first ``lead_in_m`` metres are a line before the start of the drawing.
     """
@@ -94,7 +94,7 @@ class Route:
 
     @property
     def off_m(self) -> float:
-        """The largest deviation from the drawing at bends, other than corners, that were too tight; 0 if none were."""
+        """The largest deviation from the drawing at bends (not corners) that were too tight; 0 if there were none."""
         return max((change.off_m for change in self.changes if not change.is_corner), default=0.0)
 
 
@@ -137,7 +137,7 @@ def _samples(count: float) -> int:
 
 
 def _sampled(points: Complexes, rates: Complexes) -> SmoothPart:
-    """Return a smooth part from points and derivatives; if a derivative vanishes, the heading is that of the chords."""
+    """Return a smooth part from points and derivatives; where a derivative vanishes, the chords give the heading."""
     chords = np.diff(points)
     small = np.abs(rates) <= 1e-9 * float(np.max(np.abs(rates), initial=0.0))
     if np.any(small):
@@ -148,11 +148,11 @@ def _sampled(points: Complexes, rates: Complexes) -> SmoothPart:
 
 
 def along(parts: Sequence[DrawnPart], radius_m: float, least_m: float, tolerance_m: float) -> Route:
-    """Return a track of lines and arcs along parts of a drawn line, each of which begins at the end of the one before.
+    """Return a track of lines and arcs along parts of a drawn line, each of which begins where the previous one ends.
 
     Corners are rounded at ``radius_m`` or, if legs are too short for that, at the largest radius that fits, down to
     ``least_m``, the tightest that the links can follow. Curves are fitted within ``tolerance_m``. If points are noisy,
-    a part of the tolerance is used to smooth them. Raises InputError with the position if neither is possible.
+    part of the tolerance is used to smooth them. Raises InputError with the position if a bend does not fit.
     """
     best, refused = None, None
     for part in _EASED if any(isinstance(one, np.ndarray) and len(one) > 2 for one in parts) else _EASED[:1]:
@@ -178,7 +178,7 @@ def _stretches(part: DrawnPart, eased_m: float, tolerance_m: float) -> list[Smoo
 
 
 def through(drawn: Complexes, eased: Complexes, tolerance_m: float) -> list[SmoothPart]:
-    """Return the smooth parts of a line through points (n,): legs, or curves if arcs through points stay near the legs.
+    """Return the smooth parts of a line through points (n,): legs, or curves if arcs through the points stay near them.
 
     An arc over a leg of length h between headings that differ by phi deviates from the leg by h phi / 8. Points near
     the line through the others are removed first; ``eased`` are the smoothed points, ``drawn`` the original ones.
@@ -194,7 +194,7 @@ def through(drawn: Complexes, eased: Complexes, tolerance_m: float) -> list[Smoo
 
 
 def _kept(points: Complexes, away_m: float) -> Ints:
-    """Return the indices of the points (n,) kept by the Douglas-Peucker algorithm: the others are near their line."""
+    """Return the indices of points (n,) that the Douglas-Peucker algorithm keeps; the others are near their line."""
     if len(points) < 2:
         return np.arange(len(points))
     rows = np.stack((points.real, points.imag, np.arange(len(points))), axis=1)
@@ -205,7 +205,7 @@ def _kept(points: Complexes, away_m: float) -> Ints:
 
 
 def _eased(points: Complexes, within_m: float) -> Complexes:
-    """Return points (n,) without waves shorter than about 18 points, none moved by more than a distance.
+    """Return points (n,) without waves shorter than about 18 points; no point is moved by more than ``within_m``.
 
     This is Taubin's filter, which smooths without shrinking (A signal processing approach to fair surface design,
     1995).
@@ -232,12 +232,12 @@ def _curve(drawn: Complexes, eased: Complexes, numbers: Ints) -> SmoothPart:
     inner = ways[:-1] * long[1:] + ways[1:] * long[:-1]
     inner = np.where(np.abs(inner) > _SAME * (long[1:] + long[:-1]), inner, 1j * ways[:-1])
     inner /= np.abs(inner)
-    first, last = ways[0] ** 2 / inner[0], ways[-1] ** 2 / inner[-1]    # at the same angle on the other side of the leg
+    first, last = ways[0] ** 2 / inner[0], ways[-1] ** 2 / inner[-1]    # same angle, other side of the leg
     return SmoothPart(points, np.concatenate(([first], inner, [last])), drawn[between], at_m)
 
 
 class _SmoothLine:
-    """Smooth parts end to end; distances in m are measured along them."""
+    """Smooth parts joined end to end; distances in m are measured along them."""
 
     def __init__(self, stretches: Sequence[SmoothPart]) -> None:
         self.stretches = [one for one in stretches if len(one.points) > 1]
@@ -266,7 +266,7 @@ class _SmoothLine:
             self.begins_m[1:], pairwise(self.stretches), strict=False) if before.headings[-1] != after.headings[0]]
 
     def pose(self, at_m: float, after: bool) -> tuple[complex, complex]:
-        """Return the point and heading at a distance; where two parts meet, those of the one after or before."""
+        """Return the point and heading at a distance; where two parts meet, those of the next or the previous part."""
         k = int(np.searchsorted(self.begins_m, at_m, side='right' if after else 'left')) - 1
         k = min(max(k, 0), len(self.stretches) - 1)
         one, here = self.stretches[k], at_m - self.begins_m[k]
@@ -279,7 +279,7 @@ class _SmoothLine:
         return complex(one.points[n] + part * (one.points[n + 1] - one.points[n])), complex(heading / abs(heading))
 
     def between(self, low_m: float, high_m: float) -> list[tuple[float, SmoothPart]]:
-        """Return the smooth parts between two distances, cut there, and where each begins."""
+        """Return the smooth parts between two distances, cut there, each with the distance at which it begins."""
         out, hair = [], _SAME * self.length_m
         for begin, one in zip(self.begins_m.tolist(), self.stretches, strict=False):
             first, last = max(low_m, begin), min(high_m, begin + float(one.gone_m[-1]))
@@ -295,7 +295,7 @@ class _SmoothLine:
         return _stretch(np.concatenate(([a], points, [b])), np.concatenate(([at], headings, [to])))
 
     def drawn_between(self, low_m: float, high_m: float) -> Complexes:
-        """Return the line between two distances as it was drawn."""
+        """Return the originally drawn line between two distances."""
         inner = [one.drawn[slice(*np.searchsorted(one.drawn_at_m, (low_m - begin, high_m - begin), side='right'))]
                  for begin, one in zip(self.begins_m.tolist(), self.stretches, strict=False)
                  if begin <= high_m and begin + one.gone_m[-1] >= low_m]
@@ -364,7 +364,7 @@ def _blends(drawn: _SmoothLine, corners: list[tuple[float, float]], radius_m: fl
 
 
 def _shares(gaps: list[float], wide: list[float | None], slim: list[float | None]) -> list[float | None]:
-    """Return the fraction, 0 to 1, of the room between slim and wide blends that each gap has; None if below 0."""
+    """Return for each gap the fraction, 0 to 1, of the step from slim to wide blends that fits; None if slim do not."""
     out: list[float | None] = []
     for gap, big, small in zip(gaps, pairwise([0.0, *wide, 0.0]), pairwise([0.0, *slim, 0.0]), strict=True):
         least = sum(one or 0.0 for one in small)
@@ -381,9 +381,9 @@ def _between(low: float | None, high: float | None, shares: list[float | None]) 
 
 
 def _reach_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) -> float | None:
-    """Return how far before and behind a corner the biarc of a radius begins and ends; None if it does not fit.
+    """Return the distance from a corner to both ends of the biarc with a radius; None if it does not fit.
 
-    Between two lines it is one arc with a reach of R tan(phi / 2).
+    Between two lines the biarc is one arc with a reach of R tan(phi / 2).
     """
     if (place, radius_m) not in drawn.reaches_m:
         drawn.reaches_m[place, radius_m] = _shortest_m(drawn, place, radius_m)
@@ -413,7 +413,7 @@ def _tangent_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) 
 
 
 def _bent(drawn: _SmoothLine, place: tuple[float, float], reach_m: float, radius_m: float) -> tuple[Bow, Bow] | None:
-    """Return the biarc around a corner if its radii are large enough and no arc turns by half a turn."""
+    """Return the biarc around a corner if its radii are large enough and no arc makes half a turn, else None."""
     low, high = _ends(drawn, place, reach_m)
     found = biarc(*drawn.pose(low, False), *drawn.pose(high, True))
     if found is None or any(bow.radius_m < radius_m * (1 - _SAME) or abs(bow.angle_rad) > pi for bow in found):
@@ -429,7 +429,7 @@ def _blend(drawn: _SmoothLine, place: tuple[float, float], reach_m: float) -> _B
 
 
 def _ends(drawn: _SmoothLine, place: tuple[float, float], reach_m: float) -> tuple[float, float]:
-    """Return the distances at ``reach_m`` before and behind a corner, clipped to the ends of the drawing."""
+    """Return the distances along the drawing at ``reach_m`` before and behind a corner, clipped to its ends."""
     return max(0.0, place[0] - reach_m), min(drawn.length_m, place[1] + reach_m)
 
 
@@ -473,7 +473,7 @@ def _fit(drawn: _SmoothLine, blends: list[_Blend], tolerance_m: float,
 
 
 def _laid(drawn: _SmoothLine, blends: list[_Blend], parts: list[_FittedArcs], tolerance_m: float) -> Route:
-    """Return the route of blends and parts in order, with each piece laid at the end of the one before."""
+    """Return the route of blends and parts in order, with each piece laid at the end of the previous one."""
     order = sorted([*((part.low_m, part.bows) for part in parts), *((blend.low_m, blend.bows) for blend in blends)],
                    key=lambda some: some[0])
     bows = _merged([bow for _, some in order for bow in some])
@@ -490,7 +490,7 @@ def _laid(drawn: _SmoothLine, blends: list[_Blend], parts: list[_FittedArcs], to
 
 
 def _apart_m(drawn: _SmoothLine, part: _FittedArcs, sag_m: float) -> float:
-    """Return the Hausdorff distance between arcs and the drawn line there."""
+    """Return the Hausdorff distance between arcs and the part of the drawn line that they replace."""
     lines = drawn.drawn_between(part.low_m, part.high_m), np.concatenate([bow.points(sag_m) for bow in part.bows])
     ends = (LineString(np.stack((some.real, some.imag), axis=1)) for some in lines)
     with np.errstate(invalid='ignore'):     # GEOS 3.11 sets the flag needlessly
@@ -498,7 +498,7 @@ def _apart_m(drawn: _SmoothLine, part: _FittedArcs, sag_m: float) -> float:
 
 
 def _shift_m(bows: list[Bow], laid: list[Bow]) -> float:
-    """Return how far the ends of pieces move when each piece is laid at the end point and heading of the one before."""
+    """Return how far the ends of pieces move when each piece is laid at the end pose of the previous one."""
     gone = np.cumsum([bow.length_m for bow in bows])
     ends = np.array([bow.end for bow in bows])
     at, heading, along, worst = laid[0].start, laid[0].heading, 0.0, 0.0
@@ -518,7 +518,7 @@ def _change(drawn: _SmoothLine, blend: _Blend) -> Change:
 
 
 def _merged(bows: list[Bow]) -> list[Bow]:
-    """Return arcs with neighbours of equal radius, and consecutive lines, merged; none has zero length."""
+    """Return arcs without zero lengths, with neighbours of equal radius and consecutive lines merged."""
     out = list[Bow]()
     for bow in bows:
         if out and _are_one(out[-1], bow):
@@ -544,5 +544,5 @@ def _pieces(bows: list[Bow]) -> tuple[Piece, ...]:
 
 
 def _plain(value: float) -> float:
-    """Return a number without rounding noise in its last digits, which moves a kilometre of track by a nanometre."""
+    """Return a number without the rounding noise in its last digits; this moves a kilometre of track by a nanometre."""
     return round(value, _DECIMALS)

@@ -1,4 +1,4 @@
-"""A track as a polyline for drawing: points along its segments, as dense as their curvature requires."""
+"""A track as a polyline for drawing: points along its segments, as dense as the curvature requires."""
 from math import sqrt
 
 import numpy as np
@@ -6,8 +6,8 @@ import numpy as np
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.composite import Track
 
-SAG_M = 0.002               # finer details of a dragon of tens of metres are not visible on a screen
-_MOST_POINTS = 100_000      # per segment
+SAG_M = 0.002               # on a screen, smaller details of a dragon of tens of metres are invisible
+_MOST_POINTS = 100_000      # limit per segment
 _MOST_IN_ALL = 1_000_000
 
 

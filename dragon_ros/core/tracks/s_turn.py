@@ -1,4 +1,4 @@
-"""The S-turn (``spec.STurn``): two tangent arcs from a spiral in to the same spiral, rotated by half a turn, out."""
+"""The S-turn (``spec.STurn``): two tangent arcs from the inward spiral to the same spiral, rotated by half a turn."""
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import asin, inf, pi, sin, sqrt
@@ -39,9 +39,9 @@ class Bent:
 
 @dataclass(frozen=True)
 class TurnAnswer:
-    """The length of an S-turn and whether it can be shortened, for arcs no tighter than ``least_radius_m``.
+    """The length of an S-turn, and whether it can be shortened with arcs no tighter than ``least_radius_m``.
 
-    No ratio of the radii shortens it, because the length does not depend on the ratio. ``smallest_diameter_m`` is the
+    The length does not depend on the ratio of the radii. ``smallest_diameter_m`` is the
     diameter of the smallest circle with two equal arcs of that radius (0 if there is no lower limit), and
     ``length_there_m`` is the turn's length in it. ``with_line`` replaces the arcs in the same circle by tighter ones
     and a line; it is None if that is no shorter.
@@ -68,8 +68,8 @@ def turn_answer(turn: STurn, least_radius_m: float) -> TurnAnswer:
 def shortest_bent(turn: STurn, least_radius_m: float) -> Bent | None:
     """Return the shortest path between the turn's entry and exit that turns right, then left, no tighter than a radius.
 
-    The shortest of all curves of bounded curvature consists of arcs of that radius and lines (Dubins 1957); this is the
-    one that turns once in each direction. It is None if the radius exceeds that of two equal arcs. The first arc's
+    The shortest curve of bounded curvature consists of arcs of that radius and lines (Dubins 1957); this one turns
+    once in each direction. The result is None if the radius exceeds that of two equal arcs. The first arc's
     centre is at distance m from the circle's, m^2 = R^2 + r^2 - 2 R r sin gamma; the line is tangent to both arcs and
     passes through the circle's centre.
     """

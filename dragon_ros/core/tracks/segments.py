@@ -1,4 +1,4 @@
-"""Segments of a track placed in the plane, each with one coordinate u along it: their interface, lines and arcs.
+"""Segments of a track in the plane, each with a coordinate u along it: the interface, and lines and arcs.
 
 Points and directions are complex numbers, floats or arrays of them; ``heading`` is the head's direction along the
 segment. u is metres on a line, radians turned on an arc and the polar angle on a spiral (``spiral``), stored as a
@@ -15,11 +15,11 @@ from dragon_ros.core.numerics.double_double import DoubleDouble, plus, product
 from dragon_ros.core.numerics.types import Array, Floats
 
 BEHIND, AHEAD = -1, 1         # against the head's direction, and along it
-LARGEST_BEND = 1.98     # limit of curvature times chord: at 2 a link may lock; 1 % below, roots are well conditioned
+LARGEST_BEND = 1.98     # limit of curvature times chord: links may lock at 2; roots are well conditioned 1 % below
 
 
 class Past(NamedTuple):
-    """The predictor's state for many positions: differences of squared angles (M,) of the last three equal links."""
+    """The predictor's state for many positions: the differences of squared angles (M,) over the last three links."""
 
     d1: Floats
     d2: Floats
@@ -27,7 +27,7 @@ class Past(NamedTuple):
 
 
 class Segment(Protocol):
-    """The interface of a segment. An open end has an infinite coordinate."""
+    """The interface of segments. An open end has an infinite coordinate."""
 
     @property
     def first(self) -> float:
@@ -57,7 +57,7 @@ class Segment(Protocol):
         ...
 
     def rate(self, u: Any) -> Any:
-        """Return metres in the head's direction per unit of u (negative if u falls)."""
+        """Return metres in the head's direction per unit of u (negative if u decreases in that direction)."""
         ...
 
     def metres(self, u: Any) -> Any:
@@ -89,15 +89,15 @@ class Segment(Protocol):
         ...
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the nearest position at a chord, even off the segment (infinite if none exists), and evaluations."""
+        """Return the nearest position at a chord, even off the segment, or inf, and the number of evaluations."""
         ...
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
-        """Return the speed of the handle at ``to`` for unit speed at ``u``: both ends of a link on this segment."""
+        """Return the speed of the handle at ``to`` for unit speed at ``u``, both handles of one link."""
         ...
 
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
-        """Return the changes of many coordinates to the next positions, infinite if there is none, and evaluations.
+        """Return the changes of coordinates to the next positions (inf without one), and the number of evaluations.
 
         ``past`` helps to predict them. Raises ChainLockError if a link locks.
         """
@@ -109,9 +109,9 @@ class Segment(Protocol):
 
     def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
-        """Return the coordinates (hi, lo) of up to ``links`` = (count, chord_m) handles, and evaluations.
+        """Return the coordinates (hi, lo) of up to ``links`` = (count, chord_m) handles, and the number of evaluations.
 
-        It stops before the first handle that is beyond ``edge`` or cannot be placed.
+        The march stops before the first handle that is beyond ``edge`` or cannot be placed.
         """
         ...
 
@@ -245,7 +245,7 @@ class ArcSegment:
         return np.full_like(u, self.side / self.radius_m)
 
     def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
-        """Return u at a distance in metres from the start, with all digits after any number of rounds."""
+        """Return u at a distance in metres from the start, without loss of digits after any number of turns."""
         return DoubleDouble(*self._after(metres, lo))
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
@@ -288,8 +288,8 @@ def reach_m(bend: float, chord_m: float) -> float:
 
     If the curvature times the chord is below 2, the chord from a position grows along the track until the arc is pi /
     bend: the tangent at arc s differs from that at an earlier sigma by an angle of at most bend (s - sigma), so the
-    chord grows at least as sin(bend s) / (bend chord) > 0. By Schur's comparison with a circle the chord is at least 2
-    sin(bend s / 2) / bend. So it reaches ``chord_m`` once, within 2 asin(bend chord_m / 2) / bend.
+    chord grows at least at the rate sin(bend s) / (bend chord) > 0. By Schur's comparison with a circle the chord is at
+    least 2 sin(bend s / 2) / bend. It therefore reaches ``chord_m`` once, within 2 asin(bend chord_m / 2) / bend.
     """
     return 2 * asin(0.5 * bend * chord_m) / bend if bend else chord_m
 
@@ -313,11 +313,11 @@ def _equal_shifts(u: DoubleDouble, count: int, shift: float, direction: int,
 
 
 def arc_from(start: complex, heading: complex, radius_m: float, side: int, angle_rad: float) -> ArcSegment:
-    """Return the arc that leaves a point with a heading and turns to a side."""
+    """Return the arc from a point with a heading that turns to one side."""
     spoke = -1j * side * radius_m * heading
     return ArcSegment(start - spoke, spoke, radius_m, side, 0.0, angle_rad)
 
 
 def _turn(angle: Any) -> Any:
-    """Return exp(i angle) of one angle or many; for one, numpy takes several times as long."""
+    """Return exp(i angle) for one angle or many; for a single angle, numpy would take several times as long."""
     return cmath.rect(1.0, angle) if type(angle) is float else np.exp(1j * angle)

@@ -1,4 +1,4 @@
-"""Track specs: the description of a track in a scene, as plain checked values. ``composite`` lays the segments out.
+"""Track specs: the description of a track in a scene, as plain checked values. ``composite`` converts them to segments.
 
 A spiral is a track of one segment. The S-turn and a composite track are sequences of lines, arcs and spirals.
 """
@@ -38,16 +38,16 @@ class Spiral:
 
     @property
     def start_m(self) -> float:
-        """Distance of the head along the track at t = 0; distances are measured from there."""
+        """Distance of the head along the track at t = 0, from which distances are measured."""
         return 0.0
 
 
 @dataclass(frozen=True)
 class STurn:
-    """Spiral in, arc of ``ratio`` times the second's radius, second arc, spiral out, within a circle of ``diameter_m``.
+    """A spiral in, two arcs with radii in ``ratio``, and a spiral out; the arcs lie within a circle of ``diameter_m``.
 
     The spirals are r = pitch_m / (2 pi) theta about the origin and the same curve rotated by half a turn. At t = 0 the
-    head is ``before_m`` in front of the turn's entry: with 100 m and a head at 1 m/s the contest's -100 s is 0 s here,
+    head is ``before_m`` before the turn's entry: with 100 m and a head at 1 m/s the contest's -100 s is 0 s here,
     because stamps of ROS and of bags cannot be negative.
 
     The spiral enters the turning circle of radius R at polar angle theta = R / b, with its tangent at the angle gamma
@@ -84,7 +84,7 @@ class STurn:
 
     @property
     def gamma_rad(self) -> float:
-        """Angle between the track and the radius at the entry."""
+        """Angle between the track's tangent and the radius at the entry."""
         return atan(2 * pi * self.entry_turns)
 
     @property
@@ -113,7 +113,7 @@ class STurn:
         return sum(self.radii_m) / least_radius_m - 1 if least_radius_m else inf
 
     def check_arcs(self, least_radius_m: float) -> None:
-        """Reject arcs that are tighter than a radius. Raises FieldError naming the diameter or the ratio."""
+        """Reject arcs that are tighter than a radius. Raises FieldError, which names the diameter or the ratio."""
         if min(self.radii_m) >= least_radius_m:
             return
         limit = (f'an arc of {min(self.radii_m):.6g} m bends tighter than {least_radius_m:.6g} m, 1.01 times half '
@@ -126,7 +126,7 @@ class STurn:
                          'track.ratio 1, or shorter benches')
 
     def smallest_diameter_m(self, least_radius_m: float) -> float:
-        """Return the diameter of the smallest circle with arcs of at least that radius (both equal it, ratio 1).
+        """Return the diameter of the smallest circle with arcs of at least that radius, which both arcs then have.
 
         In units of b, R is theta and r1 + r2 is sqrt(1 + theta^2).
         """
@@ -168,7 +168,7 @@ class Arc:
 
 @dataclass(frozen=True)
 class SpiralArc:
-    """A part of a spiral r = pitch_m * turns, inwards if ``to_turns`` is the smaller; ``side`` is where it turns."""
+    """Part of a spiral r = pitch_m * turns, inwards if ``to_turns`` is smaller; ``side`` is where it turns."""
 
     pitch_m: float
     from_turns: float
@@ -209,8 +209,8 @@ class Composite:
     """Pieces in the head's direction; at t = 0 the head is ``start_m`` along them.
 
     The first piece is extended backwards by the length of the dragon: as a line, a circle, or a spiral that winds in.
-    ``at_m`` and ``heading_deg`` place the first piece (by default at the origin, along x). In a later piece they are
-    checked against the end of the piece before, so the error for a track that does not close names its joint.
+    ``at_m`` and ``heading_deg`` place the first piece (by default at the origin, along x). In later pieces they are
+    compared with the end of the preceding piece, so that the error for a track that does not join names the joint.
     """
 
     pieces: tuple[Piece, ...]

@@ -1,16 +1,16 @@
-"""The curve r = b theta, b = pitch / 2 pi (paper, equation 1): arc lengths, chords, and a segment of it in the plane.
+"""The curve r = b theta, b = pitch / 2 pi (paper, equation 1): arc lengths, chords, and segments of it in the plane.
 
-Positions are polar angles, counted from the centre outwards, so they grow from the head to the tail of a dragon that
-winds in. Between polar angles theta and theta + delta the chord in units of b satisfies
+Positions are polar angles, measured from the centre outwards, so they increase from the head to the tail of a dragon
+that winds in. Between polar angles theta and theta + delta the chord in units of b satisfies
 
     c^2 = delta^2 + 4 theta (theta + delta) sin^2(delta / 2),
 
-the law of cosines, the paper's equation 15, in a form without cancellation; inwards it is the same with -delta. Its
-smallest root delta > 0 is the next handle. Half its slope, ``phi`` below, is positive outwards up to delta = pi, where
-c = 2 theta + pi: shorter links have one root there.
+which is the law of cosines, the paper's equation 15, in a form without cancellation; inwards, delta has the opposite
+sign. The smallest root delta > 0 is the next handle. Half the slope of c^2, ``phi`` below, is positive outwards up to
+delta = pi, where c = 2 theta + pi: shorter links have one root there.
 
 The equation has a scalar solver, a solver for many positions at once, and one predictor: along a spiral the difference
-of the squared angles is almost 2 chord, so a parabola through the last three predicts the next.
+of the squared angles is almost twice the chord, so a parabola through the last three differences predicts the next.
 """
 import cmath
 from dataclasses import dataclass
@@ -30,26 +30,26 @@ from dragon_ros.core.tracks.segments import Past, reach_m
 from dragon_ros.core.tracks.spec import Spiral
 
 TINY = 1e-300           # keeps 0 / 0 at 0
-_ROUNDING = 1e-15       # relative to the length: a distance to the centre may exceed it by rounding
+_ROUNDING = 1e-15       # relative to the length: rounding may make a distance to the centre exceed it
 _NEWTON_STEPS = 20
-_NEAR_RAD = 1e-6        # a Newton step towards an angle: the next error is smaller by at least four digits
+_NEAR_RAD = 1e-6        # Newton step of an angle after which the next error is at least four digits smaller
 _SMOOTH_RAD = 10.0      # from here on, one Newton step from the asymptotic series is accurate to 1e-7
-TIGHT = 1e-8            # a Newton step relative to the angle: half its square is below the resolution of floats
-_TAME_RAD = 1.5         # smaller spans are solved by plain Newton, which converges from any of the guesses here
-_CHORD_STEPS = 12      # more than Newton's method needs for these; then the bracketed solver takes over
+TIGHT = 1e-8            # Newton step relative to the angle of which half the square is below the resolution of floats
+_TAME_RAD = 1.5         # for smaller spans plain Newton converges from any of the guesses below
+_CHORD_STEPS = 12      # more than Newton's method needs for them; afterwards the bracketed solver takes over
 _NOWHERE_OUT, _NOWHERE_IN = DoubleDouble(inf, 0.0), DoubleDouble(-inf, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class SpiralCurve:
-    """The spiral of a pitch, with arc lengths counted from the polar angle ``start``."""
+    """The spiral with a pitch, with arc lengths measured from the polar angle ``start``."""
 
     pitch_m: float
     start: DoubleDouble
 
     @classmethod
     def of(cls, spiral: Spiral) -> 'SpiralCurve':
-        """Return the curve of a spec; distances count from the start of the head."""
+        """Return the curve of a spec; distances are measured from the start of the head."""
         return cls(spiral.pitch_m, spiral.start)
 
     @cached_property
@@ -65,8 +65,8 @@ class SpiralCurve:
     def inward(self, distance_m: float, distance_lo_m: float = 0.0) -> DoubleDouble:
         """Return the position at an arc length further in than the start (negative: further out).
 
-        It is solved for the angle turned, from a difference of arc lengths, in floats. Double-double arithmetic then
-        corrects the rounding error, so no digits are lost far from the centre or after long travel. Raises
+        The angle turned is solved for in floats, from a difference of arc lengths. Double-double arithmetic then
+        corrects the rounding error, so that no digits are lost far from the centre or after long travel. Raises
         TrackEndError beyond the centre.
         """
         if distance_m > self.length_m * (1 + _ROUNDING):
@@ -77,14 +77,14 @@ class SpiralCurve:
         return DoubleDouble(*self._corrected(self._turned(distance_m / self.b_m), distance_m, distance_lo_m))
 
     def inward_many(self, distance_m: Floats, distance_lo_m: Floats) -> tuple[Floats, Floats]:
-        """Return ``inward`` of many distances at once as (hi, lo): the same to the last digits, but not bit for bit."""
+        """Return ``inward`` for many distances at once as (hi, lo), equal to the last digits, but not bit for bit."""
         arc, theta = distance_m / self.b_m, self.start.hi
         if np.all(_is_smooth(theta, arc)):
             return self._corrected(_almost_turned(theta, arc, *_ARRAYS), distance_m, distance_lo_m, *_ARRAYS[:2])
         inside = (distance_m < self.length_m) & (distance_m != 0)
         self.inward(float(np.max(distance_m)))      # raises beyond the centre
         turned = 2 * arc / (theta + np.sqrt(np.maximum(theta * theta - 2 * arc, 0.0)))
-        for _ in range(_NEWTON_STEPS):      # the arc is concave in the angle: steps converge from one side
+        for _ in range(_NEWTON_STEPS):      # the arc is concave in the angle, so steps converge from one side
             between, slope = _arc_and_slope(theta, turned, *_ARRAYS[:2])
             step = np.where(inside, (between - arc) / slope, 0.0)
             turned = turned - step
@@ -101,7 +101,7 @@ class SpiralCurve:
 
     @cached_property
     def _outer(self) -> tuple[float, float]:
-        """At the start: w = sqrt(1 + theta^2) and theta / (w + theta)."""
+        """The values of w = sqrt(1 + theta^2) and theta / (w + theta) at the start."""
         theta = self.start.hi
         w = sqrt(1 + theta * theta)
         return w, theta / (theta + w)
@@ -129,7 +129,7 @@ class SpiralCurve:
         return float(self.b_m * arc_between(self.start.hi, self.start.hi - theta))
 
     def distance_of(self, theta: float, lo: float) -> tuple[float, float]:
-        """Return the arc length from the start inwards to polar angle theta + lo as (hi, lo); see ``inward``."""
+        """Return the arc length from the start inwards to polar angle theta + lo as (hi, lo); inverse of ``inward``."""
         (start, start_lo), (w_outer, rest), (b_m, b_lo_m) = self.start, self._outer, per_radian(self.pitch_m)
         w_inner = sqrt(1 + theta * theta)
         turned, turned_lo = plus(start, start_lo - lo, -theta)
@@ -156,16 +156,16 @@ class SpiralCurve:
         return bracketed_newton(beyond, low, high, guess, 1e-16)[0] if arc else 0.0
 
 
-_ARRAYS = np.sqrt, np.arcsinh, np.log      # instead of the functions for floats
+_ARRAYS = np.sqrt, np.arcsinh, np.log      # replace the functions for floats
 
 
 def _is_smooth(theta: float, arc: Any) -> Any:
-    """Whether ``_almost_turned`` is accurate to 1e-7: start and end are some turns away from the centre."""
+    """Return whether ``_almost_turned`` is accurate to 1e-7: start and end are several turns away from the centre."""
     return (theta > _SMOOTH_RAD) & (theta * theta - 2 * arc > _SMOOTH_RAD * _SMOOTH_RAD)
 
 
 def _almost_turned(theta: float, arc: Any, root: Any = sqrt, asinh_of: Any = asinh, log: Any = log_of) -> Any:
-    """Return about the angle turned over an arc (in units of b): one Newton step from theta^2 + log theta = 2 S + c."""
+    """Return about the angle turned over an arc in units of b: a Newton step from theta^2 + log theta = 2 S + c."""
     squared = theta * theta - 2 * arc
     bent = log(theta / root(squared))
     turned = (2 * arc - bent) / (theta + root(squared + bent))
@@ -184,7 +184,7 @@ def arc_between(theta: Any, turned: Any) -> Any:
 
 
 def _arc_and_slope(theta: Any, turned: Any, root: Any = sqrt, asinh_of: Any = asinh) -> tuple[Any, Any]:
-    """Return ``arc_between`` and its slope by ``turned``, sqrt(1 + (theta - turned)^2)."""
+    """Return ``arc_between`` and its derivative with respect to ``turned``, sqrt(1 + (theta - turned)^2)."""
     inner, w_outer = theta - turned, root(1 + theta * theta)
     w_inner, change = root(1 + inner * inner), turned * (theta + inner)
     along = turned * w_outer + inner * change / (w_outer + w_inner)
@@ -212,22 +212,22 @@ def tangents(theta: Floats) -> Floats:
 
 
 def first_guess(theta: float, chord: float) -> float:
-    """Return the approximate angle that a chord spans, from a circle whose radius is the spiral's halfway along it."""
+    """Return the approximate angle that a chord spans, on a circle with the spiral's radius halfway along the chord."""
     return 2 * asin(min(1.0, chord / (2 * theta + chord / (theta + 1) + TINY)))
 
 
 def first_guess_in(theta: float, chord: float) -> float:
-    """Return the approximate angle that a chord spans inwards, from the circle halfway along it."""
+    """Return the approximate angle that a chord spans inwards, on the circle halfway along the chord."""
     return 2 * asin(min(1.0, chord / (2 * theta - min(theta, chord / theta))))
 
 
 def next_square(d1: float, d2: float, d3: float) -> float:
-    """Predict a difference of squared angles from the last three, d1 the latest, by the parabola through them."""
+    """Predict a difference of squared angles by the parabola through the last three, of which d1 is the latest."""
     return 3 * (d1 - d2) + d3
 
 
 def step(theta: float, chord: float, guess: float) -> tuple[float, int]:
-    """Return (smallest delta > 0 with the given chord, evaluations); inf if the chain locks.
+    """Return the smallest delta > 0 with the given chord, inf if the chain locks, and the number of evaluations.
 
     ``chord`` is in units of b. The next error of Newton's method is about half the square of its last relative step, so
     a step below ``TIGHT`` leaves an error below TIGHT^2 / 2 of the link.
@@ -254,10 +254,11 @@ def step(theta: float, chord: float, guess: float) -> tuple[float, int]:
 
 
 def step_in(theta: float, chord: float, guess: float, arc: float) -> tuple[float, int]:
-    """Return (angle to the next position inwards with a chord, in units of b, evaluations); inf if there is none.
+    """Return the angle inwards to the next position, inf if there is none, and the number of evaluations.
 
-    From theta to theta - delta the chord satisfies c^2 = delta^2 + 4 theta (theta - delta) sin^2(delta / 2). ``arc`` is
-    a length of track on which the chord grows to at least c (see ``reach_m``); ``high`` is slightly more.
+    ``chord`` is in units of b. From theta to theta - delta it satisfies c^2 = delta^2 + 4 theta (theta - delta)
+    sin^2(delta / 2). ``arc`` is a length of track on which the chord grows to at least c (see ``reach_m``); ``high`` is
+    slightly more.
     """
     square = chord * chord
 
@@ -296,9 +297,10 @@ def first_guesses(theta: Floats, chord: float | Floats) -> Floats:
 
 
 def steps(theta: Floats, chord: float | Floats, guess: Floats) -> tuple[Floats, int]:
-    """Return the smallest delta > 0 for each theta, and evaluations summed over them (see ``step``).
+    """Return the smallest delta > 0 for each theta (see ``step``), and the total number of evaluations.
 
-    ``chord`` is common to all, or one for each. Raises ChainLockError, with its ``theta_rad``, if any cannot be placed.
+    ``chord`` is common to all, or given for each. Raises ChainLockError, with its ``theta_rad``, if any cannot be
+    placed.
     """
     if not np.any(chord):
         return np.zeros_like(theta), 0
@@ -329,7 +331,7 @@ def steps(theta: Floats, chord: float | Floats, guess: Floats) -> tuple[Floats, 
 
 
 def _plain_steps(theta: Floats, square: float | Floats, delta: Floats) -> tuple[Floats, int] | None:
-    """Return ``steps`` by plain Newton if all converge on short links, the usual case; otherwise None."""
+    """Return ``steps`` by plain Newton if all links are short and converge, the usual case; otherwise None."""
     for evaluations in range(1, _CHORD_STEPS):
         half = 0.5 * delta
         s = np.sin(half)
@@ -344,7 +346,7 @@ def _plain_steps(theta: Floats, square: float | Floats, delta: Floats) -> tuple[
 
 
 def corrections(theta: Floats, delta: Floats, chord: Floats | float) -> tuple[Floats, Floats]:
-    """Return Newton steps of many delta, of either sign, to their chords, and derivatives of theta + delta by theta."""
+    """Return Newton steps of many delta, of either sign, towards their chords, and d(theta + delta) / d theta."""
     half, outer = 0.5 * delta, theta + delta
     s = np.sin(half)
     across = 2 * theta * s
@@ -419,9 +421,9 @@ def _far_step(theta: float, chord: float) -> tuple[float, int]:
 
 
 def first_peak(theta: float, low: float) -> tuple[float, int]:
-    """Return where the chord first stops growing in [low, low + pi], low an odd multiple of pi; inf if nowhere.
+    """Return where the chord first stops growing in [low, low + pi], inf if nowhere, and the number of evaluations.
 
-    There phi starts positive, falls to a single minimum and rises again.
+    ``low`` is an odd multiple of pi. In this interval phi starts positive, falls to a single minimum and rises again.
     """
     def phi_slope(delta: float) -> tuple[float, float]:
         s, c = sin(delta), cos(delta)
@@ -445,9 +447,9 @@ def _ahead(past: Past | None) -> Floats | None:
 
 @dataclass(frozen=True)
 class SpiralSegment:
-    """r = pitch / 2 pi * theta about ``centre``, turned by ``rotation``; ``side`` 1 winds out leftwards, -1 rightwards.
+    """r = pitch / 2 pi * theta about ``centre``, turned by ``rotation``; ``side`` is 1 if it winds out to the left.
 
-    ``way`` is 1 if the head winds out, -1 if it winds in; the anchor is at ``curve.start``.
+    ``side`` is -1 otherwise. ``way`` is 1 if the head winds out, -1 if it winds in; the anchor is at ``curve.start``.
     """
 
     curve: SpiralCurve
@@ -512,7 +514,7 @@ class SpiralSegment:
         return abs(self.curve.b_m * arc_between(b, b - a))
 
     def curvature(self, u: Any) -> Any:
-        """Return the signed curvature; 0 infinitely far out."""
+        """Return the signed curvature; at infinity it is 0."""
         square = 1 + u * u
         return self.side * self.way / self.curve.b_m * (1 + 1 / square) / np.sqrt(square)
 
@@ -529,7 +531,7 @@ class SpiralSegment:
         return abs(self.centre) + self.curve.b_m * max(a, b)
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the nearest position at a chord: further out, or further in."""
+        """Return the nearest position at a chord, further out or further in."""
         (theta, low), chord = u, chord_m / self._b_m
         if direction == self.way:
             delta, spent = step(theta, chord, first_guess(theta, chord))
@@ -561,7 +563,7 @@ class SpiralSegment:
         return reach_m(self.bend, chord_m) / self.curve.b_m
 
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
-        """Return the changes of many coordinates to the next positions, infinite if there is none, and evaluations."""
+        """Return the changes of coordinates to the next positions (inf without one), and the number of evaluations."""
         if direction == self.way:
             return self.shifts_outwards(u, chord_m, past)
         chord, ahead = chord_m / self.curve.b_m, _ahead(past)
@@ -572,13 +574,13 @@ class SpiralSegment:
         return -delta, spent
 
     def shifts_outwards(self, u: Floats, chord_m: float | Floats, past: Past | None) -> tuple[Floats, int]:
-        """Return ``shifts`` to positions further out, at one chord for all or at one for each."""
+        """Return ``shifts`` to positions further out, with a chord for all or one for each."""
         chord, ahead = chord_m / self.curve.b_m, _ahead(past)
         guess = first_guesses(u, chord) if ahead is None else ahead / (u + np.sqrt(u * u + ahead) + TINY)
         return steps(u, chord, guess)
 
     def reaches_once(self, u: Floats, shift: Floats) -> bool:
-        """Return whether chords grow throughout changes of coordinates of one sign, so no nearer position exists.
+        """Return whether chords grow throughout changes of coordinates of one sign, so that no nearer position exists.
 
         Outwards they grow up to half a turn (``phi_of``), inwards up to an arc of pi / bend (``segments.reach_m``).
         """
