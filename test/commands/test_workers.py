@@ -95,6 +95,38 @@ def test_a_pool_closes_no_file_twice():
     assert (done.returncode, done.stderr) == (0, '')
 
 
+_LARGE_RESULTS = """
+import os
+import numpy as np
+from dragon_ros.cli.pool import Pool
+
+SIZES = 9, 2**12, 2**21, 2**21 + 1, 2**12, 3
+
+def result(job):
+    return os.getpid(), [np.full(size, (job + n) % 256, np.uint8) for n, size in enumerate(SIZES)]
+
+def jobs():     # until the other process has done some
+    while len(kept) < 12:
+        yield len(given)
+        given.append(None)
+
+given, kept = [], []
+for n, (process, arrays) in enumerate(Pool(2).in_order(result, jobs())):
+    if process != os.getpid():
+        kept.append((n, arrays))
+for job, arrays in kept:
+    assert [array.size for array in arrays] == [*SIZES]
+    assert all(np.all(array == (job + n) % 256) for n, array in enumerate(arrays))
+    arrays[2][0] = 1        # it is writable, as if it came from a pipe
+"""
+
+
+def test_large_results_of_a_forked_process_keep_their_values():
+    """The fourth array does not fit into the shared memory with the third; small ones do not go there."""
+    done = subprocess.run([sys.executable, '-c', _LARGE_RESULTS], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, '')
+
+
 def test_short_work_is_done_by_this_process_unless_workers_are_asked_for():
     """All results come from this process, since others are killed."""
     assert list(Pool().in_order(KilledElsewhere(), range(10))) == list(range(10))

@@ -17,8 +17,9 @@ from fcntl import LOCK_EX, LOCK_NB, flock
 from functools import partial
 from io import FileIO
 from pathlib import Path
+from pickle import PickleBuffer
 from threading import Lock
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from mcap import records
@@ -40,7 +41,7 @@ _MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, lo
 MESSAGE_HEAD_BYTES = _MESSAGE.size
 MESSAGE_BYTES = limits.CHUNK_BYTES - _MESSAGE.size      # of a message's data, since readers reject larger chunks
 MAGIC = b'\x89MCAP0\r\n'
-_Bytes = bytes | memoryview
+_Bytes = bytes | bytearray | memoryview
 
 
 class Worker:
@@ -252,6 +253,11 @@ class PackedChunk(NamedTuple):
     raw_size: int
     times_ns: tuple[int, int]
     counts: tuple[tuple[int, int], ...]
+
+    def __reduce_ex__(self, protocol: Any) -> tuple[type['PackedChunk'], tuple[Any, ...]]:
+        """Return how a chunk is pickled; from protocol 5 on, its data can be sent apart, through shared memory."""
+        data = PickleBuffer(self.data) if protocol >= 5 else bytes(self.data)
+        return PackedChunk, (self.head, data, *self[2:])
 
 
 def packed(done: OpenChunk, compression: str, compress: Callable[[memoryview], _Bytes]) -> PackedChunk:
