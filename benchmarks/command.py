@@ -38,13 +38,13 @@ def main(argv: list[str]) -> int:
                          'promises: error over promise on random chains; '
                          'contact: the first contact against sampling at fixed steps, and growth with benches; '
                          'effects: what each effect adds to a tick; tick: where the time of one tick goes; '
-                         'first: what the first tick of a track takes; '
-                         'scale: growth of each stage, and rates held over DDS; '
+                         'first: time of the first tick of a track; '
+                         'scale: growth of each stage, and rates sustained over DDS; '
                          'bag: throughput and size of bags by compression; simulate: speed by the number of workers; '
-                         'memory: that of a recorder during a long run; startup: start-up time of every executable; '
+                         'memory: memory of a recorder in a long run; startup: start-up time of every executable; '
                          'study: rows per second of studies on Dask; venue: design fit and contact in a town; all: '
                          'all pages one by one, but promises only with --chains')
-    options.add_argument('--resume', action='store_true', help='of all pages, omit those that this version has '
+    options.add_argument('--resume', action='store_true', help='with all: omit the pages that this version has '
                          'measured today')
     options.add_argument('--output', type=Path, metavar='FOLDER',
                          help='folder for the results (cost; for all: docs/cost of the checkout). An '
@@ -54,8 +54,8 @@ def main(argv: list[str]) -> int:
     options.add_argument('--minutes', type=float, metavar='MIN',
                          help=f'length of the run of the page memory ({_MINUTES:g})')
     options.add_argument('--chains', type=float, metavar='N',
-                         help=f'how many chains the page promises draws ({_CHAINS:g}; 100,000 take an hour); Ctrl-C '
-                         'ends it early with what is done')
+                         help=f'number of chains for the page promises ({_CHAINS:g}; 100,000 take an hour); after '
+                         'Ctrl-C the page has the chains computed so far')
     options.add_argument('--readme', type=Path, metavar='FILE', help='also renew the table between the marks in FILE '
                          '(for all: README.md of the checkout)')
     return command_line.guarded('cost', partial(_run, options.parse_args(argv)))
@@ -65,7 +65,7 @@ def _run(arguments: Namespace) -> int:
     if arguments.page == ALL:
         return _all(arguments)
     if arguments.resume:
-        raise InputError('--resume: it omits pages of all; leave it out')
+        raise InputError('--resume: it applies only to the page all; omit it')
     _page(arguments.page, arguments, arguments.output or Path('cost'), arguments.readme)
     return command_line.OK
 

@@ -75,7 +75,7 @@ def _later(scene: Scene) -> None:
 def table(rows: list[Row]) -> str:
     """Return the rows as a Markdown table with the circumstances above it."""
     head = ('| scene | handles | segments | first tick (ms) | quartiles | later (µs) | first, marched (ms) | '
-            'later, marched (µs) | the map has paid from tick |\n|---|---:|---:|---:|---|---:|---:|---:|---:|')
+            'later, marched (µs) | the map pays off from tick |\n|---|---:|---:|---:|---|---:|---:|---:|---:|')
     return '\n'.join([f'{circumstances()}. Medians after the first call.', '', head, *map(_line, rows)])
 
 
@@ -108,7 +108,7 @@ def picture(rows: list[Row]) -> Figure:
     axes.set_yticks(at, [f'{row.scene}, {row.handles:,} handles' for row in rows])
     axes.invert_yaxis()
     axes.set_xlabel('time of a tick (ms)')
-    axes.set_title('The first tick builds the table of a stretch of track')
+    axes.set_title('The first tick builds the table of a section of track')
     axes.grid(True, axis='x', linewidth=0.4)
     axes.set_axisbelow(True)
     legend_below(axes, len(CALLS))

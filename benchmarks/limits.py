@@ -117,7 +117,7 @@ def _many(budget_s: float) -> Stage:
         for _ in batches(scene, times_s):
             pass
     numbers = 4.0 * (scene.dragon.benches + 1)
-    return Stage(f'both, of one of {_STATES:,} at once', timed(all_of_them, budget_s, 3).shared_by(_STATES),
+    return Stage(f'both, per instant of {_STATES:,} at once', timed(all_of_them, budget_s, 3).shared_by(_STATES),
                  {'product': 4.0 * _products(300.0), 'cache': _NUMBER * numbers})
 
 
@@ -160,9 +160,9 @@ def _bag(compression: str, messages: list[tuple[str, bytes, int, int]], folder: 
 
 def table(rows: Measured) -> str:
     """Return rates and stages as Markdown with the circumstances above them."""
-    lines = [f'{circumstances()}. Rates of one thread; medians.', '', '| rate | a second |', '|---|---:|']
+    lines = [f'{circumstances()}. Rates of one thread; medians.', '', '| rate | per second |', '|---|---:|']
     lines += [f'| {text} | {_amount(rows.rates[name])} |' for name, text in _RATES.items()]
-    lines += ['', '| stage | time (µs) | limit of the machine (µs) | ratio | bound by |',
+    lines += ['', '| stage | time (µs) | limit of the machine (µs) | ratio | limited by |',
               '|---|---:|---:|---:|---|']
     for stage in rows.stages:
         limit_s, rate = stage.limit(rows.rates)
@@ -194,11 +194,11 @@ def picture(rows: Measured) -> Figure:
     axes.set_yticks(range(len(rows.stages)), [stage.name for stage in reversed(rows.stages)])
     axes.axvline(1.0, color='black', linewidth=1.0)
     axes.set(xscale='log', xlabel='times as long as the machine needs (1: no headroom)',
-             title='How far each stage is from the machine')
+             title="How far each stage is from the machine's limit")
     longest = max(stage.timing.median_s / stage.limit(rows.rates)[0] for stage in rows.stages)
     axes.set_xlim(0.5, 6 * max(longest, 1.0))
     axes.grid(visible=False, axis='y')
     seen = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-    axes.legend(seen.values(), seen.keys(), title='bound by', loc='lower right')
+    axes.legend(seen.values(), seen.keys(), title='limited by', loc='lower right')
     figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure

@@ -18,7 +18,7 @@ from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.cost.measure import circumstances
 
 _BENCHES, _RATE_HZ, _TOPICS = 223, 100, ('handles', 'benches', 'velocities')
-_WAY_M = 400.0          # the head's way, equal for any duration, so that the size of a tick is constant
+_WAY_M = 400.0          # distance of the head: fixed, so that the size of a tick does not depend on the duration
 _EACH_S = 5.0
 _SETTLED_S = 60.0       # growth is fitted from here, or from a tenth of the run if it is shorter
 _STEP_MB = 0.1          # smallest change between samples that counts as a step (a backlog)
@@ -124,7 +124,7 @@ def table(row: Recorded) -> str:
         f'| {row.grows_kb_min:.0f} | {row.steps_mb:.2f} | {row.creeps_kb_min:.0f} | {row.index_kb_min:.0f} '
         f'| {row.chunks:,} | {row.bag_bytes / 1e6:.0f} |', '',
         'A step is a change of 0.1 MB or more within 5 s: a recorder that is delayed finds a backlog afterwards, and '
-        'the middleware keeps the memory of the largest.'])
+        'the middleware keeps the memory of its largest backlog.'])
 
 
 

@@ -40,7 +40,7 @@ _COLOURS = {'preview': '#56B4E9', 'standard': '#009E73', 'fine': '#E69F00', 'exa
 
 
 def shares(scene: Scene, times_s: Sequence[float]) -> Floats:
-    """Return errors over promises, (times, 3, 2): of ``state``, ``states`` and ``tick``; of positions and of speeds.
+    """Return errors divided by promises, (times, 3, 2): of ``state``, ``states``, ``tick``; of positions, of speeds.
 
     Times are whole nanoseconds, as ticks require. The promise is that of the scene's own tier.
     """
@@ -109,7 +109,7 @@ def _piece(dice: Random) -> Piece:
 
 @dataclass(frozen=True)
 class Measured:
-    """Errors over promises of M chains, (M, 3, 2); their tiers' indices in PROMISING and scenes' numbers, (M,)."""
+    """Errors of M chains divided by promises, (M, 3, 2); indices of tiers in PROMISING, numbers of scenes, (M,)."""
 
     shares: Floats
     tiers: Ints
@@ -161,7 +161,7 @@ def table(found: Measured) -> str:
             '|---|---|---|---:|---:|---:|---:|---:|---:|---:|')
     lines = [f'| {tier} | {way} | {what} | {chains:,} | ' + ' | '.join(f'{share:.1e}' for share in shown)
              + f' | {above} | {number} |' for tier, way, what, chains, *shown, above, number in _rows(found)]
-    return '\n'.join([f'{circumstances()}. {summary(found)} Each figure is an error over its promise.', '', head,
+    return '\n'.join([f'{circumstances()}. {summary(found)} Each figure is an error divided by its promise.', '', head,
                       *lines])
 
 

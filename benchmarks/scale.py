@@ -25,7 +25,7 @@ LIVE = (223, 2000, 20_000)
 USUAL = (223, 50)        # benches and ticks per second of most runs
 _AT_S = 300.0
 _FITTED = 1000          # exponents are fitted from this size
-_LIVE_TIMES = 10        # length of a live run, in budgets of a timing
+_LIVE_TIMES = 10        # length of a live run, in timing budgets
 _COLOURS = dict(zip(STAGES, ('#999999', '#0072B2', '#56B4E9', '#009E73', '#E69F00', '#D55E00'), strict=True))
 
 _OF_SOLVERS = ('chain', 'velocities')    # the stages in which solvers differ

@@ -39,7 +39,7 @@ class Written:
     def name(self) -> str:
         """The name of the writer."""
         if self.workers is None:
-            return 'its bytes copied'
+            return 'copying its bytes'
         return 'one worker on one core' if self.workers == _PINNED else f'--workers {self.workers}'
 
 
@@ -80,7 +80,7 @@ def table(rows: list[Written]) -> str:
     alone = rows[0].wall_s
     lines = [f'{circumstances()}. {workers_of(None)} cores; {rows[0].run_s:g} s of the classic dragon at 50 Hz, '
              f'{rows[0].mb:.0f} MB.', '',
-             '| written by | seconds | times real time | times one core | CPU (s) | most memory of a process (MB) |',
+             '| written by | seconds | times real time | times one core | CPU (s) | peak memory of a process (MB) |',
              '|---|---:|---:|---:|---:|---:|']
     for row in rows:
         more = '| | |' if row.workers is None else f'| {row.cpu_s:.2f} | {row.memory_mb:.0f} |'

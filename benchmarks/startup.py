@@ -21,7 +21,7 @@ _MODULE = '-m', 'dragon_ros'
 _BAG = 'simulate', '--force', '--set', 'run.stop_s=2', '--output'
 HELP = '--help'
 FLOORS = {'python': ('-c', 'pass'), 'python with numpy': ('-c', 'import numpy')}
-# The smallest use of each executable; BAG is a bag of two seconds, OUT a file to write.
+# The smallest use of each executable. BAG is a bag of two seconds, and OUT is a file to write.
 SMALLEST = {
     'table': 'table --times 60 --handles 0', 'contact': 'contact', 'inspect': 'inspect BAG',
     'export': 'export BAG --force --output OUT.csv',
@@ -89,8 +89,9 @@ def table(rows: list[Start]) -> str:
         use = done.get((name, False))
         lines.append(f'| `{name}` | {_ms(done[name, True])} | {f"`{use.arguments}`" if use else ""} '
                      f'| {_ms(use) if use else ""} |')
-    return '\n'.join([*lines, '', 'Wall time of a process from its start to its end, once modules are compiled; of '
-                      '`view` until its first frames have been received. BAG is a bag of 2 s, OUT a file.'])
+    return '\n'.join([*lines, '', 'Times are wall times of a process from its start to its end, with modules already '
+                      'compiled; for `view`, they end when its first frames have been received. BAG is a bag of 2 s, '
+                      'OUT a file.'])
 
 
 def _ms(row: Start) -> str:

@@ -23,8 +23,8 @@ from dragon_ros.studies.study import Study, Uniform
 WORKERS = (1, 2)
 CORES = (2, 64, 1000)       # extrapolated
 _PAPER_ROWS = 10**6
-_BUDGETS = 100              # budgets of a timing per study
-_WARM = 4                   # rows of each worker before anything is timed
+_BUDGETS = 100              # timing budgets per study
+_WARM = 4                   # rows that each worker computes before anything is timed
 _PROBED_S = 0.5
 _VARY = (('dragon.width_m', Uniform(0.25, 0.35)),)
 TASKS: dict[str, Question] = {'first contact of the classic dragon': FirstContactQuestion(), 'its lock': LockQuestion()}
@@ -158,6 +158,6 @@ def picture(rows: list[Row]) -> Figure:
         own = [row for row in rows if row.task == name]
         labels = [f'{row.workers} on Dask' if row.workers else 'no Dask' for row in own]
         axes.bar(labels, [row.rate for row in own], color=[LINES[0] if row.workers else '#999999' for row in own])
-        axes.set(ylabel='rows a second', title=name)
+        axes.set(ylabel='rows per second', title=name)
     figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure

@@ -1,4 +1,4 @@
-"""``cost venue``: the time of answers in a venue, and its growth with corners of obstacles, travel and benches.
+"""``cost venue``: the time of answers in a venue, and its growth with obstacle corners, distance and benches.
 
 The venue is a synthetic town: square houses of 8 m on a grid of 14 m, those nearest to the track, along a street with
 one corner.
@@ -25,8 +25,8 @@ from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 
 _BENCHES, _WAY_M, _CORNERS = 61, 300.0, 2000
 _LADDERS: dict[str, tuple[float, ...]] = {
-    'corners': (200, 2000, 20_000), 'way (m)': (100, 300, 1000), 'benches': (20, 61, 223)}
-_STEP_M, _HALF_M, _CLEAR_M = 14.0, 4.0, 3.0     # of the grid, of a house, and free beside the track
+    'corners': (200, 2000, 20_000), 'distance (m)': (100, 300, 1000), 'benches': (20, 61, 223)}
+_STEP_M, _HALF_M, _CLEAR_M = 14.0, 4.0, 3.0     # step of the grid, half a house, free beside the track
 _FIT, _CONTACT, _ALONE = 'design fit', 'contact', 'contact without the venue'
 CALLS: dict[str, Callable[[Scene], object]] = {
     _FIT: venue_fit, _CONTACT: first_contact, _ALONE: lambda scene: first_contact(replace(scene, venue=None))}
@@ -46,11 +46,11 @@ class Row:
     @property
     def size(self) -> float:
         """The size that is varied."""
-        return {'corners': self.corners, 'way (m)': self.way_m, 'benches': self.benches}[self.varied]
+        return {'corners': self.corners, 'distance (m)': self.way_m, 'benches': self.benches}[self.varied]
 
 
 def town(corners: int, way_m: float, benches: int) -> Scene:
-    """Return a dragon that walks a given way through a town with a given number of corners."""
+    """Return a dragon that walks a given distance through a town with a given number of corners."""
     dragon = Dragon(benches)
     start_m = float(np.sum(dragon.link_lengths_m)) + 1.0
     half_m = 0.5 * (start_m + way_m)
@@ -75,8 +75,8 @@ def measure(budget_s: float = 0.3) -> list[Row]:
 
 
 def _row(varied: str, size: float, budget_s: float) -> Row:
-    sizes = {'corners': _CORNERS, 'way (m)': _WAY_M, 'benches': _BENCHES} | {varied: size}
-    corners, way_m, benches = int(sizes['corners']), float(sizes['way (m)']), int(sizes['benches'])
+    sizes = {'corners': _CORNERS, 'distance (m)': _WAY_M, 'benches': _BENCHES} | {varied: size}
+    corners, way_m, benches = int(sizes['corners']), float(sizes['distance (m)']), int(sizes['benches'])
     scene = town(corners, way_m, benches)
     return Row(varied, corners, way_m, benches, {name: timed(partial(call, scene), budget_s)
                                                 for name, call in CALLS.items()})
@@ -84,8 +84,8 @@ def _row(varied: str, size: float, budget_s: float) -> Row:
 
 def table(rows: list[Row]) -> str:
     """Return the rows as a Markdown table with the circumstances above it."""
-    head = ('| varied | corners | way (m) | benches | design fit (s) | contact (s) | contact without the venue (s) | '
-            'ratio |\n|---|---:|---:|---:|---:|---:|---:|---:|')
+    head = ('| varied | corners | distance (m) | benches | design fit (s) | contact (s) | contact without the venue '
+            '(s) | ratio |\n|---|---:|---:|---:|---:|---:|---:|---:|')
     return '\n'.join([f'{circumstances()}. Medians after the first call.', '', head, *map(_line, rows)])
 
 

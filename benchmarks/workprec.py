@@ -38,7 +38,7 @@ _WRONG_M = 0.01         # a solver without a promise is marked above this error
 
 @dataclass(frozen=True)
 class Row:
-    """One solver on one problem: its largest error, and its time per tick for positions and any velocities.
+    """One solver on one problem: its largest error, and its time per tick for positions and, if computed, velocities.
 
     ``promise_m`` is None for a solver without promise.
     """

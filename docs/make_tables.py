@@ -74,7 +74,7 @@ def executables() -> str:
 
 def topics() -> str:
     """Return the topics with their type, publisher, effect and meaning."""
-    return table('topic | type | from | effect | what', (
+    return table('topic | type | from | effect | meaning', (
         (f'`{name}`', one.type.replace('/msg/', '/'), one.publisher,
          f'`{one.effect.names[0]}`' if one.effect else '', one.meaning + (', latched' if _says_late(one) else ''))
         for name, one in channels().items()))
@@ -100,7 +100,7 @@ def qualities() -> str:
 
 def parameters(rows: tuple[params.Parameter, ...]) -> str:
     """Return the parameters of a node."""
-    return table('parameter | default | may be | live | what', (
+    return table('parameter | default | allowed | live | meaning', (
         (f'`{one.name}`', f'`{one.default!r}`', _limits(one), 'yes' if one.live else '', one.text) for one in rows))
 
 
@@ -112,7 +112,7 @@ def _limits(one: params.Parameter) -> str:
 
 def scenes() -> str:
     """Return the scenes of the package with the first sentence of each file."""
-    return table('scene | what', ((f'`{name}`', _first_sentence(name)) for name in scene_names()))
+    return table('scene | contents', ((f'`{name}`', _first_sentence(name)) for name in scene_names()))
 
 
 def _first_sentence(name: str) -> str:
@@ -124,7 +124,7 @@ def _first_sentence(name: str) -> str:
 
 def keys() -> str:
     """Return the keys of a scene file with their defaults."""
-    return table('section | kind | keys and defaults | what', _key_rows(scene_schema()['properties']))
+    return table('section | kind | keys and defaults | meaning', _key_rows(scene_schema()['properties']))
 
 
 def _key_rows(parts: dict[str, Any]) -> Iterable[tuple[str, str, str, str]]:
@@ -161,7 +161,7 @@ def _default(row: dict[str, Any], before: str = '') -> str:
 def effects() -> str:
     """Return the effects with their topics and needs."""
     named = {effect: [name for name, one in channels().items() if one.effect == effect] for effect in MEANINGS}
-    return table('effect | topic | needs | what', (
+    return table('effect | topic | needs | meaning', (
         (f'`{effect.names[0]}`', ', '.join(f'`{name}`' for name in named[effect] or ['/clock']),
          f'`{NEEDS[effect].names[0]}`' if effect in NEEDS else '', text) for effect, text in MEANINGS.items()))
 
@@ -185,7 +185,7 @@ def limits() -> str:
     checked = [('a certificate', _amount(reading.MOST_BYTES, 'bytes'), 'rejected'),
                ('the intervals of a certificate', _amount(reading.MOST_ROWS, 'intervals'), 'rejected'),
                ('the benches of a certificate', _amount(reading.MOST_BENCHES, 'benches'), 'rejected')]
-    return table('of | at most | beyond it', [*rows, *checked])
+    return table('quantity | at most | beyond it', [*rows, *checked])
 
 
 def _amount(value: float, unit: str) -> str:

@@ -37,7 +37,8 @@ def elsewhere() -> Rows:
 
 
 QUESTIONS: dict[str, Callable[[], Rows]] = {
-    '1': lambda: rows('worst handle is off at 300 s by', mistakes.errors_at_300_s(), lambda one: f'{one.value:.3g} m'),
+    '1': lambda: rows('largest error of a handle at 300 s', mistakes.errors_at_300_s(), lambda one: (
+        f'{one.value:.3g} m')),
     '2': lambda: rows('first contact', mistakes.contact_times_s(), lambda one: f'{one.value:.6f} s'),
     '2, elsewhere': elsewhere,
     '3': lambda: rows('smallest pitch', mistakes.pitches_m(), lambda one: (

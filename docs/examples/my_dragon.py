@@ -1,4 +1,4 @@
-"""Monitor your own dragon: make benches, which the monitor reads, from its handles (PoseArray, head to tail).
+"""Monitor your own dragon: from its handles (PoseArray, head to tail), make the benches that the monitor reads.
 
 Publish the handles on /mine/handles, start this and `./dragon monitor --ros-args -r __ns:=/mine`.
 """

@@ -8,7 +8,7 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from visualization_msgs.msg import MarkerArray
 
-KEEP = 100      # most ticks that wait for their other half
+KEEP = 100      # largest number of ticks that wait for their other half
 
 
 class Pairs(Node):

@@ -10,6 +10,6 @@ def test_every_number_of_workers_is_measured():
     assert all(row.wall_s > 0 for row in rows)
     text = simulate.table(rows)
     assert '| one worker on one core |' in text
-    assert '| its bytes copied |' in text
+    assert '| copying its bytes |' in text
     assert len(simulate.csv_text(rows).splitlines()) == len(rows) + 1
     assert simulate.picture(rows).axes[0].get_xlabel() == 'times real time'

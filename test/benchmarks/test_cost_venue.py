@@ -18,7 +18,7 @@ def test_the_town_has_as_many_corners_as_it_says_and_leaves_room_for_the_dragon(
 def test_the_page_has_a_line_a_town_and_a_picture(tmp_path):
     def row(varied, size, fit_s):
         timings = {name: Timing(one, one, one, 9) for name, one in zip(venues.CALLS, (fit_s, 0.3, 0.2), strict=True)}
-        sizes = {'corners': 2000, 'way (m)': 300.0, 'benches': 61} | {varied: size}
+        sizes = {'corners': 2000, 'distance (m)': 300.0, 'benches': 61} | {varied: size}
         return venues.Row(varied, *sizes.values(), timings)
     rows = [row(name, size, 0.1 * n) for name, sizes in venues._LADDERS.items() for n, size in enumerate(sizes, 1)]
     assert [one.size for one in rows[:3]] == [200, 2000, 20_000]
