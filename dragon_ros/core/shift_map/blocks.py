@@ -1,4 +1,4 @@
-"""Place a chain block of equal links by block: by a shift map if one covers the block, otherwise link by link."""
+"""Place a chain in blocks of equal links: by a shift map if one covers the block, otherwise link by link."""
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,15 +15,15 @@ from dragon_ros.core.shift_map.table import Product, ShiftMap, Spot, Spots, link
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
-FEWEST = 8              # links: for fewer, marching is faster than a table
-_MOST_MAPS = 4          # shift maps of one dragon: for the lengths of its longest blocks
-_SHORTEST_LEAD = 0.05   # of a block's link: the direction of a shorter one has too few digits for a series
+FEWEST = 8              # fewest links for a table; for fewer, marching is faster
+_MOST_MAPS = 4          # number of shift maps per dragon, for the lengths of its longest blocks
+_SHORTEST_LEAD = 0.05   # relative to a block's link: a shorter link's direction has too few digits for a series
 _FARTHEST = 1e300       # larger than any coordinate
-_TRIES = 8              # links of a block that are marched in search of its table
+_TRIES = 8              # number of links of a block that are marched until its table covers one
 
 
 class _NextPlace(NamedTuple):
-    """The solver for the next position on a segment, the coordinate limits for which it applies, and the points."""
+    """The solver for the next position on a segment, the coordinate limits within which it applies, and the points."""
 
     next: Callable[[DoubleDouble, float, int], tuple[DoubleDouble, int]]
     low: float
@@ -32,14 +32,14 @@ class _NextPlace(NamedTuple):
 
 
 class TabulatedLinks(NamedTuple):
-    """The handles of ``links`` links behind handle ``start`` from the leader, from a tile, at one instant.
+    """The handles of ``links`` links behind handle ``start`` from the leader, taken from a tile, at one instant.
 
-    With ``leader``, the first link joins it to the first handle of the table.
+    If ``leader`` is given, the first link joins it to the first handle of the table.
     """
 
     start: int
     links: int
-    at: int                 # index of their first coordinate in the chain
+    at: int                 # index of the first coordinate in the chain
     spot: Spot
     products: list[Product]
     direction: int
@@ -93,7 +93,7 @@ class TabulatedLinks(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TabulatedStates:
-    """``TabulatedLinks`` for many instants: ``spots`` by tile, each with the instants (S,) in that tile."""
+    """``TabulatedLinks`` for many instants: ``spots`` per tile, each with the instants (S,) in that tile."""
 
     start: int
     links: int
@@ -105,7 +105,7 @@ class TabulatedStates:
         return spots.row if self.direction == BEHIND else spots.row - self.links
 
     def fill(self, out: Floats, motions: bool = False, scales: Floats | None = None) -> None:
-        """Fill in coordinates, or motions times a scale per instant, (S, links + 1, 2)."""
+        """Fill in coordinates (S, links + 1, 2), or motions multiplied by a scale per instant."""
         for rows, spots in self.spots:
             one = spots if scales is None else spots._replace(basis=spots.basis * scales[rows][:, None])
             first, last = rows[[0, -1]].tolist()
@@ -158,7 +158,7 @@ class TabulatedStates:
 class Placement:
     """Places the handles of links (N,) on a track, behind a head (``direction`` BEHIND) or ahead of a tail.
 
-    ``maps`` has a shift map for some link lengths; blocks of other links are marched.
+    ``maps`` holds shift maps for some link lengths; blocks of other links are marched.
     """
 
     track: Track
@@ -178,7 +178,7 @@ class Placement:
 
     @cached_property
     def _plan(self) -> tuple[tuple[int, int, float, ShiftMap | None, list[_NextPlace]], ...]:
-        """The blocks in the form that ``place`` reads: first and last handle, link, shift map, and steps by segment."""
+        """The blocks in the form that ``place`` needs: first and last handle, link, shift map, steps per segment."""
         return tuple((*block, shift, [self._step(k, block.link_m) for k in range(len(self.track.segments))])
                      for block, shift in self.blocks)
 
@@ -192,7 +192,7 @@ class Placement:
 
     @cached_property
     def _lead(self) -> tuple[float, int, ShiftMap] | None:
-        """The leader's own link, if it alone precedes a block with a shift map: its length, last handle, and map."""
+        """The leader's link if it alone precedes a block with a shift map: its length, the block's end, and the map."""
         if len(self.blocks) < 2:
             return None
         (first, own), (second, shift) = self.blocks[:2]
@@ -202,7 +202,7 @@ class Placement:
     def place(self, leader: Place) -> Chain:
         """Return the chain of a leader.
 
-        Raises TrackEndError if there is no track, ChainLockError if a link cannot be placed.
+        Raises TrackEndError if the track is too short, ChainLockError if a link cannot be placed.
         """
         count, led, spent = len(self.links_m), None, 0
         flat = np.empty(2 * count + 2)
@@ -222,7 +222,7 @@ class Placement:
     def _place_rest(self, flat: Floats, leader: Place, led: TabulatedLinks | None, parts: list[PlacedLinks]) -> int:
         """Add the remaining parts, block by block, and return the number of evaluations.
 
-        Each part fills in its handles from its first one; a table fills in a whole block, including its last handle.
+        Each part fills in its handles from its first one on; a table fills in a whole block, including its last handle.
         """
         count, direction, spent, filled, begin, here = len(self.links_m), self.direction, 0, False, 0, leader
         if led:
@@ -271,7 +271,7 @@ class Placement:
 
     def _tabulated(self, flat: Floats, i: int, stop: int, spot: Spot,
                    leader: Place | None = None) -> TabulatedLinks | None:
-        """Fill in as many of links ``i`` to ``stop`` as the table of a spot has; return None if it has none."""
+        """Fill in as many of links ``i`` to ``stop`` as the table of a spot covers; return None if it covers none."""
         (tile, cell, _), direction = spot, self.direction
         links = (tile.rows - 1 - cell.row if direction < 0 else cell.row) + (leader is not None)
         if links > stop - i:
@@ -336,7 +336,7 @@ def _last(places: Places) -> Places:
 def lengths_with_maps(links_m: Floats) -> dict[float, int]:
     """Return the link lengths of the longest blocks that get a shift map, with the size of the longest block of each.
 
-    Links so short that a tile of a spiral is shorter than the dragon get none: the map would cover few states.
+    If links are so short that a tile of a spiral is shorter than the dragon, they get none: it would cover few states.
     """
     length_m, out = float(np.sum(links_m)), dict[float, int]()
     longest = sorted(((block.stop - block.start, block.link_m) for block in blocks_of(links_m, BEHIND)

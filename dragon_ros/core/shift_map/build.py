@@ -17,26 +17,27 @@ from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, reach_m
 from dragon_ros.core.tracks.spiral import SpiralSegment
 
-NODES = 24            # terms of a series before truncation; parts whose series do not converge in them are cut in three
-_MOST_STEPS = 40_000        # links from the joints to the span, in total
-_MOST_BYTES = 256_000_000   # for the series of one table
-_ROUNDS = 5                 # of splitting parts in three
+NODES = 24            # terms of a series before truncation; parts whose series do not converge are cut into thirds
+_MOST_STEPS = 40_000        # limit for the links from the joints to the span, in total
+_MOST_BYTES = 256_000_000   # limit for the series of one table
+_ROUNDS = 5                 # limit for cutting parts into thirds
 NOISE = 4                  # the largest effect of rounding on the last terms, in units of the error
-_SPAN_NODES = 16            # for a whole span on a spiral, which is as smooth as a line
-_SPAN_ENDS = 2.0**-46       # of half its length: rounding in hundreds of rows may leave a quarter of that in last terms
-_HAIR = 1e-12               # relative to a distance along the track: closer positions count as one
-_FREE = 12_000              # multiplications per tick, which take 0.3 of the time of the calls around the product
+_SPAN_NODES = 16            # terms for a whole span on a spiral, which is as smooth as a line
+_SPAN_ENDS = 2.0**-46       # relative to half its length: rounding over hundreds of rows may leave a quarter of it
+_HAIR = 1e-12               # relative to a distance along the track: closer positions count as equal
+_FREE = 12_000              # multiplications per tick, which take 0.3 times as long as the calls around the product
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
     """R rows of S parts of a span of positions, for links of one length; leaders are in L rows from ``first`` on.
 
-    Part s of row r is on the segment ``segment[r, s]``; ``middle[r, s]`` is the segment's coordinate in the middle as
-    (hi, lo), and a scale, with x = (coordinate - middle) * scale in [-1, 1]. Rounding may put |x| beyond 1 by ``slack``
-    (L, S). ``inverse`` (L, S, K) are the coefficients of u(x), the highest power first. Series by part: ``coordinates``
-    (S, K, R) of x, ``places`` and ``motions`` (S, K, 2 R) of x and y in m and of velocities for unit speed in row 0.
-    From row r on, ``terms[s, r]`` terms are accurate to ``error_m`` (R,); the tier allows errors of ``allowed_m`` (R,).
+    Part s of row r is on the segment ``segment[r, s]``; ``middle[r, s]`` holds the segment's coordinate in the middle
+    as (hi, lo), and a scale, with x = (coordinate - middle) * scale in [-1, 1]. Rounding may move |x| beyond 1 by
+    ``slack`` (L, S). ``inverse`` (L, S, K) are the coefficients of u(x), the highest power first. The series of each
+    part are ``coordinates`` (S, K, R) of x, ``places`` (S, K, 2 R) of x and y in m, and ``motions`` (S, K, 2 R) of
+    velocities for unit speed in row 0. From row r on, ``terms[s, r]`` terms are accurate to ``error_m`` (R,); the tier
+    allows errors of ``allowed_m`` (R,).
     """
 
     segment: Ints
@@ -74,7 +75,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Stretch:
-    """The range of a tile's leaders: two distances along the track; ``links`` handles follow in ``direction``."""
+    """The range of a tile's leaders, two distances along the track; ``links`` handles follow in ``direction``."""
 
     low_m: float
     high_m: float
@@ -84,7 +85,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class _SpanPart:
-    """A part of the span: its segment, and its two ends on it, the foremost first."""
+    """A part of the span: its segment, and the coordinates of its two ends, the foremost first."""
 
     segment: int
     fore: Floats
@@ -99,9 +100,10 @@ class _SpanPart:
 
 @dataclass(frozen=True, eq=False)
 class _Pushed:
-    """Series of R rows of one part: of coordinates minus ``origin`` (K, R), positions and motions (K, R, 2).
+    """Series for R rows of one part: coordinates minus ``origin`` (K, R), positions and motions (K, R, 2).
 
-    ``along_m`` (R, 2) are the distances of its rear and front along the track, ``far_m`` (R,) bounds from the origin.
+    ``along_m`` (R, 2) are the distances of its rear and front along the track, and ``far_m`` (R,) bounds the distance
+    from the origin.
     """
 
     segment: Ints           # (R,)
@@ -116,7 +118,7 @@ class _Pushed:
 
 @dataclass(frozen=True)
 class _RowSeries:
-    """Series of R rows of S parts: of coordinates minus ``origin`` (S, K, R), positions and motions (S, K, 2 R)."""
+    """Series for R rows of S parts: coordinates minus ``origin`` (S, K, R), positions and motions (S, K, 2 R)."""
 
     segment: Ints                     # (R, S)
     origin: tuple[Floats, Floats]     # (R, S)
@@ -131,9 +133,9 @@ class _RowSeries:
 def build(track: Track, link_m: float, stretch: Stretch, tier: Tier) -> Table | None:
     """Return the table for blocks of links of ``link_m`` whose leaders are on a stretch.
 
-    A coarser tier gets the series of ``exact`` too, unless these do not converge or a tick would take more than 1.3
-    times as long. The result is None if there is no table: the links have zero length, it would be too large, or no
-    series converge.
+    Coarser tiers also use the series of ``exact``, unless these do not converge or a tick would take more than 1.3
+    times as long. The result is None if the links have zero length, the table would be too large, or the series do not
+    converge.
     """
     if not link_m:
         return None
@@ -156,7 +158,7 @@ def build(track: Track, link_m: float, stretch: Stretch, tier: Tier) -> Table | 
 
 
 def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
-    """Return the foremost position: that of the leader or, if the tail leads, that of the head before it."""
+    """Return the foremost position: that of the leader or, if the tail leads, that of the head in front of it."""
     high_m = stretch.high_m
     if stretch.direction == AHEAD:
         high_m += stretch.links * reach_m(track.bend, link_m)
@@ -167,7 +169,7 @@ def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
 
 
 def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[_SpanPart]:
-    """Return the parts of the span behind ``front``, cut at every position that is whole links ahead of a joint."""
+    """Return the parts of the span behind ``front``, cut at every position a whole number of links ahead of a joint."""
     rear = track.next(front, link_m, BEHIND)[0]
     here_m, back_m = track.distance_of(front)[0], track.distance_of(rear)[0]
     inside = [k for k, metres in enumerate(track.joints_m, 1) if low_m < metres < here_m]
@@ -188,7 +190,7 @@ def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[_Spa
 def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
     """Return a position moved ahead, link by link, into the span that ends at ``back_m``."""
     sure = floor((back_m - track.distance_of(place)[0]) / reach_m(min(track.bend, 1 / link_m), link_m))
-    if sure > 0:        # links, each on an arc of at most this length
+    if sure > 0:        # number of links, each on an arc of at most this length
         place = forward(track, (Block(0, sure, link_m),), place, AHEAD).place(-1)
     while track.distance_of(place)[0] <= back_m:
         place = track.next(place, link_m, AHEAD)[0]
@@ -205,7 +207,7 @@ def _part(track: Track, fore: Place, rear: Place) -> _SpanPart:
 
 
 def _thirds(part: _SpanPart) -> list[_SpanPart]:
-    """Return the thirds of a part: halves would more often need another round, which costs more than one more part."""
+    """Return the thirds of a part; halves would need another round more often, which costs more than one more part."""
     third = (part.rear[0] - part.fore[0]) / 3
     cuts = [np.array(plus(part.fore[0], part.fore[1], n * third)) for n in (1, 2)]
     return [_SpanPart(part.segment, *ends) for ends in pairwise((part.fore, *cuts, part.rear))]
@@ -213,7 +215,7 @@ def _thirds(part: _SpanPart) -> list[_SpanPart]:
 
 def _built(track: Track, link_m: float, first: list[tuple[_SpanPart, _Pushed]], count: int, stretch: Stretch,
            tiers: tuple[Tier, Tier]) -> Table | None:
-    """Return the table once all series converge; parts whose series do not converge are split in three.
+    """Return the table once all series converge; parts whose series do not converge are cut into thirds.
 
     The first of ``tiers`` determines where series are truncated; the second is that of the scene.
     """
@@ -227,7 +229,7 @@ def _built(track: Track, link_m: float, first: list[tuple[_SpanPart, _Pushed]], 
         rows = _together_in_rows(pushed, link_m, stretch, tiers)
         if rows.leading.start == rows.leading.stop:
             return None
-        with np.errstate(all='ignore'):     # a part no longer than its rounding has no scale and no inverse
+        with np.errstate(all='ignore'):     # a part as short as its rounding error has no scale and no inverse
             x, middle, scale = scaled(rows.coordinates)
             inverse = _inverses(pushed, x, rows.leading)
             left = _left(rows, x, inverse, link_m)
@@ -235,14 +237,14 @@ def _built(track: Track, link_m: float, first: list[tuple[_SpanPart, _Pushed]], 
             return _table(rows, (x, middle, scale), inverse, link_m)
         before, pieces = pieces, []
         for (part, _, whole), one, over in zip(before, pushed, left.tolist(), strict=True):
-            if over > NOISE and over >= 0.5 * whole:        # rounding, which thirds have as well
+            if over > NOISE and over >= 0.5 * whole:        # due to rounding, which thirds would not reduce
                 return None
             pieces += [(part, one, inf)] if over <= NOISE else [(third, None, over) for third in _thirds(part)]
     return None
 
 
 def _inverses(pushed: list[_Pushed], x: Floats, rows: slice) -> Floats:
-    """Return the inverses (S, K, L) of scaled coordinates (S, K, R) in some rows; each part caches its own."""
+    """Return the inverses (S, K, L) of scaled coordinates (S, K, R) in the given rows; each part caches its own."""
     key = rows.start, rows.stop
     new = [n for n, one in enumerate(pushed) if key not in one.inverses]
     some = x[new, :, rows].transpose(1, 0, 2)
@@ -273,7 +275,7 @@ def _series(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> 
 
 def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
                       tiers: tuple[Tier, Tier]) -> _RowSeries:
-    """Return the rows that all parts share."""
+    """Return the series in the rows that all parts share."""
     rows = min(one.segment.size for one in pushed)
     low_m, high_m = stretch.low_m - link_m, stretch.high_m + link_m
     along = np.stack([one.along_m[:rows] for one in pushed], axis=1)
@@ -299,7 +301,7 @@ def _pushed(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> 
     def settle(places: Places) -> Places:
         return _together(track, places) if len(track.segments) > 1 else places
 
-    rows = [tuple(values[None] for values in first)]        # ``count`` rows, or fewer if the track ends before
+    rows = [tuple(values[None] for values in first)]        # ``count`` rows, or fewer if the track ends earlier
     for k, many in _spans(track, link_m, first, count):
         segment, u, lo = (values[-1] for values in rows[-1])
         found = None if k is None else _along(track.segments[k], link_m, (segment, u, lo), many)
@@ -316,9 +318,10 @@ def _pushed(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> 
 
 
 def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple[int | None, int]]:
-    """Return the steps through the rows behind a first row of nodes: the index of one segment or None, and a count.
+    """Return the steps through the rows behind a first row of nodes: a segment's index or None, and a number of rows.
 
-    None means row by row. If the foremost and the rearmost node are on a segment, so are all others.
+    None means that rows are solved one by one. If the foremost and the rearmost node are on a segment, so are all
+    others.
     """
     if len(track.segments) == 1:
         return [(0, count - 1)]
@@ -344,7 +347,7 @@ def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple
 def _along(segment: Segment, link_m: float, first: Places, count: int) -> Places | None:
     """Return the rows (count, S K) of nodes that follow a row (S K,), all on one segment.
 
-    None if they cannot be solved simultaneously.
+    The result is None if they cannot be solved simultaneously.
     """
     number, begin, begin_lo = first
     numbers = np.broadcast_to(number, (count, number.size))
@@ -362,9 +365,9 @@ def _along(segment: Segment, link_m: float, first: Places, count: int) -> Places
 
 
 def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: Floats) -> tuple[Floats, Floats] | None:
-    """Return ``placed`` for the nodes of several parts by series: a spiral's span is smooth, wherever it is cut.
+    """Return ``placed`` for the nodes of several parts by series, because a spiral's span is smooth across all cuts.
 
-    So only the nodes of one part are placed. None if the series do not converge.
+    Only the nodes of a single span are placed. The result is None if the series do not converge.
     """
     nodes = transform(_SPAN_NODES)[0]
     low, high = np.argmin(begin), np.argmax(begin)
@@ -382,7 +385,7 @@ def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: F
 
 
 def _together(track: Track, places: Places) -> Places:
-    """Return positions with each part on one segment: a node that rounding put beyond a joint moves to the joint."""
+    """Return positions with each part on one segment; a node beyond a joint because of rounding moves to the joint."""
     shape = -1, NODES
     segment, u, lo = places[0].reshape(shape), places[1].reshape(shape), places[2].reshape(shape)
     if np.all(segment == segment[:, :1]):
@@ -416,7 +419,7 @@ def _left(rows: _RowSeries, x: Floats, inverse: Floats, link_m: float) -> Floats
 
 
 def _half_widths_m(rows: _RowSeries) -> Floats:
-    """Return approximately half the length in metres of each part in each row, (S, 1, R)."""
+    """Return the approximate half length in metres of each part in each row, (S, 1, R)."""
     out: Floats = np.hypot(rows.places[:, 1:2, ::2], rows.places[:, 1:2, 1::2])
     return out
 
@@ -426,7 +429,8 @@ def _table(rows: _RowSeries, scaled: tuple[Floats, Floats, Floats], inverse: Flo
     (x, middle, scale), half, leading = scaled, _half_widths_m(rows) / rows.error_m, rows.leading
     parts, twice = rows.segment.shape[1], np.repeat(rows.error_m, 2)
     places, motions = np.abs(rows.places) / twice, np.abs(link_m * rows.motions) / twice
-    # A velocity is a product of many ratios: its rounding may exceed the error at which its series is truncated.
+    # A velocity is a product of many ratios, so its rounding error may exceed the error at which its series is
+    # truncated.
     noise = max(1.0, 2 * float(np.max(motions[:, -2:])))
     size = np.maximum(places, np.where(motions > noise, motions, 0.0))
     terms = _enough(np.maximum(size[..., ::2], size[..., 1::2]))
@@ -441,6 +445,6 @@ def _table(rows: _RowSeries, scaled: tuple[Floats, Floats, Floats], inverse: Flo
 
 
 def _enough(size: Floats) -> Ints:
-    """Return how many terms of sizes (S, K, R), in units of the error, are sufficient from each row on, (S, R)."""
+    """Return the number of terms (S, R) that suffice from each row on; ``size`` (S, K, R) is in units of the error."""
     needed = size.shape[1] - np.argmax(size[:, ::-1] > 1, axis=1)
     return np.maximum.accumulate(needed[:, ::-1], axis=1)[:, ::-1]

@@ -1,13 +1,13 @@
-"""One link before a block: the position of the leader if the first handle of the block is in a cell of the table.
+"""The position of a leader one link before a block, if the first handle of the block is in a cell of the table.
 
-A dragon's head link is longer than its others, so its leader is one link before the first block, outside all rows. But
-while the first handle is in one cell, at u in [-1, 1], the leader is a smooth function of that same u. So its
-coordinate, position and motion have series in u, as all rows have, and the inverse of the coordinate gives u without
-solving for the first handle: one product then fills in the whole chain, including the leader.
+A dragon's head link is longer than its other links, so its leader is one link before the first block, outside all rows.
+However, while the first handle is in one cell, at u in [-1, 1], the leader is a smooth function of the same u. Its
+coordinate, position and motion therefore have series in u, like all rows, and the inverse of the coordinate gives u
+without solving for the first handle: one product then fills in the whole chain, including the leader.
 
-If the leader passes a joint while the handle is in one cell, no such series converges. But lines, arcs and spirals go
-on beyond their ends: on each segment extended in that way the leader is a smooth function of u again. So the cell has
-a chart for each of these segments, which is used while the leader itself is on that segment.
+If the leader passes a joint while the handle is in one cell, no such series converges. However, lines, arcs and spirals
+can be extended beyond their ends, and on each extended segment the leader is again a smooth function of u. The cell
+therefore has a chart for each of these segments, which is used while the leader is on the segment itself.
 """
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -25,18 +25,18 @@ from dragon_ros.core.shift_map.build import NODES, NOISE, Table, scaled
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND, reach_m
 
-_MORE_NODES = 36        # next to a joint: a longer link converges slowly where the block's own just does
-_NEWTON_STEPS = 12      # on an extended segment, from the place at the same distance along it
-_SOLVED = 1e-14         # relative to the link: a last step this short leaves no error
-_SAME = 1e-9            # relative to the link: solutions further apart are different ones
+_MORE_NODES = 36        # next to a joint, where series for a longer link converge more slowly than the block's own
+_NEWTON_STEPS = 12      # on an extended segment, from the position at the same distance along it
+_SOLVED = 1e-14         # relative to the link: a final step this short leaves no error
+_SAME = 1e-9            # relative to the link: solutions further apart are different
 
 
 class Chart(NamedTuple):
     """Charts (C,) of cells by the coordinates of the positions in them, the foremost first.
 
-    ``cell`` (C,) are their cells, numbered by rows, from ``first`` on, and parts; a cell may have several charts.
+    ``cell`` (C,) are their cells, numbered by row, from ``first`` on, and part; a cell may have several charts.
     ``middle`` (C, 3) is the segment's coordinate in the middle as (hi, lo), and a scale, with x = (coordinate - middle)
-    * scale in [-1, 1]. Rounding may put |x| beyond 1 by ``slack`` (C,). ``inverse`` (C, K) are the coefficients of
+    * scale in [-1, 1]. Rounding may move |x| beyond 1 by ``slack`` (C,). ``inverse`` (C, K) are the coefficients of
     u(x), the highest power first.
     """
 
@@ -95,7 +95,7 @@ def lead_in(track: Track, table: Table, links_m: tuple[float, float], direction:
             stretch_m: tuple[float, float]) -> LeadIn | None:
     """Return the leaders one link before the cells of a table that are on a stretch of the track.
 
-    ``links_m`` are the leader's link and that of the table. None if no cell has a leader.
+    ``links_m`` are the link lengths of the leader and of the table. The result is None if no cell has a leader.
     """
     link_m = links_m[0]
     tame, rows = track.without_locks(link_m), _rows_on(track, table, stretch_m)
@@ -120,7 +120,7 @@ def _some(places: Places, which: Array) -> Places:
 
 
 def _leaders(track: Track, followers: Places, cells: Ints, link_m: float, direction: int) -> Places | None:
-    """Return the leaders (C, nodes) of the followers in some cells; None if there are none."""
+    """Return the leaders (C, nodes) of the followers in the given cells; None if there are none."""
     if not cells.size:
         return None
     segment, u, lo = _some(followers, cells)
@@ -133,7 +133,7 @@ def _leaders(track: Track, followers: Places, cells: Ints, link_m: float, direct
 
 def _next_to_joints(track: Track, table: Table, rows: Ints, cells: Ints, links_m: tuple[float, float],
                     direction: int) -> list[LeadIn | None]:
-    """Return the charts of cells in which the leader passes a joint, one for each segment that it is on."""
+    """Return the charts of cells in which the leader passes a joint, one for each segment on which it is."""
     followers, p, motion = _followers(track, table, rows, _MORE_NODES)
     leaders = _leaders(track, followers, cells, links_m[0], direction)
     if leaders is None:
@@ -150,7 +150,7 @@ def _next_to_joints(track: Track, table: Table, rows: Ints, cells: Ints, links_m
 def _on_extended(track: Track, k: int, leaders: Places, followers: Floats, link_m: float) -> Places:
     """Return the leaders (C, nodes) of followers (C, nodes, 2) on segment k, extended beyond its ends.
 
-    NaN for cells without a smooth solution that equals the leader wherever the leader is on the segment itself.
+    Values are NaN for cells without a smooth solution that equals the leader wherever it is on the segment itself.
     """
     segment, (number, own, own_lo) = track.segments[k], leaders
     point = followers[..., 0] + 1j * followers[..., 1]
@@ -170,7 +170,7 @@ def _on_extended(track: Track, k: int, leaders: Places, followers: Floats, link_
 
 
 def _has_leader(track: Track, along_m: Floats | float, link_m: float, direction: int) -> Array:
-    """Return whether a position certainly has a leader one link away, whatever the track between them."""
+    """Return whether a position certainly has a leader one link away, whatever the track in between."""
     reach = reach_m(track.bend, link_m)
     return np.asarray(along_m + reach <= track.end_m if direction == BEHIND else along_m - reach >= track.begin_m)
 
@@ -200,21 +200,22 @@ def _followers(track: Track, table: Table, rows: Ints, nodes: int) -> tuple[Plac
 
 def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places, followers: tuple[Floats, Floats],
             longest_m: float) -> LeadIn | None:
-    """Return the series of leaders at the nodes of some cells, each on one segment; only of those that converge.
+    """Return the series of leaders from the nodes of cells, each on one segment; series that diverge are left out.
 
     Series that do not converge to the accuracy of the table may converge to that of its tier.
     """
     segment, u, lo = leaders
     centre = u.shape[1] // 2
     origin = u[:, centre], lo[:, centre]
-    with np.errstate(all='ignore'):     # a cell no longer than its rounding has no scale and no inverse
+    with np.errstate(all='ignore'):     # a cell as short as its rounding error has no scale and no inverse
         p, heading = track.poses(segment, u, lo)
         axis = p - followers[0]
         pace = dot(axis, followers[1]) / dot(axis, heading)
         from_origin = (u - origin[0][:, None]) + (lo - origin[1][:, None])
         places, motions = map(series_of, (p, pace[..., None] * heading))
         half = np.hypot(places[:, 1, 0], places[:, 1, 1])
-        # All speeds are relative to the leader's motion: a short link must not make it less accurate than the others.
+        # All speeds are relative to the leader's motion, which a short link must not make less accurate than the
+        # others.
         size = np.maximum(np.abs(places), longest_m * np.abs(motions)).max(axis=2)
         (x,), (middle,), (scale,) = scaled(series_of(from_origin.T)[None])
         inverse = inverse_series(x)
@@ -235,7 +236,7 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
 
 
 def _joined(parts: list[LeadIn]) -> LeadIn | None:
-    """Return several as one, the foremost chart first; series with fewer terms are filled up with zeros."""
+    """Return several as one, the foremost chart first; shorter series are padded with zeros."""
     if not parts:
         return None
     nodes = max(part.nodes for part in parts)
@@ -256,6 +257,6 @@ def _joined(parts: list[LeadIn]) -> LeadIn | None:
 
 
 def _enough(size: Floats) -> Ints:
-    """Return how many terms of sizes (C, K), in units of the error, are sufficient."""
+    """Return the number of terms (C,) that suffice; ``size`` (C, K) is in units of the error."""
     out: Ints = size.shape[1] - np.argmax(size[:, ::-1] > 1, axis=1)
     return out

@@ -1,15 +1,16 @@
 """The shift map in tiles: a position is located in the table of its tile, and one matrix product gives its followers.
 
-All links of a block have one length. So one map F on the track, from a handle to the next one behind, holds for all of
-them at all times. Let u in [-1, 1] run over one span of track, from a position a back to F(a). Row r of a table is the
-r-th image of that span, G_r(u) = F^r(a + (1 + u) / 2 (F(a) - a)), as Chebyshev series in u of its coordinates and of
-its velocity. If a handle is at G_m(u), the i-th behind it is at G_(m + i)(u), and ahead of a tail the i-th is at G_(m -
-i)(u): one u gives them all. F is smooth as long as both handles stay on their segments. So the span is cut into parts
-wherever one of its images passes a joint, and each part has its own series. This avoids special cases near a joint.
+All links of a block have the same length, so one map F on the track, from a handle to the next one behind, applies to
+all of them at all times. Let u in [-1, 1] cover one span of track, from a position a back to F(a). Row r of a table is
+the r-th image of that span, G_r(u) = F^r(a + (1 + u) / 2 (F(a) - a)), as Chebyshev series in u of its coordinates and
+of its velocity. If a handle is at G_m(u), the i-th handle behind it is at G_(m + i)(u), and ahead of a tail the i-th
+handle is at G_(m - i)(u): one u gives them all. F is smooth as long as both handles stay on their segments. The span is
+therefore cut into parts wherever one of its images passes a joint, and each part has its own series. This avoids
+special cases near a joint.
 
 A tile holds the table for the leaders of blocks on one stretch of track. Tiles are aligned to the track and built on
-first use, each from the track alone: positions are bit-identical across runs and processes, in whatever order tiles are
-built.
+first use, each from the track alone, so positions are bit-identical across runs and processes, whatever the order in
+which tiles are built.
 """
 from bisect import bisect_right
 from collections import OrderedDict, deque
@@ -32,22 +33,22 @@ from dragon_ros.core.tiers import Tier
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
-_TERMS = 9000               # per product: BLAS splits larger ones among threads, which could change the last bits
-_BOUNDARIES = 1024          # boundaries of stretches whose positions are cached
-_MOST_CELLS = 64            # cached by a shift map for single states, at most 144 kB each; the oldest are dropped first
-_MOST_BYTES = 512_000_000   # for the tiles of one shift map; the least recently used are dropped first
-_MOST_TILES = 4096          # per shift map, including stretches without a table
+_TERMS = 9000               # limit per product: BLAS splits larger ones among threads, which could change the last bits
+_BOUNDARIES = 1024          # number of stretch boundaries whose positions are cached
+_MOST_CELLS = 64            # limit per shift map, for single states, at most 144 kB each; the oldest are dropped first
+_MOST_BYTES = 512_000_000   # limit for the tiles of a shift map; the least recently used are dropped first
+_MOST_TILES = 4096          # limit per shift map, including stretches without a table
 _FEWEST_LINKS = 512         # length of a tile; a longer one is a power of two, at least as long as its blocks
 _FEWEST_JOINED = 64         # length of a tile on a composite track; a longer one is at least half as long as its blocks
 _STRETCH_LINKS = 64        # length of a tile's stretches; the leader's link gets its series when the leader reaches one
 _STRETCH_JOINED = 32        # the same for a composite track
 _SHORTEST = 1e-12           # relative to coordinates: floats cannot resolve the directions of shorter links
-_NEAR = 1e-9       # of a stretch and its distance: closer to a boundary, rounding decides on which side a position is
-_BEFORE_LINKS = 64          # links from the start of a tile to the track's origin: runs begin near the origin
+_NEAR = 1e-9       # relative to a stretch and its distance: closer to a boundary, rounding decides the side
+_BEFORE_LINKS = 64          # number of links from the start of a tile to the track's origin, where runs begin
 
 
 class Product(NamedTuple):
-    """One product of a fill: the function, number of terms, series of positions and motions, and filled range."""
+    """One product of a fill: the function, number of terms, series of positions and motions, and range to fill."""
 
     times: Callable[[Floats, Floats, Floats], Floats]
     terms: int
@@ -58,9 +59,9 @@ class Product(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """A row of a part that can hold positions, in the fastest form for a single state: floats and series by links.
+    """A row of a part that can hold positions, in the fastest form for a single state: floats and series per link.
 
-    ``before`` are the series of the leader's position and motion, (K, 2) each, if it is one link before that row.
+    ``before`` are the series of the leader's position and motion, (K, 2) each, if it is one link before this row.
     """
 
     row: int
@@ -104,7 +105,7 @@ class _SegmentCells(NamedTuple):
     """The cells on one segment, in the order of ``sense`` times the coordinate, which increases backwards."""
 
     sense: float
-    front: float        # of the stretch
+    front: float        # foremost coordinate of the stretch
     rear: float
     begins: list[float]
     cells: list[int]
@@ -114,8 +115,8 @@ class _SegmentCells(NamedTuple):
 class Entrance:
     """The cells of a tile by the coordinates of its leaders on a stretch between two positions.
 
-    Leaders of blocks are in the rows themselves. Leaders one link before a block are in none; ``lead_in`` has series
-    for them. ``chart`` has the charts of the cells.
+    Leaders of blocks are in the rows themselves. Leaders one link before a block are in no row; ``lead_in`` holds
+    series for them. ``chart`` holds the charts of the cells.
     """
 
     tile: 'Tile'
@@ -177,7 +178,7 @@ class Entrance:
         along = sense * high
         if not front < along <= rear:
             return _ELSEWHERE
-        number = cells[bisect_right(begins, along, 1) - 1]      # before the first cell: in it or in none
+        number = cells[bisect_right(begins, along, 1) - 1]      # positions before the first cell are in it or in none
         cell = self._cells.get(number) or self._cell(number)
         _, _, slack, middle, middle_lo, scale, inverse, _, _ = cell
         x = ((high - middle) + (low - middle_lo)) * scale
@@ -198,8 +199,8 @@ class Tile:
     table: Table
     fore: Place
     rear: Place
-    entrances: dict[tuple[float, int], Entrance | None]     # for leaders before its blocks, by link and stretch
-    kept: deque[tuple[Entrance, int]]       # all cells that the shift map caches for single states
+    entrances: dict[tuple[float, int], Entrance | None]     # for leaders before the tile's blocks, by link and stretch
+    kept: deque[tuple[Entrance, int]]       # all cells cached by the shift map for single states
 
     @property
     def memory_bytes(self) -> int:
@@ -257,7 +258,7 @@ class Tile:
     def products(self, cell: Cell, links: int, direction: int) -> list[Product]:
         """Return the products that give ``links`` links, from head to tail: those beyond a cell, and the one before.
 
-        A single product reads its own contiguous series with ``dot``, which is fastest; several products read views.
+        A single product reads its own contiguous series by ``dot``, which is fastest; several products read views.
         """
         table, before, size = self.table, cell.before, 2 * links + 2
         behind = links - 1 if before else links
@@ -301,7 +302,7 @@ class Tile:
 
 
 def _joined(leader: Floats, block: Floats, direction: int) -> Floats:
-    """Return series of a leader and of the handles of a block as one, from head to tail; the shorter ends in zeros."""
+    """Return the series of a leader and of a block's handles as one, from head to tail; shorter series end in zeros."""
     out = np.zeros((max(len(leader), len(block)), block.shape[1] + 2))
     head = direction == BEHIND
     out[:len(leader), :2 if head else None][:, None if head else -2:] = leader
@@ -326,14 +327,14 @@ class ShiftMap:
         self.track, self.link_m, self.links, self.direction = track, link_m, links, direction
         self._tier = tier
         stretch = _STRETCH_LINKS if len(track.segments) == 1 else _STRETCH_JOINED
-        self._stretches = links_of_tile(links, len(track.segments)) // stretch    # of a tile
+        self._stretches = links_of_tile(links, len(track.segments)) // stretch    # number per tile
         self.stretch_m, self._before_m = stretch * link_m, _BEFORE_LINKS * link_m
         self._tiles: OrderedDict[int, Tile | None] = OrderedDict()
         self._kept: deque[tuple[Entrance, int]] = deque()
         self._last: Entrance | None = None
         self._last_before: Entrance | None = None
         self._edges: dict[tuple[int, float], Place | None] = {}
-        self._building = Lock()     # a tile may be built ahead on another thread; whoever needs it waits
+        self._building = Lock()     # another thread may be building a tile in advance; threads that need it wait
 
     @property
     def tiles(self) -> list[Tile]:
@@ -355,10 +356,10 @@ class ShiftMap:
                 return None
             self._last = entrance = tile.entrance
             found = entrance.spot(place)
-        return None if found is _ELSEWHERE else found       # a segment too short for a part
+        return None if found is _ELSEWHERE else found       # the segment is too short for a part
 
     def spot_behind(self, leader: Place, link_m: float) -> Spot | None:
-        """Return the location of the follower of a leader at a link of another length; None if no series covers it."""
+        """Return the location of a leader's follower at a link of another length; None if no series covers it."""
         last = self._last_before
         found = last.spot(leader) if last is not None else _ELSEWHERE
         if found is _ELSEWHERE:
@@ -367,7 +368,7 @@ class ShiftMap:
                 return None
             self._last_before = entrance
             found = entrance.spot(leader)
-        return None if found is _ELSEWHERE else found       # a segment on which no series of leaders converges
+        return None if found is _ELSEWHERE else found       # no series of leaders converges on the segment
 
     def _entrance_before(self, number: int, link_m: float) -> Entrance | None:
         """Return the entrance for leaders one link before blocks on a stretch; None if there is none."""
@@ -386,7 +387,7 @@ class ShiftMap:
         if numbers is None:
             return None
         numbers //= self._stretches
-        tiles = sorted(set(numbers.tolist()))       # np.unique imports masked arrays
+        tiles = sorted(set(numbers.tolist()))       # np.unique would import masked arrays
         each = [(np.flatnonzero(numbers == one) if len(tiles) > 1 else np.arange(segment.size), one) for one in tiles]
         out = []
         for rows, one in each:
@@ -400,7 +401,7 @@ class ShiftMap:
         return out
 
     def _numbers(self, places: Places) -> Ints | None:
-        """Return the indices of the stretches of many positions; None so far out that floats cannot resolve links."""
+        """Return the indices of the stretches of many positions; None so far out that floats do not resolve links."""
         share = (self.track.distances(*places[:2]) + self._before_m) / self.stretch_m
         if np.max(np.abs(share), initial=0.0) > 1 / _SHORTEST:
             return None
@@ -410,7 +411,7 @@ class ShiftMap:
         return number
 
     def _number(self, place: Place, link_m: float = 0.0) -> int:
-        """Return the index of the stretch of a position, or of its follower at a link, relative to the boundaries."""
+        """Return the index of the stretch between whose boundaries a position, or its follower at a link, lies."""
         along_m = self.track.about_m(place) + self.direction * link_m
         number = floor((along_m + self._before_m) / self.stretch_m)
         while self._is_behind(place, number, link_m):
@@ -433,7 +434,7 @@ class ShiftMap:
         return bool((place.u.hi - begin.u.hi) * self.track.segments[place.segment].rate(place.u.hi) < 0)
 
     def _leader_at(self, number: int, link_m: float) -> Place | None:
-        """Return the position, cached, of the leader whose follower is at the start of a stretch, or None."""
+        """Return the cached position of the leader whose follower is at the start of a stretch, or None."""
         key = number, link_m
         try:
             return self._edges[key]
@@ -447,7 +448,7 @@ class ShiftMap:
         return place
 
     def _boundary(self, number: int) -> Place | None:
-        """Return the position where a stretch begins; None beyond the track."""
+        """Return the position at which a stretch begins; None if it is beyond the track."""
         return self._leader_at(number, 0.0)
 
     def _begin(self, number: int) -> Place | None:
@@ -455,7 +456,7 @@ class ShiftMap:
         return self.track.place_at(metres) if self.track.begin_m < metres < self.track.end_m else None
 
     def _stretch_of(self, number: int, stretches: int) -> tuple[float, float]:
-        """Return the first and last distance of some stretches along the track, in metres."""
+        """Return the distances of both ends of consecutive stretches along the track, in metres."""
         return number * self.stretch_m - self._before_m, (number + stretches) * self.stretch_m - self._before_m
 
     def _tile(self, number: int) -> Tile | None:
@@ -463,7 +464,7 @@ class ShiftMap:
         try:
             self._tiles.move_to_end(number)
             return self._tiles[number]
-        except KeyError:        # not built yet, or dropped
+        except KeyError:        # not yet built, or dropped
             pass
         with self._building:
             if number in self._tiles:
@@ -488,7 +489,7 @@ class ShiftMap:
         return Tile(track, table, fore, rear, {}, self._kept) if table else None
 
     def _end(self, side: int) -> Place:
-        """Return the track's own end, ahead (1) or behind; infinitely far if it is open."""
+        """Return the end of the track, ahead (1) or behind; infinitely far if it is open."""
         last = len(self.track.segments) - 1
         segment = self.track.segments[last if side > 0 else 0]
         u = segment.last if side > 0 else segment.first
