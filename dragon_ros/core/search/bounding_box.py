@@ -1,23 +1,24 @@
-"""The room that a run needs: bounds on the largest x, -x, y and -y of any corner of any bench.
+"""The space that a run requires: bounds on the largest x, -x, y and -y of any corner of any bench.
 
-The pose of a bench depends only on its length and on the position of its front handle: not on the time, the leader, or
-which bench it is. So branch and bound searches only a few intervals of the track: one for the head's front handle, and
-those that the front handles of all other benches of one length pass together. Intervals whose bound exceeds the largest
-value found so far are cut.
+The pose of a bench depends only on its length and on the position of its front handle, and not on the time, the leader,
+or the index of the bench. Branch and bound therefore searches only a few intervals of the track: one for the head's
+front handle, and those that the front handles of all other benches of one length pass together. Intervals whose bound
+exceeds the largest value found so far are cut.
 
-The bound of an interval: let s and t be the distances of a bench's front and rear handle, q and r their positions, h
-and l how far they move from one end to the other. A corner at the complex lever a from the bench's middle (a real:
-along the link) is A q + B r with A = 1/2 + a / link, B = 1/2 - a / link. A coordinate of it has the derivative by s
+The bound of an interval: let s and t be the distances of a bench's front and rear handle, q and r their positions, and
+h and l the distances that they move from one end to the other. A corner at the complex lever a from the bench's middle
+(a is real along the link) is A q + B r with A = 1/2 + a / link, B = 1/2 - a / link. A coordinate of it has the
+derivative by s
 
     g' = (A q') + (B r') cos alpha / cos beta,
 
-where alpha and beta are the link's angles with the track's tangents. A value that goes from x0 to x1 with a total
+where alpha and beta are the link's angles with the track's tangents. A value that changes from x0 to x1 with a total
 variation of at most X is never further than X / 2 from their mean. With k the largest curvature at a handle, its
-tangent turns by at most k h, or k l, and ``enclosures.on_track`` bounds the ratio of the cosines. So all factors of g'
-lie in balls, and so does g': |g'| <= G. The coordinate changes by at most V = min(G h, |A| h + |B| l), and nowhere
-exceeds the mean of its values at the two ends plus V / 2. As intervals shrink, the excess falls with the square of
-their length, or with the length itself if a handle passes a joint, where the curvature jumps. The rear handle must move
-in one direction.
+tangent turns by at most k h, or k l, and ``enclosures.on_track`` bounds the ratio of the cosines. All factors of g'
+therefore lie in balls, and so does g': |g'| <= G. The coordinate changes by at most V = min(G h, |A| h + |B| l), and
+nowhere exceeds the mean of its values at the two ends plus V / 2. As intervals shrink, the excess decreases with the
+square of their length, or with the length itself if a handle passes a joint, where the curvature jumps. The rear handle
+must move in one direction.
 
 A link of zero length lies along the track: the corner is q + a q', and g' = q' + i a kappa q'.
 """
@@ -47,15 +48,15 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 SIDES = ('x', '-x', 'y', '-y')
 _TOWARDS = np.array([1, -1, 1j, -1j])
-_AT_ONCE = 512      # intervals
-_FIRST, _PARTS = 32, 6      # parts of the first intervals and of later ones: fewer parts take more rounds
-_SAME = 1e-13       # of a distance along the track: closer positions are the same
-_MOST = 200_000     # benches placed
+_AT_ONCE = 512      # intervals that are bounded together
+_FIRST, _PARTS = 32, 6      # numbers of parts of the first intervals and of later ones: fewer parts take more rounds
+_SAME = 1e-13       # relative to a distance along the track: closer positions are equal
+_MOST = 200_000     # limit for the benches placed
 
 
 @dataclass(frozen=True)
 class Reach:
-    """The farthest corner on one side: it reaches ``low_m`` at ``t_s``, and nowhere in the run exceeds ``high_m``."""
+    """The farthest corner on one side: it reaches ``low_m`` at ``t_s`` and never exceeds ``high_m`` in the run."""
 
     side: str
     low_m: float
@@ -91,15 +92,15 @@ class BoundingBox:
 
 
 def fits(bounds_m: tuple[float, float], side_m: float) -> bool | None:
-    """Return whether a square with a side between bounds fits into another; None if the bounds leave it open."""
+    """Return whether a square with a side between bounds fits into another; None if the bounds cannot decide."""
     return True if bounds_m[1] <= side_m else False if bounds_m[0] > side_m else None
 
 
 def bounding_box(scene: Scene, within_m: float = 1e-10,
                  progress: Callable[[int], object] = lambda looks: None) -> BoundingBox:
-    """Return the room that the scene's run needs; its bounds differ by ``within_m`` plus the position error.
+    """Return the space that the scene's run requires; its bounds differ by ``within_m`` plus the position error.
 
-    They differ by more if floats are too coarse for that, or if placing ``_MOST`` benches is not enough.
+    They differ by more if floats are too coarse for that, or if placing ``_MOST`` benches does not suffice.
     ``progress(looks)`` is called with the number of benches placed since the last call.
     """
     ranges = HandleRanges(scene)
@@ -111,22 +112,23 @@ def bounding_box(scene: Scene, within_m: float = 1e-10,
 
 
 def by_length(lengths_m: Floats) -> list[Ints]:
-    """Return the indices of the benches, grouped by length: the head's alone, then those behind it."""
+    """Return the indices of the benches, grouped by length: the head alone first, then the benches behind it."""
     behind = dict.fromkeys(lengths_m[1:].tolist())
     return [np.array([0]), *(1 + np.flatnonzero(lengths_m[1:] == length) for length in behind)]
 
 
 def bench_of(ranges: 'HandleRanges', number: int) -> 'SweptBench':
-    """Return a bench, given its index, as one that moves along the track."""
+    """Return the bench with an index, for moving it along the track."""
     dragon = ranges.scene.dragon
     return SweptBench(ranges.track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
                       0.5 * dragon.width_m)
 
 
 def intervals_of(ranges: 'HandleRanges', benches: Ints) -> Floats:
-    """Return the intervals (2, M) of distances that the front handles of some benches pass, merged if they overlap.
+    """Return the intervals (2, M) of distances that the front handles of benches pass, merged if they overlap.
 
-    They are cut where the rear handle turns back. If the track begins with laps of a circle, the last lap covers all.
+    They are cut where the rear handle turns back. If the track begins with laps of a circle, the last lap stands for
+    all.
     """
     low, high = ranges.ranges_m[:, benches]
     order = np.argsort(low)
@@ -153,7 +155,7 @@ def turning_m(track: Track, link_m: float) -> list[float]:
 
 
 class _Reaching(InOrder):
-    """A search for the farthest corner on each side: the best so far, where it was found, and bounds of the rest."""
+    """A search for the farthest corner on each side: the best so far, its position, and bounds for the rest."""
 
     at_once = _AT_ONCE
 
@@ -193,7 +195,7 @@ class _Reaching(InOrder):
 
 
 def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Reaching, side: int) -> Reach:
-    """Return the result on a side, with a bench that reaches it and the time."""
+    """Return the result on a side, with a bench that reaches it, and the time."""
     kind, along_m, corner = search.where[side]
     low, high = ranges.ranges_m[:, kinds[kind]]
     bench = int(kinds[kind][np.argmax(np.minimum(along_m - low, high - along_m))])
@@ -210,7 +212,7 @@ def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Reaching, side: i
 class BenchStates:
     """A bench at M positions: its link, behind its front handle, for ``on_track``, and the values of its corners.
 
-    ``value`` (M, 4, 4) are the coordinates of the corners towards SIDES; ``front`` and ``rear`` are the two parts of
+    ``value`` (M, 4, 4) are the coordinates of the corners towards SIDES; ``front`` and ``rear`` are the two terms of
     their derivative, without the ratio cos alpha / cos beta.
     """
 
@@ -235,13 +237,13 @@ class SweptBench:
 
     @cached_property
     def _lever(self) -> Array:
-        """Vectors from the middle to the corners, in their order."""
+        """Vectors from the middle to the corners, in order."""
         along, aside = self.half_length_m, 1j * self.half_width_m
         return np.array([along + aside, -along + aside, -along - aside, along - aside])
 
     @cached_property
     def _shares(self) -> tuple[Array, Array]:
-        """A and B of the corners; for a link of zero length B is the factor of the tangent."""
+        """The factors A and B of the corners; for a link of zero length B is the factor of the tangent."""
         if not self.link_m:
             return np.ones(4, dtype=np.complex128), self._lever
         return 0.5 + self._lever / self.link_m, 0.5 - self._lever / self.link_m
@@ -263,7 +265,7 @@ class SweptBench:
                            _sides(two * (to_rear if link else 1j * to)[:, None]))
 
     def _rears(self, fronts: Places) -> Places:
-        """Return the rear handles; at a lock one by one, because only the scalar solver accepts the longest chord."""
+        """Return the rear handles, at a lock one by one, because only the scalar solver accepts the longest chord."""
         try:
             return next_places(self.track, fronts, self.link_m, BEHIND)[0]
         except ChainLockError:
@@ -272,7 +274,7 @@ class SweptBench:
             return np.array([place.segment for place in rears]), u[:, 0], u[:, 1]
 
     def bounds(self, a: BenchStates, b: BenchStates) -> Floats:
-        """Return bounds (M, 4, 4) of the corners' coordinates between states a and b, where b is further along."""
+        """Return bounds (M, 4, 4) on the corners' coordinates between states a and b, where b is further along."""
         slope, crude = self.slopes(a, b)
         with np.errstate(all='ignore'):
             goes = np.fmin(crude, slope.most * _each(np.abs(b.link.along_m - a.link.along_m)[:, 0]))
@@ -310,7 +312,7 @@ def _each(value: Floats) -> Floats:
 
 
 def _mean(a: Floats, b: Floats, gone: Floats) -> Ball:
-    """Return the ball of a value that goes from a to b with a total variation of at most ``gone``."""
+    """Return the ball of a value that changes from a to b with a total variation of at most ``gone``."""
     return Ball(0.5 * (a + b), 0.5 * gone)
 
 
@@ -318,12 +320,12 @@ class HandleRanges:
     """The ranges of a dragon's front handles along the track during a run, and the time when a handle is at a position.
 
     Each handle moves in one direction while the leader goes from one of ``_stops_m`` to the next. The stops are the
-    leader's smallest and largest distances and those in between at which a handle turns back. So each handle has its
-    smallest and largest distance at a stop.
+    leader's smallest and largest distances and those in between at which a handle turns back. Each handle therefore
+    has its smallest and largest distance at a stop.
     """
 
     def __init__(self, scene: Scene) -> None:
-        """Prepare for a scene, at the accuracy of the exact tier."""
+        """Compile a scene at the accuracy of the exact tier."""
         self.scene = replace(scene, accuracy='exact', solver='march')
         run, law = scene.run, scene.head
         inside = [t_s for t_s in law.breaks_s if run.start_s < t_s < compile_scene(scene).end.t_s]

@@ -1,4 +1,4 @@
-"""Result of a search for the first contact: its time and benches, or no contact, and the certificate that proves it."""
+"""The result of a search for the first contact: a contact or none, and the certificate that proves it."""
 from dataclasses import dataclass
 
 from dragon_ros.core.geometry.contacts import ObstacleTouch
@@ -43,7 +43,7 @@ class Certificate:
     complete: bool = True
 
     def __repr__(self) -> str:
-        """Say how much it proves, without listing hundreds of intervals."""
+        """Summarise the proof without listing hundreds of intervals."""
         return f'Certificate({len(self.intervals)} intervals, complete={self.complete})'
 
     def led_by(self, lead: int) -> tuple[Interval, ...]:
@@ -55,11 +55,11 @@ class Certificate:
 class Contact:
     """A first contact: its time, the benches (the inner one first), the corner and edge that meet, and its uncertainty.
 
-    For a contact with an obstacle, ``benches`` has one element and ``obstacle`` says what it touches. ``grazing_m``
-    bounds the smallest gap if that gap is zero to within the position error, so contact is undecided; otherwise it is
-    None. ``simultaneous`` lists the other pairs, of two benches or of a bench and an obstacle's name, that touch within
-    the uncertainty, which is the position error of the exact tier divided by the approach speed. ``states`` is the
-    number of states evaluated.
+    For a contact with an obstacle, ``benches`` has one element, and ``obstacle`` describes the obstacle's side.
+    ``grazing_m`` bounds the smallest gap if this gap is zero to within the position error, so that contact is
+    undecided; otherwise it is None. ``simultaneous`` lists the other pairs, of two benches or of a bench and an
+    obstacle's name, that touch within the uncertainty, which is the position error of the exact tier divided by the
+    approach speed. ``states`` is the number of states evaluated.
     """
 
     t_s: float
@@ -75,7 +75,7 @@ class Contact:
 
     @property
     def between(self) -> str:
-        """What touches, in words."""
+        """Description of the benches, or the bench and obstacle, that touch."""
         if self.obstacle:
             return f'bench {self.benches[0]} and obstacle {self.obstacle.name!r}'
         return f'benches {self.benches[0]} and {self.benches[1]}'
@@ -95,5 +95,5 @@ class NoContact:
     certificate: Certificate
 
     def __bool__(self) -> bool:
-        """Be false, as a Contact is true."""
+        """Return False, whereas a Contact is true."""
         return False

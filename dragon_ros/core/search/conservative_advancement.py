@@ -1,16 +1,16 @@
 """How close any two benches of the whole chain can come over a step of the leader: the larger of two lower bounds.
 
-Both hold if no link can lock. The handles then move on only when the leader does, so between two states handle i moves
-by exactly the distance D_i between its positions at both. A point of a bench at a fraction t of the way between its
-handles moves by at most (1 - t) D_i + t D_(i+1). A point at a distance e beside or beyond them moves by e times the
-bench's rotation more, which is at most (D_i + D_(i+1)) / 2 times the track's largest curvature. If two benches met in
-between, the two points that meet would be at least the gap apart at either state, so they would have moved by at least
-the sum of both gaps.
+Both hold if no link can lock. The handles then move only in the direction of the leader, so between two states handle i
+moves by exactly the distance D_i between its positions. A point of a bench at a fraction t of the way between its
+handles moves by at most (1 - t) D_i + t D_(i+1). A point at a distance e beside or beyond them moves further by at most
+e times the bench's rotation, which is at most (D_i + D_(i+1)) / 2 times the track's largest curvature. If two benches
+met in between, the two points that meet would be at least the gap apart at each state, so they would have moved by at
+least the sum of both gaps.
 
-That bound shrinks with the motion of benches, even if they move together. The other bound is used for pairs that the
-first does not clear. It shrinks with the square of the step, and with the motion of benches relative to each other:
-over a step h no corner deviates from the line between its positions at both ends by more than B h^2 / 8, with B from
-``on_track``. docs/contact.md has the proofs. Everything is rounded outwards: gaps and separations by
+This bound loosens with the motion of benches, even if they move together. The other bound is used for pairs that the
+first does not clear. It loosens with the square of the step, and only with the motion of benches relative to each
+other: over a step h no corner deviates from the line between its positions at both ends by more than B h^2 / 8, with B
+from ``on_track``. docs/contact.md has the proofs. Everything is rounded outwards: gaps and separations by
 ``signed_distance.rounding_m``, motions by the factor ABOVE.
 """
 from collections.abc import Iterator
@@ -28,28 +28,28 @@ from dragon_ros.core.search.driver import Judgement, clear, parts_for
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
-_TOLERANCE = 4          # times the position error: two benches at two states
-_SPACING = 0.3          # of the longest bench, between the first states: a pair two benches apart allows no more
-_LEAST_SPACING = 0.05   # of that spacing, at least: intervals are cut later, and short roots have few pairs in reach
-_PARTS_OF_ROOT = 1.05  # desired parts per root: from block to block the length of roots changes towards it,
-_FINER = 0.25           # by a factor from this to its inverse
-_MOST = 2_000_000       # first intervals, which take a few hours
-_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: near a contact, and near a grazing point
-_REACH = 1.25           # times the motion of benches on a root: pairs further apart keep a fifth of their gap
-_SHORTEST = 0.1    # of the error that a gap must exceed: gaps before a contact are larger, so steps are longer
-_FAR = 0.05             # of the longest bench, added so that benches at rest have a positive bound too
-_AT_ONCE = 2**17        # benches that are sampled together, to limit memory
-_FEW = 8                # roots in the first block; each later block has twice as many
-_SETTLED = 0.5          # relative to a gap: a bound this close to it is not recomputed on parts of its interval
-_STILL_M = 1e-200       # two states may round to the same position
+_TOLERANCE = 4          # times the position error, for two benches at two states
+_SPACING = 0.3          # relative to the longest bench, between the first states: pairs two benches apart allow no more
+_LEAST_SPACING = 0.05   # smallest fraction of it: intervals are cut later, and short roots have few pairs within reach
+_PARTS_OF_ROOT = 1.05  # desired parts per root: from block to block the length of roots is adapted to it,
+_FINER = 0.25           # by a factor between this and its inverse
+_MOST = 2_000_000       # limit for the first intervals, which take a few hours
+_FINEST = 1e-3, 1e-8    # times 1 m, or the longest bench if it is shorter: near a contact, and near a grazing point
+_REACH = 1.25           # times the motion of benches on a root: pairs further apart retain a fifth of their gap
+_SHORTEST = 0.1    # relative to the error that a gap must exceed: gaps before a contact are larger
+_FAR = 0.05             # relative to the longest bench: added so that benches at rest also have a positive bound
+_AT_ONCE = 2**17        # limit for the benches that are sampled together, to save memory
+_FEW = 8                # number of roots in the first block; each later block has twice as many
+_SETTLED = 0.5          # relative to a gap: a bound this close to it is not recomputed for the parts of its interval
+_STILL_M = 1e-200       # avoids a division by zero if two states round to the same position
 
 
 @dataclass(frozen=True)
 class ChainSamples:
     """States of a chain with N benches at M leader positions: handles (M, N+1), and rectangles.
 
-    For each handle ``along_m`` is its distance along the track; ``headings``, ``curvature`` (1/m) and ``segment``
-    (index) are those of the track at it.
+    For each handle, ``along_m`` is its distance along the track, and ``headings``, ``curvature`` (1/m) and ``segment``
+    (index) are those of the track at this handle.
     """
 
     places: Floats
@@ -70,11 +70,11 @@ _FIELDS = tuple(each.name for each in fields(ChainSamples))
 
 
 class _ChainIntervals:
-    """The space of leader positions for ``clear``; each root finds its pairs, and its parts get the remaining ones.
+    """The space of leader positions for ``clear``: pairs are found per root, and its parts examine those that remain.
 
-    A group is a set of pairs, with a bound of the gaps of all other pairs on an interval. A root's group holds the
-    pairs in reach. If a pair's bound on an interval is not far below its gaps at the ends, the pair is cleared on all
-    parts of the interval and left out of their groups.
+    A group is a set of pairs, with a bound on the gaps of all other pairs in an interval. A root's group holds the
+    pairs within reach. If a pair's bound on an interval is not far below its gaps at the ends, the pair is cleared on
+    all parts of the interval and left out of their groups.
     """
 
     def __init__(self, domain: SearchDomain, only_beyond: bool, heads_m: dict[float, float]) -> None:
@@ -87,9 +87,9 @@ class _ChainIntervals:
         self._rounding_m = float(rounding_m(domain.simulation.size_m, 0.5 * float(np.max(
             dragon.bench_lengths_m + dragon.width_m))))
         self._pairs: tuple[Ints, Ints] = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
-        self._first: Ints = np.empty(0, dtype=np.int64)     # of each group's pairs
+        self._first: Ints = np.empty(0, dtype=np.int64)     # index of each group's first pair
         self._count: Ints = np.empty(0, dtype=np.int64)
-        self._others_m: Floats = np.empty(0)                # bounds of the gaps of each group's other pairs
+        self._others_m: Floats = np.empty(0)                # bounds on the gaps of each group's other pairs
 
     def sample(self, places: Floats, _: Ints) -> ChainSamples:
         """Return the samples at leader positions."""
@@ -111,7 +111,7 @@ class _ChainIntervals:
         return ChainSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in _FIELDS))
 
     def begin(self, samples: ChainSamples, pairs: Ints, _: Ints) -> None:
-        """Take the roots and find the pairs that come close on each."""
+        """Receive the roots, and find the pairs that come close on each."""
         moved_m = np.max(self._moved(samples.rows(pairs[0]), samples.rows(pairs[1])), axis=1)
         reach_m = _REACH * 2 * moved_m + self._far_m
         found = [*self._near(samples, pairs, reach_m)]
@@ -121,7 +121,7 @@ class _ChainIntervals:
         self._others_m = reach_m - 2 * moved_m
 
     def _near(self, samples: ChainSamples, pairs: Ints, reach_m: Floats) -> Iterator[tuple[Ints, Ints]]:
-        """Yield the pairs to examine on each root: all within reach that no other part of the search covers."""
+        """Yield the pairs to examine on each root: all pairs within reach that no other part of the search covers."""
         corners = Benches(samples.centre, samples.axis, *self._half).corners
         low, high = corners.min(axis=2), corners.max(axis=2)
         low, high = np.minimum(*(low[rows] for rows in pairs)), np.maximum(*(high[rows] for rows in pairs))
@@ -137,9 +137,9 @@ class _ChainIntervals:
         return ABOVE * out
 
     def judge(self, a: ChainSamples, b: ChainSamples, group: Ints) -> Judgement:
-        """Judge intervals by gaps less the benches' motion or second-order deviation; cut them as their room suggests.
+        """Judge intervals by gaps minus the benches' motion or second-order deviation; cut them as their room suggests.
 
-        Room is the fraction of its length to which an interval would have to shrink to be cleared.
+        The room is the fraction of its length to which an interval would have to shrink to be cleared.
         """
         moved_m, size = self._moved(a, b), self._count[group]
         row = np.repeat(np.arange(group.size), size)
@@ -163,7 +163,7 @@ class _ChainIntervals:
         return Judgement(bound_m, touching, parts_for(least), rest)
 
     def _without(self, settled: Array, at: Ints, row: Ints, low_m: Floats, group: Ints, which: Ints) -> Ints:
-        """Return groups (M,): new ones, without their settled pairs, for the intervals ``which``."""
+        """Return groups (M,): for the intervals ``which`` new ones, without their settled pairs."""
         out: Ints = group.copy()
         others_m = self._others_m[group]
         np.minimum.at(others_m, row[settled], low_m[settled])
@@ -178,7 +178,7 @@ class _ChainIntervals:
         return out
 
     def _bent(self, a: ChainSamples, b: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[Floats, Floats]:
-        """Return second-order bounds of the gaps of pairs, and the room."""
+        """Return second-order bounds on the gaps of pairs, and the room."""
         # Imported here because dragons that wind in on one spiral need only ``leading_benches``.
         from dragon_ros.core.enclosures.on_track import kinematics, link_states, second_derivatives, views
         domain = self._domain
@@ -212,10 +212,10 @@ class _ChainIntervals:
 
 
 class WholeChain:
-    """All pairs of a domain, or those left by ``LeadingBenches``: the cleared part, and where it ends."""
+    """All pairs of a domain, or those not covered by ``LeadingBenches``, with the cleared part and its end."""
 
     def __init__(self, domain: SearchDomain, only_beyond: bool) -> None:
-        """Take a domain; ``only_beyond`` limits it to pairs whose inner bench is beyond the track's first segment."""
+        """Cover a domain; ``only_beyond`` limits it to pairs whose inner bench is beyond the track's first segment."""
         self._domain, self._only_beyond, self.tolerance_m = domain, only_beyond, _TOLERANCE * domain.error_m
         longest_m = float(np.max(domain.dragon.bench_lengths_m))
         self._spacing_m, self._finest_m = _SPACING * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
@@ -259,7 +259,7 @@ class WholeChain:
         return self._heads_m[place]
 
     def _go_on(self, start_m: float, stop_m: float, finest_m: tuple[float, ...] | None = None) -> None:
-        """Clear from one position to another, block by block, or up to the first position that is not clear."""
+        """Clear from one position to another, block by block, until a position is not clear."""
         here_m, stop_m = (self._within(place) for place in (start_m, stop_m))
         most, spacing_m = max(1, _AT_ONCE // self._domain.dragon.benches), self._spacing_m
         size = min(_FEW, most)

@@ -1,17 +1,17 @@
 """The loop shared by all searches: it judges cells of a space in batches and subdivides them until all are settled.
 
-``run`` takes the search as a parameter. A ``Search`` says which cells may still matter, orders them and judges them: it
-keeps what is settled and returns the parts of all other cells. The loop holds the waiting cells and limits the number
-that are judged together; if there are too many, it takes the first in order, with all their parts. Four searches use
-it. ``clear`` advances through positions up to the first that is not clear; ``min_pitch`` does the same in the plane of
-radius and pitch; ``bounding_box`` and ``max_speed`` search for maxima. Every search terminates: a cell is cut into
-parts at most half as long, until it is as short as requested or as floats allow.
+``run`` takes the search as a parameter. A ``Search`` selects the cells that may still matter, orders them and judges
+them: it keeps settled cells and returns the parts of all others. The loop holds the waiting cells and limits the number
+of cells that are judged together; if there are too many, it takes the first in order, with all their parts. Four
+searches use it. ``clear`` advances through positions up to the first that is not clear; ``min_pitch`` does the same in
+the plane of radius and pitch; ``bounding_box`` and ``max_speed`` search for maxima. Every search terminates: a cell is
+cut into parts at most half as long, until it is as short as requested or as floats allow.
 
 ``clear`` clears intervals of the search domain of a contact. A domain is sampled at positions. Between two of them a
-bound (``on_spiral`` for a bench on a spiral segment, ``conservative_advancement`` for the whole chain) says how close
+bound (``on_spiral`` for a bench on a spiral segment, ``conservative_advancement`` for the whole chain) limits how close
 benches can come. If its bound does not exceed the position error, an interval is cut at once into as many parts as the
-bound suggests, and so on until each part is cleared or as short as requested. So an interval of length L takes at most
-log2(L / finest) rounds. Adjacent intervals share the samples at their ends, because states are expensive.
+bound suggests, and so on until each part is cleared or as short as requested. An interval of length L thus takes at
+most log2(L / finest) rounds. Adjacent intervals share the samples at their ends, because states are expensive.
 """
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar
@@ -21,15 +21,15 @@ from numpy.typing import NDArray
 
 from dragon_ros.core.numerics.types import Floats, Ints
 
-_SHARE = 0.9        # of the length for which there is room: gaps shrink within an interval
-_MOST_PARTS = 3     # per cut of an interval: shorter intervals have more room than a long one suggests
-_AT_ONCE = 4096     # intervals that are bounded together; later ones wait, which limits the memory of a long search
-_FINEST = 1e-14     # of a time or a distance: shorter intervals are not cut
+_SHARE = 0.9        # relative to the length for which there is room: gaps shrink within an interval
+_MOST_PARTS = 3     # limit per cut of an interval: shorter intervals have more room than a long one suggests
+_AT_ONCE = 4096     # intervals that are bounded together; the others wait, which limits the memory of a long search
+_FINEST = 1e-14     # relative to a time or a distance: shorter intervals are not cut
 Bools = NDArray[np.bool_]
 
 
 class Cells(Protocol):
-    """Cells of a space, as a search holds them."""
+    """Cells of a space that a search examines."""
 
     @property
     def size(self) -> int:
@@ -45,7 +45,7 @@ C = TypeVar('C', bound=Cells)
 
 
 class Search(Protocol[C]):
-    """A search; at most ``at_once`` cells are judged together."""
+    """A search that judges at most ``at_once`` cells together."""
 
     @property
     def at_once(self) -> int:
@@ -53,7 +53,7 @@ class Search(Protocol[C]):
         ...
 
     def ahead(self, cells: C) -> Bools:
-        """Return which cells may still matter."""
+        """Return whether each cell may still matter."""
         ...
 
     def order(self, cells: C) -> Floats:
@@ -61,7 +61,7 @@ class Search(Protocol[C]):
         ...
 
     def judge(self, cells: C) -> C:
-        """Judge cells and keep what is settled; return the parts of the others."""
+        """Judge cells and keep those that are settled; return the parts of the others."""
         ...
 
 
@@ -69,7 +69,7 @@ class InOrder:
     """A search for an extreme value over cells along a track or in time; it judges every cell, in order."""
 
     def ahead(self, cells: Cells) -> Bools:
-        """Return True for all cells: their bounds are unknown until they are judged."""
+        """Return True for all cells, because their bounds are unknown until they are judged."""
         return np.ones(cells.size, dtype=bool)
 
     def order(self, cells: Any) -> Floats:
@@ -134,9 +134,9 @@ class Samples(Protocol):
 
 @dataclass(frozen=True)
 class Judgement:
-    """For M intervals: lower bounds of the gaps, whether benches touch at each end (2, M), and the numbers of parts.
+    """For M intervals: lower bounds on the gaps, whether benches touch at each end (2, M), and the numbers of parts.
 
-    ``group`` (M,) is the group with which the parts are judged: a space may omit pairs settled for the whole interval.
+    ``group`` (M,) is the group for which the parts are judged: a space may omit pairs settled for the whole interval.
     """
 
     bound_m: Floats
@@ -166,7 +166,7 @@ class Space(Protocol):
         ...
 
     def begin(self, samples: Any, pairs: Ints, window: Ints) -> None:
-        """Take the roots: ``pairs`` (2, R) of rows of the samples, and the indices (R,) of their windows."""
+        """Receive the roots: ``pairs`` (2, R) of rows of the samples, and the indices (R,) of their windows."""
         ...
 
     def judge(self, a: Any, b: Any, group: Ints) -> Judgement:
@@ -174,7 +174,7 @@ class Space(Protocol):
         ...
 
     def lengths_m(self, start: Floats, stop: Floats) -> Floats:
-        """Return the lengths of intervals in metres, or bounds on them."""
+        """Return the lengths of intervals in metres, or upper bounds on them."""
         ...
 
 
@@ -182,8 +182,8 @@ class Space(Protocol):
 class Cleared:
     """The cleared part of a window, from its start, as rows (start, stop, bound).
 
-    ``hit`` brackets the first position that is not clear, as (cleared end, other end, bound); it is None if all is
-    clear. ``touching`` is True if benches touch at the other end.
+    ``hit`` brackets the first position that is not clear, as (cleared end, other end, bound); it is None if the whole
+    window is clear. ``touching`` is True if benches touch at the other end.
     """
 
     rows: list[tuple[float, float, float]]
@@ -192,7 +192,7 @@ class Cleared:
 
 
 def parts_for(room: Floats) -> Ints:
-    """Return the number of parts for intervals of which the fraction ``room``, below 1, would be cleared."""
+    """Return the numbers of parts for intervals that would be cleared at a fraction ``room`` of their length."""
     parts = np.ceil(1 / (_SHARE * np.maximum(room, 0.5 / _MOST_PARTS)))
     return np.clip(parts, 2, _MOST_PARTS).astype(np.int64)
 
@@ -214,7 +214,7 @@ def clear(space: Space, windows: list[Floats], finest_m: tuple[float, ...]) -> l
 
 
 def _after(window: Floats, hit: tuple[float, float, float] | None) -> Floats:
-    """Return the rest of a window."""
+    """Return the rest of a window after a hit."""
     assert hit
     sign = 1.0 if window[-1] > window[0] else -1.0
     return np.concatenate(([hit[0]], window[sign * window > sign * hit[0]]))
@@ -257,7 +257,7 @@ class _Clearing:
         self._sign = np.ones(size)
         self._sign[[*windows]] = [1.0 if window[-1] >= window[0] else -1.0 for window in windows.values()]
         self._touch: Floats = np.full(size, np.inf)      # progress to the first touching position
-        self._limit: Floats = np.full(size, np.inf)      # and to the first position that cannot be cleared
+        self._limit: Floats = np.full(size, np.inf)      # progress to the first position that cannot be cleared
         self._done: list[tuple[Floats, Ints]] = []
         self._stuck: list[tuple[Floats, Ints]] = []
         samples, first = space.sample(np.concatenate([*windows.values()]), of), np.flatnonzero(np.diff(of) == 0)
@@ -266,7 +266,7 @@ class _Clearing:
         self.roots = _Intervals(samples, pairs, of[first], np.arange(first.size))
 
     def ahead(self, batch: _Intervals) -> Bools:
-        """Return which intervals begin before the first position that cannot be cleared."""
+        """Return whether each interval begins before the first position that cannot be cleared."""
         out: Bools = self.order(batch) < self._limit[batch.window]
         return out
 
@@ -333,19 +333,19 @@ class _Clearing:
 
 
 def _between(start: Floats, stop: Floats) -> Bools:
-    """Return whether there is a float between the two."""
+    """Return whether there is a float between start and stop."""
     middle = 0.5 * (start + stop)
     out: Bools = (middle != start) & (middle != stop)
     return out
 
 
 def divisible(starts: Floats, stops: Floats) -> Bools:
-    """Return which intervals of time or distance from starts to stops (M,) are long enough to be cut."""
+    """Return whether intervals of time or distance from starts to stops (M,) are long enough to be cut."""
     out: Bools = np.abs(stops - starts) > _FINEST * (1 + np.maximum(np.abs(starts), np.abs(stops)))
     return out
 
 
 def _counted(sizes: Ints) -> Ints:
-    """Return 0, 1, ... up to each size, concatenated."""
+    """Return the numbers 0, 1, ... below each size, concatenated."""
     out: Ints = np.arange(int(np.sum(sizes))) - np.repeat(np.cumsum(sizes) - sizes, sizes)
     return out

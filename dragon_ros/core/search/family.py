@@ -1,16 +1,16 @@
-"""The time up to which no dragon of a family touches itself: benches on one spiral that differ within tolerances.
+"""The time until which no dragon of a family touches itself: dragons on one spiral that differ within tolerances.
 
 Every bench of a dragon may have its own width, length and hole inset within the tolerances around the scene's values;
-the pitch of the track is common to all. Larger rectangles contain smaller ones, so width and overhang are taken at
-their largest; a link may have any length between its shortest and its longest. The chain behind a bench depends only on
-that bench's position. So the search covers the positions of the inner and the other bench of a pair, their two links,
-and the pitches (``enclosures.sliding_pair``). The links between the two benches have bounded lengths. So for each
-number of benches in between, the other bench's position lies in a strip, and everything outside all strips is left out.
-The search has two parts: the head with all benches behind it, and any other bench with all benches behind it
+the pitch of the track is common to all. Larger rectangles contain smaller ones, so the largest width and overhang are
+used; a link may have any length between its shortest and its longest. The chain behind a bench depends only on that
+bench's position. The search therefore covers the positions of the inner and the other bench of a pair, their two links,
+and the pitches (``enclosures.sliding_pair``). Since the lengths of the links between the two benches are bounded, the
+other bench's position lies in a strip for each number of benches in between, and everything outside all strips is left
+out. The search has two parts: the head with all benches behind it, and any other bench with all benches behind it
 (docs/contact.md).
 
-Boxes are cleared, left out or halved, in the order in which the leader could reach them. So the leader's travel up to
-the first remaining box is proved clear.
+Boxes are cleared, left out or halved, in the order in which the leader could reach them. The leader's travel up to the
+first remaining box is thus proved clear.
 """
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -44,23 +44,23 @@ from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve, arc_between
 
 TOLERANCES = ('dragon.width_m', 'dragon.head_length_m', 'dragon.body_length_m', 'dragon.hole_inset_m', 'track.pitch_m')
-_WITHIN = 0.01          # of a metre of leader travel, or of the longest link if that is shorter: the distance before a
-                        # dragon that touches at which a proof ends
-_AT_ONCE, _MOST = 1000, 200_000     # boxes
-_FIRST_RAD = 2.0        # turn about the centre of the inner bench in a first box
+_WITHIN = 0.01          # times 1 m, or the longest link if it is shorter: the leader travel before a dragon that
+                        # touches at which a proof ends
+_AT_ONCE, _MOST = 1000, 200_000     # numbers of boxes
+_FIRST_RAD = 2.0        # turn of the inner bench about the centre in a first box
 _MOST_FIRST = 10_000    # first boxes
-_DOWN, _UP = 1 - 2.0**-51, 1 + 2.0**-51     # for a sum of two positive numbers: more than its rounding
-_OUT = 1 + 2.0**-40     # more than the rounding of a dozen sums and products of positive numbers
+_DOWN, _UP = 1 - 2.0**-51, 1 + 2.0**-51     # exceed the rounding of a sum of two positive numbers
+_OUT = 1 + 2.0**-40     # exceeds the rounding of a dozen sums and products of positive numbers
 _BENT = 1.09            # the curvature of any spiral is at most 1.09 / r (``min_pitch``)
 _INNER_STEPS = 6        # iterations to bound the position of the head, given that of the next bench
-_HEAD, _BODY = 0, 1     # the inner bench of a pair
+_HEAD, _BODY = 0, 1     # kinds of the inner bench of a pair
 
 
 @dataclass(frozen=True)
 class FamilyProof:
     """No dragon of the family touches itself from the start of the run to ``proved_s``.
 
-    ``why`` says what ends the proof: 'contact' (some dragons may touch from ``limit_s`` on, for example at
+    ``why`` is the reason why the proof ends: 'contact' (some dragons may touch from ``limit_s`` on, for example at
     ``benches``), 'run' (the run of the nominal dragon ends), 'bend' (closer to the centre the order of handles is not
     proved) or 'effort'. ``nominal`` is the first contact of the scene itself; ``states`` is the number of boxes.
     """
@@ -99,7 +99,7 @@ class Family:
 
     @property
     def within_m(self) -> float:
-        """How far before a touching dragon a proof may end."""
+        """The distance before the position of a touching dragon at which a proof may end."""
         return _WITHIN * min(1.0, self.head_link_m[1], self.body_link_m[1])
 
     @property
@@ -126,11 +126,11 @@ class Family:
 
 def first_contact_within(scene: Scene, within: Mapping[str, float],
                          progress: Callable[[int], object] = lambda states: None) -> FamilyProof:
-    """Return the time up to which no dragon with benches and track pitch within tolerances touches itself.
+    """Return the time until which no dragon with benches and track pitch within tolerances touches itself.
 
     ``within`` maps some of ``TOLERANCES`` to values in metres, each allowed in both directions. ``progress(boxes)`` is
     called with the number of boxes examined since the last call. Raises FieldError for unknown tolerances and for
-    scenes that are not covered, and DragonError, naming the tolerance to blame, if nothing can be proved.
+    scenes that are not supported, and DragonError, which names the tolerance to blame, if nothing can be proved.
     """
     family = family_of(scene, within)
     nominal = first_contact(scene)
@@ -149,7 +149,7 @@ def first_contact_within(scene: Scene, within: Mapping[str, float],
 
 
 def family_of(scene: Scene, within: Mapping[str, float]) -> Family:
-    """Return the family of a scene. Raises FieldError for unknown tolerances and for scenes that are not covered."""
+    """Return the family of a scene. Raises FieldError for unknown tolerances and unsupported scenes."""
     for key, tolerance in within.items():
         if key not in TOLERANCES:
             raise FieldError(f'--within {key}', tolerance, f'tolerances are for {", ".join(TOLERANCES)}',
@@ -165,7 +165,7 @@ def family_of(scene: Scene, within: Mapping[str, float]) -> Family:
 
 
 def _covered(scene: Scene) -> tuple[Dragon, Spiral]:
-    """Return dragon and track of a scene. Raises FieldError if families of this scene are not covered."""
+    """Return the dragon and the track of a scene. Raises FieldError if families of this scene are not supported."""
     dragon, track, law = scene.dragon, scene.track, scene.head
     if scene.venue is not None:
         raise FieldError('venue', scene.venue, 'families are proved for contacts between benches only',
@@ -188,7 +188,7 @@ def _covered(scene: Scene) -> tuple[Dragon, Spiral]:
 
 
 def _around(key: str, value: float, within: Mapping[str, float], zero: bool = False) -> tuple[float, float]:
-    """Return the interval of a value. Raises FieldError if it contains 0 (with ``zero``: a negative number)."""
+    """Return the interval of a value. Raises FieldError if it contains 0 (or, with ``zero``, negative numbers)."""
     tolerance = within.get(key, 0.0)
     if tolerance and (tolerance > value if zero else tolerance >= value):
         raise FieldError(f'--within {key}', tolerance, f'the value itself is {value:g} m', 'give a smaller tolerance')
@@ -221,7 +221,7 @@ def _time_to(travel: RangeOfTravel, gone_m: float) -> float:
 
 def _search(scene: Scene, family: Family, nominal: Contact | NoContact,
             progress: Callable[[int], object]) -> tuple['_FamilySearch', str]:
-    """Return the finished search, and why it ended."""
+    """Return the finished search, and the reason why it ended."""
     travel = _travel(scene, nominal)
     begin_m, end_m, why = travel.gone_m(travel.start_s), travel.gone_m(travel.end_s), 'run'
     bend_m = float(family.gone_m(family.innermost_rad, family.scale[1]))
@@ -253,7 +253,7 @@ def _blame(scene: Scene, within: Mapping[str, float], nominal: Contact | NoConta
 
 @dataclass(frozen=True)
 class _PairBoxes:
-    """Boxes (5, n) of the variables of ``sliding_pair``, which bench is the inner one (n,), and when they matter.
+    """Boxes (5, n) of the variables of ``sliding_pair``, the kinds of their inner benches (n,), and ``gone_m`` (n,).
 
     ``gone_m`` is the smallest distance travelled by the leader at which a pair of the box can occur.
     """
@@ -277,8 +277,8 @@ class _PairBoxes:
 class _FamilySearch:
     """Branch and bound over boxes, in the order in which the leader can reach them.
 
-    ``frontier_m`` is how far it can travel before it reaches a box that is not clear; at ``limit_m`` it reaches a pair
-    of ``benches`` that overlap.
+    ``frontier_m`` is the distance that the leader can travel before it reaches a box that is not clear; at ``limit_m``
+    it reaches a pair of ``benches`` that overlap.
     """
 
     def __init__(self, family: Family, begin_m: float, end_m: float, progress: Callable[[int], object]) -> None:
@@ -325,10 +325,10 @@ class _FamilySearch:
         return self._reached(low, high, np.full(same.size, inner))
 
     def _reached(self, low: Floats, high: Floats, inner: Ints) -> _PairBoxes:
-        """Return boxes with the least distance that the leader has travelled when the inner bench is there.
+        """Return boxes with the smallest distance that the leader has travelled when the inner bench is in them.
 
-        Of the body benches, bench 1 gets there first. The head is further in by at least the shortest link, whose span
-        is smallest when the head is furthest out; each iteration moves the bound further in.
+        Of the body benches, bench 1 reaches them first. The head is further in by at least the shortest link, whose
+        span is smallest when the head is furthest out; each iteration moves the bound further in.
         """
         body = inner == _BODY
         rear, chord = high[THETA, body], low[SCALE, body] * self.family.head_link_m[0] / _OUT
@@ -353,7 +353,7 @@ class _FamilySearch:
             return near
         kept = Separations(found.low[unclear], found.middle[unclear], found.slope[:, unclear], found.spread[:, unclear])
         self._note(near, kept)
-        wide = near.high - near.low     # selects the axis in a box that is too wide for derivatives
+        wide = near.high - near.low     # selects the axis if a box is too wide for derivatives
         return self._cut(near, np.where(np.all(np.isfinite(kept.spread), axis=0), np.argmax(kept.spread, axis=0),
                                         np.argmax(wide[[THETA, AHEAD]], axis=0)))
 
@@ -383,10 +383,10 @@ class _FamilySearch:
         return _PairBoxes(low, high, boxes.inner, boxes.gone_m).some(which)
 
     def _strips(self, low: Floats, high: Floats, inner: Ints) -> tuple[Floats, Floats, Ints]:
-        """Return the ends of the range in which the other bench may be ahead, within a box, and the nearest such bench.
+        """Return the range of the angle AHEAD of the other bench within a box, and the nearest such bench.
 
-        Like every span (lemma 1), the angle from a handle to the one a given number of links behind falls as theta
-        grows, and grows with each link. An empty range is returned with its first end larger than its last.
+        Like every span (lemma 1), the angle from a handle to the handle a given number of links behind decreases as
+        theta increases, and increases with each link. In an empty range the first end is larger than the last.
         """
         family, out = self.family, _OUT
         last_bench = np.where(inner == _HEAD, family.benches - 1, family.benches - 2)
@@ -410,7 +410,7 @@ class _FamilySearch:
     def _note(self, boxes: _PairBoxes, found: Separations) -> None:
         """Record the first leader position at which a pair overlaps, tested at the worst corner of each box.
 
-        This only limits how far a proof can reach; no proof depends on it, so plain floats are enough.
+        This only limits how far a proof can reach; no proof depends on it, so plain floats suffice.
         """
         worst = np.where(found.slope > 0, boxes.low, boxes.high)
         places = 0.5 * (boxes.low + boxes.high)

@@ -4,7 +4,7 @@ The leader's range of travel is searched in each direction. ``leading_benches`` 
 spiral first segment, once along the track for all benches with identical remaining link sequences; ``WholeChain``
 clears all others, state by state. ``obstacle_contact`` clears the obstacles of a venue, once along the track for all
 benches of one length. In the first interval that cannot be cleared, the search solves for the zero of the gap, and
-everything is cleared up to there.
+everything is cleared up to this position.
 """
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -33,23 +33,23 @@ from dragon_ros.core.search.leading_benches import (
 from dragon_ros.core.search.search_domain import Bracket, RangeOfTravel, SearchDomain
 from dragon_ros.core.tiers import EXACT
 
-_BEFORE_M = 1e-9        # of leader travel, or of the longest bench if shorter: clearing stops this far before a contact
-_TOLD_APART = 4         # gaps there are at least this many times the error that a bound must exceed
-_AHEAD_M = 1e-8         # doubled each time: the search for a contact just beyond a position that cannot be cleared
-_AHEAD = 24             # doublings, so up to 8 cm
-_STEADY = 4             # times the closing distance at the final rate: a gap that takes longer is another approach
-_ASIDE = 1e3            # times ``_BEFORE_M``, to either side of a contact: the step for the closing rate in the checker
+_BEFORE_M = 1e-9        # times 1 m, or the longest bench if it is shorter: clearing stops this far before a contact
+_TOLD_APART = 4         # gaps there are at least this multiple of the error that a bound must exceed
+_AHEAD_M = 1e-8         # first step of the search for a contact just beyond a position that cannot be cleared
+_AHEAD = 24             # number of doublings of this step, up to 8 cm
+_STEADY = 4             # times the closing distance at the final rate: a gap that takes longer is a separate approach
+_ASIDE = 1e3            # times ``_BEFORE_M``, to either side of a contact: the checker's step for the closing rate
 _LAST_PLACES = 4        # ulps of a contact's time, times the leader's speed: the rounding error of the position
-_WIDEST_M = 1e-6        # of leader travel, or of the longest bench if it is shorter: the largest slack
-_GRAZING_M = 1e-7       # likewise: benches that graze come this close to each other
-_HARDLY = 0.99          # of the clear distance before a grazing: the rest allows for rounding of positions and times
+_WIDEST_M = 1e-6        # times 1 m, or the longest bench if it is shorter: the largest slack
+_GRAZING_M = 1e-7       # likewise: grazing benches come this close to each other
+_HARDLY = 0.99          # relative to the clear distance before a grazing: the rest allows for rounding
 _TOO_FAR = 'the leader goes too far to be searched'
 
 Pair = tuple[int, int]
 
 
 class BenchPairs(Protocol):
-    """Some of the pairs of a domain, cleared by one kind of bound."""
+    """Part of the pairs of a domain, which one kind of bound clears."""
 
     @property
     def tolerance_m(self) -> float:
@@ -73,9 +73,9 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
     """Return the first contact of the scene's run, at the exact tier, or how the run ended without one.
 
     ``progress(states)`` is called with the number of states evaluated since the last call. In a venue the first touch
-    of an obstacle counts too. Raises FieldError, with the time to stop at, if no contact occurs before the position
-    beyond which none can be ruled out (docs/contact.md, limits of the search), or if the dragon does not start inside
-    its venue and clear of obstacles.
+    of an obstacle is also a contact. Raises FieldError, with the latest possible stop, if no contact occurs before the
+    position beyond which contacts cannot be ruled out (docs/contact.md, limits of the search), or if the dragon does
+    not start inside its venue and clear of obstacles.
     """
     if scene.venue is not None:
         from dragon_ros.core.search.venue import check_sides
@@ -88,7 +88,7 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
         return NoContact(compile_scene(scene).end, sum(search.states for search in searches.values()), proof)
     sense = min(hits, key=lambda sense: hits[sense].t_s)
     hit, before = hits[sense], travel.until(hits[sense].t_s)
-    # The distance covered in the other direction by then is proved separately.
+    # The distance travelled in the other direction by then is proved separately.
     rest = [_ContactSearch(SearchDomain(scene, before, other, progress)) for other in before.senses if other != sense]
     proof = _together([hit.certificate, *(search.cleared() for search in rest)])
     return replace(hit, certificate=proof, states=sum(search.states for search in (*searches.values(), *rest)))
@@ -125,7 +125,7 @@ class _ContactSearch:
         return self._contact(hit) if hit else None
 
     def bracket(self) -> Bracket | None:
-        """Return the first bracket that is not clear; it is at the start if benches touch there."""
+        """Return the first bracket that is not clear, which is at the start if benches touch there."""
         domain = self._domain
         least = 0.0 if domain.start_m != domain.stop_m else self._error_m
         if np.min(domain.near(domain.start_m)[1], initial=inf) <= least:
@@ -133,7 +133,7 @@ class _ContactSearch:
         return self._clear()
 
     def cleared(self) -> Certificate:
-        """Return the certificate of the domain, which has no contact."""
+        """Return the certificate of the domain, given that it has no contact."""
         self._complete = self._clear() is None
         return self.certificate()
 
@@ -142,7 +142,7 @@ class _ContactSearch:
         return Certificate(tuple(each for part in self._parts for each in part.intervals()), self._complete)
 
     def _clear(self) -> Bracket | None:
-        """Clear the domain up to the first bracket that is not clear; raises FieldError if the proof ends before."""
+        """Clear the domain up to the first bracket that is not clear. Raises FieldError if the proof ends earlier."""
         domain, hit = self._domain, None
         last_m, why = self._last()
         if why is not _TOO_FAR and (last_m == domain.stop_m or last_m != domain.start_m):
@@ -155,7 +155,7 @@ class _ContactSearch:
         return hit
 
     def _last(self) -> tuple[float, str]:
-        """Return the leader position up to which contacts can be ruled out, and the reason; '' if nothing limits it."""
+        """Return the leader position up to which contacts can be ruled out, and the reason ('' without a limit)."""
         domain, ends = self._domain, [(self._domain.stop_m, '')]
         if domain.track.from_afar:
             ends.append((searchable_m(domain), _TOO_FAR))
@@ -171,7 +171,7 @@ class _ContactSearch:
         gone_m, pair = claim.gone_m, claim.pair
         cleared_m, earlier = self._prove(bracket.clear_m, claim, _HARDLY * claim.near_m if grazing_m else inf)
         if earlier and domain.sense * earlier.clear_m < domain.sense * bracket.clear_m:
-            return self._contact(earlier)       # the proof found one
+            return self._contact(earlier)       # the proof found an earlier one
         self._complete = claim.grazes(cleared_m) if grazing_m else claim.touches(cleared_m, earlier is None)
         speed = claim.slope * domain.speed_m_s(claim.t_s)
         unsure = EXACT.promise_for_m(domain.simulation.size_m) / speed if speed > 0 else inf
@@ -183,7 +183,7 @@ class _ContactSearch:
                        domain.states, self.certificate(), obstacle)
 
     def _named(self, pair: Pair) -> tuple[int, int | str]:
-        """Return a pair, with the name of the obstacle instead of an edge."""
+        """Return a pair with the name of the obstacle instead of an edge."""
         edge, around = self._domain.edge_of(pair), self._domain.around
         return pair if edge is None or around is None else (pair[0], around.names[around.owner[edge]])
 
@@ -197,9 +197,8 @@ class _ContactSearch:
     def _touching(self, bracket: Bracket) -> tuple['_Claim', list[tuple[float, Pair]], tuple[float, float] | None]:
         """Return the first contact in a bracket, later touches of other pairs, and None; or a grazing and its bounds.
 
-        If no pair touches at the bracket's other end, one may touch just beyond it. It counts if its gap closes
-        directly from there, about as fast as it does at zero. A pair that touches where the leader turns back is a
-        grazing.
+        If no pair touches at the bracket's other end, a pair may touch just beyond it. It counts if its gap closes
+        directly from there, about as fast as at its zero. A pair that touches where the leader turns back is a grazing.
         """
         domain = self._domain
         roots = self._roots(bracket) or self._ahead(bracket)
@@ -212,7 +211,7 @@ class _ContactSearch:
         return _Claim(domain, pair, gone_m), [], gap_m
 
     def _ahead(self, bracket: Bracket) -> list[tuple[float, Pair]]:
-        """Return where pairs begin to touch just beyond a bracket, in order; empty if far or a separate approach."""
+        """Return where pairs begin to touch just beyond a bracket, in order; none if far or by a separate approach."""
         domain = self._domain
         for power in range(_AHEAD):
             ahead = bracket.other_m + domain.sense * _AHEAD_M * 2**power
@@ -229,7 +228,7 @@ class _ContactSearch:
     def _roots(self, bracket: Bracket) -> list[tuple[float, Pair]]:
         """Return the zeros of the gaps of the pairs that touch at a bracket's other end, in the leader's order.
 
-        Pairs with the same zero, for example at the start of a run, are in the order of their benches.
+        Pairs with the same zero, for example at the start of a run, are ordered by their benches.
         """
         pairs, gap = self._domain.near(bracket.other_m)
         touching = sorted((i, j) for i, j in pairs[gap <= 0].tolist())
@@ -239,7 +238,7 @@ class _ContactSearch:
         return sorted(found, key=lambda row: (self._domain.sense * row[0], row[1]))
 
     def _grazing(self, bracket: Bracket) -> tuple[float, Pair, tuple[float, float]]:
-        """Return the position from which contact of the closest pair is undecided, that pair, and bounds of its gap."""
+        """Return the position from which contact of the closest pair is undecided, that pair, and bounds on its gap."""
         domain, error = self._domain, self._error_m
         pairs, gap = domain.near(bracket.other_m)
         closest = int(np.argmin(gap))
@@ -254,10 +253,10 @@ class _ContactSearch:
         return place, (i, j), (min(low, least) - error, least + error)
 
     def _prove(self, clear_m: float, claim: '_Claim', most_m: float) -> tuple[float, Bracket | None]:
-        """Clear up to a nanometre before a contact, or up to where its gap is distinct from zero, or up to a grazing.
+        """Clear up to a nanometre before a contact, or as far as its gap is distinct from zero, or up to a grazing.
 
-        Clearing ends at most ``most_m`` before it. Return the position up to which all is clear, and the first bracket
-        that is not clear.
+        Clearing ends at most ``most_m`` before the contact. Return the position up to which all is clear, and the first
+        bracket that is not clear.
         """
         sense, slope = self._domain.sense, claim.slope
         back = max(_BEFORE_M * self._domain.unit, _TOLD_APART * self._error_m / slope if slope > 0 else inf)
@@ -286,27 +285,27 @@ class _Claim:
 
     @cached_property
     def t_s(self) -> float:
-        """The time when the leader is there."""
+        """The time when the leader is at the position."""
         return self.domain.time_s(self.gone_m)
 
     @cached_property
     def slope(self) -> float:
-        """How much the gap closes per metre of leader travel."""
+        """The closing of the gap per metre of leader travel."""
         return self.domain.slope(self.pair, self.gone_m)
 
     @cached_property
     def _told_m(self) -> float:
-        """The distance travelled by the leader at the contact's time, which is rounded."""
+        """The distance travelled by the leader at the rounded time of the contact."""
         return self.domain.gone_m(self.t_s)
 
     @cached_property
     def _coarse(self) -> float:
-        """The ratio of the float spacing there to that near the origin."""
+        """The ratio of the float spacing at the pair to that near the origin."""
         return self.domain.coarse(self.pair, self._told_m)
 
     @cached_property
     def _rounding_m(self) -> float:
-        """How much rounding alone may change the gap."""
+        """The largest change of the gap due to rounding alone."""
         return self.domain.rounding_of(self.pair)
 
     @cached_property
@@ -322,7 +321,7 @@ class _Claim:
 
     @cached_property
     def near_m(self) -> float:
-        """How close grazing benches come to each other, and how far before that everything is clear."""
+        """The distance to which grazing benches come close, and the leader travel before that which is clear."""
         return _GRAZING_M * self.domain.unit * self._coarse
 
     @cached_property
@@ -332,7 +331,7 @@ class _Claim:
         steepest = self._closing(step_m)
         if wide_m <= step_m or steepest == inf:
             return steepest
-        # For benches several kilometres long, the position error exceeds their motion over a step of a micrometre.
+        # For benches of several kilometres, the position error exceeds their motion over a step of a micrometre.
         wide, wider = self._closing(wide_m), self._closing(4 * wide_m)
         return steepest if wider == inf else min(steepest, wide + abs(wider - wide))
 
@@ -346,7 +345,7 @@ class _Claim:
 
     @cached_property
     def onwards_m(self) -> float:
-        """How much further the leader moves on from there."""
+        """The distance that the leader moves on from the position."""
         return self.domain.onwards_m(self.t_s)
 
     @cached_property

@@ -1,10 +1,10 @@
 """Pairs on a spiral first segment, cleared once for all benches with the same remaining link sequence.
 
 If the first segment winds in from afar, the chain behind a bench on it depends only on the position of that bench and
-on the links behind it. So benches fall into classes with identical remaining link sequences. The first bench of a class
-is its lead, and the whole class is cleared over the track that its front handles pass. If that fails, each bench is
-cleared over its own part of the track, which no other bench of its class has passed before. Mixed benches make many
-classes: all those behind the head are sampled and bounded together.
+on the links behind it. Benches are therefore grouped into classes with identical remaining link sequences. The first
+bench of a class is its lead, and the whole class is cleared over the track that its front handles pass. If that fails,
+each bench is cleared over its own part of the track, which no other bench of its class has passed before. Mixed benches
+form many classes, and all classes behind the head are sampled and bounded together.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -21,17 +21,17 @@ from dragon_ros.core.search.driver import Cleared, Judgement, clear, parts_for
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 from dragon_ros.core.tracks.composite import Place
 
-_FIRST, _FIRST_RAD = 1.173, 2.0     # spacing of the first samples: lengths of the longest bench, or rad, whichever
-                        # is larger. How adjacent layers interact depends on the angle: far from a contact, 2 rad
+_FIRST, _FIRST_RAD = 1.173, 2.0     # spacing of the first samples, in longest benches or in rad, whichever is
+                        # larger. The interaction of adjacent layers depends on the angle: far from a contact, 2 rad
                         # are cleared at once
-_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: near a contact, and near a grazing point
-_MOST_PLACES = 50_000   # first samples of one window, to limit memory
-_MOST_RAD = 2e6         # of a domain: a million first samples
-_TOGETHER, _USUAL = 2**20, 256      # handles at the first samples of windows that are cleared together, to limit
+_FINEST = 1e-3, 1e-8    # times 1 m, or the longest bench if it is shorter: near a contact, and near a grazing point
+_MOST_PLACES = 50_000   # limit for the first samples of one window, to save memory
+_MOST_RAD = 2e6         # limit for a domain: a million first samples
+_TOGETHER, _USUAL = 2**20, 256      # limit for the handles at the first samples of windows cleared together, to save
                         # memory; and the most benches counted behind each lead, because more rarely matter
-_POINT = 1e-6           # of the longest link: both handles of a shorter link may round to the same position
-_IN_CACHE = 2**14       # pairs that are bounded together
-_CLOSER = 20            # halvings of a domain, to a millionth of it, to find how far the proof can reach
+_POINT = 1e-6           # relative to the longest link: both handles of a shorter link may round to the same position
+_IN_CACHE = 2**14       # number of pairs that are bounded together
+_CLOSER = 20            # number of halvings of a domain, to a millionth, to find how far the proof can reach
 
 
 class _SpiralIntervals:
@@ -52,11 +52,11 @@ class _SpiralIntervals:
         return joined(parts)
 
     def begin(self, _: BenchSamples, __: Ints, window: Ints) -> None:
-        """Take the roots."""
+        """Receive the roots."""
         self._window = window
 
     def judge(self, a: BenchSamples, b: BenchSamples, group: Ints) -> Judgement:
-        """Judge intervals by their second-order bounds; cut them as their room suggests."""
+        """Judge intervals by their second-order bounds, and cut them as their room suggests."""
         behind = self._behind[self._window[group]]
         there = np.arange(2, a.apart.shape[1] + 2) <= behind[:, None]
         touching = np.stack([np.any((each.apart <= 0) & there, axis=1) for each in (a, b)])
@@ -93,7 +93,7 @@ class _ClearedInterval:
 
 
 class LeadingBenches:
-    """One class of benches over a domain: the cleared part of its pairs with the benches behind, and where it ends."""
+    """One class of benches over a domain: the cleared part of its pairs with the benches behind, and its end."""
 
     def __init__(self, domain: SearchDomain, benches: list[int]) -> None:
         """Represent the class of ``benches``, which are in order from the head; the first one is its ``lead``."""
@@ -114,7 +114,7 @@ class LeadingBenches:
 
     @property
     def _single(self) -> bool:
-        """Whether this is the head alone, which moves in one direction: its positions follow the leader's order."""
+        """Whether this is the head alone, moving in one direction, so that its positions are in the leader's order."""
         return self.benches == [0]
 
     def clear(self, stop_m: float) -> Bracket | None:
@@ -134,7 +134,7 @@ class LeadingBenches:
         yield from self._window(self.lead, outer, inner, self._behind)
 
     def clear_apart(self, stop_m: float, whole: Cleared) -> Bracket | None:
-        """Clear bench by bench what was not cleared as a whole; return the first bracket that is not clear."""
+        """Clear bench by bench the part that was not cleared as a whole; return the first bracket that is not clear."""
         phases, ends = self.phases(stop_m)
         if self._single:
             self._hit = self._bracket(self.lead, whole.hit, (phases[0], phases[-1])) if whole.hit else None
@@ -186,7 +186,7 @@ class LeadingBenches:
         self._rows = [row for row in clipped if row.start_rad != row.stop_rad]
 
     def _on_spiral(self, gone_m: float) -> Floats:
-        """Return the polar angles of the handles (N+1,) on the spiral; handles beyond it get that of its end."""
+        """Return the polar angles of the handles (N+1,) on the spiral; for handles beyond it, the angle of its end."""
         chain = self._domain.chain(gone_m)
         return np.where(chain.segment == 0, chain.u, self._domain.track.segments[0].last)
 
@@ -255,10 +255,10 @@ class LeadingBenches:
 
 
 class BodyBenches:
-    """All classes of benches behind the head; their windows are cleared together."""
+    """All classes of benches behind the head, whose windows are cleared together."""
 
     def __init__(self, domain: SearchDomain, classes: list[LeadingBenches]) -> None:
-        """Take the classes."""
+        """Store the classes."""
         self._domain, self._classes = domain, classes
         self.tolerance_m = 2 * domain.error_m
 
@@ -284,7 +284,7 @@ class BodyBenches:
             yield from each.intervals()
 
     def _together(self, windows: list[_ClassWindow]) -> Iterator[list[_ClassWindow]]:
-        """Yield as many windows at a time as memory allows; one at a time if links of zero length need it."""
+        """Yield as many windows at a time as memory allows, or one at a time if links have zero length."""
         links_m = self._domain.dragon.link_lengths_m
         size, most, one_by_one = 0, list[_ClassWindow](), bool(np.min(links_m) <= _POINT * np.max(links_m))
         for window in windows:
@@ -348,9 +348,9 @@ def searchable_m(domain: SearchDomain) -> float:
 def provable_m(domain: SearchDomain) -> float:
     """Return the leader position up to which no handle behind the third turns back and each moves in one direction.
 
-    If links cannot lock or are equal, none turns back, and the result is the end of the domain. Otherwise, a link that
-    spans at most half a turn, and whose rear handle moves inwards when its front handle is nearest to the centre,
-    behaves like that everywhere (docs/contact.md, lemmas 1 and 2).
+    If links cannot lock or are equal, no such handle turns back, and the result is the end of the domain. Otherwise, if
+    a link spans at most half a turn and its rear handle moves inwards when its front handle is nearest to the centre,
+    this holds everywhere (docs/contact.md, lemmas 1 and 2).
     """
     if not domain.track.may_lock or is_even(domain.dragon.link_lengths_m):
         return domain.stop_m

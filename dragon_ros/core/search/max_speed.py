@@ -1,21 +1,21 @@
 """The speed of the fastest handle over a whole run, and the leader's largest speed under a limit.
 
-Speeds relative to the leader's depend on the leader's position and not on time. So branch and bound searches intervals
-of time in which the leader moves in one direction, and cuts those whose bound exceeds the largest speed found so far.
-If handles are equally fast at many positions, as on a circle, this would never end. So the allowed excess of a bound
-grows with the number of intervals that would be cut.
+Speeds relative to the leader's depend on the leader's position and not on time. Branch and bound therefore searches
+intervals of time in which the leader moves in one direction, and cuts those whose bound exceeds the largest speed found
+so far. If handles are equally fast at many positions, as on a circle, this would never end, so the allowed excess of a
+bound grows with the number of intervals that would be cut.
 
 The bound of an interval: ``enclosures.on_track`` bounds the slope of log |v| of each handle by the leader's distance
-between two states. With slopes between a lowest and a highest, log |v| lies below the two lines from its ends, so the
-bound is where they meet. The log of the leader's own speed is added; its slope is its acceleration over its speed
-squared. If a slope is unbounded, because a handle turns back or the leader comes to rest, the product of the largest
-ratios bounds the speed. As intervals shrink, the excess of the bound falls with the square of their length, or with the
-length itself if a handle passes a joint, where the curvature jumps.
+between two states. With slopes between a lowest and a highest value, log |v| lies below the two lines from its ends, so
+their intersection is a bound. The logarithm of the leader's own speed is added; its slope is the acceleration divided
+by the squared speed. If a slope is unbounded, because a handle turns back or the leader comes to rest, the product of
+the largest ratios bounds the speed. As intervals shrink, the excess of the bound decreases with the square of their
+length, or with the length itself if a handle passes a joint, where the curvature jumps.
 
-If the first segment winds in behind a leading head, no handle on it is faster than the one before it: curvature
-increases to the front, and of a chord's two angles with an arc that turns by less than pi, the one at the more curved
-end is the larger (Vogt 1914). So only handles beyond the segment are followed; on a single spiral, those beyond the
-point where a link's arc could turn by pi.
+If the first segment winds in behind a leading head, no handle on it is faster than the preceding one: curvature
+increases towards the front, and of a chord's two angles with an arc that turns by less than pi, the angle at the more
+curved end is the larger (Vogt 1914). Only handles beyond the segment are therefore followed; on a single spiral, those
+beyond the point where a link's arc could turn by pi.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -40,27 +40,27 @@ from dragon_ros.core.tiers import best_m
 from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND
 
-_SPACING_M = 0.2        # of the leader's distance, per first interval
-_PARTS = 4              # parts into which an interval is cut
-_AT_ONCE = 256          # intervals
-_SAME = 1e-12           # relative: speeds closer than this are equal
-_APART_M = 1e-9         # before the end of the segment that winds in: exactly at the end, rounding decides
-_MOST = 2_000_000       # first intervals
+_SPACING_M = 0.2        # leader's distance per first interval
+_PARTS = 4              # number of parts into which an interval is cut
+_AT_ONCE = 256          # intervals that are bounded together
+_SAME = 1e-12           # relative to a speed: closer speeds are equal
+_APART_M = 1e-9         # distance before the end of the inward segment; at the end itself, rounding decides
+_MOST = 2_000_000       # limit for the first intervals
 _BENT = 1.09            # the curvature of any spiral is at most 1.09 / r (see ``min_pitch``)
-_SURE = 1.98            # curvature times link below which a link spans an arc that turns by less than pi (2 would do)
+_SURE = 1.98            # curvature times link below which a link's arc turns by less than pi (2 would suffice)
 
 
 @dataclass(frozen=True)
 class MaxSpeed:
     """The ratio of the largest speed of any handle in a run to the leader's largest, with the handle and its position.
 
-    ``gone_m`` is the leader's distance since t = 0 at that time, ``along_m`` its distance along the track (for a turn:
-    from the entry). Of equally fast handles the first is given. No handle exceeds ``bound`` times the leader's largest
-    speed anywhere in the run; this is proved, including the rounding of speeds. ``looks`` is the number of states
-    evaluated.
+    ``gone_m`` is the leader's distance since t = 0 at that time, and ``along_m`` its distance along the track (for an
+    S-turn, from the entry). Of equally fast handles the first is given. No handle exceeds ``bound`` times the leader's
+    largest speed anywhere in the run; this is proved, including the rounding of speeds. ``looks`` is the number of
+    states evaluated.
 
-    A profile is scaled as a whole: all its speeds by one factor and all its times by the inverse, so the leader passes
-    the same positions. If the leader rests for the whole run, the ratio is that at its position.
+    A profile is scaled as a whole, all its speeds by one factor and all its times by the inverse, so that the leader
+    passes the same positions. If the leader rests for the whole run, the ratio is that at its position.
     """
 
     ratio: float
@@ -71,7 +71,7 @@ class MaxSpeed:
     looks: int
 
     def leader_m_s(self, limit_m_s: float) -> tuple[float, float]:
-        """Return the leader's largest speed at which no handle exceeds a limit, and by how much it may be too high.
+        """Return the leader's largest speed at which no handle exceeds a limit, and an upper bound on its excess.
 
         Raises FieldError if the limit is not positive.
         """
@@ -97,9 +97,9 @@ def max_speed(scene: Scene, progress: Callable[[int], object] = lambda looks: No
 
 
 class _Speeding(InOrder):
-    """A search over times. The best result so far: log of the largest speed, when, and of which handle."""
+    """A search over times, with the best result so far: log of the largest speed, its time, and its handle."""
 
-    at_once = _MOST     # all: bounds exclude most once the best of all states is known
+    at_once = _MOST     # no limit: bounds exclude most once the best of all states is known
 
     def __init__(self, scene: Scene, progress: Callable[[int], object]) -> None:
         self._scene, self._leader, self._law = scene, compile_scene(scene).model.leader, _law_of(scene)
@@ -132,7 +132,7 @@ class _Speeding(InOrder):
         return boxes.some(higher).cut(_PARTS)
 
     def _first(self) -> Floats:
-        """Return the first intervals (2, M), cut at the law's breaks and where handles turn back, and finely enough."""
+        """Return the first intervals (2, M), short enough, and cut at the law's breaks and where handles turn back."""
         start_s, stop_s = self._scene.run.start_s, compile_scene(self._scene).end.t_s
         times = [start_s, *(t_s for t_s in self._scene.head.breaks_s if start_s < t_s < stop_s), stop_s]
         gone = [self._gone_m(t_s) for t_s in times]
@@ -163,7 +163,7 @@ class _Speeding(InOrder):
         return float(self._scene.head.travelled_m(t_s)[0])
 
     def _when_s(self, gone_m: float, low_s: float, high_s: float) -> float:
-        """Return when the leader has travelled a distance, within a period in which it moves in one direction."""
+        """Return when the leader has travelled a distance within a period in which it moves in one direction."""
         return illinois(lambda t_s: self._gone_m(t_s) - gone_m, low_s, high_s, self._gone_m(low_s) - gone_m,
                         self._gone_m(high_s) - gone_m)
 
@@ -175,11 +175,11 @@ class _Speeding(InOrder):
         return int(np.searchsorted(self._behind_m[:-1], beyond))
 
     def _bounds(self, intervals: Floats) -> Floats:
-        """Return bounds of log speed on intervals (2, M), and the leader's distances at both ends; record speeds there.
+        """Return bounds on log speeds in intervals (2, M), and the leader's distances at both ends; record the speeds.
 
-        The rows (4, M) are bounds without and with rounding, then metres travelled at the starts and at the stops. The
-        promised relative error of a speed is the position error over the mean link, times the square of its ratio to
-        the leader's speed (docs/model.md).
+        The rows (4, M) are bounds without and with rounding, followed by the metres travelled at the starts and at the
+        stops. The promised relative error of a speed is the position error divided by the mean link, times the square
+        of its ratio to the leader's speed (docs/model.md).
         """
         times, index = np.unique(intervals, return_inverse=True)
         states = self._states(times)
@@ -192,11 +192,11 @@ class _Speeding(InOrder):
                       law.swapped(back))
         with np.errstate(over='ignore'):
             off = self._relative(states) * np.exp(2 * tops)
-        sure = np.where(off < 1, tops + off, np.inf)     # beyond that, rounding may hide an unbounded speed
+        sure = np.where(off < 1, tops + off, np.inf)     # otherwise rounding may hide an unbounded speed
         return np.stack((np.max(tops, axis=1), np.max(sure, axis=1), states.gone_m[starts], states.gone_m[stops]))
 
     def _relative(self, states: 'SpeedStates') -> Floats:
-        """Return the position errors of each handle (K+1,) and of those nearer to the leader, over the mean link."""
+        """Return the largest position error, over the mean link, of each handle (K+1,) and all nearer to the leader."""
         mean_m = compile_scene(self._scene).model.length_m / self._scene.dragon.benches
         if not mean_m:      # all handles coincide
             return np.zeros(1)
@@ -218,7 +218,7 @@ class _Speeding(InOrder):
 
 
 def _sure_m(track: Track, links_m: Floats) -> float:
-    """Return the distance along the track up to which no handle is faster than the one before it; -inf if unknown."""
+    """Return the distance along the track up to which no handle is faster than the preceding one; -inf if unknown."""
     if track.from_afar is None:
         return -inf
     if not track.may_lock:       # every link turns by less than pi
@@ -230,7 +230,7 @@ def _sure_m(track: Track, links_m: Floats) -> float:
 
 @dataclass(frozen=True)
 class LawBetween:
-    """For M intervals: log of the leader's speed over its largest, at start and stop, and its slope by distance."""
+    """For M intervals, the log of the leader's speed over its largest at start and stop, and its slope by distance."""
 
     start: Floats
     stop: Floats
@@ -246,7 +246,7 @@ class _Steady:
     """A constant speed."""
 
     def between(self, start_s: Floats, stop_s: Floats) -> LawBetween:
-        """Return 0: the logarithm of 1."""
+        """Return 0, the logarithm of 1."""
         none = np.zeros(start_s.shape)
         return LawBetween(none, none, Ball(none, none))
 
@@ -261,7 +261,7 @@ class _Varying:
     def between(self, start_s: Floats, stop_s: Floats) -> LawBetween:
         """Return speeds and slopes on intervals between the law's breaks; at a jump, the speed on the interval's side.
 
-        By distance the slope of log |v| is dv/dt / v^2. At rest it is unbounded, and log |v| is -inf.
+        The slope of log |v| by distance is dv/dt / v^2. At rest it is unbounded, and log |v| is -inf.
         """
         pairs = list(zip(start_s.tolist(), stop_s.tolist(), strict=True))
         at, before = self.law.speed_at_m_s, self.law.speed_before_m_s
@@ -290,11 +290,11 @@ def _law_of(scene: Scene) -> _Steady | _Varying:
 
 @dataclass(frozen=True)
 class SpeedStates:
-    """M states of a chain, handles in order from the leader: K ``links_m``, their ``links``, and speeds.
+    """M states of a chain, with handles in order from the leader: K ``links_m``, their ``links``, and speeds.
 
-    ``log`` (M, K+1) are the logs of speeds over the leader's, ``size_m`` (K+1,) is the largest distance of each handle
-    from the origin, ``bends`` are the smallest and largest curvatures from one segment of the track to another, and
-    ``way`` is -1 behind a head and 1 ahead of a tail.
+    ``log`` (M, K+1) are the logs of speeds over the leader's, ``size_m`` (K+1,) are the largest distances of the
+    handles from the origin, ``bends`` are the smallest and largest curvatures from one segment of the track to
+    another, and ``way`` is -1 behind a head and 1 ahead of a tail.
     """
 
     links_m: Floats
@@ -316,7 +316,7 @@ def states_of(chains: Chain, gone_m: Floats, way: int) -> SpeedStates:
     axis = RigidLinks(chains.p, chains.links_m, chains.headings, chains.leader).axis
     links = link_states(track.distances(segment, u), segment, track.curvatures(segment, u), chains.headings, axis,
                         chains.leader)
-    with np.errstate(divide='ignore'):      # a handle that turns back rests
+    with np.errstate(divide='ignore'):      # a handle is at rest when it turns back
         log = np.cumsum(np.log(np.abs(np.cos(links.near))) - np.log(np.abs(np.cos(links.far))), axis=1)
     order = slice(None, None, -way)
     return SpeedStates(chains.links_m[order], track.bends, way, gone_m, np.insert(log, 0, 0.0, axis=1), links,
@@ -324,7 +324,7 @@ def states_of(chains: Chain, gone_m: Floats, way: int) -> SpeedStates:
 
 
 def bounds(a: SpeedStates, b: SpeedStates, law: LawBetween) -> Floats:
-    """Return bounds (M, K+1) of the logs of speeds between states a and b; the leader is further on in b."""
+    """Return bounds (M, K+1) on the logs of speeds between states a and b; the leader is further on in b."""
     with np.errstate(all='ignore'):
         r, v_rate = speeds_enclosed(a.links, b.links, a.links_m, a.bends, -a.way)
         slope = -a.way * v_rate + Ball(law.slope.mid[:, None], law.slope.rad[:, None])

@@ -1,19 +1,20 @@
 """Bounds on the smallest pitch at which the head winds in to a circle without a contact.
 
-Contact need not be monotone in the pitch, because benches can also slip past each other. So the search looks for the
-largest pitch with a contact before the circle is reached: branch and bound in the plane of (radius of the head, pitch),
-from the largest pitch down. Any touching pair gives a lower bound. A cell of the plane is clear, with every pitch and
-radius in it, if each pair has an edge from which it is separated at all four corners by more than the benches' corners
-can sag in between, B1 h1^2 / 8 + B2 h2^2 / 8: no function differs more from its bilinear interpolation. B1 and B2 are
-proved bounds on the second derivatives by radius and by scale over the whole cell (``on_spiral``, ``by_scale``).
+Contact need not be monotone in the pitch, because benches can also slip past each other. The search therefore looks for
+the largest pitch with a contact before the circle is reached, by branch and bound in the plane of (radius of the head,
+pitch), from the largest pitch down. Any touching pair gives a lower bound. A cell of the plane is clear, with every
+pitch and radius in it, if for each pair there is an edge that separates it at all four corners of the cell by more than
+the benches' corners can sag in between, B1 h1^2 / 8 + B2 h2^2 / 8: no function differs more from its bilinear
+interpolation. B1 and B2 are proved bounds on the second derivatives by radius and by scale over the whole cell
+(``on_spiral``, ``by_scale``).
 
-Everything is computed in units of b = pitch / 2 pi. In these units there is a single spiral, r = theta, and the dragon
-is ``scale`` = 1 / b times as large: a smaller pitch means a larger dragon. A state is a scale and a position, the
+Everything is computed in units of b = pitch / 2 pi. In these units all spirals are r = theta, and the dragon is
+``scale`` = 1 / b times as large: a smaller pitch means a larger dragon. A state is a scale and a position, which is the
 radius in metres of the leading handle; a *winding* is a little more than one turn of the chain behind it.
 
 All this requires that the benches behind the head are equal. For mixed benches a bracket of two given pitches is
-bisected. The result is a proved contact at its lower end and a proved absence of contact at its upper end; larger
-pitches are not proved.
+bisected. The result is a proved contact at its lower end and a proved absence of contact at its upper end; nothing is
+proved for larger pitches.
 
 Bounds are rounded outwards as for the first contact: balls by their arithmetic, separations by
 ``signed_distance.rounding_m``, polar angles by the position error.
@@ -44,22 +45,22 @@ from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
 
-_WAY_RAD, _STEP = 0.8, 0.1  # largest cell: the leading handle's turn about the centre; fraction of pitch
+_WAY_RAD, _STEP = 0.8, 0.1  # largest cell: the leading handle's turn about the centre, and a fraction of the pitch
 _AT_ONCE, _MOST = 256, 100_000      # cells
 _TINY = 1e-2            # side of the smallest boxes, relative to the bracket
-_OUTWARDS = 1 + 2.0**-50    # for a pitch, which is the quotient of a rounded number and a scale
+_OUTWARDS = 1 + 2.0**-50    # factor for a pitch, which is the quotient of a rounded number and a scale
 _SAME = 1e-15               # relative to a pitch, which is the inverse of a scale, rounded twice
-_UNIT = track_of(Spiral(2 * pi, 1.0), BEHIND)   # in units of b
+_UNIT = track_of(Spiral(2 * pi, 1.0), BEHIND)   # the spiral in units of b
 _BENT = 1.09               # the curvature of any spiral is at most 1.09 / r: (u^3 + 4 u^2 + 4 u) / (1 + u)^3 <= 32 / 27
 
 
 @dataclass(frozen=True)
 class MinPitch:
-    """A pitch with a contact, ``low_m``, and ``high_m``, from which up to ``largest_m`` no pitch has a contact.
+    """A pitch ``low_m`` with a contact, and a pitch ``high_m``, from which up to ``largest_m`` there is no contact.
 
-    At ``low_m`` ``benches`` touch with the head's front handle at ``radius_m``; ``states`` is the number of windings
-    placed, or of states for mixed benches. For mixed benches ``proved`` is False: ``high_m`` and ``largest_m`` have no
-    contact, but the pitches between them are not proved.
+    At ``low_m`` the ``benches`` touch when the head's front handle is at ``radius_m``; ``states`` is the number of
+    windings placed, or of states for mixed benches. For mixed benches ``proved`` is False: ``high_m`` and ``largest_m``
+    have no contact, but nothing is proved for the pitches between them.
     """
 
     low_m: float
@@ -89,15 +90,15 @@ class _PitchTask:
     def widest_m(self, pitch_m: float, first: int) -> float:
         """Return an upper bound on the radius of the front handle of the head (0) or of a body bench (1).
 
-        An arc of curvature at most k is at most 2 asin(k chord / 2) / k long, and r^2 grows by at most 2 b per metre of
-        arc.
+        An arc with a curvature of at most k is at most 2 asin(k chord / 2) / k long, and r^2 grows by at most 2 b per
+        metre of arc.
         """
         bend = 0.5 * _BENT / self.radius_m
         arc = sum(asin(bend * link) / bend for link in self.dragon.link_lengths_m.tolist()) if first else 0.0
         return sqrt((self.turns * pitch_m) ** 2 + pitch_m / pi * arc)
 
     def innermost_m(self, pitch_m: float, first: int) -> float:
-        """Return a lower bound on the radius for this and larger pitches: an arc is at least as long as its chord."""
+        """Return a lower bound on the radius for this and larger pitches, as an arc is no shorter than its chord."""
         b_m, radius_m = pitch_m / (2 * pi), self.radius_m
         inward = 2 * b_m * float(self.dragon.link_lengths_m[0]) / sqrt(1 + (b_m / radius_m) ** 2)
         return sqrt(radius_m**2 + inward * first)
@@ -106,7 +107,7 @@ class _PitchTask:
 def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_turns: float = 16.0,
               largest_m: float = 1.0, within_m: float = 2e-11,
               progress: Callable[[int], object] = lambda states: None, smallest_m: float | None = None) -> MinPitch:
-    """Return the smallest pitch from which, up to ``largest_m``, the head reaches the circle without contact.
+    """Return the smallest pitch at and above which, up to ``largest_m``, the head reaches the circle without contact.
 
     The head starts at ``start_turns``; the circle of ``diameter_m`` is centred on the spiral. ``low_m`` and ``high_m``
     differ by at most ``within_m``. Mixed benches need ``smallest_m``, a pitch at which benches touch; otherwise it is
@@ -243,19 +244,19 @@ class _Descending:
     def __init__(self, task: _PitchTask, first: int, floor_m: float, progress: Callable[[int], object]) -> None:
         self.task, self.first, self.states, self._tell = task, first, 0, progress
         self.touch: tuple[float, float, int] | None = None
-        self._best = self._limit = 2 * pi / floor_m     # scales: of the contact, and up to which all is clear
+        self._best = self._limit = 2 * pi / floor_m     # scale of the contact, and scale up to which all is clear
         self._done = 0
         size_m = task.widest_m(task.largest_m, 1)
         self._tolerance_m = 2 * EXACT.promise_for_m(size_m)     # the position errors of both benches
 
     def run(self) -> tuple[float, float]:
-        """Return (pitch with a contact or the floor, smallest pitch above which everything is clear)."""
+        """Return the pitch with a contact, or the floor, and the smallest pitch above which everything is clear."""
         cells = self._grid()
         run(self, Boxes(cells[[0, 2]], cells[[1, 3]]))
         return 2 * pi / self._best, _OUTWARDS * 2 * pi / self._limit
 
     def ahead(self, boxes: Boxes) -> Array:
-        """Return which boxes begin at a larger pitch than the first that is not clear."""
+        """Return whether each box begins at a larger pitch than the first box that is not clear."""
         out: Array = boxes.low[1] < self._limit
         return out
 
@@ -277,16 +278,17 @@ class _Descending:
         return boxes.some(left).cut(2, axis[left])
 
     def _tiny(self, boxes: Boxes) -> Array:
-        """Return which boxes are so small that their gap is within position errors: cutting cannot clear them."""
+        """Return whether boxes are so small that their gap is within position errors and cutting cannot clear them."""
         within_m = _TINY * self.task.within_m
         out: Array = ((boxes.high[0] - boxes.low[0] <= within_m)
                       & (2 * pi / boxes.low[1] - 2 * pi / boxes.high[1] <= within_m))
         return out
 
     def _grid(self) -> Floats:
-        """Return the first cells: strips of pitch, each as long as the track that the larger of its pitches needs.
+        """Return the first cells: strips of pitch, each as long as the track for the larger of its pitches.
 
-        Corners sag with the square of the angle, and little with the radius; gaps do not shrink further out.
+        The sag of corners grows with the square of the angle, and little with the radius; gaps do not shrink further
+        out.
         """
         task, low = self.task, 2 * pi / self.task.largest_m
         scales = np.geomspace(low, self._best, max(1, ceil(log(self._best / low) / _STEP)) + 1)
@@ -299,9 +301,9 @@ class _Descending:
         return np.concatenate(strips, axis=1)
 
     def _unclear(self, cells: Floats) -> tuple[Array, Ints]:
-        """Evaluate the corners of cells (4, n), two radii and two scales each; return which cells are not clear.
+        """Evaluate the corners of cells (4, n), two radii and two scales each; return whether each cell is not clear.
 
-        The second result is the axis along which to cut each cell: the one along which it varies more.
+        The second result is the axis along which to cut each cell, along which it varies more.
         """
         corners = np.concatenate([cells[[i, j]] for i in (0, 1) for j in (2, 3)], axis=1)
         places, where = np.unique(corners, axis=1, return_inverse=True)
@@ -333,7 +335,7 @@ class _Descending:
         return windings(dragon, self.first, follow, radius_m, scale)
 
     def _turns(self, radius_m: Floats, scale: Floats) -> float:
-        """Return after how many turns a bench is clear of the leading one, roughly; ``_check_rest`` decides."""
+        """Return roughly after how many turns benches are clear of the leading one; ``_check_rest`` decides."""
         dragon, pitch_m = self.task.dragon, 2 * pi / float(np.max(scale))
         overhang_m = 0.5 * float(dragon.bench_lengths_m[self.first] - dragon.link_lengths_m[self.first])
         sag_m = float(dragon.link_lengths_m[-1]) ** 2 / (8 * float(np.min(radius_m)))
@@ -353,7 +355,7 @@ class _Descending:
         return out
 
     def _angles(self, placed: BenchSamples, ends: Ints, scale: Floats) -> tuple[Ball, Ball]:
-        """Return the polar angles of handles and the angles spanned by links in cells with larger ``scale`` (n, 1)."""
+        """Return the polar angles of handles and the spans of links in cells; ``scale`` (n, 1) is the larger scale."""
         off = self._angle_errors(placed.theta[ends[0]], scale)
         return (between(placed.theta[ends[0]], placed.theta[ends[3]], off),
                 between(placed.delta[ends[1]], placed.delta[ends[2]], 2 * off[:, :-1]))
@@ -366,10 +368,10 @@ class _Descending:
     def _check_rest(self, cells: Floats, placed: BenchSamples, ends: Ints) -> None:
         """Reject cells in which a bench beyond those placed could come close.
 
-        The leading bench lies within the radius of its rear handle plus its overhang, in metres; that radius is largest
-        at the larger radius and pitch. The line of the last link is l^2 - (delta / scale)^2 over 2 l tan(delta / 2)
-        from the centre, which is at least the value for the largest delta and smallest scale. Links further behind lie
-        further out (docs/contact.md).
+        The leading bench lies within the radius of its rear handle plus its overhang, in metres; this is largest at the
+        larger radius and pitch. The distance of the last link's line from the centre is l^2 - (delta / scale)^2 divided
+        by 2 l tan(delta / 2), which is at least its value for the largest delta and smallest scale. Links further
+        behind lie further out (docs/contact.md).
         """
         dragon, count = self.task.dragon, placed.delta.shape[1]
         if count == dragon.benches - self.first:
@@ -406,9 +408,10 @@ def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale
 
 
 def separations(dragon: AnyDragon, first: int, winding: BenchSamples, scale: Floats) -> Floats:
-    """Return separations of the leading bench from the second and later benches behind, (M, K, 8), in units of b.
+    """Return separations (M, K, 8), in units of b, of the leading bench from the second and later benches behind it.
 
-    They are measured from four edges of the leading bench and four of the other: benches are apart if any is positive.
+    They are measured from four edges of the leading bench and four edges of the other: benches are apart if any is
+    positive.
     """
     half = 0.5 * scale[:, None] * dragon.bench_lengths_m[first:first + winding.delta.shape[1]]
     side, (centre, axis) = 0.5 * scale[:, None] * dragon.width_m, (winding.centre, winding.axis)

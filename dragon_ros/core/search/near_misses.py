@@ -1,12 +1,12 @@
 """Near misses: local minima over time of the gap between two benches, below a threshold, before the first contact.
 
-Near misses between a bench and an obstacle of the venue count too; they are found over the track, once for all benches
-of one length.
+Near misses between a bench and an obstacle of the venue are included; they are found over the track, once for all
+benches of one length.
 
 Only intervals whose certified bound is below the threshold are sampled. Benches with the same remaining link sequence
-have the same gaps at the same positions. So each minimum on a spiral first segment is found once for its class, and
-each bench of the class reaches that position at its own time. When the leader reverses, a gap that was closing has a
-minimum too. A dip narrower than the sample spacing, or shallower than a nanometre, may be missed.
+have the same gaps at the same positions. Each minimum on a spiral first segment is therefore found once for its class,
+and each bench of the class reaches that position at its own time. When the leader reverses, a closing gap also has a
+minimum. A dip narrower than the sample spacing, or shallower than a nanometre, may be missed.
 """
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -28,30 +28,30 @@ from dragon_ros.core.search.leading_benches import LeadingBenches, classes_of
 from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
-if TYPE_CHECKING:       # scenes without a venue import none of it
+if TYPE_CHECKING:       # scenes without a venue import none of them
     from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
 
-MOST = 1000             # near misses listed, the nearest first; the others are only counted
-_COARSE_M = 1.0         # between positions for the coarse search of obstacles
-_SPACING_M = 0.02       # between samples along the track: a corner that passes a bench makes dips some decimetres wide
-_LIPSCHITZ = 2.0    # of a gap by leader travel, roughly: limits how far a sample of a dip may be above the threshold
+MOST = 1000             # listed near misses, the nearest first; the others are only counted
+_COARSE_M = 1.0         # spacing of positions for the coarse search for obstacles
+_SPACING_M = 0.02       # spacing of samples along the track: corners that pass benches make dips of decimetres
+_LIPSCHITZ = 2.0    # about the rate of a gap by leader travel: limits how far a dip's samples may exceed the threshold
 _SHALLOW_M = 1e-9       # far above the error of gaps: shallower dips are indistinguishable from a constant gap
-_AT_ONCE = 64           # samples that are evaluated together
+_AT_ONCE = 64           # number of samples that are evaluated together
 _GOLDEN = 0.5 * (5**0.5 - 1)
-_ROUNDS = 34            # of golden-section search: 0.618^34 of 4 cm is 3 nm, less than a flat minimum resolves
-_REFINED = 1024         # minima that are refined together, to limit memory
-_SAME_M = 1e-4          # of leader travel: minima of one pair closer than this count as one
-_CLOSING_M = 1e-6       # of leader travel before it reverses: the gap must have been closing over this length
-_NEWTON = 8             # iterations per position: handles are about as fast as the leader, so three are enough
+_ROUNDS = 34            # steps of golden-section search: 0.618^34 of 4 cm is 3 nm, less than a flat minimum resolves
+_REFINED = 1024         # limit for the minima that are refined together, to save memory
+_SAME_M = 1e-4          # leader travel: closer minima of one pair count as one
+_CLOSING_M = 1e-6       # leader travel before a reversal over which the gap must have been closing
+_NEWTON = 8             # iterations per position; handles are about as fast as the leader, so three are enough
 _THERE_M = 1e-9         # tolerance for a position found by Newton's method
 
 Pair = tuple[int, int]
-Gaps = Callable[[Floats, Ints], Floats]     # for positions (M,) and pairs (..., 2): gaps (M, K) or (M,)
+Gaps = Callable[[Floats, Ints], Floats]     # from positions (M,) and pairs (..., 2) to gaps (M, K) or (M,)
 
 
 @dataclass(frozen=True)
 class NearMiss:
-    """The smallest gap of two benches (the inner one first), or of a bench to an obstacle: time in s, gap in m."""
+    """A smallest gap between two benches (the inner one first), or a bench and an obstacle: time in s, gap in m."""
 
     benches: tuple[int, ...]
     t_s: float
@@ -60,7 +60,7 @@ class NearMiss:
 
     @property
     def bench(self) -> int:
-        """The outer one of the benches."""
+        """The outer of the two benches."""
         return self.benches[-1]
 
 
@@ -83,7 +83,7 @@ class _Dip:
 
 @dataclass(frozen=True)
 class _ClassDip:
-    """A dip of the first bench of a class, applied to another bench of it in one phase of the leader's motion."""
+    """A dip of a class's first bench, transferred to another bench of the class in one phase of the leader's motion."""
 
     dip: _Dip
     bench: int
@@ -94,8 +94,8 @@ def near_misses(scene: Scene, found: Contact | NoContact, below_m: float,
                 progress: Callable[[int], object] = lambda states: None) -> NearMisses:
     """Return the near misses with gaps below ``below_m`` before the contact or end; times are accurate to about 1e-5 s.
 
-    A position that the leader passes several times gives one near miss per passage. ``progress(states)`` is called with
-    the number of states evaluated since the last call.
+    A position that the leader passes several times yields one near miss per passage. ``progress(states)`` is called
+    with the number of states evaluated since the last call.
     """
     end_s = found.t_s if isinstance(found, Contact) else compile_scene(scene).end.t_s
     travel = RangeOfTravel(scene.head, scene.run.start_s, end_s)
@@ -185,7 +185,7 @@ def _of_class(domain: SearchDomain, part: LeadingBenches, proof: Sequence[Interv
 
 
 def _gaps(chain: Chain, domain: SearchDomain, first: int, pairs: Ints) -> Floats:
-    """Return the gaps of pairs (K, 2) in M chains from bench ``first`` on, (M, K); for pairs (M, 1, 2), (M, 1)."""
+    """Return the gaps (M, K) of pairs (K, 2), or (M, 1) of pairs (M, 1, 2), in M chains from bench ``first`` on."""
     dragon, count = domain.dragon, chain.links_m.size
     centre = 0.5 * (chain.p[:, :-1] + chain.p[:, 1:])
     half_length = np.broadcast_to(0.5 * dragon.bench_lengths_m[first:first + count], centre.shape[:2])

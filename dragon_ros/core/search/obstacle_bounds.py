@@ -1,13 +1,13 @@
 """Lower bounds on the gap between a bench and an edge of an obstacle while the bench moves between two positions.
 
 The pose of a bench depends on its length and on the position of its front handle, so an interval of the track
-represents all benches of one length that pass it. The larger of two bounds counts. Both hold over the whole interval,
-if the rear handle moves in one direction. *By motion:* no point of the bench moves further than its farthest corner, M,
-so the gap is at least half of (the sum of its values at the ends less M). *By a direction d*, the best one at an end: a
-corner's coordinate along d has its derivative in the ball of ``SweptBench.slopes``, so it changes by at most V and is
-nowhere below the mean of its values at the ends less V / 2. The smallest of the corners' bounds, less the larger
-coordinate of the edge's ends, bounds the gap. V shrinks to the corner's motion along d, with the square of the
-interval.
+represents all benches of one length that pass it. The larger of two bounds is used. Both hold over the whole interval
+if the rear handle moves in one direction. *By motion:* no point of the bench moves further than the motion M of its
+farthest-moving corner, so the gap is at least half of (the sum of its values at the ends minus M). *By a direction* d,
+the best one at an end: the derivative of a corner's coordinate along d is in the ball of ``SweptBench.slopes``, so the
+coordinate changes by at most V and is nowhere below the mean of its values at the ends minus V / 2. The smallest of the
+corners' bounds, minus the larger coordinate of the edge's ends, bounds the gap. V approaches the corner's motion along
+d with the square of the interval.
 """
 from dataclasses import dataclass
 
@@ -19,12 +19,12 @@ from dragon_ros.core.geometry.venue import Surroundings
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 from dragon_ros.core.search.bounding_box import BenchStates, SweptBench
 
-_APART_M = 1e-9     # relative to sizes: closer points define no direction, so axes of the bench and the edge are tried
+_APART_M = 1e-9     # relative to sizes: closer points define no direction, and the axes of bench and edge are tried
 
 
 @dataclass(frozen=True)
 class ObstacleBounds:
-    """A bench that moves along a track, and the edges of a venue: gaps at positions, and bounds between two of them.
+    """A bench that moves along a track, and the edges of a venue: gaps at positions, and bounds between them.
 
     ``error_m`` bounds position errors; the bounds hold for benches with such errors.
     """
@@ -44,7 +44,7 @@ class ObstacleBounds:
         return self.around.gaps_of(centre, axis, self.half_m, edge)
 
     def ways(self, a: BenchStates, b: BenchStates) -> Floats:
-        """Return how far the corners (M, 4) move at most between states; infinite if unknown."""
+        """Return upper bounds (M, 4) on the motion of the corners between states; infinite if unknown."""
         ways: Floats = self.bench.slopes(a, b)[1][..., 0]
         return ways
 
@@ -77,13 +77,13 @@ class ObstacleBounds:
         return 8 * self.error_m * (bench.track.bend + (1 / link if link else 0.0)) * lever
 
     def _seats(self, corners: Complexes) -> tuple[Complexes, Complexes]:
-        """Return the middles and axes of benches."""
+        """Return the middles and axes of benches with these corners."""
         front, rear, rear_right = corners[:, 0], corners[:, 1], corners[:, 2]
         axis: Complexes = (front - rear) / (2 * self.bench.half_length_m)
         return 0.5 * (front + rear_right), axis
 
     def _directions(self, corners: Complexes, gap_m: Floats, edge: Ints) -> Complexes:
-        """Return, for each bench and edge, the direction in which they are furthest apart, or nearly so."""
+        """Return the directions in which each bench and its edge are furthest apart, or almost."""
         apart = gap_m > _APART_M * sum(self.half_m)
         out = np.empty(edge.size, dtype=np.complex128)
         if np.any(apart):
@@ -93,7 +93,7 @@ class ObstacleBounds:
         return out
 
     def _to_bench(self, corners: Complexes, edge: Ints) -> Complexes:
-        """Return the directions from the nearest points of edges to those of benches, which are apart."""
+        """Return the directions from the nearest points of edges to those of benches, given that they are apart."""
         around, half, (centre, axis) = self.around, self.half_m, self._seats(corners)
         seen = (corners - around.middle[edge][:, None]) * np.conj(around.axis[edge])[:, None]
         long = around.half_m[edge][:, None]
@@ -125,7 +125,7 @@ def least_along(d: Complexes, ends: tuple[Complexes, Complexes], slope: Ball, un
                 way_m: Floats) -> Floats:
     """Return the smallest coordinate along d (M,) that corners (M, 4) may have between two states, in m.
 
-    ``slope`` (M, 4, 3) holds their derivatives by a variable that grows by ``h`` (M, 1): that of x first, that of y
+    ``slope`` (M, 4, 3) holds their derivatives by a variable that grows by ``h`` (M, 1), that of x first and that of y
     last, with errors up to ``unsure``. The corners move by at most ``way_m`` (M, 4).
     """
     back, middle = np.conj(d)[:, None], slope.mid[..., 0] + 1j * slope.mid[..., 2]

@@ -1,9 +1,9 @@
 """Contact of benches with a venue: cleared over the track, once for all benches of one length.
 
-The pose of a bench depends on its length and on the position of its front handle. So for each length, an obstacle
+The pose of a bench depends on its length and on the position of its front handle. For each length, an obstacle thus
 blocks positions on the track, and the first bench of that length to reach a blocked position is the one that starts
 next to it. Each bench therefore has a window: the positions that its front handle passes, up to the start of the next
-bench of its length, which passes the rest before it. Each window is cleared separately, up to the first position that
+bench of its length, which passes the rest first. Each window is cleared separately, up to the first position that
 cannot be cleared (``driver``, with the bounds of ``obstacle_bounds``); the result is the one that the leader reaches
 first. If handles turn back, near the centre of a spiral, the leader's travel is split into phases in which each handle
 moves in one direction.
@@ -23,14 +23,14 @@ from dragon_ros.core.search.driver import Judgement, clear
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, corners_of
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 
-_TOLERANCE = 4          # times the position error, at two states
-_SPACING = 0.5          # of the longest bench, between the first positions
-_MOST_PLACES = 50_000   # first positions of one window, to limit memory
-_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: near a contact, and near a grazing point
-_SHORTEST = 0.1         # of the error that a gap must exceed; near a contact gaps are several times that error, and
-                        # steps are longer than this
-_FAR = 0.05             # of the longest bench: edges that stay further away are not examined
-_PARTS = 3              # parts into which an interval is cut
+_TOLERANCE = 4          # times the position error, for two states
+_SPACING = 0.5          # relative to the longest bench, between the first positions
+_MOST_PLACES = 50_000   # limit for the first positions of one window, to save memory
+_FINEST = 1e-3, 1e-8    # times 1 m, or the longest bench if it is shorter: near a contact, and near a grazing point
+_SHORTEST = 0.1         # relative to the error that a gap must exceed; near a contact gaps are several times that
+                        # error, and steps are longer than this
+_FAR = 0.05             # relative to the longest bench: edges that stay further away are not examined
+_PARTS = 3              # number of parts into which an interval is cut
 _LONG = 6.0             # times the longest bench: over a longer move the bound would need too many edges
 
 
@@ -47,7 +47,7 @@ class _Samples:
 
 
 class _SweptIntervals:
-    """The space of track intervals for ``clear``; the edges near a bench are found by the boxes of intervals."""
+    """The space of track intervals for ``clear``; the edges near a bench are found by bounding boxes of intervals."""
 
     def __init__(self, bounds: ObstacleBounds, tolerance_m: float, longest_m: float,
                  count: Callable[[int], None]) -> None:
@@ -63,7 +63,7 @@ class _SweptIntervals:
         return _Samples(np.concatenate([part.places for part in parts]), _joined([part.states for part in parts]))
 
     def begin(self, samples: _Samples, pairs: Ints, window: Ints) -> None:
-        """Take the roots: each interval finds its own edges."""
+        """Receive the roots; the edges near a bench are found for each interval anew."""
 
     def judge(self, a: _Samples, b: _Samples, group: Ints) -> Judgement:
         """Bound the gaps of benches to edges; edges that stay further away than ``_FAR`` are not examined."""
@@ -83,14 +83,14 @@ class _SweptIntervals:
         return Judgement(bound_m, touching, np.full(group.size, _PARTS), group)
 
     def _near(self, a: BenchStates, b: BenchStates, reach_m: Floats) -> tuple[Ints, Ints]:
-        """Return pairs of an interval and an edge that a bench may come close to on it."""
+        """Return pairs of an interval and an edge to which the bench may come close on it."""
         corners = np.concatenate((corners_of(a), corners_of(b)), axis=1)
         ends = [op(part, axis=1) for op in (np.min, np.max) for part in (corners.real, corners.imag)]
         low, high = np.stack(ends[:2], axis=1) - reach_m[:, None], np.stack(ends[2:], axis=1) + reach_m[:, None]
         return self._bounds.around.in_boxes(low, high)
 
     def lengths_m(self, start: Floats, stop: Floats) -> Floats:
-        """Return how far the front handle moves."""
+        """Return the motion of the front handle on each interval."""
         return np.abs(stop - start)
 
 
@@ -104,17 +104,17 @@ def _joined(parts: list[Any]) -> Any:
 
 @dataclass(frozen=True)
 class Window:
-    """Monotone positions that the front handle of a bench passes before that of any other bench of its length."""
+    """Monotone positions that the front handle of a bench passes before those of all other benches of its length."""
 
     bench: int
     places: Floats
 
 
 class Obstacles:
-    """All benches of a domain with all obstacles: the cleared part, and where it ends."""
+    """All benches of a domain with all obstacles, with the cleared part and its end."""
 
     def __init__(self, domain: SearchDomain) -> None:
-        """Take a domain whose scene has a venue."""
+        """Cover a domain whose scene has a venue."""
         assert domain.scene.venue
         self._domain, self.tolerance_m = domain, _TOLERANCE * domain.error_m
         self._around = surroundings_of(domain.scene.venue)
@@ -134,7 +134,7 @@ class Obstacles:
         return self._hit
 
     def intervals(self) -> Iterator[Interval]:
-        """Yield nothing: a checker finds nearby obstacles by itself."""
+        """Yield nothing, because the checker finds nearby obstacles by itself."""
         return iter(())
 
     def _first(self, stop_m: float, finest_m: tuple[float, ...]) -> Bracket | None:
@@ -182,7 +182,7 @@ def phases(domain: SearchDomain, stop_m: float) -> list[tuple[float, float]]:
 
 
 def swept_bench(domain: SearchDomain, number: int) -> SweptBench:
-    """Return the bench with this index for sweeping it along the track."""
+    """Return the bench with an index, for moving it along the track."""
     dragon = domain.dragon
     return SweptBench(domain.track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
                       0.5 * dragon.width_m)

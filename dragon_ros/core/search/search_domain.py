@@ -1,11 +1,11 @@
 """The space of a contact search: the leader's range of travel, and the chains while the leader moves in one direction.
 
-Handle positions depend on how far the leader has travelled and not on time. So the search runs over leader positions,
-in increasing or in decreasing order. A position in the domain is the distance travelled by the leader, in metres.
-Positions of handles are distances along the track.
+Handle positions depend on how far the leader has travelled and not on time. The search therefore runs over leader
+positions, in increasing or in decreasing order. A position in the domain is the distance travelled by the leader, in
+metres. Positions of handles are distances along the track.
 
-A pair that can touch is two benches, or a bench and an edge of the venue's obstacles. Edges are numbered after the
-benches and are rectangles of zero width.
+A pair that can touch consists of two benches, or of a bench and an edge of the venue's obstacles. Edges are numbered
+after the benches and are rectangles of zero width.
 """
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -31,16 +31,16 @@ from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place
 from dragon_ros.core.tracks.segments import BEHIND
 
-if TYPE_CHECKING:       # scenes without a venue import none of it
+if TYPE_CHECKING:       # scenes without a venue import none of them
     from dragon_ros.core.geometry.venue import Surroundings
 
-_LOCK_RAD = 1e-9        # of 1 + polar angle: margin before a lock or the centre, where speeds are infinite
-_FLOATS = 1e-13         # of the largest coordinate: the promise of the exact tier far out, and kept near the centre too
-_SLOPE = 1e-6  # to either side, for a slope, with links of 1 m to 2 m: gap errors of 1e-11 m make a slope error of 1e-5
-_COARSEST = 0.05        # of the longest bench: with larger position errors, benches cannot be told apart
-_KEPT = 6               # chains: the ends of domains and phases are used repeatedly
-_FEW = 12               # chains: up to this number, one by one is faster than together
-_MANY = 30              # chains: above this number tables are built, which later chains use too
+_LOCK_RAD = 1e-9        # relative to 1 + polar angle: margin before a lock or the centre, where speeds are infinite
+_FLOATS = 1e-13         # relative to the largest coordinate: the exact tier's promise far out, also used further in
+_SLOPE = 1e-6  # step to either side for slopes, for links of 1 to 2 m: gap errors of 1e-11 m give slope errors of 1e-5
+_COARSEST = 0.05        # relative to the longest bench: with larger position errors, benches cannot be distinguished
+_KEPT = 6               # cached chains: the ends of domains and phases are used repeatedly
+_FEW = 12               # up to this number of chains, placing one by one is faster than together
+_MANY = 30              # above this number of chains tables are built, which later chains also use
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class RangeOfTravel:
         return illinois(lambda t_s: self.gone_m(t_s) - gone_m, before, after, one - gone_m, two - gone_m)
 
     def arrival_s(self, gone_m: float, sense: int) -> float:
-        """Return when the leader first reaches a distance, ahead of or behind its start, or when it is nearest."""
+        """Return when the leader first reaches a distance, ahead of or behind its start, or else is nearest to it."""
         if isinstance(self.law, Head):
             return float(np.clip(gone_m / self.law.speed_m_s, self.start_s, self.end_s)) if self.law.speed_m_s else (
                 self.start_s)
@@ -117,7 +117,7 @@ class RangeOfTravel:
             hi, lo = self.law.travelled_m(t_s)
             return sense * ((hi - gone_m) + lo), sense * self.law.speed_at_m_s(t_s)
 
-        if beyond(self.start_s)[0] >= 0:        # it may rest there for a while
+        if beyond(self.start_s)[0] >= 0:        # it may rest at its start for a while
             return self.start_s
         for before, after in pairwise(self._times):
             if beyond(after)[0] >= 0:
@@ -126,7 +126,7 @@ class RangeOfTravel:
 
 
 class Bracket(NamedTuple):
-    """Two leader positions, the first of which ends the clear part, and a lower bound of the gaps between them."""
+    """Two leader positions, the first of which ends the clear part, and a lower bound on the gaps between them."""
 
     clear_m: float
     other_m: float
@@ -137,7 +137,7 @@ class SearchDomain:
     """The chains of a scene while its leader goes from ``start_m`` to ``stop_m``; ``states`` counts the samples."""
 
     def __init__(self, scene: Scene, travel: RangeOfTravel, sense: int, progress: Callable[[int], object]) -> None:
-        """Take the travel on (``sense`` 1) or back (-1) from the start. Raises InputError if positions err too much."""
+        """Cover travel on (``sense`` 1) or back (-1) from the start. Raises InputError if positions err too much."""
         self.scene, self.dragon, self.sense, self.states = scene, scene.dragon, sense, 0
         simulation = compile_scene(scene)
         self.simulation, self.leader, self.track = simulation, simulation.model.leader, simulation.model.track
@@ -145,7 +145,7 @@ class SearchDomain:
         longest_m = float(np.max(self.dragon.bench_lengths_m))
         self.unit = min(1.0, longest_m)
         self.rounding_m = _FLOATS * simulation.size_m
-        self.error_m = max(EXACT.promise_m * self.unit, self.rounding_m)    # relative to the bench for tiny dragons
+        self.error_m = max(EXACT.promise_m * self.unit, self.rounding_m)    # smaller for tiny dragons
         if self.error_m > _COARSEST * longest_m:
             raise InputError(f'track: {simulation.size_m:.3g} m from the origin, positions err by up to '
                              f'{self.error_m:.2g} m, but benches can be told apart only up to '
@@ -204,8 +204,8 @@ class SearchDomain:
     def gone_at(self, bench: int, along_m: float, within: tuple[float, float]) -> float:
         """Return the distance travelled by the leader when a bench's front handle is at a distance along the track.
 
-        Between the two given leader positions the handle moves in one direction; outside its range the nearer one is
-        returned.
+        Between the two given leader positions the handle moves in one direction; if it is never there, the nearer
+        position is returned.
         """
         if bench == 0 and self.leader.direction == BEHIND:
             gone = self.leader.gone_m(self.track.place_at(along_m))
@@ -236,7 +236,7 @@ class SearchDomain:
         return pair[1] - self.dragon.benches if pair[1] >= self.dragon.benches else None
 
     def rounding_of(self, pair: tuple[int, int]) -> float:
-        """Return how much rounding alone may change the gap of a pair."""
+        """Return the largest change of a pair's gap due to rounding alone."""
         edge = self.edge_of(pair)
         if edge is None or self.around is None:
             return self.rounding_m
@@ -265,7 +265,7 @@ class SearchDomain:
             lambda gone_m: self.gap(pair, gone_m), *bracket[:2], low, high)
 
     def slope(self, pair: tuple[int, int], gone_m: float) -> float:
-        """Return how much a gap closes per metre travelled by the leader."""
+        """Return the closing of a gap per metre travelled by the leader."""
         low, high = sorted((self.start_m, self.stop_m))
         step_m = max(self.step_m, 2.0**10 * ulp(gone_m))
         early, late = max(low, gone_m - step_m), min(high, gone_m + step_m)
@@ -299,7 +299,7 @@ class SearchDomain:
     def onwards_m(self, t_s: float) -> float:
         """Return how far the leader moves on after a time until it turns, rests or the model ends; 0 in an empty run.
 
-        This may be beyond the end of the run.
+        The end of this motion may be beyond the end of the run.
         """
         if self.start_m == self.stop_m:
             return 0.0

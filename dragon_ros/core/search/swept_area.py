@@ -1,8 +1,8 @@
-"""The area that benches sweep in a run, from closely spaced positions: for drawing and measuring, without proof.
+"""The area that benches sweep in a run, from closely spaced positions, for drawing and measuring, without proof.
 
 It is swept by the head, and by the benches of each other length over the positions of all their front handles. It is
-the union of overlapping benches one step apart, and of the areas between their ends. Beside a track of radius R it is
-too narrow by about step^2 / 8 R.
+the union of overlapping benches one step apart, and of the areas between their ends. Beside a track of radius R the
+area is too narrow by about step^2 / 8 R.
 """
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,12 +20,12 @@ from dragon_ros.core.tracks.composite import Track
 
 STEP_M = 0.1            # spacing of the front handle's positions
 _ENDS = ((0, 3), (1, 2))     # the corners at the front and at the rear
-_MOST_PLACES = 40_000   # positions; if more are needed, the step is larger
+_MOST_PLACES = 40_000   # largest number of positions; if more are needed, the step is larger
 
 
 @dataclass(frozen=True, eq=False)
 class SweptArea:
-    """The area that the head and the body sweep, in m, and the parts (n,) that it consists of.
+    """The area that the head and the body sweep, in m, and the parts (n,) of which it consists.
 
     ``at_m`` (n,) are the distances of the front handles along the track, in increasing order. ``long_m`` is the length
     of the longest bench.
@@ -82,7 +82,7 @@ def _placed(ranges: HandleRanges, bench: int, span: Floats, step_m: float) -> tu
 
 
 def room_every_metre(scene: Scene, swept: SweptArea) -> tuple[Floats, Floats]:
-    """Return distances (n,) along the track every metre, and the room (n, 2) needed there to the left and right."""
+    """Return distances (n,) along the track, one per metre, and the space (n, 2) needed to the left and right."""
     stations_m = np.arange(ceil(swept.at_m[0]), swept.at_m[-1])
     return stations_m, room_needed_m(compile_scene(scene).model.track, swept, stations_m)
 
@@ -90,7 +90,7 @@ def room_every_metre(scene: Scene, swept: SweptArea) -> tuple[Floats, Floats]:
 def room_needed_m(track: Track, swept: SweptArea, stations_m: Floats) -> Floats:
     """Return how far benches reach to the left and right of a track (n, 2) at distances (n,) along it.
 
-    Only benches near that distance along the track count, not those on another part of the track that passes close by.
+    Only benches near that distance along the track count, and not those on another part that passes close by.
     """
     places = track.places_at(stations_m, np.zeros_like(stations_m))
     points, headings = (_complex(one) for one in track.poses(*places))

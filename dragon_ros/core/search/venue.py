@@ -1,4 +1,4 @@
-"""Checks that a dragon starts clear of the obstacles of its venue, and inside it."""
+"""Checks that a dragon starts inside its venue and clear of its obstacles."""
 from contextlib import suppress
 from typing import NoReturn
 
@@ -25,7 +25,7 @@ def check_start(scene: Scene) -> None:
 
 
 def check_sides(scene: Scene) -> None:
-    """Raise FieldError if an obstacle covers the middle of the head when the run starts, or if it is not inside."""
+    """Raise FieldError if the middle of the head is in an obstacle, or not inside, when the run starts."""
     assert scene.venue
     around = surroundings_of(scene.venue)
     with suppress(ModelEnd):

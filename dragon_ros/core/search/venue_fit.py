@@ -1,7 +1,7 @@
 """Bounds on how close the benches of a run come to each obstacle of a venue, by branch and bound.
 
-The pose of a bench depends on its length and on the position of its front handle. So a cell is an interval of the track
-that the front handles of benches of one length pass, with one edge of an obstacle (``obstacle_bounds``).
+The pose of a bench depends on its length and on the position of its front handle. A cell is therefore an interval of
+the track that the front handles of benches of one length pass, with one edge of an obstacle (``obstacle_bounds``).
 """
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,20 +20,20 @@ from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, corners_of
 from dragon_ros.core.search.venue import check_sides
 from dragon_ros.core.tiers import EXACT
 
-_AT_ONCE = 8192     # cells
-_PARTS = 4          # parts into which a cell is cut
+_AT_ONCE = 8192     # cells that are judged together
+_PARTS = 4          # number of parts into which a cell is cut
 _FIRST_M = 2.0      # approximate length of the first intervals
-_MOST_FIRST = 20_000    # first intervals for one kind of bench
-_PAIRS_AT_ONCE = 2_000_000      # pairs of positions and edges whose distances are computed together, to limit memory
-_SAME_M = 4e-12     # twice the position error: a gap that falls short of the margin by less may still meet it
-_MOST = 3_000_000   # cells examined
+_MOST_FIRST = 20_000    # limit for the first intervals of one kind of bench
+_PAIRS_AT_ONCE = 2_000_000      # limit for positions times edges whose distances are computed together
+_SAME_M = 4e-12     # twice the position error: a gap that is less than the margin by no more may still meet it
+_MOST = 3_000_000   # limit for the cells examined
 
 
 @dataclass(frozen=True)
 class ObstacleGap:
     """The smallest signed gap to an obstacle: a bench reaches ``high_m`` at ``t_s``, and none goes below ``low_m``.
 
-    ``point_m`` is the bench's middle there.
+    ``point_m`` is the middle of the bench at this time.
     """
 
     name: str
@@ -59,7 +59,7 @@ class VenueFit:
 
     @property
     def fits(self) -> bool | None:
-        """Whether all gaps are at least the margin and no obstacle is touched; None if the bounds leave it open."""
+        """Whether all gaps are at least the margin and no obstacle is touched; None if the bounds cannot decide."""
         if self.lacking:
             return False
         return True if all(one.low_m >= self.margin_m and one.low_m > 0 for one in self.gaps) else None
@@ -68,8 +68,8 @@ class VenueFit:
 def venue_fit(scene: Scene, within_m: float = 1e-6, progress: Callable[[int], object] = lambda looks: None) -> VenueFit:
     """Return the smallest gap to each obstacle of the scene's venue, between bounds about ``within_m`` apart.
 
-    They differ by more if judging ``_MOST`` cells is not enough. ``progress(looks)`` is called with the number of cells
-    judged since the last call. Raises FieldError if there is no venue, or if the dragon starts in an obstacle or
+    They differ by more if judging ``_MOST`` cells does not suffice. ``progress(looks)`` is called with the number of
+    cells judged since the last call. Raises FieldError if there is no venue, or if the dragon starts in an obstacle or
     outside the venue's inside.
     """
     if scene.venue is None:
@@ -87,7 +87,7 @@ def venue_fit(scene: Scene, within_m: float = 1e-6, progress: Callable[[int], ob
 
 @dataclass(frozen=True)
 class _EdgeIntervals:
-    """Intervals of the track (2, M), and an edge for each."""
+    """Intervals of the track (2, M), each with an edge."""
 
     ends: Floats
     edge: Ints
@@ -113,7 +113,7 @@ class _EdgeIntervals:
 
 
 class _Nearing(InOrder):
-    """A search for the smallest gap to each obstacle: the best so far, where, and bounds of the rest."""
+    """A search for the smallest gap to each obstacle: the best so far, its position, and bounds for the rest."""
 
     at_once = _AT_ONCE
 
@@ -134,8 +134,8 @@ class _Nearing(InOrder):
     def _roots(self, boxes: Boxes) -> _EdgeIntervals:
         """Return the cells that may matter, judged by the distance of the edge from the bench's middle.
 
-        That distance, less the bench's motion and arm, bounds the gap from below; the edge nearest to any middle bounds
-        the gap to its obstacle from above.
+        That distance, minus the bench's motion and arm, bounds the gap from below; the edge nearest to any middle
+        bounds the gap to its obstacle from above.
         """
         longest = float(np.max(boxes.high - boxes.low, initial=0.0))
         boxes = boxes.cut(int(min(max(1, np.ceil(longest / _FIRST_M)), max(1, _MOST_FIRST // boxes.size))))
@@ -147,7 +147,7 @@ class _Nearing(InOrder):
         arm = float(np.hypot(*self._bounds.half_m))
         count, owner = boxes.size, self._around.owner
         every = max(1, _PAIRS_AT_ONCE // owner.size)
-        firsts = np.flatnonzero(np.concatenate(([True], owner[1:] != owner[:-1])))      # owners grow
+        firsts = np.flatnonzero(np.concatenate(([True], owner[1:] != owner[:-1])))      # owners increase
         nearest, kept = self.best.copy(), list[tuple[Ints, Ints, Floats]]()
         for first in range(0, count, every):
             rows = np.arange(first, min(first + every, count))
@@ -156,7 +156,7 @@ class _Nearing(InOrder):
             least = np.min(np.minimum.reduceat(away, firsts, axis=1), axis=0)
             nearest[owner[firsts]] = np.minimum(nearest[owner[firsts]], least)
             low = 0.5 * (away[at[0]] + away[at[1]] - way[rows, None]) - arm
-            row, edge = np.nonzero(low <= nearest[owner])       # nearest so far: later rounds exclude more
+            row, edge = np.nonzero(low <= nearest[owner])       # the nearest so far; later rounds exclude more
             kept.append((rows[row], edge, low[row, edge]))
         cells = list[_EdgeIntervals]()
         for rows, edge, low in kept:
@@ -173,7 +173,7 @@ class _Nearing(InOrder):
         return out
 
     def judge(self, cells: _EdgeIntervals) -> _EdgeIntervals:
-        """Bound the gaps of cells, set aside those that contain nothing smaller, and cut the others."""
+        """Bound the gaps of cells, set aside those that contain no smaller gap, and cut the others."""
         places, index = np.unique(cells.ends, return_inverse=True)
         index, states, owner = index.reshape(2, -1), self._bounds.bench.states(places), self._around.owner[cells.edge]
         self.looks += cells.size
@@ -197,7 +197,7 @@ class _Nearing(InOrder):
 
 
 def _gaps(ranges: HandleRanges, kinds: list[Ints], search: '_Nearing') -> list[ObstacleGap]:
-    """Return the result for each obstacle, with a bench that is there and the time."""
+    """Return the result for each obstacle, with a bench that comes this close, and the time."""
     scene, around = ranges.scene, search._around
     size_m = compile_scene(scene).size_m
     error_m = EXACT.promise_for_m(size_m) + float(rounding_m(max(size_m, around.far_m), float(np.max(
