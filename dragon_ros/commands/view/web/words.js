@@ -24,7 +24,7 @@ const WORDS = {
   scale: ['a bench is {long} × {wide} pixels here', '此处一节板凳为 {long} × {wide} 像素'],
   by_canvas: ['; {kb} kB and {calls} draw calls per frame on a canvas', '；画布绘制，每帧 {kb} kB、{calls} 次绘制调用'],
   by_webgl: ['; {kb} kB and one draw call per frame by WebGL', '；WebGL 绘制，每帧 {kb} kB、一次绘制调用'],
-  rate: [', {rate} frames a second', '，每秒 {rate} 帧'],
+  rate: [', {rate} frames per second', '，每秒 {rate} 帧'],
   // The values of --try
   what_if: ['What if', '试改参数'], as_it_was: ['Reset values', '恢复原值'], working: ['working', '正在计算'], the_end: ['the end', '到结束'],
   slider: ['{key}: the slider goes from {low} to {high}', '{key}：滑块范围 {low} 至 {high}'],
