@@ -14,7 +14,7 @@ from typing import NoReturn
 from dragon_ros.executables import EXECUTABLES, NODES
 
 _SPIN = '16'            # an idle thread of OpenBLAS spins for 2^16 cycles instead of 2^26, the default
-_GARBAGE = 20_000       # new containers that trigger a garbage collection; the default of 700 is far too low
+_GARBAGE = 20_000       # number of new containers that triggers a garbage collection; the default of 700 is far too low
 
 
 def main(argv: list[str]) -> int:

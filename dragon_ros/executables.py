@@ -1,4 +1,4 @@
-"""Every executable of the package: one list for ``ros2 run dragon_ros NAME`` and ``python -m dragon_ros NAME``."""
+"""Every executable of the package, in one list for ``ros2 run dragon_ros NAME`` and ``python -m dragon_ros NAME``."""
 from typing import NamedTuple
 
 

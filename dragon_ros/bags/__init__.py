@@ -1,1 +1,1 @@
-"""MCAP bags: reading, writing, checking and recording. This package never imports rclpy."""
+"""Read, write, check and record MCAP bags. This package never imports rclpy."""

@@ -1,1 +1,1 @@
-"""Shared parts of all command lines: options, errors, completion, figures, signals."""
+"""Parts that all command lines share: options, errors, completion, figures and signals."""

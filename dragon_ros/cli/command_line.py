@@ -246,7 +246,7 @@ def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
 
 
 def write_output(path: Path | None, content: str | bytes) -> None:
-    """Write to a file, or write text to standard output. Raises InputError, MissingError."""
+    """Write to a file, or write text to standard output. Raises InputError or MissingError."""
     if path is None:
         if isinstance(content, bytes):
             raise InputError('--format: this format can only be written to a file; give --output FILE', field='output')

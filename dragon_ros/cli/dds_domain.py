@@ -1,4 +1,4 @@
-"""A free ROS domain, so that concurrent runs do not hear each other."""
+"""Find a free ROS domain, so that concurrent runs do not hear each other."""
 import atexit
 import os
 import random
@@ -44,7 +44,7 @@ def local_environment(domain: int) -> dict[str, str]:
 
 
 def _is_free(domain: int) -> bool:
-    """Return whether all ports of a domain are free; the first participant may have left before the others."""
+    """Return whether all ports of a domain are free, since its first participant may have left before the others."""
     base, count = _PORTS
     for port in range(base + count * domain, base + count * (domain + 1)):
         probe = _bound(port)

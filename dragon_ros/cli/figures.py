@@ -1,4 +1,4 @@
-"""The style of all figures, and how they are written to files. matplotlib is imported only when something is drawn."""
+"""Style all figures and write them to files. matplotlib is imported only when something is drawn."""
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,11 +28,11 @@ _STYLE = {
     'figure.titlesize': 12, 'hatch.linewidth': 0.5, 'svg.fonttype': 'none', 'pdf.fonttype': 42,
 }
 _LONGEST_NAME = 40          # longest name in a title, in characters
-_CHARACTERS_PER_INCH = 11   # at the text size of a title
+_CHARACTERS_PER_INCH = 11   # number of characters at the text size of a title
 _UNDATED: dict[str, dict[str, Any]] = {'.png': {'Software': None}, '.svg': {'Date': None},
                                        '.pdf': {'CreationDate': None}}
 FORMATS = tuple(_UNDATED)
-TRACK_ID = 'track'      # id of the track in a picture and in its SVG
+TRACK_ID = 'track'      # id of the track in a figure and its SVG
 _SVG_DPI = 72
 _CAPTION_IN, _LEGEND_IN = 0.26, 0.3      # space below a figure for its caption and its legend
 _CAPTION_ID = 'caption'

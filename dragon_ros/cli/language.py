@@ -1,4 +1,4 @@
-"""The language of output for people, English or Chinese: ``--lang``, or the locale of the environment."""
+"""Select the language of output for people, English or Chinese, by ``--lang`` or the locale of the environment."""
 import os
 from argparse import ArgumentParser
 from collections.abc import Mapping
@@ -21,5 +21,5 @@ def language_of(given: str | None) -> str:
 
 
 def say(words: Words, key: str, lang: str, **parameters: object) -> str:
-    """Return the sentence of a key in a language, with its parameters."""
+    """Return the sentence for a key in a language, with its parameters inserted."""
     return words[key][LANGUAGES.index(lang)].format_map(parameters)

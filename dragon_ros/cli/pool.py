@@ -1,4 +1,4 @@
-"""Long work on all cores: processes take jobs; results are returned in the order of the jobs."""
+"""Do long work on all cores: processes take jobs, and results are returned in the order of the jobs."""
 import mmap
 import os
 import pickle
@@ -47,8 +47,8 @@ def workers_of(given: int | None) -> int:
 class Pool:
     """The worker processes: as many as ``--workers`` gives or, if None, one per core if the work is long.
 
-    This process is one of the workers; it works alone until the others have started. Raises InputError for a number
-    that is not allowed.
+    This process is one of the workers; it works alone until the others have started. Raises InputError for an invalid
+    number.
     """
 
     given: int | None = None
@@ -65,8 +65,8 @@ class Pool:
     def in_order(self, work: Callable[[J], R], jobs: Iterable[J], count: int | None = None) -> Generator[R, None, None]:
         """Yield ``work(job)`` for each job, in order; ``count`` is the number of jobs if ``jobs`` has no length.
 
-        The other processes get a pickled copy of ``work``. At most ``4 * workers`` results wait for their turn, which
-        bounds the memory. The others ignore signals, and end when this process ends for any reason. Raises
+        The other processes receive a pickled copy of ``work``. At most ``4 * workers`` results wait for their turn,
+        which bounds the memory. They ignore signals, and end when this process ends for any reason. Raises
         DragonError if one of them is killed.
         """
         rest, workers = iter(jobs), self.workers
@@ -97,7 +97,7 @@ ALONE = Pool(1)
 
 
 def _seen(work: Callable[[J], R], rest: Iterator[J], count: int) -> Generator[R, None, float]:
-    """Yield the first results of this process, and return how many seconds it would take for the remaining ones.
+    """Yield the first results of this process, and return the time in s that the remaining ones would take here.
 
     The first result is not timed, since it fills caches.
     """
@@ -169,8 +169,8 @@ class _Elsewhere(NamedTuple):
 def _started(others: int, pickled: bytes) -> tuple['ProcessPoolExecutor', list[Future[None]], _Slots]:
     """Return a pool of processes, for each a future that is done when it has started, and the memory that they share.
 
-    They are forked if that is safe, which takes no time: this process must have a single Python thread (OpenBLAS ends
-    its threads before a fork). Otherwise new interpreters are started, and their imports take a third of a second.
+    They are forked if that is safe, which takes almost no time: this process must have a single Python thread (OpenBLAS
+    ends its threads before a fork). Otherwise new interpreters are started, and their imports take a third of a second.
     """
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context

@@ -45,7 +45,7 @@ def _values(text: str, option: str, read: Callable[[str], float]) -> Iterator[fl
 
 
 def _range(part: str, option: str, read: Callable[[str], float]) -> list[float]:
-    """Return the values of a number, FIRST-LAST or START:STOP[:STEP]."""
+    """Return the values of a part, which is a number, FIRST-LAST or START:STOP[:STEP]."""
     dashed = _DASHED.fullmatch(part)
     ends = dashed.groups() if dashed else part.split(':')
     if len(ends) == 1:

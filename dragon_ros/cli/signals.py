@@ -7,9 +7,9 @@ from typing import Any
 
 
 def ending() -> list[signal.Signals]:
-    """Return the signals that end a command: SIGINT, SIGTERM, and SIGHUP (a closed terminal) unless it is ignored.
+    """Return the signals that end a command: SIGINT, SIGTERM and, unless ignored, SIGHUP (a closed terminal).
 
-    ``nohup`` ignores it.
+    ``nohup`` makes a command ignore SIGHUP.
     """
     hang_up = [signal.SIGHUP] if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN else []
     return [signal.SIGINT, signal.SIGTERM, *hang_up]

@@ -1,4 +1,4 @@
-"""Run the independent checker of certificates, in a process that shares nothing with the solver."""
+"""Run the independent checker of certificates in a process that shares nothing with the solver."""
 import json
 import subprocess
 import sys

@@ -37,8 +37,8 @@ def inspect(argv: list[str]) -> int:
     command_line.add_bag(options, 'an .mcap file or a rosbag2 folder', required=True)
     options.add_argument('--check', action='store_true', help='recompute every tick from the scene in the bag and '
                          'compare bit for bit, or within the promise of its tier if bits differ')
-    options.add_argument('--trust', action='store_true', help='recompute the scene in the bag, whatever its size '
-                         '(budgets: docs/limits.md)')
+    options.add_argument('--trust', action='store_true', help='recompute the scene in the bag even if it '
+                         'exceeds the budgets (docs/limits.md)')
     options.add_argument('--repair', type=Path, metavar='OUT', help='write all readable messages to a complete bag')
     options.add_argument('--looks', type=int, metavar='N', help='number of evenly spaced ticks at which the clearance '
                          'is computed; 0: all (200)')

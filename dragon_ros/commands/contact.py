@@ -26,8 +26,8 @@ def main(argv: list[str]) -> int:
     command_line.add_bag(options, 'bag whose scene and led walk are searched (no scene options)')
     command_line.add_scene_options(options)
     command_line.add_namespace_option(options)
-    options.add_argument('--trust', action='store_true', help='search the scene in the bag, whatever its size '
-                         '(budgets: docs/limits.md)')
+    options.add_argument('--trust', action='store_true', help='search the scene in the bag even if it exceeds '
+                         'the budgets (docs/limits.md)')
     options.add_argument('--near-misses', type=float, metavar='METRES',
                          help='also report near misses: gaps below this between two benches, or between a bench and an '
                          'obstacle')
@@ -110,7 +110,7 @@ def _scene_of(arguments: Namespace) -> 'Scene':
                              '--scene')
         topic = f'{namespace}/collision/obstacles'
         if any(row.name == topic and row.messages for row in bag.topics):
-            print(f'contact: the obstacles on {topic}, which the monitor had from a file or a map, are not in the '
+            print(f'contact: the obstacles on {topic}, which the monitor read from a file or a map, are not in the '
                   "bag's scene and are not searched; inspect reports contacts with them", file=sys.stderr)
         return walked_scene(bag, scene, namespace)
 

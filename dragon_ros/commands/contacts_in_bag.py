@@ -54,7 +54,7 @@ def searched(scene: Scene, trust: bool) -> Contact | NoContact:
             states += more
             bar.update(more)
             if states * benches > SEARCH_WORK and not trust:
-                raise InputError(f'to search the scene for contacts takes more than {states} states of {benches} '
+                raise InputError(f'searching the scene for contacts takes more than {states} states of {benches} '
                                  'benches; give --trust')
         return first_contact(scene, spend)
 
@@ -112,7 +112,7 @@ class Clearance:
 
 
 def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
-    """Return the clearance over time from the stamped topic or, without it, from ``looks`` ticks (0 for all).
+    """Return the clearance over time from the stamped topic or, if it is missing, from ``looks`` ticks (0 for all).
 
     Obstacles in the bag are included.
 

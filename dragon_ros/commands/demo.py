@@ -203,7 +203,7 @@ def _bystanders(start: _Processes, bag: Path) -> None:
 
 
 def _interrupt_if_any_fails(others: 'list[subprocess.Popen[str]]', sim: 'subprocess.Popen[str]') -> None:
-    """Stop the simulator if one of the readers for which it waits fails."""
+    """Stop the simulator if one of the readers for which it is waiting fails."""
     for process in others:
         if process.wait():
             sim.send_signal(signal.SIGINT)

@@ -230,7 +230,7 @@ def _fit_answer(arguments: Namespace) -> dict[str, Any]:
 
 
 def _venue_answer(scene: 'Scene', arguments: Namespace) -> dict[str, Any]:
-    """Return the smallest gap to each obstacle of a scene's venue, and whether all are as large as required."""
+    """Return the smallest gap to each obstacle of a scene's venue, and whether all gaps are as large as required."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.venue_fit import venue_fit
@@ -302,7 +302,7 @@ def _bounds(bounds_m: tuple[float, float]) -> str:
 
 
 def _verdict(centred: bool | None, free: bool | None) -> str:
-    """Return as text whether the dragon fits."""
+    """Return the text that states whether the dragon fits."""
     if free is False:
         return 'the dragon does not fit'
     if centred is None or free is None:
@@ -317,6 +317,6 @@ QUESTIONS = {
                           'max-speed --limit 2', _max_speed_options, _max_speed_answer, _max_speed_text),
     'min-pitch': Question('the smallest pitch at which the head reaches a circle without a contact',
                           'min-pitch --diameter 9', _min_pitch_options, _min_pitch_answer, _min_pitch_text),
-    'fit': Question('the smallest square that contains the dragon throughout a run; is a given one enough?',
+    'fit': Question('the smallest square that contains the dragon throughout a run, and whether it fits a given one',
                     'fit --square 24', _fit_options, _fit_answer, _fit_text),
 }

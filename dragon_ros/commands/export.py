@@ -57,7 +57,7 @@ class _ExportedTicks:
         self._ticks = next(t.messages for t in bag.topics if t.name == f'{self._namespace}/handles')
 
     def picked(self, what: str, pick: 'Callable[[Iterator[BagFrame]], R]') -> 'Iterator[R]':
-        """Yield ``pick`` of the ticks of each part, with a progress bar; several processes call ``pick``.
+        """Yield the result of ``pick`` for the ticks of each part, with a progress bar; several processes call it.
 
         Raises InputError if the number of handles changes.
         """

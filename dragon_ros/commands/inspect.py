@@ -274,7 +274,7 @@ def _integrity_lines(values: dict[str, Any]) -> list[str]:
 
 
 def _length_lines(topics: list[dict[str, Any]]) -> list[str]:
-    """Return lines that report how many lengths of messages were compared with their types, and why others were not."""
+    """Return lines on how many message lengths were compared with their types, and why others were not."""
     compared = sum(row['lengths_compared'] for row in topics)
     return [f'  lengths: {compared} messages compared with their types',
             *(f'  lengths not compared: {row["messages"] - row["lengths_compared"]} of {row["topic"]} '

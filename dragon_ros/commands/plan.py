@@ -244,8 +244,8 @@ def _pages(plan: Plan, paper: str, scale: int, window: Floats) -> list['Figure']
     page_m = _drawn_mm(paper) * scale / 1000
     counts = np.maximum(1, np.ceil((window[1] - window[0]) / page_m - 1e-9)).astype(int)
     if counts.prod() > _MOST_PAGES:
-        raise InputError(f'--scale 1:{scale}: it takes {counts.prod()} pages of {paper}, and {_MOST_PAGES} are the '
-                         'most; give a smaller scale, or --paper A3', field='scale')
+        raise InputError(f'--scale 1:{scale}: it takes {counts.prod()} pages of {paper}, and the limit is '
+                         f'{_MOST_PAGES}; give a smaller scale, or --paper A3', field='scale')
     begin = window.mean(axis=0) - 0.5 * counts * page_m
     tables = _tables(plan)
     total = int(counts.prod()) + len(tables)
@@ -387,7 +387,7 @@ def mark_offsets(places: Floats, headings: Floats, labels: list[str]) -> list[tu
 
 
 def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Floats, float]]) -> None:
-    """Draw the smallest gaps as dimensions; those below the margin are red and marked as too small."""
+    """Draw the smallest gaps as dimensions; gaps below the margin are red and marked as too small."""
     for gap in plan.gaps:
         middle = gap.ends_m.mean(axis=0)
         if not _seen(middle, window):
@@ -420,7 +420,7 @@ def _free_offset(axes: 'Axes', at: Floats, label: str, taken: list[tuple[Floats,
 
 
 def _widest(plan: Plan) -> list[tuple[float, float, float]]:
-    """Return the places that require the most room: distances along the track, and the room to its left and right."""
+    """Return where the most room is required, as distances along the track with the room to its left and right."""
     stations, room = plan.room_m
     out: list[tuple[float, float, float]] = []
     for n in np.argsort(-room.sum(axis=1), kind='stable').tolist():

@@ -55,7 +55,7 @@ def run(arguments: Namespace) -> int:
 
 
 def _line(arguments: Namespace) -> DrawnLine:
-    """Return the drawn line that the options select. Raises InputError, MissingError."""
+    """Return the drawn line that the options select. Raises InputError or MissingError."""
     path: Path | None = arguments.drawing
     suffix = path.suffix.lower() if path else ''
     given = {f'--{name.replace("_", "-")}': getattr(arguments, name) is not None

@@ -103,7 +103,7 @@ def _in_this_process(scene: Scene, bag: BagWriter, encoded: dict[str, Encode], p
 
 
 class _PackedTicks:
-    """Packs ticks of a scene as chunks, which is the work of a process of ``simulate``."""
+    """Packs ticks of a scene as chunks; this is the work of each process of ``simulate``."""
 
     def __init__(self, scene: Scene, numbers: list[int], compression: str) -> None:
         self._settings = scene, numbers, compression

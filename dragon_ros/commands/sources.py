@@ -24,7 +24,7 @@ from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.venue import Venue
 
-if TYPE_CHECKING:       # lazy: a scene's picture needs no bag reader, and one without contacts needs no search
+if TYPE_CHECKING:       # imported lazily, because a scene's picture needs none, or few, of these
     from dragon_ros.bags.read.frames import BagFrame, RecordedObstacles
     from dragon_ros.bags.read.reader import BagReader
     from dragon_ros.core.geometry.contacts import Observation
@@ -33,13 +33,13 @@ if TYPE_CHECKING:       # lazy: a scene's picture needs no bag reader, and one w
     from dragon_ros.core.geometry.venue import Surroundings
     from dragon_ros.core.search.certificate import Contact, NoContact
 
-_AT_ONCE = 64               # states per batch
+_AT_ONCE = 64               # number of states per batch
 _SAG_M = 1e-4               # largest deviation of the drawn track, which is smooth even in a picture of one bench
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
 Check = Callable[[], None]      # raises an exception when the work is no longer wanted
 _REMEMBERED = 8             # number of ticks before a contact that its tracker may use
 _HAIR_S = 1e-9
-_AROUND = 2.0               # largest extent of the shown track beyond the dragon, relative to the dragon's
+_AROUND = 2.0               # largest extent of the shown track beyond the dragon, relative to the dragon's size
 _MARGIN = 0.03              # margin relative to the window
 
 
@@ -241,7 +241,7 @@ def thinned(first: int, last: int, most: int) -> Ints:
 
 
 def _touch_of(event: 'Event', observation: 'Observation', around: 'Surroundings | None') -> Touch:
-    """Return the contact that began at an observation."""
+    """Return the contact that began with an observation."""
     before_ns = observation.t_ns if event.before_ns is None else event.before_ns
     decimals = decimals_of((observation.t_ns - before_ns) / NS)
     if around is None or not event.obstacle:
@@ -254,7 +254,7 @@ def _touch_of(event: 'Event', observation: 'Observation', around: 'Surroundings 
 
 
 def witness_at(moment: Moment, pair: tuple[int, int]) -> 'Witness':
-    """Return where and how two benches meet at a moment."""
+    """Return the point, the corner and the edge where two benches meet at a moment."""
     from dragon_ros.core.geometry.signed_distance import witness
     return witness(moment.benches, *pair)
 
@@ -336,7 +336,7 @@ class BagSource:
         return np.unique(np.where(times_s - ticks[before] < ticks[after] - times_s, before, after))
 
     def first_touch(self, progress: Progress) -> Touch | None:
-        """Return the first contact that a monitor finds in the bag, at the time that is interpolated in its bracket."""
+        """Return the first contact that a monitor finds in the bag, at a time interpolated within its bracket."""
         for touch in progress(self._touches()):
             if touch is not None:
                 return touch     # type: ignore[no-any-return]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def main(argv: list[str]) -> int:
-    """Compute or draw a study; return the exit code (1 if a signal ended it; the same command then continues)."""
+    """Compute or draw a study; return the exit code (1 if a signal ended it; the same command then continues it)."""
     options = command_line.parser(
         'study', 'Vary a scene as described in a study file, answer its questions for each variant, and store one row '
         'per variant as Parquet\n(docs/studies.md). Existing rows are not computed again.',
@@ -32,8 +32,8 @@ def main(argv: list[str]) -> int:
     options.add_argument('--workers', type=int, metavar='N', help='processes on this host (one per core)')
     options.add_argument('--scheduler', metavar='ADDRESS|FILE', help='running Dask cluster to use, by the address or '
                          'file of its scheduler')
-    options.add_argument('--plot', action='store_true', help='draw the results into the folder, as PNG and SVG; given '
-                         'a FOLDER, only draw')
+    options.add_argument('--plot', action='store_true', help='draw the results into the folder, as PNG and SVG; with a '
+                         'FOLDER, only draw')
     options.add_argument('--format', choices=('text', 'json'), default='text', help='output format (%(default)s)')
     return command_line.guarded('study', partial(_run, options.parse_args(argv)))
 

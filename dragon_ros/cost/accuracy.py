@@ -78,7 +78,7 @@ def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> Acc
 
 
 def _references(scene: Scene, budget_s: float) -> dict[float, Reference | None]:
-    """Return references at instants along the run: as many as the budget allows, at least one.
+    """Return references at instants along the run, as many as the budget allows but at least one.
 
     Return None if that would take minutes: if the tail leads a dragon, the first handle is computed after all links.
     """
@@ -94,7 +94,7 @@ def _references(scene: Scene, budget_s: float) -> dict[float, Reference | None]:
 
 
 def _instants(scene: Scene) -> list[float]:
-    """Return instants along the run, at the paper's steps if the run contains any."""
+    """Return instants along the run; they are at the paper's steps if the run contains any."""
     simulation = compile_scene(scene)
     start_s, stop_s = (scene.run.time_ns(k) / NS for k in (0, simulation.last_tick))
     times = [start_s + part * (stop_s - start_s) for part in _PLACES]

@@ -40,7 +40,7 @@ def measure(scene: Scene, budget_s: float) -> SearchCost:
         if not found.certificate.complete:
             said += ', without a certificate'
     except _OutOfTimeError:
-        complete, said = False, f'cut off after {budget_s:g} s, nothing found; give a longer --budget'
+        complete, said = False, f'cut off after {budget_s:g} s, and nothing was found; give a longer --budget'
     except DragonError as error:
         complete, said = False, str(error)
     return SearchCost(time.perf_counter() - began, states, complete, said)

@@ -21,7 +21,7 @@ _NONE = '-'
 
 @dataclass(frozen=True)
 class Costs:
-    """All measurements of a scene, and the machine."""
+    """All measurements of a scene, and a description of the machine."""
 
     scene: str
     benches: int
@@ -96,7 +96,7 @@ def text_of(costs: Costs) -> str:
 def _accuracy_text(found: Accuracy) -> str:
     times = ', '.join(f'{t_s:g}' for t_s in found.times_s)
     title = (f'Accuracy: largest errors of {found.handles:,} handles at {times} s' if found.handles else
-             f'Accuracy at {times} s; no errors, since a reference for so long a dragon led by its tail takes minutes')
+             f'Accuracy at {times} s; no errors, as a reference for such a long dragon led by its tail takes minutes')
     rows = [(row.name, _figure(row.error_m), _figure(row.promise_m), _figure(row.speed_error_m_s), _us(row.positions),
              _us(row.with_velocities), row.note) for row in found.solvers]
     head = 'solver', 'error (m)', 'promise (m)', 'speed (m/s)', 'µs per tick', 'with velocities', ''

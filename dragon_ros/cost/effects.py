@@ -17,7 +17,7 @@ from dragon_ros.messages.encode import Encode, encoders
 
 ALONE = 'alone'
 LEAST, MOST = 15, 400         # number of calls
-_PLACES, _RUN = 7, 20           # starts along the run; consecutive ticks from each start, as in a simulator
+_PLACES, _RUN = 7, 20           # number of starts along the run, and of consecutive ticks from each, as in sim
 Call = Callable[[], object]
 # The field of each effect, and how ``frame_of`` fills it in a frame that has what the effect needs; a test compares
 # both. If ``frame_of`` itself called functions from such a table, a tick would take 1.05 times as long.
@@ -52,7 +52,8 @@ class Price:
 def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
     """Return the cost of an effect in a scene with all effects that it needs and none that depend on it.
 
-    Only its own work is timed: filling its field in a frame that has the other effects, and encoding its topics.
+    Only the effect's own work is timed: filling its field in a frame that has the other effects, and encoding its
+    topics.
     """
     without = scene.effects & ~effect & ~_above(effect) | _below(effect)
     off, on = (replace(scene, effects=effects) for effects in (without, without | effect))

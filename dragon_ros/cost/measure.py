@@ -34,7 +34,7 @@ class Timing:
 
 
 def timed(call: Callable[[], object], budget_s: float = 0.3, least: int = 5, most: int = 200) -> Timing:
-    """Call once without timing, then as often as the budget allows."""
+    """Call once without timing, and then as often as the budget allows; return the timing."""
     call()
     spent: list[float] = []
     while len(spent) < least or (sum(spent) < budget_s and len(spent) < most):

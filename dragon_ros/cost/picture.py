@@ -11,12 +11,12 @@ from dragon_ros.cost.costs import Costs
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_SMALLEST_M = 1e-18         # where a zero error is drawn
+_SMALLEST_M = 1e-18         # value at which a zero error is drawn
 _IN_SCENE, _OTHER = LINES[0], '#BBBBBB'
 
 
 def picture(costs: Costs) -> 'Figure':
-    """Return four panels."""
+    """Return a figure with four panels."""
     from matplotlib.figure import Figure
     figure = Figure(figsize=(PAGE_IN, 15))
     errors, effects, whole, bags = figure.subplots(4, 1)

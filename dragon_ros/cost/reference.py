@@ -1,10 +1,10 @@
 """A reference for handles and velocities that shares no arithmetic, equation or search with the solvers.
 
 It is computed with 60 decimal digits and rounded once, to double-doubles. Its errors are below 1e-30 of a coordinate,
-unless a link is so close to locking that the last digit of the leader's distance matters more. The scene's floats are
-taken as exact numbers. Pieces of track are laid out independently, and a link is found by Newton's method in a bracket
-on which the distance from the previous handle grows: chords grow along arcs of less than pi / bend, and on a single
-spiral up to half a turn behind the handle, or on the first rise beyond it.
+unless a link is so close to locking that the last digit of the leader's distance has a larger effect. The scene's
+floats are taken as exact numbers. Pieces of track are laid out independently, and a link is found by Newton's method in
+a bracket in which the distance from the previous handle grows. Chords grow along arcs of less than pi / bend and, on a
+single spiral, up to half a turn behind the handle, or on the first rise beyond it.
 """
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -124,7 +124,7 @@ class _ByMetres:
 
 @dataclass
 class _Straight(_ByMetres):
-    """A line."""
+    """A straight line."""
 
     start: Pair
     heading: Pair
@@ -227,7 +227,7 @@ class _DecimalTrack:
     may_lock: bool = False
 
     def place(self, metres: Number) -> _Place:
-        """Return the place at a distance along the track."""
+        """Return the place at a given distance along the track."""
         k = max((k for k in range(1, len(self.pieces)) if self.origins[k] <= metres), default=0)
         return k, self.pieces[k].after(metres - self.origins[k])
 
@@ -282,7 +282,7 @@ _Excess = Callable[[Number], Pair]
 
 
 def _excess(piece: _Piece, here: Pair, chord: Number, start: Number, sense: int) -> _Excess:
-    """Return a function of x: ((squared distance to a point - squared chord) / 2, slope) at u = start + sense x."""
+    """Return the function ((squared distance to a point - squared chord) / 2, slope) of x, at u = start + sense x."""
     def excess(x: Number) -> Pair:
         px, py, dx, dy = piece.at(start + sense * x)
         px, py = px - here[0], py - here[1]
@@ -293,7 +293,7 @@ def _excess(piece: _Piece, here: Pair, chord: Number, start: Number, sense: int)
 def _on_spiral(excess: _Excess, chord: Number, guess: Number | None) -> Number:
     """Return the smallest outward angle at which a point of a single spiral is one chord away.
 
-    Up to half a turn the distance grows monotonically: half the slope of its square is d + 2 t sin^2(d/2) + t (t + d)
+    Up to half a turn, the distance grows monotonically: half the slope of its square is d + 2 t sin^2(d/2) + t (t + d)
     sin d.
     """
     low, high = _ZERO, _PI
@@ -309,7 +309,7 @@ def _on_spiral(excess: _Excess, chord: Number, guess: Number | None) -> Number:
 
 
 def _falling(excess: _Excess, x: Number) -> Number:
-    """Return the approximate negative second derivative, which is good enough to find the maximum."""
+    """Return the approximate negative second derivative, which suffices to find the maximum."""
     step = Decimal('1e-20')
     return (excess(x - step)[1] - excess(x + step)[1]) / (2 * step)
 
@@ -453,7 +453,7 @@ def _guessed(before: list[Number]) -> Number | None:
 
 
 def _followed(track: _DecimalTrack, leader: _Place, links: list[Number], way: int, speed: Number) -> Iterator[Point]:
-    """Yield position and velocity of the handles, from the leader: both ends of a link have equal speed along it."""
+    """Yield position and velocity of the handles, from the leader on; both ends of a link have equal speed along it."""
     before: tuple[Pair, Pair] | None = None
     for k, u in _places(track, leader, links, way):
         x, y, dx, dy = track.pieces[k].at(u)

@@ -94,7 +94,7 @@ class Template:
 
     BytesIO returns the bytes without a copy, unless the caller still holds the previous message when the next one is
     made. This matters because copying megabytes takes longer than patching them. Python caches the hash of bytes, so a
-    caller that hashes a message must keep it until the next one is made.
+    caller that hashes a message must keep the message until the next one is made.
     """
 
     def __init__(self, data: bytearray) -> None:
@@ -133,7 +133,7 @@ class PoseArrayTemplate(Template):
 
 
 class VelocitiesTemplate(Template):
-    """std_msgs/Float64MultiArray: one row per handle, with columns vx, vy, speed in m/s, or similar columns."""
+    """std_msgs/Float64MultiArray with one row per handle and the columns vx, vy, speed in m/s, or similar ones."""
 
     def __init__(self, handles: int, columns: str = 'vx_vy_speed') -> None:
         """Lay out the message for a number of handles."""

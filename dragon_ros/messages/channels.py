@@ -1,4 +1,4 @@
-"""The topics of the package, from ``msg_configs/topics.yaml``."""
+"""The topics of the package, read from ``msg_configs/topics.yaml``."""
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any

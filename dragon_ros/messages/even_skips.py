@@ -12,7 +12,7 @@ class _Tick:
 
 
 class EvenSkips:
-    """Decides for each stamp when its first message arrives, and repeats the decision for its other messages.
+    """Decides on each stamp when its first message arrives, and repeats the decision for its other messages.
 
     All ticks are kept up to a fill of ``FROM_FILL``, and none at a fill of 1; in between, the kept fraction decreases
     linearly. The queue settles at the fill where ticks are kept as fast as they are processed.

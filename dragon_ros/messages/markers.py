@@ -130,7 +130,7 @@ class CubesTemplate(Template):
 class TrianglesTemplate(Template):
     """visualization_msgs/MarkerArray with the tops of all benches as a TRIANGLE_LIST and their edges as a LINE_LIST.
 
-    Corners are numbered counterclockwise from the front left one.
+    Corners are numbered counterclockwise from the front left corner.
     """
 
     def __init__(self, lengths_m: Floats, width_m: float, frame_id: str) -> None:

@@ -33,7 +33,7 @@ def report_markers(report: Report) -> bytes:
 
 
 def clearance_marker(report: Report) -> bytes:
-    """Return the clearance as text, or DELETE if no benches are near or a contact, which has its own label, exists."""
+    """Return the clearance as text; DELETE if no benches are near, or during a contact, which has its own label."""
     spec = deleted('clearance')
     if report.closest and not report.touching:
         point_m = witness(*report.two(report.closest)).point_m
@@ -69,7 +69,7 @@ def _point_and_label(report: Report) -> list[MarkerSpec]:
 
 
 def _text(namespace: str, point_m: tuple[float, float], text: str) -> MarkerSpec:
-    """Return a text beside a point, above the benches; seen from above, it is not covered and covers no contact."""
+    """Return a text beside a point, above the benches, so that nothing covers it and it covers no contact."""
     x, y = point_m
     return MarkerSpec(namespace, 0, TEXT_VIEW_FACING, (0.0, 0.0, _TEXT_M), BLACK,
                       place=(x, y - 2 * _TEXT_M, 2 * _TEXT_M), text=text)

@@ -37,7 +37,7 @@ class BenchMarkers:
 
     @property
     def size_bytes(self) -> int:
-        """Memory of the kept part of the message, in bytes."""
+        """Memory in bytes of the kept part of the message."""
         return self.markers.size_bytes
 
     def to_wait(self) -> 'BenchMarkers | WaitingBenches':
@@ -100,7 +100,7 @@ class WaitingBenches:
 
     @property
     def size_bytes(self) -> int:
-        """Memory of the arrays, in bytes."""
+        """Memory in bytes of the arrays."""
         return sum(each.nbytes for each in self.arrays)
 
 
@@ -108,7 +108,7 @@ ShownBenches = BenchMarkers | BenchCubes | WaitingBenches
 
 
 def observation_of(poses: Poses, shown: ShownBenches) -> Observation:
-    """Return the observation that two messages of one tick give. Raises MessageError, which names message and field."""
+    """Return the observation in two messages of one tick. Raises MessageError, which names message and field."""
     handles_m = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
     rectangles = shown.rectangles(handles_m)
     _counted(len(rectangles.centre), len(handles_m))
@@ -276,7 +276,7 @@ def _from_right_angle(triangles: Floats) -> tuple[Floats, Floats, Floats]:
 def _facing(centre: Floats, sides: Floats, half: Floats, handles_m: Floats) -> Benches:
     """Return benches along those sides (N, 2, 2), from rear to front, that align best with the handles.
 
-    If the two handles of a bench coincide, the longer side is used.
+    The longer side is used if a bench's two handles coincide.
     """
     link = handles_m[:-1] - handles_m[1:]
     along = sides[..., 0] * link[:, :1] + sides[..., 1] * link[:, 1:]

@@ -66,7 +66,7 @@ def fields_of(name: str) -> tuple[Field, ...]:
 
 
 def _fields(text: str, package: str, texts: dict[str, str]) -> tuple[Field, ...]:
-    """Return the fields of one section, without constants."""
+    """Return the fields of one section, excluding constants."""
     lines = (_FIELD.match(line.partition('#')[0].strip()) for line in text.splitlines())
     return tuple(_field(line, package, texts) for line in lines if line and not line[4])
 

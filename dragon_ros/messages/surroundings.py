@@ -56,7 +56,7 @@ def read_venue(data: bytes) -> Located:
 
 
 def _surroundings(markers: Markers, drawn: list[int], names: dict[int, str]) -> Surroundings | None:
-    """Return the surroundings of some markers."""
+    """Return the surroundings that markers describe."""
     starts, stops, owner, titles, sides = [], [], [], list[str](), list[int]()
     for marker in drawn:
         start, stop = _edges(markers, marker)

@@ -1,4 +1,4 @@
-"""Pairs the handles and benches of a tick, which arrive on two topics, by their stamps, in bounded memory and time.
+"""Pairs the handles and benches of a tick, which arrive on two topics, by their stamps, within bounded memory and time.
 
 If a topic has several publishers, ``Streams`` distinguishes their messages.
 """
@@ -37,7 +37,7 @@ class Synchronizer:
     """Holds unpaired messages in order of arrival, until a later pair overtakes them or a limit drops them.
 
     If a run restarts while the other topic lags, a stamp may repeat; the oldest messages are then paired first. One
-    topic may run ahead while the other is resent, so only the total bytes of both topics are bounded.
+    topic may run ahead while the other is resent, so the bound applies to the bytes of both topics together.
     """
 
     def __init__(self) -> None:
@@ -149,7 +149,7 @@ class Streams:
         return any(sequence == stream.sequence + 1 for stream in self._all)
 
     def take(self, sequence: int, t_ns: int, alone: bool) -> bool:
-        """Return whether to accept a message; if its publisher is ``alone``, the answer is always yes."""
+        """Return whether to accept a message; the result is always true if its publisher is ``alone``."""
         if alone:
             self._all = self._all if len(self._all) == 1 and self.follows(sequence) else [_Stream(sequence, t_ns)]
             self._known = self._known and self._all[0]

@@ -1,7 +1,7 @@
 """The dragon as a life-size URDF robot: benches are links, and handles are revolute joints.
 
 The frame of bench i is at its front handle, with x towards the head. Joint i rotates bench i relative to bench i - 1
-about handle i, by its angle in topic ``joint_states``.
+about handle i, by its angle in the topic ``joint_states``.
 """
 from math import pi
 from xml.etree.ElementTree import Element, SubElement, indent, tostring

@@ -1,4 +1,4 @@
-"""The base of all nodes: namespace, parameters from a table, log, and a check of /clock."""
+"""The base class of all nodes: namespace, parameters from a table, log, and a check of /clock."""
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
@@ -102,7 +102,7 @@ class DragonNode(Node):
         """Declare the parameters of the table.
 
         ``overrides`` take precedence over the command line, but lists are appended to the command line's lists. Raises
-        InputError for an invalid value and for a misspelt name.
+        InputError for an invalid value or a misspelt name.
         """
         lists = {key: value for key, value in (overrides or {}).items() if isinstance(value, list)}
         super().__init__(name, namespace=NAMESPACE, parameter_overrides=[
@@ -189,7 +189,7 @@ class DragonNode(Node):
         """Raise DragonError with the reason if a live parameter must not take a value."""
 
     def changed(self, name: str) -> None:
-        """Act on the new value of a live parameter."""
+        """React to the new value of a live parameter."""
 
     def _widen(self, given: list[RosParameter]) -> list[RosParameter]:
         return [RosParameter(one.name, value=widened(known, one.value)) if (known := self._table.get(one.name)) else one

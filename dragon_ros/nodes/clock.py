@@ -1,4 +1,4 @@
-"""/clock: the simulation time, for other nodes."""
+"""Publish the simulation time on /clock, for other nodes."""
 import time
 
 from rclpy.node import Node

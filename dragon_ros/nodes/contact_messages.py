@@ -11,7 +11,7 @@ from dragon_ros.core.geometry.tracker import NS, PARTED, RESTART, EpisodeEnd, Ev
 from dragon_ros.messages.cdr import stamp_of
 
 _AGAIN_S = 1.0      # interval between reports of unseen ticks
-_OVER_S = 3.0       # time after the last unseen tick
+_OVER_S = 3.0       # time for which a WARN continues after the last unseen tick
 _HOW = {PARTED: 'end of contact', RESTART: 'contact left behind by a restart'}
 
 
@@ -103,7 +103,7 @@ class Pace:
 
     def __init__(self) -> None:
         """Start without any missed tick."""
-        self.skipped = 0        # unseen ticks that were skipped because more arrive than can be read
+        self.skipped = 0        # unseen ticks that were skipped because ticks arrive faster than they can be read
         self._unseen, self._step_ns = 0, 0
         self._since_s = self._told_s = -inf         # times of the last event to report and of the last report
         self._last: tuple[int, int] | None = None       # stamp and number of the last seen tick

@@ -15,7 +15,7 @@ from dragon_ros.nodes import logs
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.pacer import Pacer
 
-STANDARD = 'simulation_interfaces'      # package of the standard services, which are offered too if it is installed
+STANDARD = 'simulation_interfaces'      # package of the standard services, which are also offered if it is installed
 _POLL_NS = 20_000_000       # interval between checks whether playback may start
 _SLICE_S = 0.005            # longest playback before other callbacks are served
 _PROGRESS_S = 1.0               # interval of progress messages
@@ -110,13 +110,13 @@ class Player:
         return self._show_now(1)
 
     def step(self) -> str:
-        """Pause, then play the next ``step_ticks`` frames at once."""
+        """Pause, and play the next ``step_ticks`` frames at once."""
         self.pause()
         self._check_next()
         return self._show_now(self._node.setting['step_ticks'])
 
     def advance(self, steps: Steps) -> None:
-        """Pause, then show frames, for a few milliseconds at a time. Raises DragonError if no frames follow.
+        """Pause, and show frames, for a few milliseconds at a time. Raises DragonError if no frames follow.
 
         Any other action that shows a frame ends the steps early.
         """
@@ -140,7 +140,7 @@ class Player:
         return self._show_now(1)
 
     def quit(self) -> None:
-        """End finally after the last frame shown."""
+        """End the playback permanently after the last frame shown."""
         self.pause()
         self.done = True
 
@@ -154,7 +154,7 @@ class Player:
         return self._waiting or self.paused or self.done
 
     def is_stepping(self) -> bool:
-        """Return whether frames requested at once remain to be shown."""
+        """Return whether there are still frames to be shown at once."""
         return not self._owed.ended
 
     def _service(self, act: Callable[[], str]) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:

@@ -21,7 +21,7 @@ TOPICS = ('handles', 'benches', 'velocities', 'accelerations')     # topics from
 
 @dataclass(frozen=True)
 class Bodies:
-    """All handles, then all benches, at one instant.
+    """All handles, followed by all benches, at one instant.
 
     ``place_m``, the unit vector ``axis`` towards the head, ``velocity_m_s`` and ``acceleration_m_s2`` have the shape
     (M, 2); the derivatives of the yaw have the shape (M,). Unknown derivatives are NaN. ``benches`` is None if only
@@ -171,8 +171,8 @@ def _check(is_valid: Any, points: Floats, limit: str) -> None:
 def chosen(bodies: Bodies, pattern: str, tags: Collection[str], every: bool, region: Region | None) -> list[int]:
     """Return the entities that pass all filters, in order; an empty filter passes all. Raises InputError.
 
-    ``pattern`` is a regular expression for the whole name. An entity needs one of the ``tags``, or ``every`` one. An
-    entity passes ``region`` if it overlaps or touches the region.
+    ``pattern`` is a regular expression for the whole name. An entity needs one of the ``tags``, or all of them if
+    ``every`` is true. An entity passes ``region`` if it overlaps or touches the region.
     """
     names, wanted = bodies.names, set(tags)
     found = range(len(names)) if region is None else np.flatnonzero(_overlapping(bodies, region)).tolist()

@@ -1,4 +1,4 @@
-"""Messages that have arrived at a node and wait to be read, within a budget."""
+"""Hold messages that have arrived at a node and wait to be read, within a budget."""
 import time
 from collections import deque
 from collections.abc import Callable
@@ -25,7 +25,7 @@ class Inbox:
                  tell: Callable[[], None], held: Callable[[], bool] = lambda: False) -> None:
         """``sources`` maps topics to publishers; ``tell`` is called when a tick is skipped.
 
-        While ``held()``, messages wait; call ``work`` afterwards.
+        Messages wait while ``held()`` is true; call ``work`` afterwards.
         """
         self._sources, self._read, self._tell, self._held = sources, read, tell, held
         self._waiting: deque[tuple[str, bytes, Any]] = deque()

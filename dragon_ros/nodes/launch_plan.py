@@ -1,4 +1,4 @@
-"""The executables and parameters that ``dragon.launch.py`` starts for its arguments, without the launch library."""
+"""Plan which executables ``dragon.launch.py`` starts with which parameters, without the launch library."""
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -104,7 +104,7 @@ class LaunchPlan:
 
 @dataclass(frozen=True)
 class _ObservedNode:
-    """A sim or replay, the frame of its messages, and whether a monitor can observe it (None: unknown)."""
+    """A sim or replay, the frame of its messages, and whether a monitor can observe it (None if unknown)."""
 
     start: LaunchedNode
     frame_id: str
@@ -151,7 +151,7 @@ def _refuse_idle(given: Mapping[str, str], started: list[str], notes: list[str])
 
 
 def _common(given: Mapping[str, str], one: LaunchedNode) -> LaunchedNode:
-    """Add the parameters of all nodes."""
+    """Add the parameters that all nodes have."""
     parameters = {'use_sim_time': _on(given, 'use_sim_time'), **one.parameters}
     known = {argument.name for argument in ARGUMENTS}
     asked = {name for name in parameters

@@ -27,7 +27,7 @@ class Commands:
     """The last commanded speed, while it is valid. Unusable commands are dropped and counted."""
 
     def __init__(self, node: DragonNode, timeout_s: float, stamped: bool) -> None:
-        """Subscribe to geometry_msgs/TwistStamped, or to Twist, which many tools still send."""
+        """Subscribe to geometry_msgs/TwistStamped or to Twist, which many tools still send."""
         self.taken, self.dropped = 0, Counter[str]()
         self._node, self._timeout_s = node, timeout_s
         self._speed_m_s, self._until_s, self._stamp_ns = 0.0, 0.0, 0
@@ -139,7 +139,7 @@ class LedFrames:
         self._brakes = limit is not None
 
     def rewind(self) -> None:
-        """Start again, at rest."""
+        """Restart, at rest."""
         self.k, self._law, self._stopped, self._brakes = 0, None, '', False
 
     def seek(self, t_ns: int | None) -> None:

@@ -23,7 +23,7 @@ class Logger(rcutils_logger.RcutilsLogger):
 
 
 # The log names the first line outside these files as the caller and applies filters such as throttle_duration_sec to
-# it. rclpy respects files added to this list, but the list has no public name; it is used only here.
+# it. rclpy respects files that are added to this list, but the list has no public name. Only this module uses it.
 rcutils_logger._internal_callers.append(__file__)
 
 

@@ -163,7 +163,7 @@ class Monitor(DragonNode):
             vector.publish(vector_of(report))
 
     def _show_clearance(self, report: Report, at_once: bool) -> None:
-        """Publish the clearance as a marker, unless ``at_once`` no more often than a person can read it."""
+        """Publish the clearance as a marker; without ``at_once``, no more often than a person can read it."""
         marker, now = self.topic_publishers['clearance/marker'], time.monotonic()
         if marker.get_subscription_count() and (at_once or now - self._shown >= _MARKER_S):
             self._shown = now
@@ -177,7 +177,7 @@ class Monitor(DragonNode):
                 self.get_logger().info(status.message)
 
     def _publish_health(self, always: bool = False) -> None:
-        """Publish on /diagnostics; unless ``always``, only when the level changes."""
+        """Publish on /diagnostics, but without ``always`` only when the level changes."""
         dragon = self.get_namespace().strip('/')
         level = messages.level_of(self._last, self._warn_below_m)
         if always or level != self._level:

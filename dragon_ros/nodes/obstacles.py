@@ -211,7 +211,7 @@ class Obstacles:
                          for source, _, pose in self._placed)
 
     def statuses(self, dragon: str) -> list[DiagnosticStatus]:
-        """Return which obstacles are used (OK), and which are not and why (WARN); without a source, nothing."""
+        """Return which obstacles are used (OK), and which are not and why (WARN); empty without a source."""
         unused = {**self._unused, **self._faults}
         if not self._located and not unused:
             return []

@@ -42,7 +42,7 @@ class Pacer:
             self._origin = (now, self._origin[1] + round((now - self._origin[0]) * old)) if old and scale else None
 
     def rest(self) -> None:
-        """Reset the pace: the next tick is due one step after the last one, counted from its first request."""
+        """Reset the pace: the next tick is due one step after its due time is first requested."""
         self._origin, self._behind_ns = None, 0
 
     def delay_ns(self, t_ns: int) -> int:

@@ -1,4 +1,4 @@
-"""Parameters of the nodes, each declared once: name, default, limits and text. Few imports keep --help fast."""
+"""Declare each parameter of the nodes once: name, default, limits and text. Few imports keep --help fast."""
 from typing import Any, NamedTuple
 
 # A test checks that these equal the values in core.scene and core.geometry.tracker, whose imports are slow.
@@ -34,16 +34,16 @@ CONTROLS = (
     Parameter('publish_clock', False, 'Publish the simulation time on /clock: at each tick, and every second while '
               'time stands still'),
 )
-_DISCOVERY = Parameter('discovery_s', -1.0, 'Seconds for which the first tick waits until readers are discovered; '
+_DISCOVERY = Parameter('discovery_s', -1.0, 'Seconds that the first tick waits for readers to be discovered; '
                        f'negative: {DISCOVERY_S:g}, or 0 if wait_subscribers names topics', -1.0, 60.0)
 SIM = (
     Parameter('scene', 'winding', 'Scene: a name (see msg_configs/scenes) or the path of a .yaml file'),
     Parameter('set', [''], 'Overrides of scene keys, each key=value with a dotted key; options --set are applied after '
               'them'),
-    Parameter('accuracy', '', 'Largest position error: metres or a tier; empty: as the scene says'),
-    Parameter('start_s', _AS_SCENE, 'First tick, in seconds of the scene; negative: as the scene says', -1.0, LATEST_S),
-    Parameter('stop_s', _AS_SCENE, 'End of the run, in seconds of the scene; negative: its own', -1.0, LATEST_S),
-    Parameter('rate_hz', _AS_SCENE, 'Ticks per second of simulation; negative: as the scene says', -1.0, 1e6),
+    Parameter('accuracy', '', 'Largest position error: metres or a tier; empty: as in the scene'),
+    Parameter('start_s', _AS_SCENE, 'First tick in seconds of the scene; negative: as in the scene', -1.0, LATEST_S),
+    Parameter('stop_s', _AS_SCENE, 'End of the run in seconds of the scene; negative: as in the scene', -1.0, LATEST_S),
+    Parameter('rate_hz', _AS_SCENE, 'Ticks per second of simulation; negative: as in the scene', -1.0, 1e6),
     Parameter('time_scale', 1.0, 'Seconds of simulation per second; 0 (at the start only): as fast as the readers can '
                                  'follow', 0.0, 1e6, live=True),
     Parameter('wait_subscribers', [''], 'Start as soon as topics have this many subscribers, e.g. [handles=2, '

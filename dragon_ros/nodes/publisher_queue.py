@@ -1,4 +1,4 @@
-"""Publishing bytes: counts subscribers, and queues messages if readers are slower than the publisher."""
+"""Publish bytes: count subscribers, and queue messages if readers are slower than the publisher."""
 import re
 import threading
 import time
@@ -58,7 +58,7 @@ class StartGate:
         self._settled_s = min(_SETTLED_S, discovery_s)
 
     def is_open(self) -> bool:
-        """Return whether all awaited readers are present and discovery has had its time and has settled."""
+        """Return whether all awaited readers are present, and discovery has had enough time and has settled."""
         now, found = time.monotonic(), sum(publisher.get_subscription_count() for publisher in self._publishers)
         if found != self._found:
             self._found, self._changed_s = found, now
@@ -80,7 +80,7 @@ class PublisherQueue:
         self._waiting.append((publisher, data))
 
     def flush(self) -> bool:
-        """Publish queued messages; return False if a full reader still holds some back after a tenth of a second."""
+        """Publish queued messages; return False if a full reader still blocks some after a tenth of a second."""
         while self._waiting:
             publisher, data = self._waiting[0]
             try:
@@ -109,7 +109,7 @@ class PublisherQueue:
 def can_hold(kind: Any, size: int) -> bool:
     """Return whether messages of a type can be ``size`` bytes long.
 
-    The middleware's error does not tell a full reader from a message that is too long for its type.
+    The middleware's error does not distinguish a full reader from a message that is too long for its type.
     """
     most = _largest(kind)
     return most is None or size <= most

@@ -26,11 +26,11 @@ class Publishers:
         self._node = node
         self._there: dict[bytes, str] = {}
         self._since_s: dict[bytes, float] = {}
-        self._known: bytes | None = None        # None while several publishers are possible
+        self._known: bytes | None = None        # None while there are several candidates
         self._last, self._waits, self._asked_s = 0, False, 0.0
 
     def look(self) -> list[str]:
-        """Update the publishers; return their names if there are several and all have one, otherwise nothing."""
+        """Update the publishers; return their names if there are several, all with names, and otherwise nothing."""
         before, self._asked_s = self._there, 0.0
         self._there = {bytes(one.endpoint_gid): f'{one.node_namespace.rstrip("/")}/{one.node_name}'
                        for one in self._node.get_publishers_info_by_topic(self.topic)}
@@ -52,7 +52,7 @@ class Publishers:
         self._last = sequence
 
     def waits(self) -> bool:
-        """Return whether any publisher waits for its readers, as of the last second."""
+        """Return whether any publisher waits for its readers; the answer is at most a second old."""
         if time.monotonic() - self._asked_s > _ASKED_S:
             self._asked_s = time.monotonic()
             self._waits = any(qos.waits(one.qos_profile)

@@ -1,4 +1,4 @@
-"""QoS profiles from the rows of topics.yaml and from bags."""
+"""Create QoS profiles from the rows of topics.yaml and from bags."""
 from typing import Any
 
 from rclpy.duration import Duration

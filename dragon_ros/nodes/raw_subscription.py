@@ -7,7 +7,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-_AT_ONCE = 64       # most messages taken before timers and other topics are served
+_AT_ONCE = 64       # largest number of messages taken before timers and other topics are served
 
 
 class _Callback:

@@ -29,7 +29,7 @@ from dragon_ros.scenes import provenance
 
 _REST_S = 5.0       # longest time to write the messages that arrived before a signal
 _QUIET_S = 0.5      # a run ends when its publisher has left and nothing has arrived for this long
-_IDLE_S = 0.25      # how long messages without a stamp wait for the next handles
+_IDLE_S = 0.25      # longest wait of messages without a stamp for the next handles
 _COUNT_S = 1.0       # interval between counts of publishers
 _MOST_UNACCOUNTED = 100_000     # messages that may wait until a scene is read; if there are more, the recorder waits
 _HEALTH = '/diagnostics'
@@ -49,7 +49,7 @@ class Recorder(DragonNode):
         self._scenes, self._attached = SceneReader(self._settings(), trust), set[str]()
         self._unaccounted: list[tuple[str, int, int, bool]] = []    # received after a scene that is being read
         self._names = {name: self.resolve_topic_name(name) for name in channels()}
-        # Absolute topics are shared by the nodes of all dragons.
+        # The nodes of all dragons share absolute topics.
         self._sources = [publishers.Publishers(self, topic) for name, topic in self._names.items() if name[0] != '/']
         self._handles, = (one for one in self._sources if one.topic == self._names['handles'])
         self._each_tick = {self._names[name] for name, channel in channels().items() if channel.each_tick}
@@ -106,7 +106,7 @@ class Recorder(DragonNode):
 
     @property
     def _unpaired(self) -> Counter[str]:
-        """The number of messages without a stamp that were left out because their tick is unknown, by topic."""
+        """The number of messages without a stamp, by topic, that were left out because their tick is unknown."""
         return self._simulation.unpaired + self._monitored.unpaired
 
     def _look_around(self) -> None:
@@ -143,7 +143,7 @@ class Recorder(DragonNode):
                                       'no reader accepts them')
 
     def _left_out(self) -> dict[str, str]:
-        """Return how many messages, by topic, were too large or had an unknown tick: the account is then incomplete."""
+        """Return, by topic, how many messages were left out because they were too large or their tick was unknown."""
         found = {f'{topic} too large': str(count) for topic, count in self.bag.left_out.items()}
         found |= {f'{topic} of an unknown tick': str(count) for topic, count in self._unpaired.items()}
         return found | ({'complete': 'false'} if found else {})
@@ -189,7 +189,7 @@ class Recorder(DragonNode):
     def _keeps(self, topic: str, t_ns: int) -> bool:
         """Return whether to write a message; if the disk is too slow, whole ticks are left out.
 
-        A publisher that waits for its readers is made to wait for the disk instead.
+        If a publisher waits for its readers, it waits for the disk instead.
         """
         return self._skips.keeps(topic, t_ns, self.writer.fill) if topic in self._each_tick else self.writer.fill < 1
 
@@ -224,7 +224,7 @@ class Recorder(DragonNode):
         return callback
 
     def _learn(self, text: str) -> None:
-        """Start reading the scene of the run, unless it is the last one read."""
+        """Start reading the scene of the run unless it is the last one that was read."""
         if text != self._scene:
             self._scene = text
             self._scenes.read(text)

@@ -1,4 +1,4 @@
-"""The life cycle of a node: signals, spinning, one-line errors, exit codes."""
+"""The life cycle of a node: signals, spinning, one-line errors and exit codes."""
 import importlib.util
 import os
 import re
@@ -86,7 +86,7 @@ def is_installed(package: str) -> bool:
 
 
 def _prefixes() -> list[Path]:
-    """Return where ROS packages are installed; the ROS wheels do not set AMENT_PREFIX_PATH."""
+    """Return the prefixes of ROS packages; the ROS wheels do not set AMENT_PREFIX_PATH."""
     named = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
     return [Path(prefix) for prefix in (*named, sys.prefix) if prefix]
 

@@ -163,7 +163,7 @@ def _searched(scene: Scene, act: str, interrupted: Callable[[], bool]) -> Contac
 
 
 def _about(value: dict[str, Any], found: Contact | NoContact | None) -> dict[str, Any]:
-    """Return the ``about`` section of the published scene, with the first contact if the run should end there."""
+    """Return the ``about`` section of the published scene, which contains the first contact if the run ends there."""
     about = {name: value[name] for name in ('frame_id', 'on_contact')}
     claim = None if found is None else claim_of(found)
     return about if claim is None else {**about, CLAIM: claim}

@@ -1,4 +1,4 @@
-"""The standard interfaces of simulators in ROS 2, ``simulation_interfaces``, for a player; imported only if installed.
+"""Offer ``simulation_interfaces``, the standard of simulators in ROS 2, for a player; imported only if installed.
 
 Services and the action have names below the node, such as ``/dragon/sim/set_simulation_state``. Each of them calls the
 player; the result codes are those of the standard.

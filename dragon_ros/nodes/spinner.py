@@ -5,7 +5,7 @@ the services of its parameters. This costs more than handling a message of a dra
 
 A middleware built for an old C library, as in the ROS wheels, waits until a time of the system clock. If that clock is
 set back by two hours, a wait of a tenth of a second lasts two hours. Therefore a thread ends waits that are overdue by
-the steady clock. It also wakes the middleware's own thread, which discovers nodes and resends lost messages.
+the steady clock. The spinner also wakes the middleware's own thread, which discovers nodes and resends lost messages.
 """
 import os
 import select
@@ -103,7 +103,7 @@ class Spinner:
             self._node.destroy_publisher(added)
 
     def _wait(self) -> bool:
-        """Wait, then serve the ready timers and raw messages. Return whether rclpy has something to serve."""
+        """Wait, and serve the ready timers and raw messages. Return whether rclpy has something to serve."""
         wait_set = self._wait_set
         wait_set.clear_entities()
         for subscription in self._subscriptions:

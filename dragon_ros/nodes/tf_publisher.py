@@ -30,7 +30,7 @@ class TfPublisher:
 
 
 def transforms_of(frame: Frame, frame_id: str) -> list[TransformStamped]:
-    """Return the transforms of the first and last handle; x points towards the head, as in the topic handles."""
+    """Return the transforms of the first and the last handle; x points towards the head, as in the topic handles."""
     turns = half_turns(frame.axis[[0, -1]])
     return [_transform(frame, frame_id, name, handle, turn.tolist())
             for name, handle, turn in zip(('head', 'tail'), (0, -1), turns, strict=True)]

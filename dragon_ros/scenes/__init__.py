@@ -1,1 +1,1 @@
-"""Scene files: loading, JSON Schema, YAML with line numbers, provenance."""
+"""Scene files: loading, JSON Schema, YAML with line numbers, and provenance."""

@@ -12,9 +12,9 @@ from dragon_ros.core.search.certificate import ALL, Contact, Interval, NoContact
 from dragon_ros.core.search.family import FamilyProof
 from dragon_ros.scenes.load import scene_values
 
-_VERSION = 2        # version of the format and of its claims' meaning; without it (up to 0.2.0), 1
+_VERSION = 2        # version of the format and its claims; certificates of 0.2.0 and earlier have none
 _WITH_VENUE = 3     # version for a scene with a venue
-_MOST = 20_000      # largest number of rows of a certificate; rows are only hints where to split
+_MOST = 20_000      # largest number of rows of a certificate, which are only hints where to split intervals
 _NAMES = {ALL: 'all', 0: 'head', 1: 'body'}
 
 
@@ -43,7 +43,7 @@ def of_claim(scene: Scene, claim: Any) -> dict[str, Any]:
 
 def _certificate(scene: Scene, contact: Any, rows: list[dict[str, Any]]) -> dict[str, Any]:
     values, version = scene_values(scene), _VERSION
-    if scene.venue is not None:     # the proof depends on neither the wanted clearance nor the origin
+    if scene.venue is not None:     # the proof depends on neither the required clearance nor the origin
         values['venue'] = {key: values['venue'][key] for key in ('obstacles', 'inside') if values['venue'].get(key)}
         version = _WITH_VENUE
     return {'version': version, 'scene': values, 'contact': contact, 'intervals': rows}

@@ -43,7 +43,7 @@ _FAILS = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, R
 
 @dataclass(frozen=True)
 class DrawnLine:
-    """A line of a drawing: its name, and its parts in metres, each starting where the previous one ends."""
+    """A line of a drawing: its name, and its parts in metres; each part starts where the previous one ends."""
 
     name: str
     parts: tuple[DrawnPart, ...]
@@ -78,7 +78,7 @@ def metres_a_unit(scale: str | None, unit_m: float | None) -> tuple[float, bool]
 
 
 def bytes_of(path: Path) -> bytes:
-    """Return the bytes of a drawing, within the budget. Raises MissingError, InputError."""
+    """Return the bytes of a drawing, within the budget. Raises MissingError or InputError."""
     try:
         with path.open('rb') as file:
             data = file.read(DRAWING_BYTES + 1)
@@ -176,7 +176,7 @@ def _within(path: Path, point: complex) -> complex:
 # GeoJSON and WKT
 
 def map_line(path: Path, asked: str | None, origin_deg: tuple[float, float] | None) -> DrawnLine:
-    """Return a line of a GeoJSON or WKT file by its name; ``venue_files.read_drawing`` projects degrees."""
+    """Return the line of a GeoJSON or WKT file with a given name; ``venue_files.read_drawing`` projects degrees."""
     from shapely import get_coordinates
 
     from dragon_ros.scenes.venue_files import read_drawing
@@ -194,7 +194,7 @@ def map_line(path: Path, asked: str | None, origin_deg: tuple[float, float] | No
 # SVG
 
 def svg_line(path: Path, asked: str | None, scale: tuple[float, bool] | None) -> DrawnLine:
-    """Return a path of an SVG file by its id or Inkscape label; the lower left corner of the page is (0, 0).
+    """Return the path of an SVG file with a given id or Inkscape label; the lower left corner of the page is (0, 0).
 
     ``scale`` is metres per unit of the viewBox, or per metre on paper. Pictures that define their own scale, such as
     those of ``plot``, do not accept one.
@@ -219,7 +219,7 @@ def _id_of(shapes: list[tuple[list['Element'], 'Element']], names: list[str], as
 
 
 def _name(number: int, above: list['Element'], element: 'Element') -> str:
-    """Return the id of a shape, or of a group that contains nothing else; without an id, the shape's number."""
+    """Return the id of a shape, or of a group that contains nothing else; if there is none, the shape's number."""
     return next(iter(_said(above, element, 'id')), f'#{number}')
 
 
@@ -390,7 +390,7 @@ def _ellipse(path: Path, to_m: Any, arc: Any) -> EllipseArc:
 def _to_metres(document: Any, matrix: tuple[float, ...] | None, scale: tuple[float, bool] | None) -> Any:
     """Return the map from svgelements points (pixels, y downwards) to metres with y upwards."""
     from svgelements import Matrix
-    back = ~Matrix(document.viewbox_transform)      # to units of the viewBox
+    back = ~Matrix(document.viewbox_transform)      # maps pixels to units of the viewBox
     height = float(document.height)
     if matrix is not None:
         a, b, c, d, e, f = matrix

@@ -1,9 +1,9 @@
 """Custom head laws: Python entry points in the group ``dragon_ros.head_laws``.
 
 An entry point is a function that takes the settings of a scene file as keyword arguments and returns a ``Head`` or a
-``Profile`` of ``dragon_ros.core.chain.head_law``, the same one for the same settings. The scene stores the returned law
-instead of the entry point's name, so a bag can be recomputed without the plug-in. Only a scene file or a command line
-loads an entry point, never a bag or a topic.
+``Profile`` of ``dragon_ros.core.chain.head_law``. It must return the same law for the same settings. The scene stores
+the returned law instead of the entry point's name, so a bag can be recomputed without the plug-in. Only a scene file or
+a command line loads an entry point, never a bag or a topic.
 """
 from typing import TYPE_CHECKING, Any
 

@@ -1,4 +1,4 @@
-"""Scene files: YAML to a core Scene, with errors that name file, line and key."""
+"""Load scene files: convert YAML to a core Scene, with errors that name file, line and key."""
 import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -29,7 +29,7 @@ SECTIONS: dict[str, dict[str, type]] = {
     'noise': {'': Noise},
     'trails': {'': Trails},
     'venue': {'': Venue},
-}       # each by its kinds; the first kind is the default
+}       # each section with its kinds, of which the first one is the default
 _ABSENT = ('venue',)        # sections without a default
 # Keys that hold a list of mappings.
 PARTS: dict[str, dict[str, type]] = {'pieces': dict(PIECES), 'groups': {'': Group}, 'obstacles': dict(OBSTACLES)}
@@ -46,7 +46,7 @@ ABOUT = 'about'     # notes on a scene, which have no effect
 
 
 def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
-    """Return the scene of a name or file, with ``key=value`` overrides (dotted keys) applied on top.
+    """Return the scene of a name or file, with ``key=value`` overrides (dotted keys) applied to it.
 
     Omitted keys have the classic values. Raises InputError with file, line and key.
     """
@@ -148,7 +148,7 @@ def _as_lists(value: Any) -> Any:
 
 
 def strangers_scene(name: str, text: str, trust: bool = False) -> Scene:
-    """Return the scene described by a text from a bag or a topic.
+    """Return the scene that a text from a bag or a topic describes.
 
     Unless ``trust`` is set, the budgets of ``core.limits`` apply. Raises InputError.
     """
@@ -178,7 +178,7 @@ def _within(name: str, what: str, value: int, most: int) -> None:
 
 
 def scene_of(document: Document) -> Scene:
-    """Return the scene described by a document. Raises InputError."""
+    """Return the scene that a document describes. Raises InputError."""
     scene = _settings(document)
     _check_compiled(document, scene)
     return scene
@@ -217,7 +217,7 @@ def _settings(document: Document) -> Scene:
 
 
 def _placed(document: Document, error: FieldError) -> InputError:
-    """Return a field's error with its position in the document."""
+    """Return a field's error with the field's position in the document."""
     return InputError(f'{document.place(error.fields["field"])}: {error}', **error.fields)
 
 
@@ -355,7 +355,7 @@ def _override(document: Document, text: str) -> None:
 
 
 def _below(target: Any, section: str, place: str, key: str) -> Any:
-    """Return the section or list item (counted from 1) that one part of a dotted key selects."""
+    """Return the section or the list item (counted from 1) that a part of a dotted key selects."""
     below = target[_item(target, section, place, key)] if isinstance(target, list) else target.setdefault(section, {})
     if not isinstance(below, (dict, list)):
         raise InputError(f'{place}: {section} is not a section', field=key)

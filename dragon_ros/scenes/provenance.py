@@ -41,7 +41,8 @@ def versions() -> dict[str, str]:
 def kernels() -> dict[str, str]:
     """Return the kernels of BLAS and numpy on this machine, which determine the last bits.
 
-    For BLAS: name, version and kernel (``unknown`` if it reports none). For numpy: the CPU features in use.
+    The entry for BLAS has name, version and kernel (``unknown`` if it reports none), and that for numpy the CPU
+    features.
     """
     about: Mapping[str, Any] = np.show_config(mode='dicts')
     blas = about.get('Build Dependencies', {}).get('blas', {})
@@ -54,7 +55,7 @@ def kernels() -> dict[str, str]:
 def other_kernel(made: Mapping[str, str]) -> str | None:
     """Describe how this machine's kernels differ from those that made a bag, given the bag's metadata record.
 
-    None if nothing differs or nothing is recorded.
+    Returns None if nothing differs or nothing is recorded.
     """
     here = {'numpy': np.__version__, **kernels()}
     return '; '.join(f'{key} {_only_in(there, value)}, here {_only_in(value, there)}' for key, value in here.items()
@@ -91,7 +92,7 @@ def differing_scene_file(scene: Scene, about: Mapping[str, Any]) -> str:
 def run_metadata(text: str, scene: Scene | None, recorder: Mapping[str, str]) -> dict[str, str]:
     """Return the metadata record of a bag with the scene file ``text``; ``recorder`` holds settings of its recorder.
 
-    ``scene`` is the scene described by the text; None if this version cannot read it.
+    ``scene`` is the scene that the text describes; None if this version cannot read it.
     """
     record = {'scene': text, **{f'about.{_text(key)}': _text(value) for key, value in _about(text).items()}}
     if scene is not None:

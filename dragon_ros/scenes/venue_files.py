@@ -1,4 +1,4 @@
-"""Read venues and drawings: GeoJSON, whose degrees are projected to metres about their centre, and WKT in metres.
+"""Read venues and drawings from GeoJSON, projecting degrees to metres about their centre, or from WKT in metres.
 
 A feature's name is its property ``name``. Benches must stay in the polygon named ``inside``. Coordinates in GeoJSON are
 degrees (RFC 7946) unless the file has ``"units": "m"`` at its top level, or a ``crs`` as in the older specification.
@@ -38,7 +38,7 @@ def read_drawing(path: Path, origin_deg: tuple[float, float] | None = None) -> D
 
     Degrees become metres east and north of ``origin_deg`` (longitude, latitude), by default the centre of the drawing.
     Coordinates in metres are kept; ``origin_deg`` is then the position of (0, 0). Raises MissingError if the file
-    cannot be read, InputError if it is invalid.
+    cannot be read, and InputError if it is invalid.
     """
     text = _text_of(path)
     if path.suffix.lower() == '.wkt':
@@ -127,7 +127,7 @@ def _rings(path: Path, name: str, polygon: Any) -> list[list[list[float]]]:
 
 
 def _points(line: Any) -> list[list[float]]:
-    """Return the points of a line in the plane; heights are dropped."""
+    """Return the points of a line in the plane, without heights."""
     from shapely import get_coordinates
     found: list[list[float]] = get_coordinates(line).tolist()
     return found

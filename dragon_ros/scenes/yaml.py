@@ -1,4 +1,4 @@
-"""YAML documents with the line of every key, and errors that name file, line and key."""
+"""Parse YAML documents with the line of every key, and raise errors that name file, line and key."""
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -60,14 +60,14 @@ def read_own(path: Path) -> Document:
 
 
 def read_document(path: Path) -> Document:
-    """Read a YAML mapping. Raises MissingError or InputError with the file and, where known, the line."""
+    """Read a YAML mapping. Raises MissingError or InputError with the file and, if known, the line."""
     try:
         with path.open('rb') as file:
             data = file.read(SCENE_FILE_BYTES + 1)
         text = data.decode()
     except OSError as error:
         raise MissingError(f'{path}: cannot be read: {error.strerror}') from None
-    except ValueError as error:     # also for a path that contains a NUL
+    except ValueError as error:     # raised also for a path that contains a NUL
         reason = 'it is not UTF-8 text' if isinstance(error, UnicodeDecodeError) else str(error)
         raise MissingError(f'{shown(str(path))[1:-1]}: cannot be read: {reason}') from None
     if len(data) > SCENE_FILE_BYTES:
@@ -198,5 +198,5 @@ def _collect_items(document: Document, node: yaml.SequenceNode, key: str) -> Non
 
 
 def plain_number(value: Any) -> Any:
-    """Return a number that YAML 1.1 parses as text, such as 1e-9, as a number; leave all else, even quoted numbers."""
+    """Return a number that YAML 1.1 parses as text, such as 1e-9, as a number; keep other values and quoted numbers."""
     return float(value) if isinstance(value, str) and _EXPONENT.fullmatch(value) else value

@@ -1,4 +1,4 @@
-"""Everything on disk is recovered from the bag, of any form, of a writer killed at any moment."""
+"""If a writer is killed at any moment, everything on disk is recovered from its bag, in every form."""
 import pytest
 from crash import FORMS, kill
 from properties import thinned

@@ -149,7 +149,7 @@ def merged_book():
 
 
 HOSTILE = {
-    'empty file': (lambda: b'', 'is empty'), 'no zip': (lambda: b'x,y\n1,2\n', 'is no XLSX'),
+    'empty file': (lambda: b'', 'is empty'), 'no zip': (lambda: b'x,y\n1,2\n', 'is not an XLSX'),
     'truncated': (lambda: plain_book()[:-400], 'damaged or cut off'),
     'xls': (lambda: b'\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1' + bytes(512), 'Excel 97'),
     'password': (lambda: b'\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1' + 'EncryptedPackage'.encode('utf-16-le'), 'password'),

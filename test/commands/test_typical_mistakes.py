@@ -29,7 +29,7 @@ COMMANDS = {
     'inspect': 'BAG', 'inspect nowhere.mcap': 'cannot be read', 'export a.mcap': '--output',
     'simulate --output a.mcap': '--force', 'simulate --rate fast --output b.mcap': 'write it like 0.5',
     'view --port 99999999': '0 to 65535', 'cost --scene nowhere': 'is not known', 'grade': 'nothing is given',
-    'grade text.txt': 'no XLSX', 'grade --pitch 45cm': 'write it like 0.5'}
+    'grade text.txt': 'not an XLSX', 'grade --pitch 45cm': 'write it like 0.5'}
 
 
 @pytest.mark.parametrize('line', COMMANDS)

@@ -164,7 +164,7 @@ def test_an_answer_that_takes_too_long_says_what_to_ask(monkeypatch):
         connection.request('GET', '/answers/contact')
         answer = connection.getresponse()
         assert answer.status == 500
-        assert answer.reason == '/answers/contact: takes longer than 0 s; ask the command for it'
+        assert answer.reason == '/answers/contact: takes longer than 0 s; use the command line'
         answer.read()
 
 

@@ -1,1 +1,1 @@
-"""Checking bags: integrity, gaps, repair, and comparison with the model."""
+"""Check bags: integrity, gaps, repair, and comparison with the model."""

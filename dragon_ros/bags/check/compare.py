@@ -81,8 +81,8 @@ class Comparison:
     ``close`` messages agree within twice the tier's promise (one promise per side); ``worst_m`` is the largest position
     difference among them. ``fault_count`` counts messages that are missing, extra or different; ``missing_count``
     counts only missing ones. ``other_version`` is the version that made the bag, if it is not this one;
-    ``other_kernel`` names the bag's numpy and kernels, if they are not this machine's. In both cases every topic may be
-    close instead of identical. ``once`` counts the messages that are published once per run and equal those of the
+    ``other_kernel`` names the bag's numpy and kernels, if they are not this machine's. In both cases, every topic may
+    be close instead of identical. ``once`` counts the messages that are published once per run and equal those of the
     scene. ``unchecked`` gives, by topic, the number of messages that were not compared and the reason; ``seen`` counts
     the compared messages of each per-tick topic.
     """
@@ -147,7 +147,7 @@ class Comparison:
         self.fault(f'{name} at {t_ns} ns belongs to no tick', count)
 
     def fault(self, line: str, count: int) -> None:
-        """Count messages that belong to no tick of the run."""
+        """Report messages that belong to no tick of the run."""
         self.fault_count += count
         if len(self._lines) < MOST_FAULTS:
             self._lines.append(line)
@@ -346,7 +346,7 @@ def _walked_m_s(found: list[bytes], t_ns: int) -> float | None:
 
 def _compare_tick(result: Comparison, scene: Scene, encode: Mapping[str, Encode], k: int, frame: Frame,
                   recorded: Mapping[str, list[bytes]]) -> None:
-    """Compare the messages of the k-th frame of a run."""
+    """Compare the messages of frame k of a run."""
     for name in encode:
         _compare(result, name, k, frame, encode[name](frame), recorded.get(name, []), scene)
 
@@ -414,7 +414,7 @@ def _compare(result: Comparison, name: str, k: int, frame: Frame, wanted: bytes,
 
 
 def _allowed_m(frame: Frame, scene: Scene) -> float:
-    """Return twice the tier's promise, one for each side; 0 for a tier without a promise."""
+    """Return twice the tier's promise, once for each side; 0 for a tier without a promise."""
     compiled = compile_scene(scene)
     promise_m = position_promise_m(compiled.tier, compiled.size_m, conditioning(frame.chain))
     return 2 * promise_m if promise_m < inf else 0.0

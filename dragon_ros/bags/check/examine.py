@@ -196,7 +196,7 @@ def _hold_summary(contents: Contents, file: McapFile, scanned: Index) -> None:
         contents.problems.note(error)
         return
     if summary is None or not is_indexed(scanned, summary):
-        contents.notes.note(f'{file.path}: has no complete summary; readers have to scan the whole file')
+        contents.notes.note(f'{file.path}: has no complete summary; readers must scan the whole file')
     if summary is None:
         return
     places = {batch.place for batch in scanned.batches}

@@ -131,7 +131,7 @@ def _put(done: Repaired, sink: _Sink, index: Index, row: StoredMessage, data: by
 
 
 def messages_that_parse(file: McapFile) -> int:
-    """Return how many messages a pass over all records finds before the first damage, skipping other records.
+    """Return how many messages a pass over all records finds before the first damage, ignoring other records.
 
     It shares only the record parser with the scan, so a repair can be checked against it.
     """

@@ -1,1 +1,1 @@
-"""Reading bags, including damaged ones, in bounded memory."""
+"""Read bags, including damaged ones, in bounded memory."""

@@ -84,7 +84,7 @@ def namespace_of(bag: BagReader, asked: str | None = None) -> str:
 def scene_of_bag(bag: BagReader, namespace: str | None = None, trust: bool = False) -> Scene | None:
     """Return the scene in a bag's metadata or messages; None if the bag has no scene.
 
-    Raises InputError, also if the scene exceeds its budgets.
+    Raises InputError for an invalid scene, or one that exceeds the budgets.
     """
     text = _scene_text(bag, namespace)
     return None if text is None else strangers_scene(f'{bag.path}: scene', text, trust)
@@ -191,15 +191,15 @@ def law_on(scene: Scene, law: Walked | None, t_ns: int, speed_m_s: float) -> Wal
 
 
 def keep_s(scene: Scene) -> float:
-    """Return for how long a led scene's tick depends on earlier speeds, in seconds: the length of its trail."""
+    """Return for how many seconds a led scene's tick depends on earlier speeds, which is the length of its trail."""
     return scene.trails.seconds if Effect.TRAILS in scene.effects else 0.0
 
 
 def walked_scene(bag: BagReader, scene: Scene, namespace: str) -> Scene:
     """Return a led scene with the recorded speeds as its profile, up to the first missing one.
 
-    Any other scene is returned unchanged. Raises InputError if the run has too many speed changes for a profile, or too
-    many ticks.
+    Any other scene is returned unchanged. Raises InputError if the run has too many ticks, or too many speed changes
+    for a profile.
     """
     if not scene.is_led:
         return scene

@@ -176,7 +176,7 @@ def _open(path: Path) -> IO[bytes]:
         if path.exists() and not path.is_file():    # because opening a pipe would block forever
             raise MissingError(f'{path}: is not a file')
         return path.open('rb')
-    except (OSError, ValueError) as error:      # ValueError: a path that contains a NUL
+    except (OSError, ValueError) as error:      # a path that contains a NUL raises ValueError
         raise MissingError(f'{shown(str(path))}: cannot be read: {getattr(error, "strerror", error)}') from None
 
 
@@ -234,12 +234,12 @@ def chunk_data(file: McapFile, place: Location, checked: bool = True) -> bytes:
         raise file.fault(place.offset, f'a chunk of {max(head.size, head.length)} bytes; the limit is {CHUNK_BYTES}')
     unpack = _UNPACK.get(head.compression)
     if unpack is None:
-        raise file.fault(place.offset, f'a chunk with compression {head.compression!r}; supported are zstd, lz4 and '
-                         'none')
+        raise file.fault(place.offset, f'a chunk with compression {head.compression!r}; zstd, lz4 and none are '
+                         'supported')
     try:
         data = unpack(file.read(head.offset, head.length), head.size)
     except (zstandard.ZstdError, RuntimeError, ValueError, EOFError) as error:
-        raise file.fault(place.offset, f'a chunk does not decompress: {error}') from None
+        raise file.fault(place.offset, f'a chunk cannot be decompressed: {error}') from None
     if len(data) != head.size:
         raise file.fault(place.offset, f'a chunk claims {head.size} bytes and holds {len(data)}')
     if checked and head.crc and zlib.crc32(data) != head.crc:
@@ -407,7 +407,7 @@ class Index:
             if self._learned > SUMMARY_BYTES:
                 raise ValueError(f'its schemas and channels are more than {SUMMARY_BYTES} bytes')
         elif found != known:
-            raise ValueError(f'it declares {type(found).__name__.lower()} {found.id} a second time, differently')
+            raise ValueError(f'it declares {type(found).__name__.lower()} {found.id} twice, with different contents')
 
     def fault(self, error: BagError) -> None:
         """Note an unreadable record."""
@@ -603,9 +603,9 @@ class _Scan:
 
 
 def is_indexed(scanned: Index, summary: Index) -> bool:
-    """Return whether a file's summary, chunk indexes and records agree; then no chunk needs to be opened.
+    """Return whether a file's summary, chunk indexes and records agree, so that no chunk needs to be opened.
 
-    If they agree, the counts in the summary are correct. Writers may omit parts of a summary.
+    The counts in the summary are then correct. Writers may omit parts of a summary.
     """
     said, counts, channels = summary.statistics, +summary.counts, scanned.channels
     return (said is not None and not scanned.fault_count and _chunks(summary) == _chunks(scanned)

@@ -111,7 +111,7 @@ class BagReader:
     def spans(self, start_ns: int, end_ns: int) -> list[tuple[int, int]]:
         """Return consecutive spans from start_ns to end_ns with about equal shares of the bag's bytes.
 
-        They begin at batches, so that few batches belong to two spans.
+        Spans begin at batches, so that few batches belong to two spans.
         """
         starts = sorted((batch.start_ns, batch.place.length) for index in self._indexes for batch in index.batches)
         each = max(_SPAN_BYTES, sum(size for _, size in starts) // _MOST_SPANS)
@@ -266,7 +266,7 @@ class _OpenBatch(NamedTuple):
 
 
 class TimeOrder:
-    """Yields the messages that ``choose`` accepts, by time and then by position in the file, even if batches overlap.
+    """Yields messages that ``choose`` accepts, ordered by time and then by position in the file.
 
     ``learn`` receives all other records of the batches, and raises BagError if one contradicts the index.
     """

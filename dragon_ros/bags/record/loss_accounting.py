@@ -1,7 +1,7 @@
 """Loss accounting: compares received with published messages, so that every loss is reported.
 
 There are two sources. A publisher numbers its messages (DDS publication sequence numbers): a gap means that messages
-were lost in transit, and a first number above 1 tells how many were published before the recorder listened. If the
+were lost in transit, and a first number above 1 shows how many were published before the recorder listened. If the
 scene is known, a stamp also identifies a tick: a gap means that ticks are missing (lost or never published), and a
 first tick after tick 0 means that the beginning of the run is missing.
 """
@@ -58,12 +58,12 @@ class TopicCount:
 
     @property
     def lost_on_the_way(self) -> int:
-        """How many published messages were not received, after the first received one."""
+        """The number of published messages that were not received, after the first received one."""
         return 0 if self.shared else self.lost + interval_set.count(self.sequence.gaps()) + self.sequence.forgotten
 
     @property
     def before(self) -> int:
-        """How many messages were published before the first received one."""
+        """The number of messages published before the first received one."""
         return 0 if self.shared else (self.sequence.first or 1) - 1
 
 
@@ -93,7 +93,7 @@ class LossAccount:
         self.scene_again()
 
     def scene_again(self) -> None:
-        """Count stamps that arrived just before the scene, if the scene is the previous run's again."""
+        """Count stamps that arrived just before the scene if the scene equals that of the previous run."""
         for topic, row in self.topics.items():
             for t_ns in row.scene_came():
                 if self._run is not None and topic in self._each_tick:
@@ -136,7 +136,7 @@ class LossAccount:
     def missing(self, ended: bool) -> dict[str, list[Interval]]:
         """Return the missing ticks of each topic, between its first and its last tick.
 
-        If the run has ``ended``, the latest tick of any topic is its last tick, and topics that end earlier lack ticks.
+        If the run has ``ended``, its last tick is the latest tick of any topic, and topics that end earlier lack ticks.
         """
         ticks = {topic: row.ticks for topic, row in self.topics.items()
                  if row.ticks.last is not None and not row.shared}
@@ -168,7 +168,7 @@ class LossAccount:
 
     @property
     def received(self) -> int:
-        """How many messages were received on all topics."""
+        """The number of messages received on all topics."""
         return sum(row.received for row in self.topics.values())
 
     def report(self, ended: bool) -> dict[str, str]:

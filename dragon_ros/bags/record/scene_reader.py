@@ -1,4 +1,4 @@
-"""Reads scenes from a topic, outside the recording thread because reading one may take seconds."""
+"""Reads scenes from a topic outside the recording thread, because reading a scene may take seconds."""
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import NamedTuple
 

@@ -69,7 +69,7 @@ class SimulationClock:
         self.unpaired: Counter[str] = Counter()     # messages with an unknown tick, by topic
 
     def mark(self, source_ns: int, t_ns: int, sequence: int = 0) -> None:
-        """Record when (``source_ns``) and with which number the stamped message of the tick at ``t_ns`` was sent."""
+        """Record the source time and the sequence number of the stamped message of the tick at ``t_ns``."""
         last = self._marks[-1] if self._marks else None
         if last and _Sent(last.moment, last.sequence).is_before_setting_back(source_ns, sequence):
             self._set_back, self._turn_ns = self._set_back + 1, (last.moment[1], source_ns)
@@ -131,9 +131,9 @@ class SimulationClock:
         self.left_out += 1
 
     def flush(self, age_s: float = 0.0, first_ns: int | None = None) -> None:
-        """Log messages that have waited for at least ``age_s``: without a newer tick they belong to the last one.
+        """Log messages that have waited for at least ``age_s``; if no newer tick arrived, they belong to the last one.
 
-        At the end, with an age of 0, latched messages are logged even without a tick: at ``first_ns`` if given.
+        At the end, with an age of 0, latched messages are logged even without a tick, at ``first_ns`` if given.
         """
         before_s = time.monotonic() - age_s
         self._release(lambda held: held.since_s <= before_s and (age_s == 0 or (
@@ -187,5 +187,5 @@ class SimulationClock:
         return bool(here and there) and there not in (here + 1, 1)
 
     def _is_second(self, held: _Held, mark: _Mark) -> bool:
-        """Return whether the topic already has a message for that tick; then this one belongs to a later tick."""
+        """Return whether the topic already has a message for that tick, so that this one belongs to a later tick."""
         return held.exact and not held.latched and self._last.get(held.topic) == mark

@@ -1,2 +1,2 @@
-"""Writing bags: MCAP files and rosbag2 folders."""
+"""Write bags as MCAP files and rosbag2 folders."""
 COMPRESSIONS = ('zstd', 'lz4', 'none')

@@ -8,12 +8,12 @@ KEPT_BYTES = 4 * STEP_BYTES     # covered again, to release data that an earlier
 
 
 class PageCache:
-    """Sends written data to the disk soon, and then releases its memory for new data.
+    """Sends written data to the disk early, and then releases its memory for new data.
 
-    By default the system keeps all data in memory, writes it in large bursts, and makes the writer wait when a fifth of
-    the memory is still to be written. Fresh memory also costs more than reused memory: on a virtual machine, recording
-    2,000 benches at 700 Hz takes 0.8 of a core without this class and 0.55 with it. Files below 64 MiB stay in memory
-    for their next reader.
+    By default, the system keeps all data in memory, writes it in large bursts, and makes the writer wait when a fifth
+    of the memory is still to be written. Fresh memory also costs more than reused memory: on a virtual machine,
+    recording 2,000 benches at 700 Hz takes 0.8 of a core without this class and 0.55 with it. Files below 64 MiB stay
+    in memory for their next reader.
 
     A thread waits for the disk. While the disk is slower than the writer, the file grows as it would without this
     class.

@@ -179,7 +179,7 @@ class BagWriter:
                 self._leave_folder()
 
     def __enter__(self) -> 'BagWriter':
-        """Use it in a ``with`` block."""
+        """Return the writer, for a ``with`` block."""
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -319,7 +319,7 @@ def _topic(name: str, kind: str, qos: str, type_hash: str, count: int) -> dict[s
 def prompt_switches() -> Iterator[None]:
     """Let the compressing thread get the interpreter lock soon, since it is idle while it waits.
 
-    By default a thread may demand the lock only after waiting for 5 ms, and each release restarts that wait.
+    By default, a thread may demand the lock only after waiting for 5 ms, and each release restarts that wait.
     """
     before = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCH_S)

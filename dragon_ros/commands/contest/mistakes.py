@@ -42,7 +42,7 @@ class MistakenAnswer(NamedTuple):
     value: float
 
 
-# Question 1: the place of the head, and the next handle.
+# Question 1: the position of the head and the next handle.
 def arc_length(theta: Floats) -> Floats:
     """Return the arc length of r = theta from its centre."""
     length: Floats = 0.5 * (theta * np.sqrt(1 + theta * theta) + np.arcsinh(theta))
@@ -65,7 +65,7 @@ def solved(length: Callable[[Floats], Floats], late: float = 0.0, start: float =
 
 
 def inverted(length: Callable[[Floats], Floats], wanted: Floats) -> Floats:
-    """Return the angles at which an increasing length, about half the angle squared, has values (T,).
+    """Return the angles at which an increasing length, which is about half the angle squared, has values (T,).
 
     Bisection needs no derivative, so it can invert the length of any recipe.
     """
@@ -106,7 +106,7 @@ def _steps(step_s: float, radial: bool) -> Floats:
 
 
 def chord(short_m: float = 0.0, pitch_m: float = PITCH_M) -> Rule:
-    """Return the next handle at the first, slightly too short, chord that a tolerance accepts."""
+    """Return the next handle at the first chord that a tolerance accepts, which is slightly too short."""
     def following(theta: Floats, link_m: float) -> Floats:
         wanted = (link_m - short_m) * 2 * pi / pitch_m
         delta: Floats = np.zeros_like(theta)
@@ -141,7 +141,7 @@ def grid(step_rad: float, within_m: float) -> Rule:
 
 def links_of(head_m: float = HEAD_LINK_M, body_m: float = BODY_LINK_M, last_m: float | None = None,
              handles: int = HANDLES) -> list[float]:
-    """Return the links of a dragon: first the head's, followed by the body's, which the tail's link equals."""
+    """Return the links of a dragon: the head's, followed by the body's; the tail's link equals the body's."""
     return [head_m, *[body_m] * (handles - 3), body_m if last_m is None else last_m][:handles - 1]
 
 
@@ -216,7 +216,7 @@ def differences(scene: Scene, times_s: Floats, step_s: float, kind: str) -> Floa
 
 
 def projected(theta: Floats, leader_m_s: float = SPEED_M_S, swapped: bool = False) -> Floats:
-    """Return the speeds (..., N+1) of rigid links on the spiral at angles (..., N+1), or by the inverted ratio."""
+    """Return speeds (..., N+1) of rigid links on the spiral at angles (..., N+1), or those of the inverted ratio."""
     p, slope = points(theta), np.sqrt(1 + theta * theta)
     tangent = np.stack((np.cos(theta) - theta * np.sin(theta), np.sin(theta) + theta * np.cos(theta)), axis=-1)
     along_m = p[..., 1:, :] - p[..., :-1, :]
@@ -227,7 +227,7 @@ def projected(theta: Floats, leader_m_s: float = SPEED_M_S, swapped: bool = Fals
     return leader_m_s * np.concatenate((ones, np.cumprod(ratio, axis=-1)), axis=-1)
 
 
-# Question 2: when benches touch.
+# Question 2: the time when benches touch.
 def rectangles(p: Floats, width_m: float) -> Benches:
     """Return the benches on handles (N+1, 2)."""
     along_m = p[:-1] - p[1:]
@@ -244,7 +244,7 @@ def head_gap(p: Floats, width_m: float = 0.3) -> float:
 
 
 def front_gap(p: Floats, width_m: float = 0.3) -> float:
-    """Return how far the head's front corners are outside these benches; negative means inside."""
+    """Return the distance of the head's front corners from these benches; negative means inside."""
     benches = rectangles(p, width_m)
     seen, axis = benches.corners[0, (0, 3)][:, None] - benches.centre[2:], benches.axis[2:]
     ahead = np.abs(np.sum(seen * axis, axis=-1)) - benches.half_length[2:]
@@ -253,7 +253,7 @@ def front_gap(p: Floats, width_m: float = 0.3) -> float:
 
 
 def first_touch_s(gap: Callable[[float], float], from_s: float = 405.0, to_s: float = 413.5) -> float:
-    """Return the first time at which a gap is not positive, by steps of 0.05 s and then bisection."""
+    """Return the first time at which a gap is not positive, found by steps of 0.05 s and bisection."""
     high = next((t_s for t_s in np.arange(from_s, to_s, 0.05).tolist() if gap(t_s) <= 0), inf)
     low = high - 0.05
     while low < (middle := 0.5 * (low + high)) < high:
@@ -362,7 +362,7 @@ def turn_lengths_m() -> Iterator[MistakenAnswer]:
 
 
 def euler_on_turn_m(times_s: Floats, step_s: float) -> Floats:
-    """Return the head's distance from the entry, by Euler steps outwards from the circle on both spirals."""
+    """Return the head's distance from the entry, found by Euler steps outwards from the circle on both spirals."""
     track = turning().track
     assert isinstance(track, STurn)
     b_m = track.pitch_m / 2 / pi
@@ -425,7 +425,7 @@ def turn_points(metres: Floats, track: Track) -> Floats:
 
 def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float, within_m: float,
                  of_angle: bool) -> Floats:
-    """Return handles (T, handles, 2) on the turn by steps: the first ones whose chord is within a tolerance.
+    """Return handles (T, handles, 2) on the turn, found by steps: the first ones whose chord is within a tolerance.
 
     Steps are either radians of each piece's own angle, which restart at its ends, or metres along the curve.
     """

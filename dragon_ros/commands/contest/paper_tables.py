@@ -1,4 +1,4 @@
-"""The paper's three tables, with four values each: printed, reproduced by its recipe, true, and the printed error."""
+"""The paper's three tables: values as printed, as reproduced by its recipe, the true ones, and the errors."""
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -39,7 +39,7 @@ class ResultSheet:
 
 
 def handle_names(benches: int) -> list[str]:
-    """Return the contest's names of all handles: head, sections, tail, and the tail's rear."""
+    """Return the contest's names of all handles: head, sections, tail and rear of the tail."""
     return ['龙头', *(f'第{n}节龙身' for n in range(1, benches - 1)), '龙尾', '龙尾（后）'][-(benches + 1):]
 
 
@@ -150,7 +150,7 @@ def _write_xlsx(path: Path, sheets: list[ResultSheet]) -> Path:
 
 
 def _filled(page: str, sheet: ResultSheet, style: int) -> bytes:
-    """Return a sheet's XML with its cells in place of the one that openpyxl wrote (ECMA-376 part 1, 18.3.1.80)."""
+    """Return a sheet's XML with its cells, to replace the XML that openpyxl wrote (ECMA-376 part 1, 18.3.1.80)."""
     head, rest = page.split('<sheetData>', 1)
     heads = ''.join(f'<c t="inlineStr"><is><t>{escape(name)}</t></is></c>' for name in ('', *sheet.columns))
     lines = [f'<row>{heads.replace(_NO_NAME, "<c/>", 1)}</row>']

@@ -59,16 +59,16 @@ def _run(arguments: Namespace) -> int:
 
 
 def _format_of(arguments: Namespace) -> str:
-    """Return the requested format, by default that of the output's suffix, or text. Raises InputError."""
+    """Return the requested format; the default is that of the output's suffix, or text. Raises InputError."""
     suffix = {'.html': 'html', '.htm': 'html', '.json': 'json', '.csv': 'csv', '.txt': 'text'}
     of_output = None if arguments.output is None else suffix.get(arguments.output.suffix.lower())
     if arguments.output is not None and of_output is None and arguments.output.suffix:
         raise InputError(f'--output {arguments.output}: is not a format of grade; end it in .html, .json, .csv or .txt')
     if arguments.format and of_output and arguments.format != of_output:
-        raise InputError(f'--format {arguments.format}: contradicts --output {arguments.output}; leave one of them out')
+        raise InputError(f'--format {arguments.format}: contradicts --output {arguments.output}; omit one of them')
     form = str(arguments.format or of_output or 'text')
     if form == 'html' and arguments.output is None:
-        raise InputError('--format html: this one is written to a file only; give --output report.html')
+        raise InputError('--format html: this format can only be written to a file; give --output report.html')
     return form
 
 

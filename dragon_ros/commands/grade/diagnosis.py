@@ -42,7 +42,7 @@ _B_M = PITCH_M / 2 / pi
 _ON_TRACK_M = 0.02      # largest rms distance of handles that count as on the spiral
 _MOST_OFF_M = 1.0       # largest difference between chord and link if handles follow by steps
 _FRONT = 20             # number of handles near the head, which errors of links hardly move
-_BETTER = 0.2           # another order or axis must reduce the error to this fraction
+_BETTER = 0.2           # fraction to which another order or axis must reduce the error
 _NICE = tuple(m * 10.0 ** -e for e in range(5) for m in (1.0, 0.5, 0.25, 0.2))
 _GRIDS = tuple(sorted((*(m * 10.0 ** -e for e in range(1, 5) for m in (1.0, 0.5, 0.2)), pi / 180, pi / 360, pi / 1800),
                       reverse=True))
@@ -75,7 +75,7 @@ class Diagnosis:
 
 
 def share(given: Floats, remade: Floats, truth: Floats) -> float:
-    """Return the share of the squared error that reproduced values explain: at most 1, negative if they fit worse."""
+    """Return the share of the squared error that reproduced values explain; it is negative if they fit worse."""
     there = np.isfinite(given) & np.isfinite(truth)
     if not np.isfinite(remade[there]).all():
         return 0.0
@@ -138,7 +138,7 @@ def _worst(given: Floats, right: Floats) -> float:
 
 
 def _few_differ(found: Diagnosis, given: Floats, right: Floats, digits: int | None, times_s: Floats) -> bool:
-    """Return whether all cells, or all but a few, are right; if so, complete the diagnosis."""
+    """Return whether all cells, or all but a few cells, are right; if so, complete the diagnosis."""
     there = np.isfinite(given) & np.isfinite(right)
     wrong = there & ~(np.abs(given - right) <= (RIGHT if digits is None else RIGHT + 0.501 * 10.0 ** -digits))
     count = int(wrong.sum())
@@ -221,7 +221,7 @@ def _matrix(axes: str) -> Floats:
 
 
 def _ordered(given: Floats, order: int | None) -> Floats:
-    """Return handles shifted by ``order`` places, filled with nan; None reverses their order."""
+    """Return handles shifted by ``order`` positions and filled up with nan; None reverses their order."""
     if order is None:
         return given[:, ::-1]
     out = np.full_like(given, np.nan)
@@ -396,7 +396,7 @@ def _head_candidates(times_s: Floats, head: Floats, theta: Floats,
 
 
 def _euler_step(theta: Floats, base: Floats, at_a_tenth: Floats) -> float:
-    """Return the step whose error, scaled from that of 0.1 s, fits the head's error."""
+    """Return the step whose error, which is scaled from that of 0.1 s, fits the head's error."""
     per_step = (at_a_tenth - base) / 0.1
     return nice(float(np.sum((theta - base) * per_step) / np.sum(np.square(per_step))))
 
@@ -498,7 +498,7 @@ def _paper_at(times_s: tuple[float, ...]) -> Floats:
 
 
 def _as_paper(times_s: Floats, given: Floats, right: Floats) -> Diagnosis | None:
-    """Return the diagnosis that positions are the paper's own if they are so at a sample of times."""
+    """Return the diagnosis that positions are the paper's own if a sample of times confirms this."""
     some = [n for n in np.unique(np.linspace(0, times_s.size - 1, 6).astype(int)).tolist()
             if 0 <= times_s[n] <= 412 and abs(times_s[n] * 100 - round(times_s[n] * 100)) < 1e-9]
     if not some:
@@ -646,7 +646,7 @@ def _turn_state(times_s: Floats, dragon: Dragon, track: STurn | None, shift_s: f
 
 
 def _turn_euler(times_s: Floats, head: Floats, right: Floats) -> tuple[Finding, Floats] | None:
-    """Return the Euler step that explains the head's positions, and its distance from the entry with that step."""
+    """Return the Euler step that explains the head's positions, and the head's distance from the entry."""
     def at(metres: Floats) -> Floats:
         return _turn_state(metres, _ALONE, None, 0.0, 1.0).handles_m[:, 0]
     per_step = (at(mistakes.euler_on_turn_m(times_s, 0.1)) - right) / 0.1
@@ -692,7 +692,7 @@ def _turn_fit(times_s: Floats, head: Floats, right: Floats) -> Turn | None:
 
 
 def _before_turn(times_s: Floats, head: Floats, noise_m: float) -> Finding:
-    """Return the circle that the head approaches, if its motion is right up to the entry."""
+    """Return the circle that the head approaches if its motion up to the entry is right."""
     for circle_m in _circles_m(times_s, head):
         before = times_s < 0
         remade = _turn_state(times_s[before], _ALONE, STurn(diameter_m=circle_m), 0.0, 1.0).handles_m[:, 0]
@@ -727,7 +727,7 @@ def _fitted(name: str, value: float, circle_m: float, times: Floats, wanted: Flo
 
 
 def _circles_m(times: Floats, head: Floats) -> tuple[float, ...]:
-    """Return the diameter of the circle that the head enters at 0 s, from its earlier places on the spiral."""
+    """Return the diameter of the circle that the head enters at 0 s, from its earlier positions on the spiral."""
     before = (times < 0) & np.isfinite(head).all(axis=1)
     if not before.any():
         return ()
@@ -810,7 +810,7 @@ def _by_differences(result: str, times_s: Floats, given: Floats, right: Floats) 
         for step_s in _DIFFERENCES_S:
             try:
                 remade = mistakes.differences(scene, times_s[some] + offset_s, step_s, kind)
-            except DragonError:     # a step beyond the lock
+            except DragonError:     # a step reaches beyond the lock
                 continue
             tried.append((share(given[some], remade, right[some]), kind, step_s))
     if tried and (best := max(tried))[0] > 0.9:

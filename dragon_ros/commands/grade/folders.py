@@ -114,7 +114,7 @@ def _in_processes(teams: list[Team], grades: dict[int, TeamGrade], stop: Event, 
 
 def _run(teams: list[Team], numbers: list[int], workers: int, grades: dict[int, TeamGrade], stop: Event,
          done: Callable[[], object]) -> bool:
-    """Grade some teams; return False if a process has died."""
+    """Grade teams; return False if a process has died."""
     with ProcessPoolExecutor(workers, get_context('spawn'), initializer=_ignore_interrupts) as pool:
         waiting: dict[Future[TeamGrade], int] = {pool.submit(grade_team, teams[n]): n for n in numbers}
         while waiting and not stop.is_set():

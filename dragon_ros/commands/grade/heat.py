@@ -5,13 +5,13 @@ import numpy as np
 
 from dragon_ros.core.numerics.types import Floats
 
-_MOST_ROWS, _MOST_COLUMNS = 76, 112     # rows (handles) and columns (times)
+_MOST_ROWS, _MOST_COLUMNS = 76, 112     # largest number of rows (handles) and of columns (times)
 LEAST, MOST = -7.0, 1.0                 # number of decades shown
 _SHADES = 63
 
 
 class Heat(NamedTuple):
-    """The largest error in each cell of a grid: shades 1 to 63 by decade, 0 if nothing is given.
+    """The largest error in each cell of a grid, as shades 1 to 63 by decade, or 0 if nothing is given.
 
     ``grid`` has one byte per cell, row by row from handle 0 on; ``by_handle`` and ``by_time`` are largest errors.
     """
@@ -26,7 +26,7 @@ class Heat(NamedTuple):
 
 
 def heat_of(times_s: Floats, given: Floats, right: Floats) -> Heat:
-    """Return the heat map of given values (T, 224, D) compared with the true ones."""
+    """Return the heat map of the errors of given values (T, 224, D)."""
     error = np.sqrt(np.sum(np.square(given - right), axis=-1)).T            # handles, times
     known = np.where(np.isfinite(error), error, -1.0)
     pooled = _pooled(_pooled(known, _MOST_ROWS).T, _MOST_COLUMNS).T

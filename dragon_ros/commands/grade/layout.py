@@ -63,7 +63,7 @@ class GivenResult:
 
 
 def given_by(sheets: Iterable[WorkbookSheet], refuse: Callable[[str, dict[str, object]], Exception]) -> GivenResult:
-    """Return the combined result of sheets. Raises the exception that ``refuse`` makes of a key of ``words``."""
+    """Return the combined result of sheets. Raises the exception that ``refuse`` creates from a key of ``words``."""
     parts: list[tuple[Floats, Floats]] = []
     notes: list[tuple[str, dict[str, object]]] = []
     for sheet in sheets:
@@ -345,7 +345,7 @@ def _context(sheet: WorkbookSheet, block: _SheetBlock, before: list[tuple[Floats
 
 
 def _numbers_told(rows: list[Label], columns: list[Label], keys: list[str]) -> tuple[list[Label], list[Label]]:
-    """Interpret bare numbers as times or handles, by a heading, the other labels, or the number of numbers."""
+    """Interpret bare numbers as times or handles, by a heading, by the other labels, or by how many there are."""
     has_handles = _handles_on(rows) + _handles_on(columns) > 0
     has_times = any(label.t_s is not None for label in (*rows, *columns))
     out = []
@@ -370,7 +370,7 @@ def _told(label: Label, is_time: bool, base: float) -> Label:
 
 
 def _by_shape(block: _SheetBlock, rows: list[Label], columns: list[Label]) -> tuple[list[Label], list[Label], bool]:
-    """Label unnamed rows or columns by position: 448 are x and y of each handle, 672 also have the speed."""
+    """Label unnamed rows or columns by position: 448 are x and y of each handle, and 672 also include the speed."""
     if _handles_on(rows) + _handles_on(columns) == 0:
         for number, labels in enumerate((rows, columns)):
             each = {HANDLES: '', 2 * HANDLES: 'xy', 3 * HANDLES: 'xyv'}.get(len(labels))

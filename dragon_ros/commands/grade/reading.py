@@ -92,7 +92,7 @@ def _bytes_of(path: Path) -> bytes:
         raise InputError(f'{path}: is protected by a password; save it without one' if _ENCRYPTED in data else
                          f'{path}: is a workbook of Excel 97 (.xls); save it as .xlsx')
     if not data.startswith(b'PK'):
-        what = 'is empty' if not data else 'is no XLSX workbook'
+        what = 'is empty' if not data else 'is not an XLSX workbook'
         raise InputError(f'{path}: {what}; save it as an Excel workbook (.xlsx)')
     return data
 
@@ -156,7 +156,7 @@ def _checked(path: Path, name: str, part: bytes) -> tuple[tuple[int, int, int, i
 
 
 def _extent(part: bytes) -> tuple[int, int]:
-    """Return a bound on a sheet's rows and columns; a quick one if that is within the budgets."""
+    """Return a bound on a sheet's rows and columns; a rough bound is enough if it is within the budgets."""
     found = _PREFIX.search(part)
     prefix = b'<' + ((found[1] or b'') if found else b'')
     part = part[max(part.find(b'sheetData'), 0):]
@@ -195,7 +195,7 @@ def _plain(parts: dict[str, bytes]) -> BytesIO:
 
 
 def _files_of_sheets(parts: dict[str, bytes]) -> dict[str, str]:
-    """Return the part of each sheet by its name. Raises ParseError."""
+    """Return the part of each sheet, by name. Raises ParseError."""
     targets = {one.get('Id'): one.get('Target', '').removeprefix('/').removeprefix('xl/')
                for one in ElementTree.fromstring(parts.get('xl/_rels/workbook.xml.rels', b'<none/>'))}
     found = {}

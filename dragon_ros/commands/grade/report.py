@@ -1,6 +1,6 @@
 """The report as one self-contained page, light or dark, with a row and a page for each team, and pictures of errors.
 
-It has no script and loads nothing; its content policy forbids both. A team's page is selected by the address
+The page has no script and loads nothing; its content policy forbids both. A team's page is selected by the address
 (``:target``).
 """
 from base64 import b64encode
@@ -26,7 +26,7 @@ _STYLE = Path(__file__).with_name('report.css')
 
 
 def page(teams: list[TeamGrade], whole: int, lang: str) -> str:
-    """Return the page of all teams; ``whole`` is the number of teams including those not graded."""
+    """Return the page of all teams; ``whole`` is the number of teams, including those that were not graded."""
     many = len(teams) != 1
     policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
     title = _said('title', lang)

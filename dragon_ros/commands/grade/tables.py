@@ -97,7 +97,7 @@ def looks_like(one: SheetGrade | AnswerGrade, lang: str) -> str:
 
 
 def place_of(one: SheetGrade, lang: str) -> str:
-    """Return the place of the worst error as text."""
+    """Return the place of the worst error, as text."""
     if one.handle is None or one.t_s is None:
         return ''
     return sentence('at_time', {'handle': handle_name(one.handle, lang), 't': one.t_s}, lang)

@@ -17,7 +17,7 @@ from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.tracks.spec import Spiral, STurn
 
 RESULTS = ('result1', 'result2', 'result4')
-_MORE_TURNS = 2                 # turns added before the start, for results with shifted times
+_MORE_TURNS = 2                 # number of turns added before the start, for results with shifted times
 _BEFORE_S = 300.0               # time added before the turn, for the same reason
 _LATEST_S = 1000.0
 
@@ -31,7 +31,7 @@ class TrueStates(NamedTuple):
 
 @cache
 def contact_s() -> float:
-    """Return when benches first touch."""
+    """Return the time at which benches first touch."""
     found = first_contact(winding())
     assert isinstance(found, Contact)
     return found.t_s

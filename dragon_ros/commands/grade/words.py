@@ -184,7 +184,7 @@ _NAMES = ('kind', 'quantity')       # parameters that are keys
 
 
 def sentence(key: str, parameters: Mapping[str, object] | None = None, lang: str = 'en') -> str:
-    """Return the sentence of a key in a language, with its parameters."""
+    """Return the sentence for a key in a language, with its parameters inserted."""
     values = dict(parameters or {})
     if 'near' in values:
         values['near_mm'] = 1e3 * float(str(values['near']))

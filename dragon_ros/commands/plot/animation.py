@@ -44,7 +44,7 @@ _GRID = 5                   # smallest number of ground lines across a moving wi
 
 
 def frame_times(source: Source, start_s: float | None, stop_s: float | None, pace: float, fps: int) -> Floats:
-    """Return the time of each frame. Raises InputError for times outside the source and for too many frames."""
+    """Return the time of each frame. Raises InputError for times outside the source or too many frames."""
     for name, value in (('--pace', pace), ('--fps', fps)):
         if not 0 < value <= 1e6:
             raise FieldError(name, value, 'it must exceed 0', 'give for example 20')
@@ -95,7 +95,7 @@ class AnimatedFigure:
         first = moment(source, float(times_s[0]))
         self._name, self._zoom, self._follow = source.name, zoom, follow
         self._point_m, self._near = contact_of(zoom, source), NearPairs()
-        self._touch = source.first_touch(progress) if source.venue is not None else None     # of an obstacle
+        self._touch = source.first_touch(progress) if source.venue is not None else None     # by obstacles
         samples = source.moments(times_s[thinned(0, len(times_s) - 1, _SAMPLES)])
         self._whole = window(source.track, samples)
         self._seen = self._whole if zoom is None else zoom.window(first, self._point_m)
@@ -150,7 +150,7 @@ class AnimatedFigure:
 
     def _heading(self, one: Moment, clearance_m: float) -> str:
         """Return the title: name and clock, followed by the clearance and the largest speed."""
-        gap = f'clearance {1e3 * clearance_m:.1f} mm' if np.isfinite(clearance_m) else 'no benches to touch'
+        gap = f'clearance {1e3 * clearance_m:.1f} mm' if np.isfinite(clearance_m) else 'no benches that could touch'
         if one.speed_m_s is not None:
             gap = figures.joined(f'{gap},', f'fastest handle {np.max(one.speed_m_s):.3f} m/s', ' ', self._width_in)
         return f'{figures.titled(self._name, f"{one.t_s:.2f} s", self._width_in)}\n{gap}'

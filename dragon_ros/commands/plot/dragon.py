@@ -28,7 +28,7 @@ _CLOSE_LENGTHS = 0.62       # half the side of the close-up, in bench lengths
 RING: dict[str, Any] = {'linestyle': 'none', 'marker': 'o', 'markersize': 12, 'markerfacecolor': 'none',
                         'markeredgecolor': POINT, 'markeredgewidth': 1.4}
 _LARGEST_IN = 6.4           # longest side of the axes
-_LEAST_IN = np.array((2.7, 1.6))            # smallest axes: width for a title, and height for ticks
+_LEAST_IN = np.array((2.7, 1.6))            # smallest axes that have space for a title and ticks
 _DECORATION_IN = np.array((0.85, 0.85))     # space around the axes for title, labels and ticks
 _TICKS_PER_INCH = 1.3       # few, since labels of places far from the origin are long
 _LEGEND_IN = 5.0, 0.7       # width and height of the legend, including the figure's title
@@ -41,7 +41,7 @@ def dragon_picture(source: Source, times_s: list[float], zoom: Zoom | None = Non
     outside the source or for more panels than fit on a page.
     """
     if len(times_s) > _MOST_PANELS:
-        raise InputError(f'--time: {len(times_s)} times; a picture has room for {_MOST_PANELS}')
+        raise InputError(f'--time: {len(times_s)} times; the limit for a picture is {_MOST_PANELS}')
     shown, point_m = [moment(source, t_s) for t_s in times_s], contact_of(zoom, source)
     columns = min(len(shown), 2)
     rows = -(-len(shown) // columns)
@@ -119,7 +119,7 @@ def contact_picture(source: Source, touch: Touch) -> Figure:
 
 
 def _meeting(touch: Touch) -> str:
-    """Return the text that states which corner meets which edge."""
+    """Return a text about the corner and the edge that meet."""
     seen = touch.witness
     if touch.obstacle is not None:
         if seen.owner == NO_BENCH:

@@ -26,7 +26,7 @@ from dragon_ros.core.numerics.types import Array
 FORMATS = '.gif, .html, .mp4'
 _HOLD_MS = 1500             # duration of a GIF's last frame
 _AHEAD = 4                  # largest number of frames that wait for the encoder
-_QUALITY, _SPEED = 80, 10   # of AV1: keeps fine lines sharp; the fastest speed
+_QUALITY, _SPEED = 80, 10   # of AV1: quality that keeps fine lines sharp; fastest speed
 _WAIT_S = 0.2
 _BRANDS = (b'iso6', b'mp41', b'av01')       # replace the brands of an image sequence
 _PARENTS = (b'moov', b'trak', b'mdia', b'edts')
@@ -115,7 +115,7 @@ class _Gif:
         self._frames.append(frame)
 
     def finish(self) -> None:
-        """Write the file; its last frame is shown for a while before the animation restarts."""
+        """Write the file; the last frame remains visible for a while before the animation restarts."""
         each_ms = [round(1000 / self._fps)] * (len(self._frames) - 1)
         self._frames[0].save(self._path, 'GIF', save_all=True, append_images=self._frames[1:],
                              duration=[*each_ms, _HOLD_MS], loop=0)

@@ -1,4 +1,4 @@
-"""Pictures of a study: maps with contours and first pairs, curves, distributions with bands, Sobol indices.
+"""Pictures of a study: maps with contours and first pairs, curves, distributions with bands, and Sobol indices.
 
 The picture depends on the design. A grid gives the main answers over one key or the first two keys, random and Sobol
 designs give the distributions of the answers, and Saltelli designs give the Sobol indices of the inputs.
@@ -162,7 +162,7 @@ def _letters(axes: Axes, at: tuple[list[float], list[float]], place: Floats) -> 
 
 
 def _spread(data: DataSet, values: Floats, name: str) -> Figure:
-    """Return a figure of the histogram and the distribution with its band, and of the 1-in-1000 quantile."""
+    """Return a figure of the histogram, the distribution with its band, and the 1-in-1000 quantile."""
     figure = Figure(figsize=(8.4, 10))
     above, below = figure.subplots(2, 1)
     above.hist(values, bins=max(8, min(60, int(2 * values.size ** 0.5))), color=BODY, edgecolor='white', linewidth=0.4)

@@ -59,7 +59,7 @@ def _run(arguments: Namespace) -> int:
 
 
 def _serve(name: str, shown: 'ViewData | Variants', arguments: Namespace) -> int:
-    """Serve until a signal ends it."""
+    """Serve until a signal arrives."""
     from dragon_ros.commands.view.server import ViewServer
     stop = threading.Event()
     with ViewServer(shown, arguments.port, arguments.lang) as server:
@@ -77,5 +77,5 @@ def _serve(name: str, shown: 'ViewData | Variants', arguments: Namespace) -> int
 
 
 def _has_screen() -> bool:
-    """Return whether a browser opens its own window; a text browser would take over this terminal."""
+    """Return whether a browser would open its own window; a text browser would take over this terminal."""
     return sys.platform != 'linux' or bool(os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY'))

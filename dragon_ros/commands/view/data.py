@@ -95,7 +95,7 @@ class ViewData:
             return self._curve
 
     def frames(self, chunk: int, check: Check = _wanted) -> bytes:
-        """Return the frames of one chunk as consecutive little-endian float32; nan if a tick has no frame.
+        """Return the frames of one chunk as consecutive little-endian float32, with nan for ticks without a frame.
 
         A frame contains the corners of all benches (8 numbers each) or, if there are many benches, all handles (2
         numbers each), and the speeds of handles.

@@ -186,7 +186,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Return a check that ends the work on an answer when the page closes the connection or the time is up."""
         def check() -> None:
             if time.monotonic() > deadline_s:
-                raise DragonError(f'{self.path[:80]}: takes longer than {VIEW_ANSWER_S:g} s; ask the command for it')
+                raise DragonError(f'{self.path[:80]}: takes longer than {VIEW_ANSWER_S:g} s; use the command line')
             with suppress(OSError):
                 if select.select([self.connection], [], [], 0)[0] and not self.connection.recv(1, socket.MSG_PEEK):
                     raise _GoneError

@@ -112,7 +112,7 @@ class Variants:
     def form(self, query: str) -> dict[str, Any]:
         """Return the fields of an address as JSON values and, if a field is invalid, an error about it.
 
-        If a value is invalid, the fields are those of the original scene, with the values of the address.
+        In that case, the fields are those of the original scene, with the values of the address.
         """
         try:
             scene, error = self.variant(query).scene, None
@@ -164,7 +164,7 @@ class Variants:
 
 
 def fields_of(scene: Scene) -> list[PageValue]:
-    """Return the fields of a scene: each single number of its dragon, track, head, run and venue."""
+    """Return the fields of a scene, one for each single number of its dragon, track, head, run and venue."""
     values = scene_values(scene)
     return [one for section in _SECTIONS if section in values for one in _fields(section, values[section])]
 
