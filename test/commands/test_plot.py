@@ -158,7 +158,7 @@ def test_a_bag_whose_benches_are_of_other_ticks_has_no_picture(capsys, tmp_path)
 @pytest.mark.parametrize(('arguments', 'says'), [
     (['dragon', '--time', '1000'], 'from 0 to 432.9 s'),
     (['dragon', '--time', 'noon'], "--times 'noon'"),
-    (['dragon', '--time', '1,2,3,4,5,6,7'], 'room for 6'),
+    (['dragon', '--time', '1,2,3,4,5,6,7'], 'limit for a picture is 6'),
     (['dragon', '--output', 'x.bmp'], '.png, .svg, .pdf'),
     (['dragon', '--output', 'no/such/folder/x.png'], 'no/such/folder'),
     (['dragon', '--namespace', '/dragon'], '--bag'),
