@@ -83,7 +83,7 @@ class Venue:
         count = corners(self)
         if count > VENUE_CORNERS:
             raise FieldError('venue', f'{count} corners', f'the limit is {VENUE_CORNERS}',
-                             'simplify its outlines, or keep only what is near the track')
+                             'simplify its outlines, or keep only those near the track')
         inside = self.inside
         if inside is not None:
             inside = _ring('venue.inside', INSIDE, inside)

@@ -1,7 +1,7 @@
-"""How the leader approaches a claimed contact: where it was before, and when it is within the slack.
+"""How the leader approaches a claimed contact: its earlier positions, and the times at which it is within the slack.
 
-The slack allows for an error of the position, not of the time. So it applies only while the leader moves in one
-direction, to the contact and beyond. No slack applies to positions of the leader before that.
+The slack allows for an error of the position, not of the time. It therefore applies only while the leader moves in one
+direction, to the contact and beyond. No slack applies to earlier positions of the leader.
 """
 from dataclasses import dataclass
 from fractions import Fraction
@@ -10,9 +10,9 @@ from math import ulp
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Extent, Law, Leg
 
-_LAST_PLACES = 4        # ulps of a time: a solver in floats may be off by this much when the leader turns or rests
-_SOON_S = Fraction(1, 10**6)    # to either side of a contact; if the slack takes longer, the sentence says how long
-_HALVINGS = 80          # for times that are only reported
+_LAST_PLACES = 4        # ulps by which a solver in floats may be off in the time at which the leader turns or rests
+_SOON_S = Fraction(1, 10**6)    # time to either side of a contact; if the slack takes longer, it is reported
+_HALVINGS = 80          # number of bisections for times that are only reported
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Approach:
 
     @property
     def was_beyond_m(self) -> Fraction:
-        """How far beyond the contact's position the leader was before; negative if it was not."""
+        """How far the leader was earlier beyond the contact's position; negative if it never was."""
         if self.earlier is None:
             return Fraction(-1)
         return (self.earlier[1] - self.gone_m) if self.sense > 0 else (self.gone_m - self.earlier[0])
@@ -47,7 +47,7 @@ class Approach:
         return min(slack_m, (self.law.gone_m(self.leg.until_s) - self.gone_m) * self.sense)
 
     def takes_s(self, start_s: float, slack_m: Fraction) -> tuple[float, float] | None:
-        """Return the times between which the leader is within the slack of the contact; None if that is short."""
+        """Return the times between which the leader is within the slack of the contact; None if this time is short."""
         first, last = max(self.leg.since_s, Fraction(start_s)), self.leg.until_s
         before, after = self.t_s - _SOON_S, self.t_s + _SOON_S
         early = before > first and self._on_m(before) > -slack_m
@@ -57,11 +57,11 @@ class Approach:
         return float(self._reached_s(-slack_m, first, self.t_s)), float(self._reached_s(slack_m, self.t_s, last))
 
     def _on_m(self, t_s: Fraction) -> Fraction:
-        """Return how far the leader is beyond the contact's position at a time."""
+        """Return how far the leader is beyond the contact's position at a time, along its direction of motion."""
         return (self.law.gone_m(t_s) - self.gone_m) * self.sense
 
     def _reached_s(self, on_m: Fraction, low: Fraction, high: Fraction | None) -> Fraction:
-        """Return approximately when the leader is this far on, or the nearer end of the interval if it never is."""
+        """Return the approximate time when the leader is this far on, or the nearer end of the interval if never."""
         if high is None:
             high = low + 1
             while self._on_m(high) < on_m:

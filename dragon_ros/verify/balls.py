@@ -1,7 +1,7 @@
 """Balls: real numbers as a midpoint and a radius that is rounded outwards, by Arb (python-flint).
 
-A comparison of balls is true only if it holds for all numbers in them; comparisons with NaN are false. So each claim is
-tested by the comparison that proves it, never by the absence of the opposite.
+A comparison of balls is true only if it holds for all numbers in them; comparisons with NaN are false. Each claim is
+therefore tested by the comparison that proves it, never by the absence of the opposite.
 """
 from fractions import Fraction
 from math import hypot, inf, isfinite, nextafter
@@ -10,7 +10,7 @@ from flint import acb, arb, ctx, fmpq
 
 from dragon_ros.verify.errors import Refused
 
-BITS = 128          # of a midpoint; tracks that are many links long, or far out, need more (``precise``)
+BITS = 128          # precision of a midpoint; tracks that are many links long, or far out, need more (``precise``)
 UNIT = arb(0, 1)    # [-1, 1]
 
 
@@ -20,12 +20,12 @@ def precise(ratio: float) -> None:
 
 
 def half_turn() -> arb:
-    """Return pi to the current precision."""
+    """Return a ball of pi at the current precision."""
     return arb.pi()
 
 
 def exact(value: float | Fraction) -> arb:
-    """Return the ball of a float, exactly, or of a rational number, to the last bit."""
+    """Return the exact ball of a float, or a ball of a rational number that is accurate to the last bit."""
     if isinstance(value, Fraction):
         return arb(fmpq(value.numerator, value.denominator))
     return arb(value)
@@ -55,7 +55,7 @@ def hypot_above(x: float, y: float) -> float:
 
 
 def up(value: float) -> float:
-    """Raise the result of a few float operations on positive numbers beyond their rounding errors."""
+    """Increase the result of a few float operations on positive numbers by more than their rounding errors."""
     return nextafter(value * (1 + 1e-13), inf)
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 from dragon_ros.verify.errors import Refused
 
 OK, INTERRUPTED, REFUSED = 0, 1, 2
-_FIRST_S, _EVERY_S = 1.0, 1.0       # of progress reports
+_FIRST_S, _EVERY_S = 1.0, 1.0       # time of the first progress report, and between reports
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Check a certificate: print what it proves and return 0, or print in one line why it is refused and return 2."""
+    """Check a certificate: print what it proves and return 0, or print in one line why it is rejected and return 2."""
     parser = argparse.ArgumentParser(prog='python -m dragon_ros.verify', description=__doc__)
     parser.add_argument('certificate', type=Path, help='a file written by `contact --certificate`; - is standard input')
     parser.add_argument('--effort', type=_effort, default=1.0, metavar='TIMES',

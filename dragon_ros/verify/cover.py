@@ -1,8 +1,9 @@
-"""Clears all positions of all benches: intervals are halved until each is proved, within a budget.
+"""Clear all positions of all benches: halve intervals until each is proved, within a budget.
 
-The positions of the benches behind a bench depend only on its front handle and on their lengths. So benches with equal
-remaining lengths form a class. The first bench of a class clears the track for the whole class, at each position with
-as many benches behind it as any bench of the class has there. A certificate's intervals are hints where to cut.
+The positions of the benches behind a bench depend only on its front handle and on their lengths. Benches with equal
+remaining lengths therefore form a class. The first bench of a class clears the track for the whole class, at each
+position with as many benches behind it as any bench of the class has there. A certificate's intervals are hints where
+to cut.
 """
 import time
 from bisect import bisect_left, bisect_right
@@ -20,14 +21,14 @@ from dragon_ros.verify.ranges import Range
 from dragon_ros.verify.segments import HALF
 from dragon_ros.verify.track import Track
 
-_FINEST = 2.0**-70      # of a metre, or of the distance along the track: the shortest interval
-_EARLY = 30_000         # steps: no proof is given up earlier
-_NOTHING = 1e-9         # of the track: no estimate is made from less, because the first interval may be one float long
-_MANY = 200             # intervals: for fewer, no estimate is made, because the proof takes a second or two
-_SAMPLES, _LEAST = 12, 4        # intervals sampled for an estimate, at most and at least; it takes at most ...
-_PILOT = 0.1            # ... of the budget
+_FINEST = 2.0**-70      # times 1 m, or the distance along the track: the shortest interval
+_EARLY = 30_000         # number of steps before which no proof is given up
+_NOTHING = 1e-9         # smallest share of the track for an estimate, because the first interval may be one float long
+_MANY = 200             # fewest intervals for an estimate; with fewer, the proof takes a second or two
+_SAMPLES, _LEAST = 12, 4        # most and fewest intervals sampled for an estimate
+_PILOT = 0.1            # largest share of the budget for an estimate
 _SPARE = 2              # factor on the suggested effort, because the rate of a proof changes
-_HOPELESS = 3           # times the budget: a proof that would take more is given up early; valid ones take at most 1.8
+_HOPELESS = 3           # times the budget: proofs that would take more are given up early; valid ones take at most 1.8
 Progress = Callable[[float, float, str], object]    # metres cleared, metres in total, advice on the budget
 
 
@@ -35,8 +36,8 @@ Progress = Callable[[float, float, str], object]    # metres cleared, metres in 
 class Budget:
     """The budget in steps (links placed and pairs of benches tested), ``effort`` times the usual one.
 
-    ``spent`` steps are used and ``intervals`` intervals are proved; ``share`` of the track has been cleared since step
-    ``since``. ``expected`` is the total number of steps, estimated from a few sampled intervals.
+    ``spent`` steps are used and ``intervals`` intervals are proved; a ``share`` of the track has been cleared since
+    step ``since``. ``expected`` is the total number of steps, estimated from a few sampled intervals.
     """
 
     steps: int
@@ -65,30 +66,30 @@ class Budget:
         """Advice on the budget during a proof; empty if the budget is sufficient at the current rate."""
         if not self._whole > self.steps:
             return ''
-        begins = f'it takes some {self._takes_s:.2g} s, ' if not self.share else ''
+        begins = f'it takes about {self._takes_s:.2g} s, ' if not self.share else ''
         return f'{begins}more than the budget: --effort {self._enough:.12g} is enough'
 
     @property
     def _whole(self) -> float:
-        """Steps that the proof takes at the current rate, or as expected; 0 if unknown."""
+        """Number of steps that the proof takes at the current rate, or as expected; 0 if unknown."""
         pace = (self.spent - self.since) / self.share if self.share > _NOTHING else self.expected
         return self.since + pace if pace else 0.0
 
     @property
     def _enough(self) -> float:
-        """An effort that is sufficient, with a margin."""
+        """A sufficient effort, with a margin."""
         return ceil(10 * _SPARE * self.effort * self._whole / self.steps) / 10
 
     @property
     def _cure(self) -> str:
-        """The suggestion of a sufficient effort at the current rate, and how long the proof then takes."""
+        """The suggestion of an effort that suffices at the current rate, and the time that the proof then takes."""
         if not self._whole:
             return f'give --effort more than {self.effort:.3g}'
-        return f'give --effort {self._enough:.12g} (at this pace the proof takes some {self._takes_s:.2g} s)'
+        return f'give --effort {self._enough:.12g} (at this rate the proof takes about {self._takes_s:.2g} s)'
 
     @property
     def _takes_s(self) -> float:
-        """How long the proof takes at the current rate."""
+        """Time that the proof takes at the current rate."""
         return (time.monotonic() - self._begun_s) * self._whole / max(self.spent, 1)
 
 
@@ -96,15 +97,14 @@ class Budget:
 class Way:
     """The positions of a class of benches: its first bench, and for each bench the range of its front handle.
 
-    A bench is behind those before it at all times, so the lower limits of the ranges are in order, and so are the upper
-    ones.
+    A bench is always behind the preceding ones, so both the lower and the upper limits of the ranges are in order.
     """
 
     lead: int
     members: tuple[tuple[int, Range], ...]
 
     def most(self, low: arb, high: arb) -> int | None:
-        """Return the first bench, with the most behind it, that moves between two positions; None if none does.
+        """Return the first bench that moves between two positions, which has the most benches behind it, or None.
 
         A bench that only reaches the boundary between two intervals belongs to the other interval.
         """
@@ -115,7 +115,7 @@ class Way:
         return None if (last <= low if low < high else last < low) else bench
 
     def _first(self, holds: Callable[[Range], bool]) -> int:
-        """Return the index of the first member to meet a condition that all later members meet too."""
+        """Return the index of the first member that meets a condition; all later members meet it too."""
         first, after = 0, len(self.members)
         while first < after:
             n = (first + after) // 2
@@ -153,7 +153,7 @@ def ways(dragon: Dragon, places: Sequence[Range]) -> list[Way]:
 def repeated(lengths: Sequence[float]) -> list[int]:
     """Return, for each index counted from the tail, how many lengths from it on equal the first ones from the tail.
 
-    This is the Z-algorithm. The lengths from bench i on equal those from bench k <= i on, up to the tail's, if the
+    This is the Z-algorithm. The lengths from bench i to the tail equal the first ones from bench k <= i on if the
     value at index N - k - m is at least m = N - i.
     """
     count, text = len(lengths), lengths[::-1]
@@ -171,7 +171,7 @@ def repeated(lengths: Sequence[float]) -> list[int]:
 def _leads(lengths: Sequence[float]) -> list[int]:
     """Return, for each bench, the first bench whose lengths from there on begin with this one's remaining lengths."""
     count, same = len(lengths), repeated(lengths)
-    last = [0] * (count + 1)        # last position with at least this value
+    last = [0] * (count + 1)        # last position with at least the value of the index
     for place, length in enumerate(same):
         last[length] = place
     for length in range(count - 1, 0, -1):
@@ -183,7 +183,7 @@ class Cover:
     """Clears the positions of all classes of benches on a track."""
 
     def __init__(self, track: Track, dragon: Dragon, bend: float | None, budget: Budget, progress: Progress) -> None:
-        """Take the track's largest curvature, or None if handles may turn back; ``progress`` is called with metres."""
+        """Store the track and its largest curvature ``bend``, which is None if handles may turn back."""
         self._track, self._dragon, self._bend, self.budget, self._tell = track, dragon, bend, budget, progress
 
     def clear(self, every: Sequence[Way], hints: dict[int, list[float]]) -> None:
@@ -269,7 +269,7 @@ class Cover:
 
 @dataclass(frozen=True)
 class Stuck:
-    """Why an interval is not proved clear; ``absent`` if the reason may concern benches that do not exist."""
+    """Why an interval is not proved clear; ``absent`` means that the reason may concern benches that do not exist."""
 
     why: str
     absent: bool = False
@@ -286,7 +286,7 @@ def _cuts_between(low: arb, high: arb, cuts: list[float]) -> list[arb]:
 
 
 def _middle(low: arb, high: arb, cuts: list[float], ends: list[arb]) -> arb:
-    """Return where to cut: at a given limit of a range, otherwise at a hint, otherwise in the middle."""
+    """Return where to cut: at one of the limits ``ends`` of ranges, otherwise at a hint, otherwise in the middle."""
     if ends:
         return ends[len(ends) // 2]
     first, last = bisect_right(cuts, above(low)), bisect_left(cuts, below(high))

@@ -1,10 +1,10 @@
-"""The proof for a family of dragons on one spiral: up to a time, no dragon within the tolerances touches itself.
+"""The proof for a family of dragons on one spiral: until a time, no dragon within the tolerances touches itself.
 
 In units of b = pitch / 2 pi the spiral is r = theta. A box consists of five intervals of floats: the polar angle of the
 front handle of a bench, the angle by which the front handle of another bench is ahead of it, 1 / b, and the links of
-both in metres. It is halved until one edge separates the benches everywhere in it, or until nothing in it occurs: the
-head would have travelled too far, or no number of links joins one bench to the other. docs/contact.md has the
-proof.
+both in metres. It is halved until one edge separates the benches everywhere in it, or until nothing in it can occur,
+because the head would have travelled too far, or because no number of links joins one bench to the other.
+docs/contact.md has the proof.
 """
 from dataclasses import dataclass
 from fractions import Fraction
@@ -21,12 +21,12 @@ from dragon_ros.verify.law import Law
 from dragon_ros.verify.reading import FamilyClaims, Spiral
 from dragon_ros.verify.segments import about_span
 
-_BOXES = 60_000         # a family with a proof needs some ten thousand
-_LINKS = 100            # placed links count as one box
+_BOXES = 60_000         # limit; a family with a proof needs about ten thousand
+_LINKS = 100            # number of placed links that count as one box
 _FIRST_RAD = 2.0        # angle of the first boxes about the centre
-_LEAST = 1e-9           # of a variable: the narrowest box
+_LEAST = 1e-9           # relative to a variable: the narrowest box
 _BENT = Fraction(109, 100)      # the curvature of any spiral is at most 1.09 / r
-_NEAR = 1e-11           # relative to a span: how close a bound is tried first
+_NEAR = 1e-11           # relative to a span: distance of the first bound that is tried
 _PASSES = 6             # iterations to bound the head, given the handle behind it
 _HALF = Fraction(1, 2)
 
@@ -37,7 +37,7 @@ THETA, AHEAD, SCALE, LINK, OTHER = range(5)
 
 @dataclass(frozen=True)
 class Family:
-    """The common data of the dragons, in metres, from smallest to largest, exactly; the claim is up to ``until_s``."""
+    """The exact ranges of the dragons' data in metres, from smallest to largest; the claim holds until ``until_s``."""
 
     benches: int
     start_turns: Fraction
@@ -100,7 +100,7 @@ def _excess(theta: arb, delta: arb, chord: arb) -> arb:
 def _span(theta: float, chord: float, sense: int) -> float:
     """Return a float that is provably below (``sense`` -1) or above (1) the span of a chord from an angle.
 
-    Up to pi the chord grows with the span, so the sign of F - c^2 / 2 tells on which side of the root a span is.
+    Up to pi the chord grows with the span, so the sign of F - c^2 / 2 shows on which side of the root a span is.
     """
     near = about_span(theta, chord)
     wider = _NEAR
@@ -166,7 +166,7 @@ class _Proof:
         inner, outer = self._innermost(), above(self._start)
         rear = nextafter(inner + _span(inner, below(arb(self._scale[0]) * arb(self._head[0])), -1), -inf)
         first = [(0, box) for box in self._row(inner, outer, self._head)]
-        if self._family.benches > 3:        # of three benches, only the head has two behind it
+        if self._family.benches > 3:        # if there are three benches, only the head has two behind it
             first += [(1, box) for box in self._row(rear, self._last(outer), self._body)]
         return first
 
@@ -196,7 +196,7 @@ class _Proof:
     def _innermost(self) -> float:
         """Return an angle that no head of the family has passed by the claimed time.
 
-        There the curvature times each link is below 2, so no link locks and handles follow each other.
+        Further out the curvature times each link is below 2, so no link locks and handles move in one direction.
         """
         gone, scale = self._gone_m[1], self._scale[1]
         low, high = 0.0, above(self._start)
@@ -330,9 +330,9 @@ class _Pair:
 
     def distances(self, edge: int, half_m: float, over_m: float,
                   with_slopes: bool = False) -> tuple[list[arb], list[list[arb]]]:
-        """Return how far each corner of a bench is beyond an edge of the other one, and the derivatives.
+        """Return how far each corner of a bench is beyond an edge of the other bench, and the derivatives.
 
-        Edges 0 to 3 are the inner bench's left, right, front and rear ones, 4 to 7 those of the other bench.
+        Edges 0 to 3 are the left, right, front and rear edges of the inner bench, and 4 to 7 those of the other bench.
         """
         one, two, side = edge // 4, 1 - edge // 4, edge % 4
         (front, rear), (other_front, other_rear) = self._handles[one], self._handles[two]

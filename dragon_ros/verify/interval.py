@@ -1,4 +1,4 @@
-"""One interval of positions of a leading bench, and the proof that it stays clear of the benches behind it throughout.
+"""One interval of positions of a leading bench, and the proof that the bench stays clear of those behind it.
 
 There are three bounds (docs/contact.md). If the track between two benches is nearly straight, they cannot touch. By the
 second-order bound, the corners of one bench, as seen from another, deviate from the straight lines between their
@@ -27,15 +27,15 @@ from dragon_ros.verify.posture import AXES, Dragon, Pose, about, overlap, separa
 from dragon_ros.verify.segments import HALF, SpiralSegment
 from dragon_ros.verify.track import Track
 
-_ROUNDED = 1e-12        # relative to coordinates: more than the error of a distance after a dozen float operations
-_OFTEN = 0.5            # of the best separation: one in the leading bench's frame is tried first, because it costs less
+_ROUNDED = 1e-12        # relative to coordinates: exceeds the error of a distance after a dozen float operations
+_OFTEN = 0.5            # relative to the best separation: above it, the leading bench's frame is tried first
 
 
 class Overlap(Refused):
     """Two benches provably overlap at an end of an interval."""
 
     def __init__(self, benches: tuple[int, int], end: int) -> None:
-        """Take the benches, and the index of the end."""
+        """Store the benches and the index of the end."""
         super().__init__(f'benches {benches[0]} and {benches[1]} overlap')
         self.benches, self.end = benches, end
 
@@ -44,7 +44,7 @@ class Interval:
     """The benches behind a leading one while its front handle moves between two positions."""
 
     def __init__(self, track: Track, dragon: Dragon, lead: int, ends: Postures, bend: float | None) -> None:
-        """Take the dragon at both ends; ``bend`` is the largest curvature, or None if handles may turn back."""
+        """Store the dragon at both ends; ``bend`` is the largest curvature, or None if handles may turn back."""
         self._track, self._dragon, self._lead, self._ends, self._bend = track, dragon, lead, ends, bend
         self._benches = dragon.benches
         first = leading_handle(track, ends)
@@ -60,8 +60,8 @@ class Interval:
     def clear(self, first: int, last: int) -> int | None:
         """Return the offset of the nearest bench behind that is not proved clear of the leading one; None if all are.
 
-        Benches from ``first`` to ``last`` behind count, up to the first from which all are out of reach. Raises Overlap
-        if benches overlap at an end, and Refused if a handle cannot be placed.
+        The benches from the ``first`` to the ``last`` behind count, up to the first bench from which all are out of
+        reach. Raises Overlap if benches overlap at an end, and Refused if a handle cannot be placed.
         """
         for n in range(first, last + 1):
             self.tested += 1
@@ -100,7 +100,7 @@ class Interval:
         return self._turnings[n]
 
     def _moved_m(self, n: int) -> float:
-        """Return how far a point of the n-th bench moves at most."""
+        """Return an upper bound on the motion of a point of the n-th bench."""
         while len(self._moved) <= n:
             k = len(self._moved)
             ways = self._handle(k).moved_m, self._handle(k + 1).moved_m
@@ -121,7 +121,7 @@ class Interval:
         return away_m > up(lead.over_m + other.over_m + other.sizes[1] * turned)
 
     def _turned(self, n: int) -> float:
-        """Return the largest angle by which the track turns along the links up to the n-th bench; also sum lengths."""
+        """Return the largest turn of the track along the links up to the n-th bench; also sum up the link lengths."""
         while len(self._turns) <= n:
             k = len(self._turns)
             half = up(0.5 * self._tightest * self._benches[self._lead + k].link.near)
@@ -143,10 +143,10 @@ class Interval:
         return above(abs(segment.curvature(handle.low)))
 
     def _out_of_reach(self, n: int) -> bool:
-        """Return whether the n-th bench and all behind it lie outside a circle that contains the leading one.
+        """Return whether the n-th bench and all behind it lie outside a circle that contains the leading bench.
 
-        This requires that handles lie ever further out on a spiral first segment: no point of a link is closer to
-        the centre than the root of r^2 - l^2 / 4, where r is the distance of its front handle.
+        This requires that the radius increases from handle to handle on a spiral first segment: no point of a link is
+        closer to the centre than the root of r^2 - l^2 / 4, where r is the distance of its front handle.
         """
         handle, spiral = self._handle(n), self._track.segments[0]
         if handle.segment != 0 or not isinstance(spiral, SpiralSegment) or spiral.first is not None:
@@ -186,13 +186,13 @@ class Interval:
 
     @staticmethod
     def _parted(ends: list[tuple[Pose, Pose]], k: int, rough: float, sag: float) -> bool:
-        """Return whether separations at both ends exceed a bound: in floats if that is decisive, otherwise in balls."""
+        """Return whether separations at both ends exceed a bound, in floats if that is decisive, otherwise in balls."""
         if rough > sag + max(_unsure_m(*pair, sag) for pair in ends):
             return True
         return all(below(separation(*pair, AXES[k])) > sag for pair in ends)
 
     def _sag(self, n: int, other: bool) -> float:
-        """Return how far corners deviate from straight lines, in the frame of the leading bench or of the other one."""
+        """Return how far corners deviate from straight lines in the frame of the leading bench or of the other."""
         arm_m = self._benches[self._lead + (0 if other else n)].arm_m
         one, two = self._turning(0), self._turning(n)
         turning, rate = size(two.w - one.w), size(two.rate - one.rate)
@@ -202,8 +202,8 @@ class Interval:
     def _middles(self, n: int, other: bool) -> float:
         """Return a bound on the relative acceleration of the middles of two benches, in the frame of one.
 
-        About a common centre each handle accelerates little in that frame, and the bounds of all four are added.
-        Otherwise velocities and accelerations in the plane are combined.
+        If all four handles turn about a common centre, each accelerates little in that frame, and their bounds are
+        added. Otherwise velocities and accelerations in the plane are combined.
         """
         pole = self._handle(0).pole
         if pole is None or any(self._handle(k).pole != pole for k in (1, n, n + 1)):
@@ -213,7 +213,7 @@ class Interval:
         return up(0.5 * sum(self._in_lead_frame(k) for k in (0, 1, n, n + 1)))
 
     def _in_lead_frame(self, k: int) -> float:
-        """Return a bound on a handle's acceleration in the leading bench's frame; infinite about another centre."""
+        """Return a bound on a handle's acceleration in the leading bench's frame; infinite if it has another centre."""
         while len(self._in_lead) <= k:
             m = len(self._in_lead)
             same = self._handle(m).pole == self._handle(0).pole
@@ -221,7 +221,7 @@ class Interval:
         return self._in_lead[k]
 
     def _in_plane(self, n: int, turning: Turning) -> float:
-        """Return a bound on the middles' relative acceleration, from speeds in the plane."""
+        """Return a bound on the middles' relative acceleration, from motions in the plane."""
         front, rear, other_front, other_rear = (self._motion(k).speeds for k in (0, 1, n, n + 1))
         velocity = HALF * (other_front.velocity + other_rear.velocity - front.velocity - rear.velocity)
         acceleration = HALF * (other_front.acceleration + other_rear.acceleration - front.acceleration

@@ -1,7 +1,7 @@
-"""The head law in exact rational arithmetic: how far the leader has travelled.
+"""The head law in exact rational arithmetic: the distance that the leader has travelled.
 
-Times and speeds in a certificate are floats, which are rational numbers. A ramp's speed is a polynomial of time, so
-distances are rational too. The only exception is the instant of a reversal on a smooth ramp; the distance there has
+Times and speeds in a certificate are floats, which are rational numbers. A ramp's speed is a polynomial in time, so
+distances are also rational. The only exception is the instant of a reversal on a smooth ramp, where the distance has
 outward bounds.
 """
 from bisect import bisect_left, bisect_right
@@ -13,7 +13,7 @@ from itertools import pairwise
 from math import asin, sin
 from typing import NamedTuple
 
-_NEAR = Fraction(1, 2**50)      # of a smooth ramp: the accuracy of its reversal in floats
+_NEAR = Fraction(1, 2**50)      # relative to a smooth ramp: the accuracy of its reversal in floats
 
 Extent = tuple[Fraction, Fraction]
 
@@ -79,7 +79,7 @@ class Law:
         return self._gone(bisect_right(self._times, t_s) - 1, t_s)
 
     def speed_m_s(self, t_s: Fraction) -> Fraction:
-        """Return the leader's speed; at a jump, the one after it."""
+        """Return the leader's speed; at a jump, the speed after it."""
         return self._speed(bisect_right(self._times, t_s) - 1, t_s)
 
     @cached_property
@@ -101,7 +101,7 @@ class Law:
 
     @cached_property
     def legs(self) -> list[Leg]:
-        """All legs from 0 s on; an instant at which the leader stands still does not end a leg."""
+        """All legs from 0 s on; a leg does not end if the leader stands still for only an instant."""
         out: list[Leg] = []
         for mark, until_s in zip(self.marks, (*self._mark_times[1:], None), strict=True):
             if until_s == mark.t_s:
@@ -129,7 +129,7 @@ class Law:
         return min(gone) - more, max(gone) + more
 
     def pieces(self, end_s: Fraction | None) -> Iterator[tuple[Mark, Mark]]:
-        """Yield the pieces from 0 s on in which the leader moves in one direction, except a last one without end."""
+        """Yield the periods from 0 s on in which the leader moves in one direction, except a last one without end."""
         for before, after in pairwise(self.marks):
             if end_s is not None and after.t_s >= end_s:
                 break

@@ -4,9 +4,9 @@ A prime is a derivative with respect to the coordinate u of the leading handle o
 its coordinate and on its first two derivatives p and a over the whole interval; each link has bounds on its turning
 rate w and on w'. docs/contact.md derives the formulas:
 
-- on one line or arc all handles move alike, and all links turn alike;
-- on one spiral the handle at theta + delta follows that at theta with p (1 + d1), a (1 + d1) + p^2 d2;
-- across a joint, and on it, the speed v and its rate along the track are used: v cos alpha is the same at both ends.
+- on one line or arc all handles move equally, and all links turn equally;
+- on one spiral the handle at theta + delta follows the handle at theta with p (1 + d1), a (1 + d1) + p^2 d2;
+- across a joint, and at it, the speed v and its rate along the track are used: v cos alpha is equal at both ends.
 """
 from dataclasses import dataclass
 from functools import cached_property
@@ -36,9 +36,9 @@ class Slopes(NamedTuple):
 class Handle:
     """A handle on an interval: its segment (None if it passes a joint) and bounds on its coordinate.
 
-    ``ends`` are the indices of the interval ends at which it is at these bounds (None: at neither). ``moved_m`` bounds
-    the distance along the track from one end to any position in between and on to the other end. ``slopes`` are those
-    of the link to the handle in front of it, if they were computed.
+    ``ends`` are the indices of the interval ends at which it is at these bounds (None if at neither). ``moved_m``
+    bounds the distance along the track from one end to any position in between and on to the other end. ``slopes`` are
+    the slopes of the link to the handle in front of it, if they were computed.
     """
 
     track: Track
@@ -70,7 +70,7 @@ class Handle:
 
 @dataclass(frozen=True, eq=False)
 class Speeds:
-    """A handle along the track: speed v and its rate in metres, unit tangent and signed curvature, on an interval."""
+    """A handle's motion along the track on an interval: speed v and its rate in m, unit tangent, signed curvature."""
 
     v: arb
     rate: arb
@@ -90,7 +90,7 @@ class Speeds:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """How a handle moves: derivatives p and a of its coordinate, or across a joint its speeds along the track."""
+    """The motion of a handle: derivatives p and a of its coordinate or, across a joint, its speeds along the track."""
 
     handle: Handle
     p: arb
@@ -136,10 +136,10 @@ def leading_handle(track: Track, ends: Postures) -> Handle:
 
 
 def next_handle(front: Handle, ends: Postures, n: int, link: Link, may_turn: bool) -> Handle:
-    """Return the handle behind another one, n and n + 1 behind the leading one.
+    """Return the handle behind another one; they are the n + 1-th and n-th behind the leading handle.
 
     ``ends`` are the dragon at both ends of the interval. If handles ``may_turn`` (on a spiral to its centre), spans
-    bound the next one; elsewhere each handle moves in the same direction as the leader.
+    bound the next handle; elsewhere each handle moves in the same direction as the leader.
     """
     if may_turn and not (isinstance(front.on, SpiralSegment) and front.on.is_wide(front.low, link)
                          and None not in front.ends):
@@ -157,7 +157,7 @@ def _bounded(track: Track, one: Place, two: Place) -> Handle:
 
 
 def _that_may_turn(front: Handle, ends: Postures, n: int, link: Link) -> Handle:
-    """Return the handle further out on an inward spiral, from the spans, which only fall (lemma 1), and slopes."""
+    """Return the handle further out on an inward spiral, from the spans, which only decrease (lemma 1), and slopes."""
     segment = front.on
     assert isinstance(segment, SpiralSegment)
     low, high = (u + segment.span(u, link) if end is None else ends[end].place(n + 1).u
@@ -182,7 +182,7 @@ def furthest(low: arb, high: arb, both: arb) -> float:
 
 
 def _turning(front: Handle, images: tuple[arb, arb], spans: tuple[arb, arb], ratio: arb) -> tuple[arb, arb]:
-    """Return bounds on a handle that may turn back: from its spans, and from the mean value theorem."""
+    """Return bounds on a handle that may turn back, from its spans and from the mean value theorem."""
     lows, highs = [front.low + spans[1]], [front.high + spans[0]]
     change = ratio * (front.high - front.low) * ZERO.union(ONE)
     if change.is_finite():
@@ -195,14 +195,14 @@ def _turning(front: Handle, images: tuple[arb, arb], spans: tuple[arb, arb], rat
 
 
 def leading_motion(handle: Handle, ends: Postures) -> Motion:
-    """Return the motion of the leading handle, by its coordinate, or across a joint by metres."""
+    """Return the motion of the leading handle by its coordinate or, across a joint, by metres."""
     if handle.segment is not None:
         return Motion(handle, ONE, ZERO)
     return Motion(handle, NAN, NAN, Speeds(ONE, ZERO, *_joint(handle, ends, 0)))
 
 
 def next_motion(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -> tuple[Motion, Turning]:
-    """Return how the handle behind another one moves (n and n + 1 behind the leading one), and how their link turns."""
+    """Return the motion of the handle behind another one, from handle n to n + 1, and the turning of their link."""
     ahead = front.handle
     if ahead.segment is None or handle.segment != ahead.segment:
         return _across(front, handle, ends, n, link)
@@ -234,7 +234,7 @@ def _inwards(front: Motion, handle: Handle, segment: SpiralSegment, link: Link) 
 
 
 def _turned(segment: SpiralSegment, p: arb, a: arb, slopes: Slopes) -> Turning:
-    """Return how a link turns if its inner handle moves with p and a; its direction is theta + psi."""
+    """Return the turning of a link whose inner handle moves with p and a; its direction is theta + psi."""
     turned = ONE + slopes.psi_1
     return Turning(p * turned * segment.side, (a * turned + p * p * slopes.psi_2) * segment.side)
 
@@ -242,7 +242,7 @@ def _turned(segment: SpiralSegment, p: arb, a: arb, slopes: Slopes) -> Turning:
 def _across(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -> tuple[Motion, Turning]:
     """Return the motion of the handle behind if a link or a handle crosses a joint, and of the link."""
     ahead = front.speeds
-    if link.inverse is None:    # on a joint its direction has no second derivative
+    if link.inverse is None:    # at a joint its direction has no second derivative
         return Motion(handle, front.p, front.a, front.across), Turning(ahead.curvature * ahead.v, NAN)
     axis = _axis(front.handle, handle, ends, n, link.inverse)
     tangent, curvature = ((handle.on.heading(handle.u), handle.on.curvature(handle.u)) if handle.segment is not None
@@ -258,7 +258,7 @@ def _across(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -
 
 
 def _axis(ahead: Handle, handle: Handle, ends: Postures, n: int, inverse: arb) -> acb:
-    """Return the directions of a link, which turns at most by half the curvature times the travel of both handles."""
+    """Return the directions of a link, which turns by at most half the curvature times the travel of both handles."""
     one, two = ((end.point(n) - end.point(n + 1)) * inverse for end in ends)
     return between(one, two, up(0.25 * handle.track.bend * (ahead.moved_m + handle.moved_m)))
 

@@ -1,4 +1,4 @@
-"""A dragon's benches in the plane, in balls, for one position of a front handle; and the separation of two benches."""
+"""A dragon's benches in the plane, in balls, for one position of a front handle, and the separation of two benches."""
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -14,7 +14,7 @@ from dragon_ros.verify.track import Place, Track
 
 
 class Axis(NamedTuple):
-    """An edge's normal: of the first or the other bench, along or across it, and on which side the other bench is."""
+    """An edge's normal: its bench (first or other), whether along or across it, and the side of the other bench."""
 
     other: bool
     across: bool
@@ -39,7 +39,7 @@ class Bench:
 
     @cached_property
     def over_m(self) -> float:
-        """How far the bench reaches beyond its handles, along its link."""
+        """How far the bench extends beyond its handles, along its link."""
         return max(above(self.half_length - HALF * self.link.length), 0.0)
 
     @cached_property
@@ -53,9 +53,9 @@ class Bench:
         return float(self.half_length), float(self.half_width)
 
     def turned_m(self, moved_m: tuple[float, float], bend: float | None) -> float:
-        """Return how far a point moves at most relative to its link while the handles move along the track.
+        """Return how far a point moves, at most, due to the link's rotation while the handles move along the track.
 
-        The link turns at most by the sum of both motions over its length and, if no link can lock, by half the
+        The link turns by at most the sum of both motions divided by its length and, if no link can lock, by half the
         curvature times that sum (docs/contact.md, lemma 3). A link of zero length turns with the track.
         """
         ways = moved_m[0] + moved_m[1]
@@ -65,10 +65,10 @@ class Bench:
 
 
 class Dragon:
-    """All benches from the head on (one object per length), and the largest sizes from each bench on."""
+    """All benches from the head on (one object per length), and the largest size of all benches from each on."""
 
     def __init__(self, scene: Scene) -> None:
-        """Take lengths, width and inset from a scene."""
+        """Read lengths, width and inset from a scene."""
         width, links = HALF * exact(scene.width_m), scene.links_m
         known = {length_m: Bench(Link(exact(link), float(link)), HALF * exact(length_m), width)
                  for length_m, link in zip(scene.lengths_m, links, strict=True)}
@@ -85,7 +85,7 @@ def _largest_from(values: list[float]) -> list[float]:
 
 
 class Pose(NamedTuple):
-    """The position of a bench: its middle and axis, in balls and as floats, and how wide these balls are."""
+    """The position of a bench: its middle and axis, in balls and as floats, and the widths of these balls."""
 
     shape: Bench
     middle: acb
@@ -100,7 +100,7 @@ class Posture:
     """All benches behind one front handle, placed on demand."""
 
     def __init__(self, track: Track, dragon: Dragon, lead: int, place: Place) -> None:
-        """Take the leading bench and the position of its front handle."""
+        """Store the leading bench and the position of its front handle."""
         self._track, self._benches, self._lead = track, dragon.benches, lead
         self._places, self._points, self._poses = [place], [track.point(place)], list[Pose]()
 
@@ -155,7 +155,7 @@ def about(one: Pose, two: Pose) -> list[float]:
 
 
 def separation(one: Pose, two: Pose, axis: Axis) -> arb:
-    """Return how far the nearest corner of one bench lies beyond an edge line of the other (negative: not beyond)."""
+    """Return how far the nearest corner of one bench is beyond an edge line of the other; negative if it is not."""
     if axis.other:
         one, two = two, one
     seen, turned = (two.middle - one.middle) * one.axis.conjugate(), two.axis * one.axis.conjugate()

@@ -17,15 +17,15 @@ from dragon_ros.verify.run import Leader, Run, run_of
 from dragon_ros.verify.track import Track, track_of
 from dragon_ros.verify.venue import Edges, ObstacleCover, check_sides, ways_by_length
 
-_SLACK = 1e-9               # relative to 1 m of the leader's travel, or to the longest bench if it is shorter
+_SLACK = 1e-9               # times 1 m of the leader's travel, or the longest bench if it is shorter
 _WIDEST = 1e-6              # likewise: the widest slack, even if benches meet very slowly
-_GRAZING = 1e-7             # likewise: the slack of a grazing, and how close benches come to each other at it
-_PROMISE_M = 2e-12          # a solver's position error up to 20 m from the origin; ...
-_PROMISED_M = 20.0          # ... further out it grows in proportion, as float spacing does
-_OVERHANG_M = 1e-6          # an interval may reach this far beyond the run's positions (likewise in proportion)
-_STEPS, _STEPS_EACH = 100_000, 300      # links and pairs: about ten seconds, and more for each interval
-_MOST_STEPS = 200_000       # of 391 random runs, 390 are proved in 173,000 steps
-_TIMED = 2   # the first version of certificates in which the slack allows for an error of the position, not of the time
+_GRAZING = 1e-7             # likewise: the slack of a grazing, and the distance to which its benches come close
+_PROMISE_M = 2e-12          # a solver's position error up to _PROMISED_M from the origin
+_PROMISED_M = 20.0          # further out the error grows in proportion, as float spacing does
+_OVERHANG_M = 1e-6          # how far an interval may extend beyond the run's positions (likewise in proportion)
+_STEPS, _STEPS_EACH = 100_000, 300      # links and pairs: about ten seconds, and an allowance for each interval
+_MOST_STEPS = 200_000       # for 390 of 391 random runs, 173,000 steps suffice
+_TIMED = 2   # first certificate version whose slack allows for an error of the position, not of the time
 _CHANGED = ('written before 0.3.0: until then the slack also excused positions before the leader turned or rested; '
             'search this run again')
 _SHARE = 100                # lengths that are compared per step
@@ -33,7 +33,7 @@ _SHARE = 100                # lengths that are compared per step
 
 @dataclass(frozen=True)
 class Proved:
-    """The sentence that is proved, and the intervals and steps that the proof took."""
+    """The sentence that is proved, and the numbers of intervals and steps of the proof."""
 
     sentence: str
     intervals: int
@@ -41,7 +41,7 @@ class Proved:
 
 
 def prove(claims: Claims | FamilyClaims, effort: float, progress: Progress) -> Proved:
-    """Return what a certificate proves. Raises Refused if it does not hold, or is not proved within the effort.
+    """Return what a certificate proves. Raises Refused if it does not hold or is not proved within the effort.
 
     ``progress(done_m, whole_m, advice)`` is called with the metres of track cleared, and with advice if the budget is
     too small at the current rate.
@@ -81,7 +81,7 @@ class _Proof:
         self._unit, self._coarse = min(1.0, self._dragon.longest_m), _coarse(abs(start))
 
     def sentence(self) -> str:
-        """Return what is proved."""
+        """Return the sentence that is proved."""
         contact = self._claims.contact
         return self._none() if contact is None else self._before(contact)
 
@@ -94,7 +94,7 @@ class _Proof:
                 f'({run.why}){less}')
 
     def _before(self, contact: Contact) -> str:
-        """Prove that no benches touch before a contact, and that the named ones touch then."""
+        """Prove that no benches touch before a contact, and that the named benches touch at its time."""
         start_s, t_s = self._scene.start_s, contact.t_s
         gone, run = exact(self._scene.law.gone_m(Fraction(t_s))), self._run_to(t_s)
         poses = self._poses(contact, gone)
@@ -114,13 +114,13 @@ class _Proof:
         if part is None:
             return f'the run starts with its contact at {t_s!r} s: {touching}'
         takes = way.takes_s(start_s, slack_m)
-        when = f' (which it goes from {takes[0]!r} to {takes[1]!r} s)' if takes else ''
+        when = f' (travelled from {takes[0]!r} to {takes[1]!r} s)' if takes else ''
         return (f'{self._clear_words} from {start_s!r} s to the contact at {t_s!r} s, less {_metres(slack_m)} of '
                 f'leader travel{when}, and {touching}')
 
     @property
     def _clear_words(self) -> str:
-        """What is proved of all benches, in words."""
+        """The proved statement about all benches."""
         venue = self._scene.venue
         if venue is None:
             return 'no two benches touch'
@@ -142,11 +142,10 @@ class _Proof:
         return run
 
     def _slack_m(self, contact: Contact, gone: arb) -> float:
-        """Return how long before a contact, in leader travel, its absence is proved: as close as floats allow.
+        """Return the leader travel before a contact up to which its absence is proved: as little as floats allow.
 
-        It is a nanometre, with two exceptions: the leader is so fast that the contact's time does not
-        determine its position, or the benches touch there to within position errors and approach so slowly that these
-        errors amount to more travel.
+        It is a nanometre, unless the leader is so fast that the contact's time does not determine its position that
+        well, or the benches approach so slowly that position errors amount to more travel.
         """
         step, error_m = 1e3 * _SLACK * self._unit, 4 * _PROMISE_M * self._coarse
         here, gaps = float(gap(*self._poses(contact, gone))), []
@@ -165,7 +164,7 @@ class _Proof:
     def _poses(self, contact: Contact, gone: arb) -> tuple[Pose, Pose]:
         """Return the two benches of a contact at the leader's distance, or a bench and an edge of the obstacle.
 
-        The edge is the one nearest at the contact itself, for which this is called first.
+        The edge is the nearest one at the contact itself, for which this method is called first.
         """
         first, second = contact.benches[0], contact.benches[-1]
         self._budget.spend(second)
@@ -198,7 +197,7 @@ class _Proof:
     def _clear(self, whole: Range, part: Range | None, spoken: Range) -> None:
         """Prove that the chain exists on all of the leader's travel, and that no two benches touch on a part of it.
 
-        Intervals may cover everything that the run covers up to a contact (``spoken``).
+        Certificate intervals may lie anywhere in ``spoken``, the range that the run covers up to a contact.
         """
         places = self._places(whole)
         if part is None:
@@ -222,13 +221,13 @@ class _Proof:
         return ranges(self._track, self._dragon, low.lower(), high.upper())
 
     def _last_alike(self, bench: int) -> int:
-        """Return the last bench covered by a row for a given bench: the lengths behind both are equal."""
+        """Return the last bench to which a row for a given bench applies, because the lengths behind both are equal."""
         count = len(self._dragon.benches)
         self._budget.spend(1 + count // _SHARE)
         return next(count - m for m in range(1, count - bench + 1) if self._repeated[count - bench - m] >= m)
 
     def _hints(self, every: list[Way], places: list[Range]) -> dict[int, list[float]]:
-        """Return the cuts that intervals suggest, by the first bench of each class.
+        """Return the cuts that the certificate's intervals suggest, by the first bench of each class.
 
         Raises Refused for positions that no bench of an interval passes, because nothing would check them.
         """
@@ -252,7 +251,7 @@ class _Proof:
 
 
 def _up_to(part: Range, way: Approach, slack_m: Fraction) -> Range | None:
-    """Return the range to clear up to a contact: without the slack before it, but with all earlier positions."""
+    """Return the range to clear up to a contact, without the slack before it, but with all earlier positions."""
     if not way.sense:
         return None
     low, high = part
@@ -266,7 +265,7 @@ def _up_to(part: Range, way: Approach, slack_m: Fraction) -> Range | None:
 
 
 def _far(scene: Scene) -> float:
-    """Return the approximate length of the track in links, or its number of turns: both cost bits."""
+    """Return the approximate length of the track in links, or its number of turns: both require bits."""
     track = scene.track
     if isinstance(track, Spiral):
         return track.start_turns
@@ -274,7 +273,7 @@ def _far(scene: Scene) -> float:
 
 
 def _coarse(away_m: float) -> float:
-    """Return how much coarser floats are at a distance from the origin than close to it."""
+    """Return the ratio of the float spacing at a distance from the origin to that near it."""
     return max(1.0, away_m / _PROMISED_M)
 
 

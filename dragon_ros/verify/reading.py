@@ -1,7 +1,7 @@
 """Reads certificates as plain numbers: within limits, complete, and without unknown keys.
 
-A certificate is untrusted input. A value that cannot belong to a scene is refused with its location in the file. So is
-an unknown key, because nothing would check what it claims.
+A certificate is untrusted input. A value that cannot belong to a scene is rejected with its location in the file. An
+unknown key is rejected too, because nothing would check its claim.
 """
 import json
 import re
@@ -17,8 +17,8 @@ from typing import Any
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Law
 
-VERSION = 3         # the newest certificate version that can be read; certificates up to 0.2.0 have none, which means 1
-_WITH_VENUE = 3     # the version from which certificates may have a venue
+VERSION = 3         # newest readable certificate version; certificates up to dragon_ros 0.2.0 have none, meaning 1
+_WITH_VENUE = 3     # first certificate version that may have a venue
 MOST_BYTES = 64 * 2**20
 MOST_ROWS = 250_000
 MOST_BENCHES = 100_000
@@ -29,7 +29,7 @@ _INSIDE = 'inside'      # the name of the outline that benches must not leave
 MOST_KNOTS = 10_000
 MOST_GROUPS = 10_000
 _LEAST_LINK = 2e-10     # relative to the longest bench: the direction of a shorter link is lost in rounding
-_DIGITS = 400           # of a whole number; the largest float has 309
+_DIGITS = 400           # limit for a whole number; the largest float has 309
 _LATEST_S = 2.0**31
 
 
@@ -50,7 +50,7 @@ class Arc:
 
 @dataclass(frozen=True)
 class Coil:
-    """A part of a spiral r = pitch_m * turns; ``left`` if it turns left."""
+    """A part of a spiral r = pitch_m * turns; ``left`` is true if it turns left."""
 
     pitch_m: float
     from_turns: float
@@ -79,7 +79,7 @@ class Spiral:
 
 @dataclass(frozen=True)
 class Turn:
-    """A spiral in, two arcs within a circle, the same spiral out; the head starts ``before_m`` before the entry."""
+    """A spiral in, two arcs within a circle, and the same spiral out; the head starts ``before_m`` before the entry."""
 
     pitch_m: float
     diameter_m: float
@@ -120,7 +120,7 @@ class Venue:
 
 @dataclass(frozen=True)
 class Scene:
-    """The numbers that determine contact; ``stop_s`` None means up to the end of the model."""
+    """The numbers that determine contact; if ``stop_s`` is None, the run lasts until the model ends."""
 
     lengths_m: tuple[float, ...]
     width_m: float
@@ -134,14 +134,14 @@ class Scene:
 
     @property
     def links_m(self) -> tuple[Fraction, ...]:
-        """Distance between the two handles of each bench, exactly."""
+        """Exact distance between the two handles of each bench."""
         known = {length_m: Fraction(length_m) - 2 * Fraction(self.inset_m) for length_m in set(self.lengths_m)}
         return tuple(known[length_m] for length_m in self.lengths_m)
 
 
 @dataclass(frozen=True)
 class Row:
-    """One interval: the leading bench (None: all benches, by the head's position), and its ends along the track."""
+    """One interval: the leading bench (None for all benches, by the head's position), and its ends along the track."""
 
     lead: int | None
     start_m: float
@@ -151,7 +151,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Contact:
-    """The claimed contact of two benches, or of a bench and an obstacle; ``grazing`` if contact is undecided."""
+    """The claimed contact of two benches, or of a bench and an obstacle; ``grazing`` means that it is undecided."""
 
     t_s: float
     benches: tuple[int, ...]
@@ -161,7 +161,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Claims:
-    """The content of a certificate; ``contact`` None means that the run has none."""
+    """The content of a certificate; ``contact`` is None if the run has no contact."""
 
     scene: Scene
     contact: Contact | None
@@ -210,7 +210,7 @@ def _whole(text: str) -> int | float:
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object, and reject duplicate keys: json would use the last of them, other readers the first."""
+    """Return an object, and reject duplicate keys, of which json would use the last and other readers the first."""
     out = dict(pairs)
     if len(out) < len(pairs):
         raise ValueError(f'a key occurs twice: {sorted(key for key, _ in pairs)}')
@@ -257,7 +257,7 @@ def _row(name: str, value: Any, benches: int) -> Row:
 def _lead(name: str, value: Any, benches: int) -> int | None:
     known = re.fullmatch('head|body|all|bench ([0-9]{1,7})', value) if isinstance(value, str) else None
     if not known:
-        raise Refused(f'{name}: {_shown(value)} names no bench: head, body, bench N or all')
+        raise Refused(f'{name}: {_shown(value)} does not name a bench: write head, body, bench N or all')
     lead = int(known[1]) if known[1] else {'head': 0, 'body': 1, 'all': None}[known[0]]
     if lead is not None and not lead < max(benches - 2, 2):
         raise Refused(f'{name}: {value} has no two benches behind it')
@@ -287,7 +287,7 @@ def _contact(value: Any, scene: Scene) -> Contact | None:
 
 
 def _scene(value: Any) -> Scene:
-    # The optional keys say how a run is shown, recorded or computed, and nothing about where benches are.
+    # The optional keys affect how a run is shown, recorded or computed, but not the positions of benches.
     scene = _keys('scene', value, {'dragon', 'track', 'head', 'run'},
                   {'noise', 'trails', 'accuracy', 'effects', 'solver', 'markers', 'about', 'venue'})
     lengths, width_m, inset_m = _dragon(scene['dragon'])
@@ -301,7 +301,7 @@ def _scene(value: Any) -> Scene:
 
 
 def _venue(value: Any) -> Venue:
-    """Return a venue. It must not have a margin: what is proved is that nothing touches, at any gap."""
+    """Return a venue. It must not have a margin, because the proof is only that nothing touches, at any gap."""
     given = _keys('scene.venue', value, set(), {'obstacles', 'inside'})
     listed = _list('scene.venue.obstacles', given.get('obstacles') or [], 0, MOST_CORNERS)
     obstacles = tuple(_kind(f'scene.venue.obstacles[{n}]', one, _OBSTACLES) for n, one in enumerate(listed))
@@ -473,7 +473,7 @@ _LAWS: dict[str, Callable[[str, dict[str, Any]], Law]] = {'constant': _constant,
 
 
 def _kind(name: str, value: Any, kinds: dict[str, Callable[[str, dict[str, Any]], Any]]) -> Any:
-    """Return a mapping as read by the reader of its kind."""
+    """Return the result of the reader for a mapping's kind."""
     if not isinstance(value, dict) or not isinstance(value.get('kind'), str) or value['kind'] not in kinds:
         raise Refused(f'{name}: {_shown(value)} is not one of the kinds {", ".join(kinds)}')
     return kinds[value['kind']](name, value)

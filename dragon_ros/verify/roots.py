@@ -6,14 +6,14 @@ from flint import arb
 from dragon_ros.verify.balls import UNIT, size
 from dragon_ros.verify.errors import Refused
 
-_GOOD = 1e-13           # relative to a root: a guess in floats is usually closer
+_GOOD = 1e-13           # relative to a root: guesses in floats are usually closer
 _CLOSE = 1e-8         # relative to a root: after such a Newton step, the next error is about its square
 _FINE = 2.0**-112       # relative to a root: the narrowest ball that is searched
 _TRIES = 12
 
 
 def bracketed(f: Callable[[float], tuple[float, float]], low: float, high: float, guess: float) -> float:
-    """Return an approximate root of a function (value and slope) that is negative below it and positive above it."""
+    """Return an approximate root of a function (value, slope) that is negative below it and positive above it."""
     x = min(max(guess, low), high)
     for _ in range(200):
         value, slope = f(x)
@@ -35,9 +35,8 @@ def bracketed(f: Callable[[float], tuple[float, float]], low: float, high: float
 def certified(value: Callable[[arb], arb], slope: Callable[[arb], arb], guess: float) -> arb:
     """Return a ball around a guess that contains exactly one root, for all numbers in the balls of the function.
 
-    By Newton's theorem, if m - f(m) / f'(X) lies inside X, a ball around m, then f has one root in X, and that
-    expression contains it. If the guess is too far off, the next Newton step determines how wide X must be. Raises
-    Refused.
+    By Newton's theorem, if m - f(m) / f'(X) lies inside X, a ball around m, then f has one root in X, which lies in
+    that expression. If the guess is too far off, the next Newton step determines how wide X must be. Raises Refused.
     """
     middle, wide = arb(guess), _GOOD * abs(guess)
     for _ in range(_TRIES):

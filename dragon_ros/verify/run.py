@@ -1,4 +1,4 @@
-"""The leader's range of travel in a run, and where the run ends; both are proved.
+"""The leader's range of travel in a run, and the end of the run, both proved.
 
 A run ends when it stops, when a link locks, or when a handle reaches an end of the track. The positions of handles
 depend on the distance travelled by the leader, not on the time, so everything here is in terms of that distance.
@@ -20,14 +20,14 @@ from dragon_ros.verify.reading import Scene
 from dragon_ros.verify.segments import HALF, TWO, Link, SpiralSegment, about_span
 from dragon_ros.verify.track import Place, Track
 
-_SAMPLES = 4000         # positions at which a lock is searched for
-_HALVINGS = 80          # of times and positions that are only reported or are proved later
-_SHARE = 10             # links placed in floats per step of the budget
+_SAMPLES = 4000         # number of positions at which a lock is searched for
+_HALVINGS = 80          # bisections for times and positions that are only reported or are proved later
+_SHARE = 10             # number of links placed in floats that count as one step of the budget
 
 
 @dataclass(frozen=True)
 class Limit:
-    """Where the model ends: the leader's distance, the slack up to which that is proved, and the reason."""
+    """An end of the model: the leader's distance, the slack to within which it is proved, and the reason."""
 
     gone: arb
     slack_m: float
@@ -36,7 +36,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class Run:
-    """A run up to a time: bounds on the leader's travel since 0 s and since the start; and how it ends."""
+    """A run up to a time: bounds on the leader's travel since 0 s and since the start, and the reason for its end."""
 
     whole: Range
     part: Range
@@ -46,7 +46,7 @@ class Run:
 
 
 class Leader:
-    """The leader on the track: where the head is when the leader has travelled a distance, and where the model ends."""
+    """The leader on the track: the head's position for each distance travelled by the leader, and the model's ends."""
 
     def __init__(self, track: Track, dragon: Dragon, tail_leads: bool, budget: Budget) -> None:
         """Place the chain at 0 s. Raises Refused if it does not fit the track."""
@@ -74,9 +74,9 @@ class Leader:
         return self._track.distance(place)
 
     def limits(self, slack_m: float, furthest: arb | None) -> tuple[Limit | None, Limit | None]:
-        """Return where the model ends while the leader goes back, and while it goes on; None if it does not end.
+        """Return the ends of the model when the leader goes back and when it goes on; None if there is no end.
 
-        ``furthest`` bounds how far on the leader goes (None: no bound).
+        ``furthest`` bounds how far on the leader goes (None for no bound).
         """
         track, begin, end = self._track, self._track.begin, self._track.end
         if self._tail is not None:
@@ -120,13 +120,13 @@ class Leader:
 
 
 class _Locks:
-    """Searches for locks in floats; ``chords``, and the longest from each on, are in units of b."""
+    """A search for locks in floats; ``chords``, and the longest from each on, are in units of b."""
 
     def __init__(self, chords: Sequence[float], longest: Sequence[float], budget: Budget) -> None:
         self._chords, self._longest, self._budget = chords, longest, budget
 
     def first(self, start: float, until: float) -> float | None:
-        """Return approximately the outermost position of the head at which the chain does not exist, or None.
+        """Return the approximate outermost position of the head at which the chain does not exist, or None.
 
         If the front handle of the longest link is so far out that this link can be placed, all links can be placed.
         """
@@ -140,7 +140,7 @@ class _Locks:
         return None
 
     def _between(self, low: float, high: float) -> float:
-        """Return approximately the boundary between a position without a chain and one with it."""
+        """Return the approximate boundary between a position without a chain and a position with one."""
         while low < (middle := 0.5 * (low + high)) < high:
             low, high = (low, middle) if self._stands(middle) else (middle, high)
         return high
@@ -162,8 +162,8 @@ class _Locks:
 def never_reaches(segment: SpiralSegment, theta: arb, link: Link) -> bool:
     """Return whether the chord from a handle provably decreases before it reaches a link's length.
 
-    It grows up to a span of pi. So the claim holds if the chord shrinks at some larger span and is shorter than the
-    link at all spans from pi up to there. Close to the peak, where the chord hardly grows, the mean value theorem
+    It grows up to a span of pi. The claim therefore holds if the chord decreases at some larger span and is shorter
+    than the link at all spans from pi up to it. Close to the peak, where the chord hardly grows, the mean value theorem
     bounds it.
     """
     half_square, near = segment.chord(link).half_square, segment.chord(link).near
@@ -221,7 +221,7 @@ def run_of(law: Law, leader: Leader, scene: Scene, until_s: float | None, slack_
 
 
 def _within(extent: Extent, limits: tuple[Limit | None, Limit | None]) -> Range:
-    """Return an extent, rounded outwards and cut off where the model ends."""
+    """Return an extent, rounded outwards and cut off at the ends of the model."""
     low, high = map(exact, extent)
     back, on = limits
     return (low if back is None else low.max(back.gone)).lower(), (high if on is None else high.min(on.gone)).upper()
@@ -244,7 +244,7 @@ def _up_to(extent: Extent, end: arb, sense: int) -> Range:
 
 
 def _passage(law: Law, before: Mark, after: Mark | None, gone_m: Fraction, sense: int) -> Fraction:
-    """Return approximately when the leader has travelled this far, on a piece of the law without a reversal."""
+    """Return the approximate time when the leader has travelled this far, on a piece of the law without a reversal."""
     if (before.gone_m - gone_m) * sense >= 0:
         return before.t_s
     if after is None:

@@ -1,8 +1,8 @@
 """The segments of a track in balls: lines, arcs and spirals, each with one coordinate u along it.
 
-u is metres on a line, radians turned on an arc and the polar angle on a spiral. ``sense`` is 1 if u grows in the head's
-direction of travel and -1 if it falls. The head enters at ``first`` and leaves at ``last``; None means that a segment
-has no end there. Points and unit tangents (in the head's direction) are complex balls.
+u is metres on a line, radians turned on an arc and the polar angle on a spiral. ``sense`` is 1 if u increases in the
+head's direction of travel and -1 if it decreases. The head enters at ``first`` and leaves at ``last``; None means that
+a segment has no end there. Points and unit tangents (in the head's direction) are complex balls.
 """
 from cmath import exp
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from dragon_ros.verify.roots import bracketed, certified
 
 ONE, TWO, HALF, ZERO = arb(1), arb(2), arb(0.5), arb(0)
 EYE = acb(0, 1)
-_HALVINGS = 40      # of spans, for the proof that the chord grows even close to its peak
+_HALVINGS = 40      # halvings of spans, for the proof that the chord grows even close to its peak
 
 
 class Locked(Refused):
@@ -44,7 +44,7 @@ class Link:
 
 
 class Segment(Protocol):
-    """The interface of a segment that a track needs."""
+    """The interface of segments that a track requires."""
 
     sense: int
     first: arb | None
@@ -87,7 +87,7 @@ class LineSegment:
     bend = 0.0
 
     def __init__(self, start: acb, heading: acb, first: arb | None, last: arb | None) -> None:
-        """Take the point and the direction."""
+        """Store the point and the direction."""
         self.start, self._heading, self.first, self.last = start, heading, first, last
         self._near = complex(start), complex(heading)
 
@@ -130,7 +130,7 @@ class ArcSegment:
     sense = 1
 
     def __init__(self, start: acb, heading: acb, radius: arb, side: int, first: arb | None, last: arb | None) -> None:
-        """Take the point, the direction and the radius."""
+        """Store the point, the direction and the radius."""
         self.radius, self.side, self.first, self.last = radius, side, first, last
         self._spoke = heading * EYE * radius * -side
         self.centre = start - self._spoke
@@ -184,7 +184,7 @@ class Chord(NamedTuple):
 
     @classmethod
     def of(cls, chord: arb, segment: 'SpiralSegment') -> 'Chord':
-        """Return a chord; the curvature falls outwards on either side, and beyond ``wide`` it is below 2 / chord."""
+        """Return a chord; outwards the curvature decreases, and beyond ``wide`` it is below 2 / chord."""
         certainly(chord.is_finite(), 'scene.dragon: a link is too long for its spiral')
         square, wide = chord * chord, ZERO
         while not abs(segment.curvature(wide)) * segment.b * chord < 2:
@@ -197,7 +197,7 @@ class SpiralSegment:
 
     def __init__(self, b: arb, centre: acb, rotation: acb, side: int, sense: int, anchor: arb, first: arb | None,
                  last: arb | None) -> None:
-        """Take the numbers; ``sense`` is 1 if the head winds out."""
+        """Store the numbers; ``sense`` is 1 if the head winds out."""
         self.b, self.centre, self.side, self.sense, self.first, self.last = b, centre, side, sense, first, last
         self._rotation, self._anchored = rotation, arc(anchor)
         inner = last if sense < 0 else first
@@ -248,15 +248,15 @@ class SpiralSegment:
         return (ONE + ONE / square) / (self.b * square.sqrt()) * (self.side * self.sense)
 
     def next(self, u: arb, link: Link, way: int) -> arb:
-        """Return the nearest position at a chord: further out, or further in."""
+        """Return the nearest position at a chord, further out or further in."""
         if not link.near:
             return u
         return u + self.span(u, link) if way == self.sense else u - self._span_in(u, link)
 
     def span(self, u: arb, link: Link) -> arb:
-        """Return the smallest delta > 0 at which the handle at u + delta is a link away from the one at u.
+        """Return the smallest delta > 0 at which the handle at u + delta is a link away from the handle at u.
 
-        This proves that the chord grows up to it. Raises Locked.
+        It is proved that the chord grows up to this delta. Raises Locked.
         """
         if not link.near:
             return ZERO
@@ -280,7 +280,7 @@ class SpiralSegment:
         return found
 
     def _span_in(self, u: arb, link: Link) -> arb:
-        """Return a delta > 0 for which the handle at u - delta is a link away from the one at u (see ``track``)."""
+        """Return a delta > 0 at which the handle at u - delta is a link away from the handle at u (see ``track``)."""
         half_square, near = self.chord(link).half_square, self.chord(link).near
         theta, twice = float(u), TWO * u
 
@@ -320,7 +320,7 @@ def arc(u: arb) -> arb:
 
 
 def furthest_m(bend: float, length_m: float) -> float:
-    """Return the approximate upper bound of a link's arc: that on a circle of the largest curvature."""
+    """Return the approximate upper bound on a link's arc, which is its arc on a circle of the largest curvature."""
     half_turned = 0.5 * bend * length_m
     return 2 * asin(min(half_turned, 1.0)) / bend if half_turned > 1e-8 else length_m
 
@@ -330,7 +330,7 @@ def _about_arc(u: float) -> float:
 
 
 def _about_after(wanted: float) -> float:
-    """Return approximately the polar angle up to which a spiral has a length, in units of b."""
+    """Return the approximate polar angle up to which a spiral has a given length, in units of b."""
     guess = wanted if wanted < 1 else sqrt(2 * wanted)
     for _ in range(60):
         step = (_about_arc(guess) - wanted) / sqrt(1 + guess * guess)
@@ -374,7 +374,7 @@ def about_span(theta: float, chord: float) -> float | None:
 
 
 def _peak(theta: float, chord: float, low: float, high: float) -> float:
-    """Return the span between two others at which a chord stops growing."""
+    """Return the span between two spans at which a chord stops growing."""
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if _excess(theta, chord, middle)[1] > 0 else (low, middle)
     return low

@@ -1,9 +1,9 @@
 """A track in balls: its segments in the plane, positions on it, and the next handle a link away.
 
 A position is a segment's index and a coordinate on it. If the curvature is at most K and K l < 2 for each link l, the
-chord from a handle grows along the track for at least pi / K and reaches l before (Schur). So the next handle is the
-one position at a link's length that is provably at most pi / K away. On a single spiral that the head follows to the
-centre, it is the smallest root instead (``SpiralSegment.span``).
+chord from a handle grows along the track for at least pi / K, and reaches l before that (Schur). The next handle is
+therefore the only position at a link's length that is provably at most pi / K away. On a single spiral that the head
+follows to the centre, it is the smallest root instead (``SpiralSegment.span``).
 """
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -30,11 +30,11 @@ from dragon_ros.verify.segments import (
 )
 
 AnySegment = LineSegment | ArcSegment | SpiralSegment
-_NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from the start that a piece states
-_HAIR = 1e-12                       # of a metre: a position may be this far beyond the track's end, plus the rounding
-_ULPS = 2.0**-50                    # of its distance
-_SHORTER = 1 - 1e-9                  # of a link: a chord that is certainly shorter, in floats
-_NARROW = 1e-15                     # of a metre, or of the tightest radius: the largest uncertainty next to a joint
+_NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # largest difference between a joint and a piece's stated start
+_HAIR = 1e-12                       # metres by which a position may be beyond the track's end, plus the rounding
+_ULPS = 2.0**-50                    # error relative to its distance
+_SHORTER = 1 - 1e-9                  # relative to a link: a chord that is certainly shorter, in floats
+_NARROW = 1e-15                     # times 1 m, or the tightest radius: the largest uncertainty next to a joint
 
 
 def _hair_m(end: arb) -> float:
@@ -44,7 +44,7 @@ def _hair_m(end: arb) -> float:
 class Place(NamedTuple):
     """A segment's index and the coordinate on it; within ``loose`` metres of a joint, the side is unknown.
 
-    Then the position is on the continuation of the segment's curve. At a distance d beyond the joint, the track
+    In this case the position is on the continuation of the segment's curve. At a distance d beyond the joint, the track
     deviates from that curve by at most K d^2, and its direction by 2 K d (docs/contact.md).
     """
 
@@ -58,7 +58,7 @@ class Track:
 
     def __init__(self, segments: Sequence[AnySegment], origins: Sequence[arb], start: arb, to_centre: bool,
                  poles: Sequence[int]) -> None:
-        """Take segments; ``start`` is the head's distance at 0 s, ``poles`` has indices of their centres."""
+        """Store the segments; ``start`` is the head's distance at 0 s, and ``poles`` are the indices of centres."""
         self.segments, self.origins, self.start, self.to_centre, self.poles = (
             tuple(segments), tuple(origins), start, to_centre, tuple(poles))
         self.bend = max(segment.bend for segment in segments)
@@ -88,7 +88,7 @@ class Track:
         return self._loosened(k, self.segments[k].after(metres - self.origins[k]), max(beyond, default=0.0))
 
     def _loosened(self, k: int, u: arb, beyond_m: float) -> Place:
-        """Return a position that may be some metres beyond a joint."""
+        """Return a position that may be ``beyond_m`` metres beyond a joint."""
         if not beyond_m:
             return Place(k, u)
         certainly(beyond_m * max(self.bend, 1.0) < _NARROW, 'a handle next to a joint of the track could not be placed')
@@ -112,13 +112,13 @@ class Track:
         edge = segment.last if way > 0 else segment.first
         is_inwards = isinstance(segment, SpiralSegment) and way != segment.sense
         if is_inwards and edge is not None and self._is_beyond(place, edge, link) and 0 <= k + way < len(self.segments):
-            return self._across(place, link, way)       # the spiral may not extend this far
+            return self._across(place, link, way)       # the next handle may be beyond the spiral's end
         u = segment.next(place.u, link, way)
         if edge is None:
             return Place(k, u)
         inside = (edge - u) * (segment.sense * way)
         if inside < 0:
-            end = self.end if way > 0 else self.begin       # the track's own end; a position may round to beyond it
+            end = self.end if way > 0 else self.begin       # the end of the track; a position may round to beyond it
             if 0 <= k + way < len(self.segments) or end is None or size(inside * segment.speed(u)) > _hair_m(end):
                 return self._across(place, link, way)
             return Place(k, u)
@@ -136,7 +136,7 @@ class Track:
                 and abs(segment.metres(edge) - segment.metres(place.u)) < furthest_m(self.bend, link.near))
 
     def _across(self, place: Place, link: Link, way: int) -> Place:
-        """Return the next handle beyond one joint or more."""
+        """Return the next handle beyond one or more joints."""
         k, here = place.segment, self.point(place)
         segment = self.segments[k]
         edge = segment.last if way > 0 else segment.first
@@ -162,7 +162,7 @@ class Track:
         assert near is not None
         sense = segment.sense * way
         begin, point, length = float(near), complex(here), link.near
-        # On a circle of the largest curvature, the arc to a link's length is the longest.
+        # The arc to a link's length is longest on a circle of the largest curvature.
         most_m = max(furthest_m(self.bend, length) - float(gone), 1e-9 * length)
         if far is not None:
             most_m = min(most_m, float(abs(segment.metres(far) - segment.metres(near))))
@@ -170,7 +170,7 @@ class Track:
         step = 1e-7 * most
 
         def about(x: float) -> tuple[float, float]:
-            """Return half the excess of the squared chord, and its slope, x beyond the near end."""
+            """Return half the excess of the squared chord, and its slope, at x beyond the near end."""
             away = segment.near(begin + sense * x) - point
             after = segment.near(begin + sense * (x + step)) - point
             value = 0.5 * (abs(away)**2 - length * length)
@@ -228,7 +228,7 @@ def track_of(scene: reading.Scene) -> Track:
 
 
 def _single(spiral: reading.Spiral, tail_leads: bool) -> Track:
-    """Return the classic track: to its centre or, if the tail leads, to the start of the head."""
+    """Return a spiral as a track to its centre or, if the tail leads, to the start of the head."""
     start = TWO * half_turn() * exact(spiral.start_turns)
     last = start if tail_leads else ZERO
     segment = SpiralSegment(exact(spiral.pitch_m) / (TWO * half_turn()), acb(0), acb(1), 1, -1, start, None, last)
@@ -252,7 +252,7 @@ def _turn(turn: reading.Turn) -> Track:
 
 
 class _Heading:
-    """A heading: an exact rational part in half turns, and the rest in radians, so that turning hardly widens it."""
+    """A heading as an exact rational part in half turns and the rest in radians, so that turning hardly widens it."""
 
     def __init__(self, degrees: float) -> None:
         self._halves, self._rest = Fraction(degrees) / 180, ZERO
@@ -274,7 +274,7 @@ class _Heading:
 
 
 def _joined(track: reading.Pieces) -> Track:
-    """Return pieces, each from the end of the one before; the first is continued backwards if possible."""
+    """Return the pieces joined end to end; the first is continued backwards if possible."""
     pose = track.poses[0]
     heading = _Heading(pose.heading_deg or 0.0)
     point = acb(*map(exact, pose.at_m or (0.0, 0.0)))
@@ -292,7 +292,7 @@ def _joined(track: reading.Pieces) -> Track:
 
 
 def _segment(piece: reading.Piece, point: acb, heading: _Heading, is_open: bool) -> AnySegment:
-    """Return a piece that leaves a point in a direction, and turn the heading by its angle."""
+    """Return a piece that begins at a point in a direction, and turn the heading by its angle."""
     first = None if is_open else ZERO
     leaves = heading.direction
     if isinstance(piece, reading.Line):
@@ -305,7 +305,7 @@ def _segment(piece: reading.Piece, point: acb, heading: _Heading, is_open: bool)
     begin, last = (TWO * half_turn() * exact(turns) for turns in (piece.from_turns, piece.to_turns))
     sense = 1 if piece.to_turns > piece.from_turns else -1
     side = sense if piece.left else -sense
-    # At polar angle u the plain spiral heads to side (u + atan u), and in the opposite direction if the head winds in.
+    # At polar angle u the plain spiral has the heading side (u + atan u), and the opposite one if the head winds in.
     turned = begin + begin.atan()
     rotation = leaves * direction(-turned * side) * sense
     centre = point - rotation * direction(begin * side) * (b * begin)
@@ -315,7 +315,7 @@ def _segment(piece: reading.Piece, point: acb, heading: _Heading, is_open: bool)
 
 
 def _check_joint(name: str, said: reading.Pose, point: acb, heading: _Heading) -> None:
-    """Raise Refused if a piece's stated start or heading differs from the end of the one before."""
+    """Raise Refused if a piece's stated start or heading differs from the end of the preceding piece."""
     if said.at_m is not None:
         away = abs(acb(*map(exact, said.at_m)) - point)
         certainly(away < 2 * _NEAR_M, f'{name}.at_m: the piece before ends {float(away):.3g} m from there')

@@ -1,9 +1,9 @@
 """The obstacles of a venue in balls: benches stay clear of their edges, and the dragon starts on the right side.
 
-An edge is a rectangle of zero width. The same bounds that separate two benches separate a bench and an edge at rest
+An edge is a rectangle of zero width. The bounds that separate two benches also separate a bench and an edge at rest
 (``interval``). In the frame of the edge, the corners of the bench accelerate with its middle and its turning; in the
 frame of the bench, the ends of the edge accelerate like points at rest. Only the part of an edge that the bench can
-reach counts; the rest is further away than the bench moves. Benches are linked, so if none meets an edge, all stay on
+reach matters; the rest is further away than the bench moves. Benches are linked, so if none meets an edge, all stay on
 one side of every outline.
 """
 from collections.abc import Iterator, Sequence
@@ -21,13 +21,13 @@ from dragon_ros.verify.posture import AXES, Bench, Dragon, Pose, Posture, about,
 from dragon_ros.verify.reading import Obstacle, Venue
 from dragon_ros.verify.segments import HALF, ZERO, Link
 
-_ROUNDED = 1e-12    # of coordinates: more than the error of a dozen float operations in a distance
+_ROUNDED = 1e-12    # relative to coordinates: exceeds the error of a distance after a dozen float operations
 _CELL = 4.0         # times the longest bench: the side of a cell of the index
-_MOST_CELLS = 1000  # along an edge; longer edges are always checked
+_MOST_CELLS = 1000  # limit along an edge; longer edges are always checked
 _REACH = 2.0        # times the longest bench: intervals over which a bench moves further are cut without a check
 _NEAR_M = 1e-5      # times the scale of rounding: edges of an obstacle this close to a bench may touch it
 _INSIDE_HEAD = [(0.0, 0.0), (0.37, 0.21), (-0.41, 0.33), (0.19, -0.57), (-0.23, -0.47), (0.61, 0.71)]
-                    # fractions of half a length and half a width: points of a bench, some level with no corner
+                    # fractions of half a length and half a width: points of a bench, not all level with corners
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Edge:
     stop: complex
 
     def near(self, point: complex, reach_m: float) -> Pose | None:
-        """Return a part of the edge with all that may be within a distance of a point; None if there is none.
+        """Return a part of the edge that includes all points within a distance of a point; None if there is none.
 
         The distance of a point on the edge is at least its distance from the foot of the perpendicular.
         """
@@ -70,10 +70,10 @@ def _width(value: acb) -> float:
 
 
 class Edges:
-    """All edges of a venue, indexed by the cells of the plane that they pass through."""
+    """All edges of a venue, indexed by the cells of the plane through which they pass."""
 
     def __init__(self, venue: Venue, longest_m: float) -> None:
-        """Take a venue; ``longest_m`` is the length of the longest bench."""
+        """Index a venue; ``longest_m`` is the length of the longest bench."""
         self.every = [Edge(one.name, *pair) for one in venue.all for line in one.lines for pair in _pairs(line)]
         self._cell, self._long = _CELL * longest_m, list[Edge]()
         self._cells: dict[tuple[int, int], list[Edge]] = {}
@@ -117,7 +117,7 @@ def _pairs(line: Sequence[tuple[float, float]]) -> list[tuple[complex, complex]]
 
 
 class SweptBench(Interval):
-    """The leading bench of an interval, and edges that it stays clear of."""
+    """The leading bench of an interval, to be proved clear of edges."""
 
     def meets(self, edges: Edges, reach_m: float) -> str | None:
         """Return the obstacle of the first edge from which the bench is not proved clear; None if it is clear of all.
@@ -126,7 +126,7 @@ class SweptBench(Interval):
         """
         moved_m = self._moved_m(0)
         if not moved_m <= reach_m:
-            return 'what is near'
+            return 'nearby obstacles'
         pose = self._ends[0].pose(0)
         reach_m = up(pose.shape.arm_m + moved_m) + pose.unsure_m
         for edge in edges.near(pose.near, reach_m):
@@ -150,7 +150,7 @@ class SweptBench(Interval):
         return False
 
     def _sag_at(self, part: Pose, other: bool) -> float:
-        """Return how far corners deviate from straight lines: the bench's as seen from the edge, or the edge's ends."""
+        """Return how far the bench's corners, or the edge's ends, deviate from straight lines in the other's frame."""
         front, rear, turning = self._motion(0).speeds, self._motion(1).speeds, self._turning(0)
         acceleration = HALF * (front.acceleration + rear.acceleration)
         turned = hypot_above(size(turning.rate), up(size(turning.w) * size(turning.w)))
@@ -177,7 +177,7 @@ class Met(Refused):
     """The bench provably overlaps an edge at an end of an interval."""
 
     def __init__(self, name: str, end: int) -> None:
-        """Take the obstacle, and the index of the end."""
+        """Store the obstacle and the index of the end."""
         super().__init__(f'it overlaps {name!r}')
         self.name, self.end = name, end
 
@@ -205,7 +205,7 @@ class ObstacleCover(Cover):
 
 
 def ways_by_length(dragon: Dragon, places: Sequence[tuple[arb, arb]]) -> list[Way]:
-    """Return the positions of the benches of each length; a bench's pose depends on these two only."""
+    """Return the positions of the benches of each length; a bench's pose depends only on its length and position."""
     sets: dict[float, list[int]] = {}
     for bench, length_m in enumerate(dragon.lengths_m):
         sets.setdefault(length_m, []).append(bench)
@@ -213,9 +213,9 @@ def ways_by_length(dragon: Dragon, places: Sequence[tuple[arb, arb]]) -> list[Wa
 
 
 def check_sides(venue: Venue, head: Pose) -> None:
-    """Refuse a venue in which the dragon starts within an obstacle, or not within the inside.
+    """Reject a venue in which the dragon starts within an obstacle, or not within the inside.
 
-    One point of the head is checked: if no bench touches an edge, all are on the same side as it.
+    One point of the head is checked: if no bench touches an edge, all benches are on the same side as this point.
     """
     areas = [one for one in venue.all if one.area]
     for along, aside in _INSIDE_HEAD:
@@ -231,7 +231,7 @@ def check_sides(venue: Venue, head: Pose) -> None:
 
 
 def _covers(area: Obstacle, point: acb) -> bool | None:
-    """Return whether a point lies within an odd number of an area's rings; None if its ball leaves it open."""
+    """Return whether a point lies within an odd number of an area's rings; None if its ball is too wide to decide."""
     odd = False
     for line in area.lines:
         for one, two in _pairs(line):
@@ -249,6 +249,6 @@ def _covers(area: Obstacle, point: acb) -> bool | None:
 
 
 def _over(end: complex, point: acb) -> bool | None:
-    """Return whether a corner is above a point; None if its ball leaves it open."""
+    """Return whether a corner is above a point; None if its ball is too wide to decide."""
     y = exact(end.imag)
     return True if y > point.imag else False if y < point.imag else None

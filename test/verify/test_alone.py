@@ -93,7 +93,7 @@ def test_an_effort_that_is_too_small_ends_the_proof(files):
 
 
 def test_a_proof_that_takes_more_than_its_budget_says_on_its_way_which_effort_is_enough():
-    budget = Budget(1000, 2.0, spent=100, since=50, share=0.1)      # at this pace 550 steps
+    budget = Budget(1000, 2.0, spent=100, since=50, share=0.1)      # 550 steps at this rate
     assert budget.advice == ''
     budget.spend(100)       # 1,550 steps, and twice as many to spare
     assert budget.advice == 'more than the budget: --effort 6.2 is enough'
@@ -101,7 +101,7 @@ def test_a_proof_that_takes_more_than_its_budget_says_on_its_way_which_effort_is
 
 def test_before_a_proof_starts_it_says_how_long_it_takes_if_that_is_more_than_its_budget():
     budget = Budget(1000, 2.0, spent=100, since=100, expected=1400.0)
-    assert re.fullmatch(r'it takes some \S+ s, more than the budget: --effort 6 is enough', budget.advice)
+    assert re.fullmatch(r'it takes about \S+ s, more than the budget: --effort 6 is enough', budget.advice)
     assert Budget(1000, 2.0, spent=100, since=100, expected=900.0).advice == ''
 
 
@@ -133,7 +133,7 @@ def test_of_many_intervals_a_few_tell_how_many_steps_all_take(effort):
 def test_the_effort_that_a_refusal_names_is_enough(files, capfd):
     small = ['--verify', str(files / 'none.json'), '--effort']
     assert contact.main([*small, '0.002']) == 2
-    named = re.search(r'give --effort (\S+) \(at this pace the proof takes some \S+ s\)', capfd.readouterr().err)
+    named = re.search(r'give --effort (\S+) \(at this rate the proof takes about \S+ s\)', capfd.readouterr().err)
     assert named
     assert contact.main([*small, named[1]]) == 0
     assert 'no two benches touch' in capfd.readouterr().out
