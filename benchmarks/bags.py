@@ -102,7 +102,7 @@ _WRITERS: dict[str, Callable[[Path, str, list[_Row]], None]] = {_OWN: _own, _LIB
 
 
 def table(rows: list[Written]) -> str:
-    """Return the rows as Markdown with the circumstances above them."""
+    """Return the rows as Markdown, below a line with the machine, versions and date."""
     lines = [f'{circumstances()}. {rows[0].ticks} ticks of {_SCENE.dragon.benches} benches: {rows[0].messages} '
              f'messages, {rows[0].raw_bytes / 1e6:.1f} MB.', '',
              '| writer | compression | MB/s | µs per message | ticks/s | times 100 Hz | size | kB per tick |',

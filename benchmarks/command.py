@@ -95,12 +95,12 @@ def _all(arguments: Namespace) -> int:
 
 
 def _is_new(page: Path) -> bool:
-    """Return whether a page has the circumstances of this machine, version and day."""
+    """Return whether a page was measured today on this machine with this version."""
     return page.is_file() and circumstances() in page.read_text(encoding='utf-8')
 
 
 def _page(name: str, arguments: Namespace, folder: Path, readme: Path | None) -> None:
-    """Measure one page, write it, and print its table and what was written."""
+    """Measure one page, write it, and print its table and the written paths."""
     effort = _effort(name, arguments)
     try:
         page = import_module(PAGES[name])

@@ -1,4 +1,4 @@
-"""``cost contact``: finding the first contact against sampling at fixed steps, and the growth of one check."""
+"""``cost contact``: finding the first contact compared with sampling at fixed steps, and the growth of one check."""
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -114,7 +114,7 @@ def _polished(wanted: tuple[float, ...], scene: Scene, what: str = '', true_s: f
 
 
 def table(rows: Measured) -> str:
-    """Return both tables as Markdown with the circumstances above them."""
+    """Return both tables as Markdown, below a line with the machine, versions and date."""
     return '\n'.join([f'{circumstances()}.', '', _search_table(rows), '', check_table(rows.checks)])
 
 
@@ -167,5 +167,5 @@ def _search_panel(axes: Axes, rows: Measured) -> None:
              title='First contact of the classic run, searched from 0 s')
     axes.set_xlim(0.5 * min(row.spent_s for row in rows.searches), 15 * longest_s)
     axes.axhline(_KNOWN_S, color='black', linewidth=0.6, linestyle=':')
-    axes.annotate('t* is known to this', (12 * longest_s, _KNOWN_S), xytext=(0, 3), textcoords='offset points',
+    axes.annotate('accuracy of the reference t*', (12 * longest_s, _KNOWN_S), xytext=(0, 3), textcoords='offset points',
                   fontsize=TEXT_PT, ha='right')

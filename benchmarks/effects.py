@@ -34,7 +34,7 @@ def measure(budget_s: float = 0.3) -> Measured:
 
 
 def table(rows: Measured) -> str:
-    """Return both tables as Markdown with the circumstances above them."""
+    """Return both tables as Markdown, below a line with the machine, versions and date."""
     scenes = list(dict.fromkeys(row.scene for row in rows.prices))
     lines = [f'{circumstances()}.', '', '| µs per tick | bytes | ' + ' | '.join(scenes) + ' |',
              '|---|---:|' + '---:|' * len(scenes)]

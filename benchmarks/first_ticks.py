@@ -26,7 +26,7 @@ _STYLES = {_FIRST: ('#0072B2', 'o'), _LATER: ('#0072B2', '.'), _FIRST_MARCHED: (
 
 @dataclass(frozen=True)
 class Row:
-    """A scene, the segments of its track, and the times of its first and later ticks, by map and by march."""
+    """A scene, the number of segments of its track, and the times of its first and later ticks, by map and by march."""
 
     scene: str
     handles: int
@@ -73,10 +73,10 @@ def _later(scene: Scene) -> None:
 
 
 def table(rows: list[Row]) -> str:
-    """Return the rows as a Markdown table with the circumstances above it."""
+    """Return the rows as a Markdown table, below a line with the machine, versions and date."""
     head = ('| scene | handles | segments | first tick (ms) | quartiles | later (µs) | first, marched (ms) | '
             'later, marched (µs) | the map pays off from tick |\n|---|---:|---:|---:|---|---:|---:|---:|---:|')
-    return '\n'.join([f'{circumstances()}. Medians after the first call.', '', head, *map(_line, rows)])
+    return '\n'.join([f'{circumstances()}. Times are medians, without the first call.', '', head, *map(_line, rows)])
 
 
 def _line(row: Row) -> str:

@@ -159,8 +159,9 @@ def _bag(compression: str, messages: list[tuple[str, bytes, int, int]], folder: 
 
 
 def table(rows: Measured) -> str:
-    """Return rates and stages as Markdown with the circumstances above them."""
-    lines = [f'{circumstances()}. Rates of one thread; medians.', '', '| rate | per second |', '|---|---:|']
+    """Return rates and stages as Markdown, below a line with the machine, versions and date."""
+    lines = [f'{circumstances()}. Rates are those of one thread; times are medians.', '', '| rate | per second |',
+             '|---|---:|']
     lines += [f'| {text} | {_amount(rows.rates[name])} |' for name, text in _RATES.items()]
     lines += ['', '| stage | time (µs) | limit of the machine (µs) | ratio | limited by |',
               '|---|---:|---:|---:|---|']

@@ -104,7 +104,7 @@ class Start:
         self._folder, self._environment = folder, {**local_environment(free_domain()), 'PYTHONUNBUFFERED': '1'}
 
     def __call__(self, name: str, *arguments: str) -> 'subprocess.Popen[bytes]':
-        """Start one and return it."""
+        """Start one process and return it."""
         with (self._folder / f'{name}.log').open('wb') as log:
             self.running[name] = subprocess.Popen([sys.executable, '-m', 'dragon_ros', name, *arguments], stdout=log,
                                                   stderr=log, stdin=subprocess.DEVNULL, env=self._environment)

@@ -26,7 +26,7 @@ _STEP_MB = 0.1          # smallest change between samples that counts as a step 
 
 @dataclass(frozen=True)
 class Recorded:
-    """A recording: its resident memory (MB) at times (s), what it missed, and its bag."""
+    """A recording: its resident memory (MB) at times (s), the number of messages that it missed, and its bag."""
 
     seconds: float
     samples: tuple[tuple[float, float], ...]
@@ -114,12 +114,12 @@ def _watched(start: Start, process: psutil.Process, run_s: float) -> list[tuple[
 
 
 def table(row: Recorded) -> str:
-    """Return the run as Markdown with the circumstances above it."""
+    """Return the run as Markdown, below a line with the machine, versions and date."""
     (first_s, first), (_, last), most = row.settled[0], row.settled[-1], max(mb for _, mb in row.samples)
     return '\n'.join([
         f'{circumstances()}. {row.ticks:,} ticks of {_BENCHES} benches at {_RATE_HZ} Hz over DDS, zstd.', '',
-        '| recorded (min) | missing | resident (MB) after | at the end | most | grows (kB/min) | of that in steps (MB) '
-        '| without (kB/min) | of that the index | chunks | bag (MB) |', '|' + '---:|' * 11,
+        '| recorded (min) | missing | resident (MB) after | at the end | peak | growth (kB/min) | in steps (MB) '
+        '| without steps (kB/min) | of the index (kB/min) | chunks | bag (MB) |', '|' + '---:|' * 11,
         f'| {row.seconds / 60:.3g} | {row.missing} | {first_s:.0f} s: {first:.2f} | {last:.2f} | {most:.2f} '
         f'| {row.grows_kb_min:.0f} | {row.steps_mb:.2f} | {row.creeps_kb_min:.0f} | {row.index_kb_min:.0f} '
         f'| {row.chunks:,} | {row.bag_bytes / 1e6:.0f} |', '',

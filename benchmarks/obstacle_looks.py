@@ -27,7 +27,7 @@ _SIZE, _ROOMS = 4000, 400       # size of the map in cells, and its walls
 
 
 def walled(gap_m: float, corners: int = 1000) -> Scene:
-    """Return 223 benches between two uneven walls along the whole way, at about a given distance from the benches."""
+    """Return 223 benches between two uneven walls along the whole track, at about a given distance from the benches."""
     scene = replace(town(8, 300.0, 223), venue=None)
     line, rng, walls = shapely.LineString(compile_scene(scene).track_line(0.1)), np.random.default_rng(1), []
     for side in (1, -1):
@@ -40,7 +40,7 @@ def walled(gap_m: float, corners: int = 1000) -> Scene:
 
 
 def looks_s(scene: Scene) -> tuple[float, float]:
-    """Return the least processor time in s of a check without and with obstacles: from the bytes to the report."""
+    """Return the shortest processor time in s of a check without and with obstacles: from the bytes to the report."""
     encode = encoders(scene)
     data = [(encode['handles'](frame), encode['benches'](frame))
             for frame in (tick(scene, _FIRST + k) for k in range(_TICKS))]

@@ -117,7 +117,10 @@ class Measured:
 
 
 def measure(chains: float = 1000) -> Measured:
-    """Measure ``count`` chains; progress goes to standard error. An interrupt ends it early with the chains so far."""
+    """Measure a number of chains; progress goes to standard error.
+
+    An interrupt ends it early and keeps the chains measured so far.
+    """
     parts, done = list[Measured](), 0
     try:
         with tqdm(total=int(chains), desc='cost promises', unit='chain', disable=None, mininterval=1) as progress:
@@ -142,7 +145,7 @@ def _measured(number: int) -> Measured:
 
 
 def _rows(found: Measured) -> list[tuple[str | int | float, ...]]:
-    """Return one row for each tier, method and quantity, under the heads of the CSV."""
+    """Return one row for each tier, method and quantity, with the columns of the CSV."""
     out: list[tuple[str | int | float, ...]] = []
     for n, tier in enumerate(PROMISING):
         mine = np.flatnonzero(found.tiers == n)
@@ -156,7 +159,7 @@ def _rows(found: Measured) -> list[tuple[str | int | float, ...]]:
 
 
 def table(found: Measured) -> str:
-    """Return the distributions as a Markdown table with the circumstances above it."""
+    """Return the distributions as a Markdown table, below a line with the machine, versions and date."""
     head = ('| tier | through | error of | chains | median | 99 % | 99.9 % | largest | above 1 | worst scene |\n'
             '|---|---|---|---:|---:|---:|---:|---:|---:|---:|')
     lines = [f'| {tier} | {way} | {what} | {chains:,} | ' + ' | '.join(f'{share:.1e}' for share in shown)

@@ -114,8 +114,8 @@ def exponent(rows: list[Stage], value: Callable[[Stage], float]) -> float:
 
 
 def table(rows: Measured) -> str:
-    """Return the tables as Markdown with the circumstances above them."""
-    parts = [f'{circumstances()}. Medians after the first call.']
+    """Return the tables as Markdown, below a line with the machine, versions and date."""
+    parts = [f'{circumstances()}. Times are medians, without the first call.']
     for solver in dict.fromkeys(row.solver for row in rows.stages):
         mine = [row for row in rows.stages if row.solver == solver]
         parts += [_stage_table(f'ms of N benches ({solver}, exact)', mine, _milliseconds, '.3g'),

@@ -16,7 +16,7 @@ from dragon_ros.cli.progress import Progress
 from dragon_ros.cost.measure import circumstances
 
 _LENGTHS = 1400         # seconds of the run for each second of a timing's budget
-_LONGEST_S = 432.0      # length of the run: its whole way in
+_LONGEST_S = 432.0      # length of the run: all of its winding in
 _REPEATS = 3            # runs of which the fastest counts, since other load can only slow a run down
 _PINNED = 0             # means one worker that may use only one core
 
@@ -76,7 +76,7 @@ def _on_one_core(command: list[str]) -> list[str]:
 
 
 def table(rows: list[Written]) -> str:
-    """Return the measured rows as Markdown, with the circumstances above them."""
+    """Return the measured rows as Markdown, below a line with the machine, versions and date."""
     alone = rows[0].wall_s
     lines = [f'{circumstances()}. {workers_of(None)} cores; {rows[0].run_s:g} s of the classic dragon at 50 Hz, '
              f'{rows[0].mb:.0f} MB.', '',

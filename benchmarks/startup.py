@@ -64,7 +64,7 @@ def _run(*words: str | Path) -> None:
 
 
 def _first_frame(*words: str | Path) -> None:
-    """Start ``view`` and take its first frames."""
+    """Start ``view`` and receive its first frames."""
     with subprocess.Popen([sys.executable, *words], env=_environment(), stdout=subprocess.PIPE,
                           text=True) as view:
         assert view.stdout is not None

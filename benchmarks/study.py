@@ -63,7 +63,7 @@ class Row:
 
 
 def measure(budget_s: float = 0.3) -> list[Row]:
-    """Measure each study with each number of workers, started beforehand, for about a hundred budgets."""
+    """Measure each study with each number of workers, started beforehand, for about a hundred timing budgets."""
     jobs = [(name, workers) for name in TASKS for workers in (0, *WORKERS)]
     return [_timed(name, workers, _BUDGETS * budget_s) for name, workers in
             Progress('cost study', 'parts', len(jobs))(jobs)]
@@ -118,7 +118,7 @@ def _most_mb() -> float:
 
 
 def table(rows: list[Row]) -> str:
-    """Return the measured and extrapolated rows as Markdown, with the circumstances above them."""
+    """Return the measured and extrapolated rows as Markdown, below a line with the machine, versions and date."""
     lines = [f'{circumstances()}.', '',
              '| study | workers | rows | rows per second | CPU per row (ms) | overhead (ms) | overhead (%) | peak '
              'memory of a worker (MB) |', '|---|---:|---:|---:|---:|---:|---:|---:|']

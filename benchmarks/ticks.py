@@ -89,11 +89,11 @@ def _messages(budget_s: float) -> dict[str, Timing]:
 
 
 def table(rows: list[Row]) -> str:
-    """Return the rows as a Markdown table with the circumstances above it."""
+    """Return the rows as a Markdown table, below a line with the machine, versions and date."""
     head = ('| solver | tier | messages | ' + ' | '.join(f'{name} (µs)' for name in _ALL)
             + ' | all (µs) | times faster |\n|---|---|---|' + '---:|' * (len(_ALL) + 2))
     lines = [_line(row, rows[0].total_s) for row in rows]
-    return '\n'.join([f'{circumstances()}. Medians after the first call.', '', head, *lines])
+    return '\n'.join([f'{circumstances()}. Times are medians, without the first call.', '', head, *lines])
 
 
 def _line(row: Row, before_s: float) -> str:

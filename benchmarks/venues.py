@@ -83,10 +83,10 @@ def _row(varied: str, size: float, budget_s: float) -> Row:
 
 
 def table(rows: list[Row]) -> str:
-    """Return the rows as a Markdown table with the circumstances above it."""
+    """Return the rows as a Markdown table, below a line with the machine, versions and date."""
     head = ('| varied | corners | distance (m) | benches | design fit (s) | contact (s) | contact without the venue '
             '(s) | ratio |\n|---|---:|---:|---:|---:|---:|---:|---:|')
-    return '\n'.join([f'{circumstances()}. Medians after the first call.', '', head, *map(_line, rows)])
+    return '\n'.join([f'{circumstances()}. Times are medians, without the first call.', '', head, *map(_line, rows)])
 
 
 def _line(row: Row) -> str:

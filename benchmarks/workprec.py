@@ -70,7 +70,7 @@ def measure(budget_s: float = 0.3) -> list[Row]:
 def _jobs(budget_s: float) -> Iterator[Callable[[], list[Row]]]:
     for problem in hard_cases():
         yield partial(_tiers, problem, tuple(_ways(problem)), budget_s)
-        if problem.name != 'long' and _is_one_spiral(problem.scene):     # the others support no other track
+        if problem.name != 'long' and _is_one_spiral(problem.scene):     # the other solvers support no other track
             for name in SOLVERS:
                 yield partial(_baseline, problem, name, budget_s)
         if problem.name == 'classic':
@@ -199,10 +199,10 @@ def _us(seconds: float) -> str:
 
 
 def table(rows: list[Row]) -> str:
-    """Return the rows as a Markdown table with the circumstances above it."""
+    """Return the rows as a Markdown table, below a line with the machine, versions and date."""
     head = ('| problem | solver | largest error (m) | promise (m) | verdict | µs per tick | quartiles | '
             'with velocities | note |\n|---|---|---:|---:|---|---:|---|---:|---|')
-    return '\n'.join([f'{circumstances()}. Medians after the first call.', '', head, *map(_line, rows)])
+    return '\n'.join([f'{circumstances()}. Times are medians, without the first call.', '', head, *map(_line, rows)])
 
 
 def _line(row: Row) -> str:

@@ -167,7 +167,7 @@ def effects() -> str:
 
 
 def tiers() -> str:
-    """Return the tiers with their promises, and where series are cut at the size of the classic dragon."""
+    """Return the tiers with their promises, and the truncation of series at the size of the classic dragon."""
     head = 'tier | largest position error | shift map of a joined track: truncation of series that differ from `exact`'
     return table(head, (_tier_row(tier, compile_scene(Scene()).size_m) for tier in reversed(TIERS.values())))
 
