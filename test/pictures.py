@@ -24,7 +24,7 @@ class Picture:
         return [words for words, place in self._texts if not edge.contains(place)]
 
     def overlapping(self):
-        """The pairs of overlapping texts."""
+        """The pairs of texts that overlap."""
         shapes = [place.buffer(-_HAIR) for _, place in self._texts]
         pairs = STRtree(shapes).query(shapes, predicate='intersects').T.tolist()
         return [(self._texts[one][0], self._texts[other][0]) for one, other in pairs if one < other]

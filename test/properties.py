@@ -1,4 +1,4 @@
-"""Shared by properties: the number of examples for each (fewer in the profile ``brief``), and random tracks."""
+"""Shared by property tests: the number of examples (fewer in the profile ``brief``), and random tracks."""
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st

@@ -4,7 +4,7 @@ Tests and comparisons of two versions of the code draw their scenes from here. S
 every machine and for every version, this module imports nothing from the package, takes all random numbers from
 ``Random.random`` (the only method whose numbers Python guarantees) and keeps six figures of every number. It draws once
 and never consults the code under test: a few scenes in a hundred are rejected (bends that are too tight, chains that
-are locked from the start, accuracies beyond floats), as are some users' scenes.
+are locked from the start, accuracies beyond floats), as some users' scenes are.
 
 A scene is drawn in its natural order:
 
@@ -13,7 +13,8 @@ A scene is drawn in its natural order:
 2. the track: a single spiral (walked inwards, outwards, or far out, up to 1e5 turns), an S-turn, a circle, or a
    composite of lines, arcs and spirals. Pitches and radii are drawn for these benches, from less than what they need to
    several times as much, so that about half of the runs have a contact, some lock and some reach the end of the track;
-3. the leader: head or tail, forwards or back, at a constant speed or by a profile with ramps, jumps, rests, reversals;
+3. the leader: head or tail, forwards or back, at a constant speed or by a profile with ramps, jumps, rests and
+reversals;
 4. the run, the accuracy, the effects and their settings.
 
 One scene in ten has every length, and with them the speed, in another unit: 1e-6 to 1e6.
@@ -313,7 +314,7 @@ _TRACKS = {'in': _inwards, 'out': _outwards, 'far': _far, 'turn': _turn, 'circle
 
 
 def _head(dice: Dice, way: Way, speed_m_s: float) -> tuple[dict[str, Any], float, bool]:
-    """Draw the leader's law, the time at which it has covered about the useful distance, and if it never ends."""
+    """Draw the leader's law, the time at which it has covered about the useful distance, and whether it never ends."""
     lead = {'lead': way.lead} if way.lead == 'tail' or dice.chance(20) else {}
     time_s = figures(way.onwards_m / speed_m_s)
     if dice.chance(2):

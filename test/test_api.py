@@ -1,4 +1,4 @@
-"""The public Python API: the names of ``import dragon_ros as dr``, and the examples of its page."""
+"""The public Python API: the names of ``import dragon_ros as dr``, and the examples on its page."""
 import json
 import pickle
 import re

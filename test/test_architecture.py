@@ -1,4 +1,4 @@
-"""The architecture holds: imports point down, and there are tests of executables, packaging, lint and types."""
+"""The architecture holds: imports point down; executables, packaging, lint and types are tested too."""
 import ast
 import os
 import runpy

@@ -1,4 +1,4 @@
-"""The documents are true: every command in them runs, every link resolves, every table matches the code."""
+"""The documents are true: every command in them runs, every link resolves, and every table matches the code."""
 import importlib.util
 import re
 import shlex
@@ -27,7 +27,7 @@ CONTEST_ROWS = {0: 'head', 1: 'section 1', 51: 'section 51', 101: 'section 101',
                 223: 'tail, rear'}
 
 # The beginning of a document's command, the command that runs instead (None if nothing runs), and the reason. Longer
-# ones come first.
+# beginnings come first.
 SUBSTITUTES = {
     './dragon demo': (None, 'ten seconds and four processes; test/nodes/test_graph.py runs it'),
     './dragon python test/bags/crash.py': (None, 'twenty minutes; test/bags/test_crash.py kills some'),

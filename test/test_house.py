@@ -1,4 +1,4 @@
-"""The checks of the ROS linters on licence and manifest, which run without these linters; ruff has the other rules."""
+"""Run the ROS linters' checks of licence and manifest without these linters; ruff has the other rules."""
 import hashlib
 import tokenize
 from pathlib import Path

@@ -47,7 +47,7 @@ def pages(request):
 
 
 def behind(pages, here, there):
-    """Return a message that names the page that is behind the other, and the missing parts."""
+    """Return a message that names the outdated page and the missing parts."""
     (chinese, _), (english, _) = pages
     return (f'{chinese.relative_to(ROOT)} is behind {english.relative_to(ROOT)}: lacks {sorted(there - here)}, '
             f'has alone {sorted(here - there)}')

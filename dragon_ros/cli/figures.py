@@ -120,7 +120,7 @@ def write(figure: Any, path: Path, dpi: int = 130, caption: str = '') -> Path:
 
 
 def _add_caption(figure: Any, caption: str) -> None:
-    """Reserve space below a figure and its legends and write a caption there, once."""
+    """Reserve space below a figure and its legends, and write a caption there; repeated calls do nothing."""
     if any(one.get_gid() == _CAPTION_ID for one in figure.texts):
         return
     width, height = figure.get_size_inches().tolist()

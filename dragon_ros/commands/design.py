@@ -214,7 +214,7 @@ def _fit_options(parser: ArgumentParser) -> None:
 
 
 def _fit_answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the smallest squares, where a bench touches the centred one, and whether the run fits the given one."""
+    """Return the smallest squares, the bench that touches the centred one, and whether the run fits the given one."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.bounding_box import bounding_box, fits

@@ -408,7 +408,7 @@ def _observed(frame: 'BagFrame') -> 'Observation':
 
 
 def _gaps_in(wanted: frozenset[int], frames: 'Iterator[BagFrame]') -> list[tuple[float, float]]:
-    """Return the stamps in s and the gaps in m of those ticks whose stamps in ns are wanted."""
+    """Return the stamps in s and the gaps in m of the ticks whose stamps in ns are in ``wanted``."""
     from dragon_ros.core.geometry.near_pairs import NearPairs
     near = NearPairs()
     return [(frame.t_ns / NS, near.look(frame.handles_m, frame.benches).clearance_m)

@@ -125,7 +125,7 @@ class Recorder(DragonNode):
             self._health.publish(message)
 
     def _skips_now(self, name: str) -> list[DiagnosticStatus]:
-        """If ticks were left out since the last WARN, log and return a new one."""
+        """Log and return a new WARN if ticks were left out since the last one."""
         before, self._skipped_before = self._skipped_before, self._skips.skipped
         if self._skips.skipped == before:
             return []

@@ -158,7 +158,7 @@ def test_frames_without_benches_or_velocities_say_so(tmp_path):
 
 
 def another_recorder(delays):
-    """Return a bag that logs each message some ns after its stamp, as rosbag2 does."""
+    """Return a bag that logs each message a few nanoseconds after its stamp, as rosbag2 does."""
     out, encode = BytesIO(), encoders(SCENE)
     writer = Writer(out, compression=CompressionType.NONE)
     writer.start('ros2')

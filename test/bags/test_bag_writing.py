@@ -1,4 +1,4 @@
-"""Other software can read bags, which are overwritten only on request and complete even if the disk is full."""
+"""Other software can read bags; they are overwritten only on request, and complete even if the disk is full."""
 import shutil
 from contextlib import suppress
 

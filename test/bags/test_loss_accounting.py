@@ -5,7 +5,7 @@ from dragon_ros.bags.record.loss_accounting import LossAccount
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Run, Scene
 
-RUN = Run(5.0, 6.0, 30.0)      # a period that is not a whole number of nanoseconds
+RUN = Run(5.0, 6.0, 30.0)      # the period is not a whole number of nanoseconds
 SCENE = Scene(run=RUN, effects=Effect.NONE)
 HANDLES = '/d/handles'
 

@@ -1,4 +1,4 @@
-"""The packed parts of a file are returned unchanged, lead to their messages, and take little memory."""
+"""The packed parts of a file are returned unchanged, locate their messages, and take little memory."""
 import gc
 import io
 import threading
@@ -61,7 +61,7 @@ TOPICS = ('/d/handles', '/d/benches', '/d/velocities')
 
 
 class Recording:
-    """Everything that a recorder keeps about messages, without ROS; one chunk per tick."""
+    """Everything that a recorder stores about messages, without ROS and with one chunk per tick."""
 
     def __init__(self, path):
         self.bag, self.losses, self.tick = BagWriter(path), LossAccount(), 0

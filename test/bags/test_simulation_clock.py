@@ -64,7 +64,7 @@ def test_after_a_lost_tick_nobody_can_tell_whose_a_message_is_and_it_is_counted(
     clock.mark(10, 100, 1)
     clock.unstamped('v', b'1', 11, 1)
     clock.unstamped('d', b'of none', 12, 1, exact=False)
-    clock.unstamped('v', b'2 or 3', 31, 3)      # tick 21 has number 2, which was lost
+    clock.unstamped('v', b'2 or 3', 31, 3)      # message 2, of the tick at 21 ns, was lost
     clock.mark(30, 300, 3)
     clock.mark(40, 400, 4)
     assert out == [(b'of none', 100), (b'2 or 3', 300)]

@@ -1,4 +1,4 @@
-"""The page ``cost contact``: its verdicts, its growth and its files, from rows made by hand."""
+"""The page ``cost contact``: its verdicts, its growth and its files, from handmade rows."""
 import numpy as np
 import pytest
 

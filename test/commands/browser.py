@@ -50,7 +50,7 @@ class Browser:
         self._call('/url', {'url': url})
 
     def run(self, script):
-        """The return value of a script."""
+        """Return the value that a script returns."""
         return self._call('/execute/sync', {'script': script, 'args': []})
 
     def wait(self, script):
@@ -100,7 +100,7 @@ class Browser:
             ({id, nodes}) => nodes.map(({html}) => `${id}: ${html.slice(0, 200)}`)))""")
 
     def log(self):
-        """The console's messages, as (level, message)."""
+        """Return the console's messages as (level, message)."""
         return [(entry['level'], entry['message']) for entry in self._call('/se/log', {'type': 'browser'})]
 
     def screenshot(self, path):

@@ -416,7 +416,7 @@ def test_a_check_counts_ticks_that_are_missing_without_walking_them(capsys, tmp_
     with BagReader(bag) as one:
         compare_with_model(one, scene_of_bag(one, trust=True), compared=lambda part, spans: (
             parts.extend(spans) or map(part, spans)))
-    assert len(parts) <= 2      # one more than the bag has messages
+    assert len(parts) <= 2      # at most one part more than the bag has messages
 
 
 def test_the_first_contact_of_a_large_scene_is_searched_only_if_it_is_trusted(capsys, tmp_path):

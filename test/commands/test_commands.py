@@ -297,7 +297,7 @@ def test_the_defaults_that_help_names_are_those_of_the_code(name):
             said = action.help or ''
             if action.default not in (None, False, 0, argparse.SUPPRESS) and action.default != []:
                 assert '(%(default)' in said, f'{parser.prog} {action.dest}: {said}'
-            elif action.default != 0:       # the brackets at the end do not hold a value of the parser
+            elif action.default != 0:       # the text in brackets at the end is not the parser's value
                 assert '%(default)' not in said
 
 

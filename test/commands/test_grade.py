@@ -293,7 +293,7 @@ def test_steps_of_angles_restart_where_a_piece_of_the_turn_ends():
         joints = [joint for joint in angle.joints if rear < joint - 1e-6 and joint + 1e-6 < front]
         crossed += len(joints)
         count = ((joints[0] if joints else front) - rear) / step
-        if np.min(np.abs(angle.joints - rear)) < 1e-6:      # a step that would lead beyond the end of a piece
+        if np.min(np.abs(angle.joints - rear)) < 1e-6:      # the step would lead beyond the end of a piece
             ended += 1
         else:
             assert count == pytest.approx(round(count), abs=1e-4)

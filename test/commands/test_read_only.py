@@ -1,4 +1,4 @@
-"""Every command that writes reports an unwritable folder in one line."""
+"""Every command that writes files reports an unwritable folder in one line."""
 import os
 import shutil
 import subprocess

@@ -119,7 +119,7 @@ def test_a_venue_is_checked_against_the_drawn_track_and_not_against_the_one_befo
     scene_file = tmp_path / 'scene.yaml'
     wall = 'venue.obstacles=[{kind: line, name: wall, points_m: [[%g, %g], [9, 9]]}]'
     options = corner, '--set', 'dragon.benches=20', '--output', scene_file
-    code, _, err = run(capsys, *options, '--set', wall % (9, -9))       # across the first leg
+    code, _, err = run(capsys, *options, '--set', wall % (9, -9))       # a wall across the first leg
     assert (code, 'wall' in err) == (2, True)
     assert not scene_file.exists()
     code, _, err = run(capsys, *options, '--set', wall % (8, 5))

@@ -128,7 +128,7 @@ def test_large_results_of_a_forked_process_keep_their_values():
 
 
 def test_short_work_is_done_by_this_process_unless_workers_are_asked_for():
-    """All results come from this process, since others are killed."""
+    """All results come from this process, since the other processes are killed."""
     assert list(Pool().in_order(KilledElsewhere(), range(10))) == list(range(10))
 
 
@@ -251,7 +251,7 @@ def damaged(name, t_ns, k):
 
 
 def late(name, t_ns, k):
-    """Log like a recorder at wall time, which logs each topic of a tick a little later."""
+    """Log at wall time, like a recorder that logs each topic of a tick a little later."""
     return [t_ns + {'handles': 1, 'velocities': 1}.get(name, 4) * 10**6]
 
 
@@ -393,9 +393,9 @@ BROKEN_OFF = {'check': ['inspect', 'BAG', '--check'],
 
 
 def broken_off(folder, long, what, end):
-    """Start a command, end it by ``end`` once it has started a process, and return its exit code and errors.
+    """Start a command, call ``end`` once it has started a process, and return its exit code and errors.
 
-    Only the original files remain.
+    The folder must contain only the original files afterwards.
     """
     command = [str(long) if one == 'BAG' else one for one in BROKEN_OFF[what]]
     with subprocess.Popen([*DRAGON, *command, '--workers', '2'], cwd=folder, stdout=subprocess.PIPE,

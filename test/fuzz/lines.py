@@ -136,7 +136,7 @@ def ticks_of(text: str) -> dict[int, list[tuple[float, float]]]:
     out: dict[int, list[tuple[float, float]]] = {}
     for row in csv.DictReader(io.StringIO(text)):
         places = out.setdefault(round(float(row['t_s']) * 1e9), [])
-        if int(row['handle']) < len(places):        # the tick is repeated
+        if int(row['handle']) < len(places):        # the tick is repeated, and only its last rows count
             places.clear()
         places.append((float(row['x_m']), float(row['y_m'])))
     return out

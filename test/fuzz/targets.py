@@ -198,7 +198,8 @@ def certificate(folder: Path) -> Target:
     seeds = [load_scene('winding', changes), load_scene('turning', ['dragon.benches=4', 'run.stop_s=1'])]
 
     def run(data: bytes) -> None:
-        with suppress(Refused, ArithmeticError, ValueError, RecursionError, MemoryError):   # as its command line does
+        # Errors that the checker's command line handles.
+        with suppress(Refused, ArithmeticError, ValueError, RecursionError, MemoryError):
             prove(claims_of(data), 0.01, lambda *told: None)
     return Target([json.dumps(as_values(one, first_contact(one))).encode() for one in seeds], run,
                   (b'1e400', b'NaN', b'9' * 500, b'[' * 2000, b'"', b'{}', b'null', b'true', b'-1', b'{"kind": 1}'))

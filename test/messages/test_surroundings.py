@@ -1,4 +1,4 @@
-"""Obstacles from messages: venues of any publisher, occupancy grids with rotated origins, and rejected ones."""
+"""Obstacles from messages: venues of any publisher, occupancy grids with rotated origins, and rejected messages."""
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Poses from /tf: chains of frames up and down the tree, their newest transforms, and rejected transforms."""
+"""Poses from /tf: chains of frames up and down the tree, their newest transforms, and rejected messages."""
 import numpy as np
 import pytest
 

@@ -75,7 +75,7 @@ _ALIVE = ('survived', 'unreached')
 
 
 class Swapped(Operator):
-    """Swap names that differ by a side, a sense or a sign."""
+    """Swap names that differ in a side, a sense or a sign."""
 
     def mutation_positions(self, node):
         if isinstance(node, parso.python.tree.Name) and node.value in _OTHER and not node.is_definition():
@@ -109,7 +109,7 @@ class Scaled(Operator):
 
 @dataclass(frozen=True, order=True)
 class Mutant:
-    """One change: the file, the operator, the number of its occurrence in the file, and the line."""
+    """One change: the file, the operator, which occurrence of it in the file, and the line."""
 
     path: str
     operator: str
@@ -392,7 +392,7 @@ def tried(tree: Path, mutant: Mutant, times: dict[str, float], known: dict[str, 
 
 
 def difference(mutant: Mutant, known: dict[str, Operator]) -> str:
-    """Return the line before and after a mutant's change."""
+    """Return a line before and after a mutant's change."""
     source = (ROOT / mutant.path).read_text()
     before, after = source.splitlines(), mutate_code(source, known[mutant.operator], mutant.occurrence).splitlines()
     changed = [n for n, (a, b) in enumerate(zip(before, after, strict=False)) if a != b][:1]

@@ -91,7 +91,7 @@ def domain(monkeypatch):
 
 @pytest.fixture
 def start(domain, tmp_path):
-    """Start executables that end with the test, forked or, if the claim needs it, ``anew``, perhaps by a command."""
+    """Start executables that end with the test, forked or, if necessary, ``anew``, perhaps by another command."""
     running = []
 
     def run(*arguments, anew=False, under=(), **variables):

@@ -3,7 +3,7 @@
 Each answer is compared with the table of parameters. A value is accepted if its type fits, it is within the limits and
 it is one of the choices; otherwise the reason is one line and the old value is kept. To start it by hand beside a sim
 that is in the same ROS domain and does not end: ``./dragon python test/nodes/controls.py --calls 10000``. The soak test
-runs it until it ends the process, with only those calls that skip no tick.
+runs it in the background, with only those calls that skip no tick.
 """
 import argparse
 import json

@@ -272,7 +272,8 @@ def test_sim_and_monitor_share_an_executor_of_somebody_else(domain, kind, scale,
             executor.add_node(one)
         found, end = [], threading.Event()
         nodes[0].get_logger().error = lambda text: (found.append(text), end.set())
-        until = time.monotonic() + 60       # spin_once may return at once, so time is counted instead of calls
+        # Spin_once may return at once, so the limit is a time instead of a number of calls.
+        until = time.monotonic() + 60
         while time.monotonic() < until and not (end.is_set() and nodes[1].player.done):
             executor.spin_once(timeout_sec=0.01)
         assert 'contact of benches 0 and 8 at 412.473838 s' in found[0]

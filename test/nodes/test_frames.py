@@ -26,7 +26,7 @@ def tiles(scene):
 
 
 def built(scene):
-    """Return the list of built parts: tables, and series of leaders on intervals."""
+    """Return the parts that are built: tables, and series of leaders on intervals."""
     return {id(tile): {key for key, one in tile.entrances.items() if one} for tile in tiles(scene)}
 
 

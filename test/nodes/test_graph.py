@@ -104,7 +104,7 @@ def test_a_composite_track_is_published_as_the_model_says(start, tmp_path, scene
 
 @pytest.fixture(scope='module')
 def recorded(tmp_path_factory):
-    """A short bag with a contact, made offline; the test above shows that live bags equal it."""
+    """A short bag with a contact, made offline; the test above shows that live bags equal this one."""
     from dragon_ros.bags.write.writer import BagWriter
     from dragon_ros.core.geometry.tracker import ContactTracker
     from dragon_ros.core.step import tick
@@ -407,7 +407,7 @@ def test_a_demo_that_is_terminated_leaves_no_process_behind(start, tmp_path):
 def test_the_demo_can_be_run_again_in_one_place(start, tmp_path, times):
     folder, names = tmp_path / 'demo', ('first_contact.mcap', 'replayed.mcap', 'contact.png', 'contact.svg')
     folder.mkdir()
-    for name in names:      # as an earlier version left them
+    for name in names:      # an earlier version left these files
         shutil.copy(OLD_BAG, folder / name)
     for _ in range(times):
         demo = start('demo', '--output', folder, '--pace', '10')

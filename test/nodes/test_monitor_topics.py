@@ -71,7 +71,8 @@ def test_a_contact_is_reported_from_start_to_end_on_every_topic(start, node):
     assert {(round(m.color.r, 2), round(m.color.g, 2), m.color.b) for m in touched} == {(0.84, 0.37, 0.0)}
     assert (dot.type, label.type) == (Marker.SPHERE, Marker.TEXT_VIEW_FACING)
     assert label.text == '0 x 8: -0.16 mm'
-    node.until(lambda: [m.action for m in heard.got['clearance/marker']] == [Marker.ADD, Marker.DELETE])    # at once
+    # It is deleted at once.
+    node.until(lambda: [m.action for m in heard.got['clearance/marker']] == [Marker.ADD, Marker.DELETE])
     source.show(413.76, 415.0, 415.02)
     node.until(lambda: len(heard.statuses()) == 2 and len(heard.got['clearance']) == 6)
     node.until(lambda: len(heard.got['collision/markers'][-1].markers) == 1)

@@ -88,7 +88,7 @@ def check_killed(bag, heard_ns):
 
 
 def check_repaired(bag, whole, scene, capsys):
-    """The remaining bag is reported, is repaired, and equals the model bit for bit up to its end."""
+    """The remaining bag is reported and repaired, and equals the model bit for bit up to its end."""
     assert main(['inspect', str(bag)]) == 1
     if not streamed(bag):
         return

@@ -103,7 +103,7 @@ def test_what_is_added_and_removed_while_it_spins_is_noticed(served):
         seen = len(ticks)
         until(lambda: not publisher.get_subscription_count())
         begin = time.monotonic()
-        until(lambda: time.monotonic() - begin > 0.5)       # long enough for two looks
+        until(lambda: time.monotonic() - begin > 0.5)       # long enough for two calls of ``_look``
         assert len(ticks) == seen
 
 

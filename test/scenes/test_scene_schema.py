@@ -1,4 +1,4 @@
-"""The published schema of scene files is current, and accepts and rejects the same files as the reader."""
+"""The published schema of scene files is up to date, and accepts and rejects the same files as the reader."""
 import json
 
 import pytest

@@ -60,7 +60,7 @@ class Moved:
 
 
 def ended(name: str, process: subprocess.Popen[str], faults: list[str], codes: tuple[int, ...] = (0,)) -> None:
-    """Wait for the end of a process, and note if it does not end or fails."""
+    """Wait for the end of a process, and record a fault if it does not end or if it fails."""
     try:
         errors = process.communicate(timeout=_PATIENCE_S)[1]
     except subprocess.TimeoutExpired:

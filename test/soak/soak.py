@@ -1,4 +1,4 @@
-"""A soak test of a live dragon for many minutes: recorders are killed and stalled, monitors restarted, bags replayed.
+"""A long test of a live dragon, in which recorders are killed and stalled, monitors restarted and bags replayed.
 
 Start it by hand, since the tests never do: ``./dragon python test/soak/soak.py --minutes 60 --controls 2``. It reports
 its progress every minute, and at the end the losses, the differences from the model, the drift of stamps against the
@@ -66,7 +66,7 @@ class Soak:
                 process.wait()
 
     def count(self, what: str, by: int = 1) -> None:
-        """Count an act."""
+        """Count an action."""
         self.counts[what] = self.counts.get(what, 0) + by
 
     def look(self, **processes: subprocess.Popen[bytes]) -> None:
@@ -206,7 +206,7 @@ def holes(stamps: Stamps) -> int:
 
 
 def mind_holes(run: Soak, whose: str, stamps: Stamps) -> None:
-    """Note ticks that a bag skips."""
+    """Record the ticks that a bag skips."""
     if missing := holes(stamps):
         run.faults.append(f'{whose} lacks {missing} ticks in between')
 

@@ -26,7 +26,7 @@ class PageCache:
         self._job: Future[None] | None = None
 
     def grown(self, size: int) -> None:
-        """Record the file's size in bytes; never waits."""
+        """Record the file's size in bytes, without waiting."""
         end = size // STEP_BYTES * STEP_BYTES
         busy = self._job is not None and not self._job.done()
         if end < KEPT_BYTES or end <= self._asked or busy or not hasattr(os, 'posix_fadvise'):

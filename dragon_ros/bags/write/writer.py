@@ -317,7 +317,7 @@ def _topic(name: str, kind: str, qos: str, type_hash: str, count: int) -> dict[s
 
 @contextmanager
 def prompt_switches() -> Iterator[None]:
-    """Let the compressing thread get the interpreter lock soon, since it is idle while it waits.
+    """Give the compressing thread the interpreter lock soon, since the thread is idle while it waits.
 
     By default, a thread may demand the lock only after waiting for 5 ms, and each release restarts that wait.
     """
