@@ -194,7 +194,7 @@ def _lock(file: IO[bytes], folder: Path) -> None:
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
-        raise InputError(f'{folder}: another process writes this study; wait for it, or give another --output'
+        raise InputError(f'{folder}: another process is writing this study; wait for it, or give another --output'
                          ) from None
 
 
@@ -210,11 +210,11 @@ def _check_same(folder: Path, study: Study) -> None:
         raise InputError(f'{folder}: holds rows of another study, which differs in {key}; give another --output, or '
                          'remove the folder', field=key)
     if before.rows > study.rows:
-        raise InputError(f'{folder}: holds a study of {before.samples} samples, this one has {study.samples}; give as '
-                         'many, or more', field='samples')
+        raise InputError(f'{folder}: holds a study of {before.samples} samples, but this one has {study.samples}; give '
+                         'at least as many', field='samples')
     made_by = document.section('about').get('dragon_ros')
     if made_by != versions()['dragon_ros']:
-        raise InputError(f'{folder}: holds rows of dragon_ros {made_by}, this is {versions()["dragon_ros"]}; give '
+        raise InputError(f'{folder}: holds rows of dragon_ros {made_by}, but this is {versions()["dragon_ros"]}; give '
                          'another --output')
 
 

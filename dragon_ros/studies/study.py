@@ -40,10 +40,10 @@ class Listed:
     def __post_init__(self) -> None:
         """Reject an empty list, and values other than numbers, words and None."""
         if not 1 <= len(self.values) <= _MOST_STEPS:
-            raise FieldError('values', len(self.values), f'a list has 1 to {_MOST_STEPS} values', 'list some')
+            raise FieldError('values', len(self.values), f'a list has 1 to {_MOST_STEPS} values', 'give at least one')
         for value in self.values:
             if not isinstance(value, (int, float, str)):
-                raise FieldError('values', value, 'a list can contain only numbers and words', 'list these')
+                raise FieldError('values', value, 'a list can contain only numbers and words', 'use only these')
         if len({isinstance(value, str) for value in self.values}) > 1:
             raise FieldError('values', self.values, 'a list has numbers or words', 'use only one kind')
 
@@ -150,7 +150,7 @@ class Study:
             raise FieldError('vary', {}, 'a study varies at least one key of its scene', 'name one, such as '
                              'track.pitch_m: {from: 0.5, to: 0.6, steps: 11}')
         if not self.ask:
-            raise FieldError('ask', [], 'a study asks at least one question', f'name some of {", ".join(QUESTIONS)}')
+            raise FieldError('ask', [], 'a study asks at least one question', f'name one of {", ".join(QUESTIONS)}')
         for key, variation in self.vary:
             self._check_key(key, variation)
         if self.design == 'grid':

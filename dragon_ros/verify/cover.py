@@ -84,7 +84,7 @@ class Budget:
     def _cure(self) -> str:
         """The suggestion of an effort that suffices at the current rate, and the time that the proof then takes."""
         if not self._whole:
-            return f'give --effort more than {self.effort:.3g}'
+            return f'give --effort above {self.effort:.3g}'
         return f'give --effort {self._enough:.12g} (at this rate the proof takes about {self._takes_s:.2g} s)'
 
     @property

@@ -187,7 +187,7 @@ class _Proof:
             done += 1
             if before + done + self._links // _LINKS > self._most:
                 raise Refused(f'no proof within {self._most} boxes: at a polar angle of {here[THETA][1]:.9g} rad '
-                              'benches may touch; give --effort more than 1')
+                              'benches may touch; give --effort above 1')
             left = self._occurring(lead, here)
             if left is not None and (cut := self._unclear(left)) is not None:
                 boxes += self._halves(left, cut)
@@ -213,7 +213,7 @@ class _Proof:
         count = 1 + int((last - first) / _FIRST_RAD)
         if count > self._most:
             raise Refused(f'the dragon lies on {count} parts of the track, and at most {self._most} are searched; give '
-                          '--effort more than 1')
+                          '--effort above 1')
         ends = [first + (last - first) * n / count for n in range(count)] + [last]
         return [((low, high), (0.0, inf), self._scale, link, self._body)
                 for low, high in pairwise(ends)]
@@ -250,7 +250,7 @@ class _Proof:
             least, most = nextafter(near - theta[1], -inf), nextafter(far - theta[0], inf)
             self._links += 1
             if self._links > _LINKS * self._most:
-                raise Refused(f'no proof with {self._links} links placed; give --effort more than 1')
+                raise Refused(f'no proof with {self._links} links placed; give --effort above 1')
             if least > ahead[1]:
                 break
             if most >= ahead[0]:

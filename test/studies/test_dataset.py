@@ -97,12 +97,12 @@ def test_rows_of_another_study_or_version_are_never_mixed(study, tmp_path, monke
     with pytest.raises(InputError, match='rows of another study, which differs in scene'), writing(tmp_path, other):
         pass
     monkeypatch.setattr(dataset, 'versions', lambda: {'dragon_ros': '9.9'})
-    with pytest.raises(InputError, match=r'rows of dragon_ros \S+, this is 9.9'), writing(tmp_path, study()):
+    with pytest.raises(InputError, match=r'rows of dragon_ros \S+, but this is 9.9'), writing(tmp_path, study()):
         pass
 
 
 def test_two_processes_never_write_one_data_set(study, tmp_path):
-    with writing(tmp_path, study()), pytest.raises(InputError, match='another process writes'), \
+    with writing(tmp_path, study()), pytest.raises(InputError, match='another process is writing'), \
             writing(tmp_path, study()):
         pass
 
@@ -112,7 +112,7 @@ def test_a_second_study_in_one_folder_is_refused_in_one_line(study, tmp_path, ca
     with writing(tmp_path / 'data', study()):
         assert main(['study', str(tmp_path / 'study.yaml'), '--output', str(tmp_path / 'data')]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert 'another process writes this study; wait for it, or give another --output' in line
+    assert 'another process is writing this study; wait for it, or give another --output' in line
 
 
 @pytest.mark.parametrize('step', thinned([1, 4], lambda step: step == 4))

@@ -108,7 +108,7 @@ def test_before_a_proof_starts_it_says_how_long_it_takes_if_that_is_more_than_it
 def test_a_first_interval_that_is_a_float_long_tells_nothing_of_the_rest():
     budget = Budget(1000, 2.0, spent=100, since=50, share=5e-324)
     assert budget.advice == ''
-    with pytest.raises(Refused, match=r'give --effort more than 2$'):
+    with pytest.raises(Refused, match=r'give --effort above 2$'):
         budget.spend(1000)
 
 

@@ -137,7 +137,7 @@ def first_contact_within(scene: Scene, within: Mapping[str, float],
     search, why = _search(scene, family, nominal, progress)
     proved_m = search.frontier_m - (family.within_m if search.limit_m < np.inf or search.gave_up else 0.0)
     if proved_m <= search.begin_m:
-        raise DragonError(f'--within: nothing can be proved of this family{_blame(scene, within, nominal)}')
+        raise DragonError(f'--within: nothing can be proved about this family{_blame(scene, within, nominal)}')
     if search.limit_m < np.inf:
         why = 'contact'
     elif search.gave_up:
@@ -169,7 +169,7 @@ def _covered(scene: Scene) -> tuple[Dragon, Spiral]:
     dragon, track, law = scene.dragon, scene.track, scene.head
     if scene.venue is not None:
         raise FieldError('venue', scene.venue, 'families are proved for contacts between benches only',
-                         'leave the venue out (--set venue=null) to ask for that')
+                         'omit the venue (--set venue=null) to search only for those')
     if not isinstance(dragon, Dragon):
         raise FieldError('dragon.groups', f'{dragon.benches} mixed benches', 'families need benches that '
                          'are equal behind the head', 'make them equal, and give a tolerance for each dimension '
@@ -178,12 +178,12 @@ def _covered(scene: Scene) -> tuple[Dragon, Spiral]:
         raise FieldError('dragon.benches', dragon.benches, 'only benches that are not neighbours can touch',
                          'give at least 3')
     if not isinstance(track, Spiral):
-        raise FieldError('track.kind', type(track).__name__.lower(), 'families are covered on a single spiral',
+        raise FieldError('track.kind', type(track).__name__.lower(), 'families are supported only on a single spiral',
                          'use track.kind: spiral')
     speeds = [law.speed_m_s] if isinstance(law, Head) else [v for _, v in law.knots] if isinstance(law, Profile) else []
     if not speeds or min(speeds) < 0 or law.lead != 'head':
-        raise FieldError('head', type(law).__name__.lower(), 'families are covered if the head leads by a speed law '
-                         'and does not go back', 'use a head law with speeds of at least 0')
+        raise FieldError('head', type(law).__name__.lower(), 'families are supported only if the head leads by a '
+                         'speed law and does not go back', 'use a head law with speeds of at least 0')
     return dragon, track
 
 
@@ -200,7 +200,7 @@ def _link(key: str, length_m: float, within: Mapping[str, float], inset: tuple[f
     low, high = _around(key, length_m, within)
     link = (low - 2 * inset[1]) / _OUT, (high - 2 * inset[0]) * _OUT
     if link[0] <= 0:
-        raise FieldError(key, length_m, 'within its tolerance, and that of the inset, a link may have no length',
+        raise FieldError(key, length_m, 'within the tolerances, a link may have zero length',
                          'give smaller tolerances')
     return link
 

@@ -133,7 +133,7 @@ def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_tu
     if body.touch:
         radius_m, pitch_m, bench = body.touch
         raise DragonError(f'min-pitch: the body may touch itself at a pitch of {pitch_m:.9g} m, {bench} benches apart '
-                          f'at radius {radius_m:.6g} m, where the head does not; such dragons are not covered')
+                          f'at radius {radius_m:.6g} m, where the head does not; such dragons are not supported')
     radius_m, low_m, bench = head.touch
     return MinPitch(low_m, high_m, (0, bench), radius_m, largest_m, head.states + body.states)
 
@@ -148,7 +148,7 @@ def _task(dragon: AnyDragon, diameter_m: float, start_turns: float, largest_m: f
     number('within_m', within_m, low=2e-11, high=1.0)
     longest = float(np.max(dragon.link_lengths_m))
     if not np.all(dragon.link_lengths_m):
-        raise FieldError('dragon.hole_inset_m', dragon.hole_inset_m, 'links of no length are not covered',
+        raise FieldError('dragon.hole_inset_m', dragon.hole_inset_m, 'links of zero length are not supported',
                          'give a smaller one')
     if _BENT * longest >= 2 * radius_m:
         raise FieldError('diameter_m', diameter_m, f'a link is {longest:.6g} m long', 'give a larger circle')
@@ -381,7 +381,8 @@ class _Descending:
         link, off = float(dragon.link_lengths_m[-1]), self._angle_errors(placed.theta[ends[1], -2], cells[3])
         line = line_distance(link * cells[2], placed.delta[ends[1], -1], 2 * off) / cells[2] - 0.5 * dragon.width_m
         if np.any(line <= reach + self._tolerance_m):
-            raise DragonError('min-pitch: one turn of benches is too few to prove this dragon, which is not covered')
+            raise DragonError('min-pitch: one turn of benches does not suffice to prove this dragon, which is not '
+                              'supported')
 
     def _note(self, places: Floats, separation: Floats) -> None:
         """Record the touching position with the largest pitch; the head is never further out than at its start."""

@@ -122,13 +122,13 @@ def test_what_is_too_wide_to_prove_anything_names_the_tolerance_to_blame():
     (SMALL, {'dragon.width_m': float('nan')}, 'finite'),
     (SMALL, {'track.pitch_m': 0.55}, 'smaller tolerance'),
     (SMALL, {'dragon.hole_inset_m': 0.3}, 'smaller tolerance'),
-    (SMALL, {'dragon.body_length_m': 1.7}, 'may have no length'),
+    (SMALL, {'dragon.body_length_m': 1.7}, 'may have zero length'),
     (replace(SMALL, track=STurn()), {}, 'single spiral'),
     (replace(SMALL, dragon=Mixed((Group(3.0), Group(2.0, 5)))), {}, 'equal behind the head'),
     (replace(SMALL, dragon=Dragon(2)), {}, 'at least 3'),
     (replace(SMALL, track=Spiral(0.55, 4_000.0)), {}, 'start further in'),
     (replace(SMALL, head=Head(lead='tail')), {}, 'head leads'),
-    (replace(SMALL, venue=Venue((LineObstacle('wall', ((20.0, 20.0), (21.0, 20.0))),))), {}, 'leave the venue out'),
+    (replace(SMALL, venue=Venue((LineObstacle('wall', ((20.0, 20.0), (21.0, 20.0))),))), {}, 'omit the venue'),
     (replace(SMALL, head=Profile(((0.0, 1.0), (3.0, -1.0)))), {}, 'does not go back'),
 ])
 def test_what_is_not_covered_is_refused_with_its_reason(scene, within, said):
