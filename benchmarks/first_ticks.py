@@ -76,7 +76,8 @@ def table(rows: list[Row]) -> str:
     """Return the rows as a Markdown table, below a line with the machine, versions and date."""
     head = ('| scene | handles | segments | first tick (ms) | quartiles | later (µs) | first, marched (ms) | '
             'later, marched (µs) | the map pays off from tick |\n|---|---:|---:|---:|---|---:|---:|---:|---:|')
-    return '\n'.join([f'{circumstances()}. Times are medians, without the first call.', '', head, *map(_line, rows)])
+    return '\n'.join([f'{circumstances()}. Times are medians that exclude the first call.', '', head,
+                      *map(_line, rows)])
 
 
 def _line(row: Row) -> str:

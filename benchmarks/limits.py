@@ -1,8 +1,8 @@
 """``cost limits``: the time of each stage relative to this machine's limit, which shows the remaining headroom.
 
 Each stage is compared with the machine's rates, measured in the same run on one thread: multiplications and additions
-in a product, bytes copied within the cache or through memory, bytes compressed by zstd alone, bytes written to a file.
-A stage's limit is the longest time that any of its amounts needs at its rate, whatever the code.
+in a product, bytes copied within the cache or through memory, bytes compressed by zstd alone, and bytes written to a
+file. A stage's limit is the longest time that any of its amounts needs at its rate, whatever the code.
 """
 import tempfile
 from collections.abc import Callable

@@ -44,7 +44,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Build:
-    """The table of one dragon: rows, terms of its series, seconds to build it, bytes."""
+    """The table of one dragon: its rows, the terms of its series, the seconds to build it, and its bytes."""
 
     benches: int
     rows: int
@@ -115,7 +115,7 @@ def exponent(rows: list[Stage], value: Callable[[Stage], float]) -> float:
 
 def table(rows: Measured) -> str:
     """Return the tables as Markdown, below a line with the machine, versions and date."""
-    parts = [f'{circumstances()}. Times are medians, without the first call.']
+    parts = [f'{circumstances()}. Times are medians that exclude the first call.']
     for solver in dict.fromkeys(row.solver for row in rows.stages):
         mine = [row for row in rows.stages if row.solver == solver]
         parts += [_stage_table(f'ms of N benches ({solver}, exact)', mine, _milliseconds, '.3g'),

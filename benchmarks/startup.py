@@ -91,7 +91,7 @@ def table(rows: list[Start]) -> str:
                      f'| {_ms(use) if use else ""} |')
     return '\n'.join([*lines, '', 'Times are wall times of a process from its start to its end, with modules already '
                       'compiled; for `view`, they end when its first frames have been received. BAG is a bag of 2 s, '
-                      'OUT a file.'])
+                      'and OUT is a file.'])
 
 
 def _ms(row: Start) -> str:

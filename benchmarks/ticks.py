@@ -93,7 +93,7 @@ def table(rows: list[Row]) -> str:
     head = ('| solver | tier | messages | ' + ' | '.join(f'{name} (µs)' for name in _ALL)
             + ' | all (µs) | times faster |\n|---|---|---|' + '---:|' * (len(_ALL) + 2))
     lines = [_line(row, rows[0].total_s) for row in rows]
-    return '\n'.join([f'{circumstances()}. Times are medians, without the first call.', '', head, *lines])
+    return '\n'.join([f'{circumstances()}. Times are medians that exclude the first call.', '', head, *lines])
 
 
 def _line(row: Row, before_s: float) -> str:

@@ -86,7 +86,8 @@ def table(rows: list[Row]) -> str:
     """Return the rows as a Markdown table, below a line with the machine, versions and date."""
     head = ('| varied | corners | distance (m) | benches | design fit (s) | contact (s) | contact without the venue '
             '(s) | ratio |\n|---|---:|---:|---:|---:|---:|---:|---:|')
-    return '\n'.join([f'{circumstances()}. Times are medians, without the first call.', '', head, *map(_line, rows)])
+    return '\n'.join([f'{circumstances()}. Times are medians that exclude the first call.', '', head,
+                      *map(_line, rows)])
 
 
 def _line(row: Row) -> str:

@@ -106,7 +106,7 @@ def _whole(axes: Any, costs: Costs) -> None:
     axes.set_xscale('log')
     low, high = min(bars.values()), max(bars.values())
     axes.set_xlim(0.3 * low, 8 * high)
-    axes.set(xlabel='time (s)', title=f'Time for the whole run ({costs.stop_s - costs.start_s:g} s of it)')
+    axes.set(xlabel='time (s)', title=f'Time for the whole run of {costs.stop_s - costs.start_s:g} s')
 
 
 def _bags(axes: Any, costs: Costs) -> None:

@@ -70,7 +70,7 @@ def speeds_picture(source: Source, times_s: list[float]) -> Figure:
         speed = speeds_of(source, one)
         axes.plot(np.arange(speed.size), speed, color=LINES[number % len(LINES)],
                   linestyle=DASHES[number % len(DASHES)])
-    axes.set(xlabel='handle (0 is the head, the last the tail)', ylabel='speed (m/s)', xlim=(0, speed.size - 1))
+    axes.set(xlabel='handle (0 is the head, the last is the tail)', ylabel='speed (m/s)', xlim=(0, speed.size - 1))
     axes.set_title(figures.titled(source.name, 'speed along the chain', _WIDE_IN))
     _label_ends(axes, source, [moments[n] for n in thinned(0, len(moments) - 1, _MOST_LABELS).tolist()], moments)
     return figure
