@@ -7,7 +7,7 @@ from dragon_ros.core.step import state
 
 
 def smallest(scene, t_s):
-    """The smallest distance of benches that are not neighbours, 0 for overlap; infinite if there are none."""
+    """Return the smallest distance between benches that are not neighbours, 0 for overlap; infinite without any."""
     chain = state(scene, t_s)
     shapes = shapely.polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners)
     i, j = np.triu_indices(len(shapes), 2)

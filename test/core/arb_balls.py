@@ -1,7 +1,7 @@
 """Balls of ``ball_arithmetic`` in arb, at 200 bits: the same formulas yield references for enclosures in floats.
 
 An arb's radius is rounded outwards at each operation, so its enclosures are rigorous. It has 30 bits, so it exceeds the
-exact value by about a billionth, which is less than what ``Ball`` adds for its own rounding.
+exact value by about a billionth, which is less than the amount that ``Ball`` adds for its own rounding.
 """
 from contextlib import contextmanager
 from functools import partial
@@ -15,7 +15,7 @@ BITS = 200
 
 @contextmanager
 def in_arb(*modules):
-    """Let modules compute with these balls, exactly (except for bounds that they combine in floats)."""
+    """Make modules compute exactly with these balls, except for bounds that they combine in floats."""
     before, ctx.prec = ctx.prec, BITS
     names = {'Ball': ArbBall.of, 'between': between, 'side_by_side': side_by_side, 'ABOVE': 1.0}
     patches = [patch.object(module, name, new) for module in modules for name, new in names.items()
@@ -45,14 +45,14 @@ each_mid = np.vectorize(lambda x: float(x.mid()) if x.is_finite() else np.nan, o
 
 @partial(np.vectorize, otypes=[object])
 def _inverse(x):
-    """The reciprocal by the formula of ``Ball``: arb's own radius may be larger."""
+    """Return the reciprocal by the formula of ``Ball``, because arb's own radius may be larger."""
     mid, rad = abs(x.mid()), x.rad()
     return 1 / x.mid() + arb(0, 1) * rad / (mid * (mid - rad)) if mid > rad else arb('nan')
 
 
 @partial(np.vectorize, otypes=[object, object, object])
 def _trig(x):
-    """Sine, cosine and 1 - cosine by the formulas of ``Ball``."""
+    """Return sine, cosine and 1 - cosine by the formulas of ``Ball``."""
     mid, rad, some = x.mid(), x.rad(), arb(0, 1)
     sin, cos, half, bow = mid.sin(), mid.cos(), (mid / 2).sin(), rad * rad / 2
     aside = abs(sin) * rad + bow

@@ -1,1 +1,1 @@
-"""Helpers beside this file (``apart``) are imported by the tests of the rooms below."""
+"""Make the helpers beside this file (such as ``apart``) importable for the tests in the folders below."""

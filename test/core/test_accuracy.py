@@ -1,4 +1,4 @@
-"""Promises in metres against the 50-digit reference, on every hard case; the paper's numbers, digit for digit."""
+"""Promises in metres against the 50-digit reference on every hard case, and the paper's numbers digit for digit."""
 from dataclasses import replace
 from math import sqrt
 
@@ -33,7 +33,7 @@ CASES = {**SPIRALS, **DANCES}
 
 
 def worst_errors(problem, tier, solver='march'):
-    """Return (position error / promise, speed error / promise, evaluations), the worst over the problem's times."""
+    """Return the worst (position error / promise, speed error / promise, evaluations) over the problem's times."""
     scene = replace(problem.scene, accuracy=tier, solver=solver)
     simulation = compile_scene(scene)
     known, handles = truth(problem), list(problem.handles)
@@ -53,7 +53,7 @@ def worst_errors(problem, tier, solver='march'):
 
 
 def speed_error_m_s(scene, chain, t_s, known, number, handles):
-    """Return the largest error: of signed speeds where the reference has these, else of velocities."""
+    """Return the largest error of signed speeds if the reference has them, otherwise of velocities."""
     v = velocity_of(scene, chain, t_s)[handles]
     if known.high.shape[2] == 3:
         found = -np.sum(v * chain.tangents[handles], axis=-1)       # positive inwards
@@ -64,7 +64,7 @@ def speed_error_m_s(scene, chain, t_s, known, number, handles):
 @pytest.mark.parametrize('solver', SOLVERS)
 @pytest.mark.parametrize('name', CASES)
 def test_every_tier_keeps_its_promise_on_every_hard_case(name, solver, request):
-    # The march has the same bits in every tier (below), so the tightest promise holds the others too. A table of a
+    # The march has the same bits at every tier (see below), so the tightest promise implies the others. A table of a
     # hundred thousand links takes a second to build.
     all_tiers = (solver == 'table' and name != 'long') or request.config.getoption('--long')
     for tier in PROMISING if all_tiers else ['exact']:
@@ -83,7 +83,7 @@ def test_exact_is_within_1e_12_m_of_the_reference_on_the_whole_classic_run():
 
 
 def test_links_that_are_solved_one_step_less_break_the_exact_promise(monkeypatch):
-    broken = []     # by Newton steps for a promise a thousand times looser
+    broken = []     # cases broken by Newton steps for a promise a thousand times looser
     for name, problem in SPIRALS.items():
         simulation = compile_scene(problem.scene)
         if 'lock' in name or simulation.size_m > 20 or simulation.size_m < 1e-2:
@@ -120,7 +120,7 @@ def test_accuracy_beyond_floats_is_refused_with_what_can_be_had():
 def test_conditioning_is_reported_on_the_way_to_the_lock(k):
     problem = CASES[f'lock-1e-{k}']
     chain = state(problem.scene, problem.times_s[0])
-    if k >= 4:      # the follower's speed grows as the square root of the time left
+    if k >= 4:      # the follower's speed grows with the square root of the remaining time
         assert conditioning(chain) == pytest.approx(0.47 * 10 ** (k / 2), rel=0.05)
 
 

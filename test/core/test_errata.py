@@ -1,4 +1,4 @@
-"""docs/errata.md, row by row: the printed form fails, the corrected one holds."""
+"""The rows of docs/errata.md: the printed form fails, and the corrected form holds."""
 from math import cos, hypot, pi, sin, sqrt
 
 import numpy as np
@@ -76,7 +76,7 @@ def test_equation_17_next_handle():
 
 
 def edge_line(front, rear, offset):
-    """Return slope and intercept of a bench's middle line moved by ``offset`` along y."""
+    """Return the slope and the intercept of a bench's middle line, moved by ``offset`` along y."""
     k = (front[1] - rear[1]) / (front[0] - rear[0])
     return k, front[1] - k * front[0] + offset
 

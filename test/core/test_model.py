@@ -1,4 +1,4 @@
-"""Models: what is compiled from a scene, shared by equal ones, and kept within bounds."""
+"""Models are compiled from scenes, shared by equal scenes, and cached within limits."""
 import gc
 import weakref
 from dataclasses import replace
@@ -78,7 +78,7 @@ def test_models_are_kept_in_bytes(monkeypatch):
 
 def test_metres_choose_the_tier_that_keeps_them_as_far_out_as_the_run_goes():
     far = Scene(track=Spiral(0.55, 1e5), accuracy=1e-8)
-    assert compile_scene(far).tier.name == 'exact'      # floats cannot keep 1e-9 m there
+    assert compile_scene(far).tier.name == 'exact'      # floats cannot provide 1e-9 m there
     assert 5e-9 < compile_scene(far).promise_m <= 1e-8
     assert compile_scene(replace(far, track=Spiral())).tier.name == 'fine'
 

@@ -1,4 +1,4 @@
-"""Scenes: settings alone, frozen, normalised, equal if they mean the same, small when pickled, importing no solver."""
+"""Scenes are settings alone: frozen, normalised, equal if equivalent, small when pickled, without a solver."""
 import json
 import pickle
 import subprocess

@@ -1,4 +1,4 @@
-"""Ticks and states: where a run begins and ends, and frames that are a function of scene and tick alone."""
+"""Ticks and states: a run has the right limits, and a frame is a function of scene and tick alone."""
 import numpy as np
 import pytest
 

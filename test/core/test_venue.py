@@ -1,4 +1,4 @@
-"""A venue is settings: frozen, equal if it means the same, and invalid ones are rejected."""
+"""Venues are settings: frozen, equal if equivalent, and rejected if invalid."""
 import pickle
 from math import nan
 

@@ -6,11 +6,11 @@ from mpmath import mp, mpc, mpf
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.tracks.segments import BEHIND, ArcSegment, LineSegment
 
-DIGITS, STEP = 40, mpf(10) ** -10     # second-order differences: their error is STEP^2, so 20 digits are right
+DIGITS, STEP = 40, mpf(10) ** -10     # second-order differences have an error of STEP^2, so 20 digits are right
 
 
 def point(segment, u):
-    """Return the point at a coordinate of a segment, beyond its ends as well."""
+    """Return the point at a coordinate of a segment, even beyond its ends."""
     if isinstance(segment, LineSegment):
         return mpc(segment.start) + mpc(segment.direction) * u
     if isinstance(segment, ArcSegment):
@@ -30,7 +30,7 @@ def metres(segment, u):
 
 
 def root(function, start):
-    """Return a simple root by the secant method; its order of 1.6 makes 12 digits 40 in three steps."""
+    """Return a simple root by the secant method, whose order of 1.6 turns 12 digits into 40 in three steps."""
     a, b = start, start + mpf(10) ** -8
     at_a, at_b = function(a), function(b)
     for _ in range(60):
@@ -42,9 +42,9 @@ def root(function, start):
 
 
 def handles(chain, segments, links, forward_m):
-    """Return the handles as complex numbers when the leader is further in the head's direction, on fixed segments.
+    """Return the handles as complex numbers on fixed segments, with the leader ``forward_m`` further along.
 
-    Segments continue beyond their ends: at a joint the result is that on the side of the requested segment.
+    Segments continue beyond their ends: at a joint the result applies to the side of the requested segment.
     """
     track, order = chain.track, range(len(segments)) if chain.leader == 0 else range(len(segments) - 1, -1, -1)
     out = [None] * len(segments)
@@ -70,7 +70,7 @@ class Guess:
         self.track, self.leader = chain.track, chain.leader
         self.starts = [mpf(float(u)) + mpf(float(lo)) for u, lo in zip(chain.u, chain.u_lo, strict=True)]
         for i, k in enumerate(segments):
-            if k != chain.segment[i]:     # the handle is on the joint between them
+            if k != chain.segment[i]:     # the handle is at the joint between them
                 self.starts[i] = mpf(float(chain.track.segments[k].first if k > chain.segment[i] else
                                            chain.track.segments[k].last))
 

@@ -1,4 +1,4 @@
-"""Velocities of all handles: rigid links, and the rate of the positions."""
+"""Velocities of all handles keep links rigid and equal the rates of the positions."""
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Forward placement: handle after handle, at one instant or at many."""
+"""Forward placement: handle by handle, at one instant or at many."""
 from dataclasses import replace
 
 import numpy as np
@@ -99,7 +99,7 @@ def test_handles_that_are_placed_segment_by_segment_are_those_placed_row_by_row(
     found, _ = by_segment(track, blocks, leaders, direction)
     expected, _ = row_by_row(track, blocks, leaders, direction)
     np.testing.assert_allclose(track.points(*found), track.points(*expected), rtol=0, atol=1e-13)
-    # At a joint itself rounding decides on which side of it a handle lies.
+    # Exactly at a joint, rounding decides on which side a handle lies.
     apart = np.abs(track.distances(*found[:2]) - track.distances(*expected[:2]))
     assert np.max(apart) < 1e-12
 

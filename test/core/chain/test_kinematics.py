@@ -1,4 +1,4 @@
-"""Accelerations of all handles on every track, under every law, behind head and tail, against 40 digits."""
+"""Accelerations of all handles on every track, under every law, with head and tail leading, against 40 digits."""
 from dataclasses import replace
 
 import numpy as np
@@ -29,15 +29,15 @@ BENDY = Composite((Line(25.0), Arc(2.0, 170.0), Line(1.0), Arc(1.9, -100.0), Spi
 
 
 def accelerations(scene, t_s):
-    """Return the accelerations of the effect."""
+    """Return the accelerations computed by the effect."""
     scene = replace(scene, effects=Effect.ACCELERATIONS)
     return frame_of(compile_scene(scene), None, round(t_s * NS), state(scene, t_s)).acceleration_m_s2
 
 
 def allowed(v, a, scene):
-    """Return the allowed error of accelerations: each link turns by the errors of its two handles over its length.
+    """Return the allowed error of accelerations: each link turns by the errors of its handles over its length.
 
-    Positions err by at most 2e-12 m. Errors add up along the chain, and near a lock they grow as speeds do.
+    Position errors are at most 2e-12 m. They add up along the chain, and near a lock they grow like speeds.
     """
     links = scene.dragon.link_lengths_m
     angle = 4e-12 / np.min(links[links > 0], initial=1.0)
@@ -108,7 +108,7 @@ def test_accelerations_agree_with_40_digits_anywhere(dragon, track, law, t_s):
 @pytest.mark.parametrize('second', [False, True], ids=['the leader', 'the handle next to it'])
 @pytest.mark.parametrize('lead', ['head', 'tail'])
 def test_at_a_joint_accelerations_are_those_of_the_segment_being_entered(lead, second):
-    """A handle passes the joint of a line and an arc on the way out and, after 4 s, on the way back."""
+    """A handle passes the joint of a line and an arc forwards and, after 4 s, backwards."""
     law = Profile(((0.0, 1.0), (4.0, 1.0), (4.0, -1.0)), 'linear', lead)
     start_m = 28.0 + 2.86 * second if lead == 'head' else 30.0 + 6.16 + 2.0
     scene = Scene(Dragon(3), Composite((Line(30.0), Arc(2.0, 90.0), Line(30.0)), start_m), law, Run(stop_s=8.0))
@@ -133,7 +133,7 @@ def test_a_handle_on_a_joint_is_on_the_segment_that_it_moves_into_whoever_leads(
     track = track_of(Composite((Line(10.0), Arc(2.0, 90.0), Line(9.0)), start_m=10.0))
     onwards = speed if lead == 'head' else -speed
     joint_m = track.joints_m[0]
-    for k, u in ((0, track.segments[0].last), (1, track.segments[1].first)):      # both names of the same place
+    for k, u in ((0, track.segments[0].last), (1, track.segments[1].first)):      # two descriptions of one position
         place = np.array([k]), np.array([u])
         assert track.distances(*place) == joint_m
         found = entered_curvatures(track, *place, np.array([onwards]), 0.0)

@@ -1,4 +1,4 @@
-"""Where a chain locks, which link locks, and the error for it."""
+"""The position at which a chain locks, the link that locks, and the error."""
 from math import inf, pi
 
 import numpy as np

@@ -44,7 +44,7 @@ TICK = 413 * 50
 
 @lru_cache
 def subsets():
-    """Return every subset of the effects that has what it needs."""
+    """Return every subset of the effects that contains all required effects."""
     return list(_subsets())
 
 
@@ -62,7 +62,7 @@ def _subsets():
 
 
 def values_of(value):
-    """Return a value's numbers as bytes, whatever holds them."""
+    """Return the numbers in a value as bytes, whatever its type."""
     if isinstance(value, Chain):
         return value.p.tobytes(), value.evaluations
     if hasattr(value, '__dataclass_fields__'):
@@ -272,7 +272,7 @@ EVERYWHERE = [
 @pytest.mark.parametrize('scene', EVERYWHERE, ids=['turn', 'tail', 'turn, tail and law', 'law', 'mixed'])
 @pytest.mark.parametrize('t_s', [6.0, 23.0])
 def test_on_every_track_tensions_accelerate_all_handles_but_the_leader_and_its_link_does_their_work(scene, t_s):
-    """There is one handle more than links, so the last one is free; the leader is moved from outside."""
+    """There is one more handle than there are links, so the last handle is free; the leader is moved externally."""
     frame = frame_of(compile_scene(scene), None, round(t_s * 1e9), state(scene, t_s))
     pull = frame.tension_n_kg[:, None] * frame.axis
     force = np.zeros_like(frame.acceleration_m_s2)
@@ -282,7 +282,7 @@ def test_on_every_track_tensions_accelerate_all_handles_but_the_leader_and_its_l
     free, leaders_link = (slice(0, -1), -1) if tail_leads else (slice(1, None), 0)
     along, wanted = (np.sum(vectors * frame.chain.tangents, axis=1)[free]
                      for vectors in (force, frame.acceleration_m_s2))
-    assert along == pytest.approx(wanted, abs=1e-11)        # a sum of N terms of some m/s^2
+    assert along == pytest.approx(wanted, abs=1e-11)        # a sum of N terms of several m/s^2
     v, a = frame.velocity_m_s[free], frame.acceleration_m_s2[free]
     power = (-1 if tail_leads else 1) * pull[leaders_link] @ v[leaders_link]
     assert power == pytest.approx(np.sum(v * a), rel=1e-9)
@@ -298,7 +298,7 @@ def test_bad_sensors_and_trails_are_refused():
 
 
 def test_obstacles_count_as_benches_that_are_numbered_behind_them():
-    """Clearance and contacts are those of shapely, and only the fields of these two effects change."""
+    """Clearance and contacts equal shapely's, and only the fields of these two effects change."""
     scene = replace(load_scene('street'), effects=ALL & ~Effect.PATH, trails=Trails(points=5))
     bare, seen = (tick(replace(scene, venue=venue), 4000) for venue in (None, scene.venue))
     lines, boxes = edges_of(scene.venue), shapely.polygons(seen.benches.corners)

@@ -13,18 +13,18 @@ from dragon_ros.core.tracks.spec import Spiral
 
 UNIT = track_of(Spiral(2 * np.pi))
 DRAGONS = [Dragon(12), Dragon(12, 6.0, 2.2), Mixed((Group(3.4), Group(1.2, 3), Group(2.2, 5)))]
-STEP = 2e-3     # of the variable: differences err by its square, and by 1e-13 divided by it
+STEP = 2e-3     # relative to the variable: differences have errors of its square, and of 1e-13 divided by it
 
 
 def placed(links, theta):
-    """Polar angles (K+1,) of handles, and directions (K,) of links, without jumps."""
+    """Return polar angles (K+1,) of handles, and directions (K,) of links, without jumps."""
     chain = marched(UNIT, links, Place(0, DoubleDouble(theta, 0.0)), BEHIND)
     z = chain.p @ [1, 1j]
     return chain.u, np.unwrap(np.angle(z[:-1] - z[1:]))
 
 
 def differences(at, x, step):
-    """First and second derivatives at x, to the fourth order, of what ``at`` returns (angles and directions)."""
+    """Return first and second derivatives at x, to fourth order, of the angles and directions from ``at``."""
     rows = [at(x + k * step) for k in (-2, -1, 0, 1, 2)]
     out = []
     for parts in zip(*rows, strict=True):

@@ -33,14 +33,14 @@ def chain_at(leader, gone_m):
 
 
 def tops(leader, low_m, high_m):
-    """Return the bounds (N, handles) of all handles between two places of the leader, for N pairs of places."""
+    """Return the bounds (N, handles) for all handles between two positions of the leader, for N pairs of positions."""
     count, none = low_m.size, np.zeros(low_m.size)
     seen, row = states(leader, np.concatenate((low_m, high_m))), np.arange(low_m.size)
     return bounds(seen.rows(row), seen.rows(count + row), LawBetween(none, none, Ball(none, none)))
 
 
 def logs_between(leader, low_m, high_m):
-    """Return the logs of the speeds (15, N, handles) at places from one to another, both included."""
+    """Return the logs of the speeds (15, N, handles) at positions from one to another, including both."""
     places = np.linspace(low_m, high_m, 15)
     return states(leader, places.ravel()).log.reshape(*places.shape, -1)
 
@@ -68,7 +68,7 @@ def test_near_the_centre_no_handle_is_faster_than_its_bound_where_none_turns_bac
     low = lock_m - apart_m - np.geomspace(1e-6, 6, 60)
     low = np.array([one for one in low.tolist() if not any(one < turn < one + apart_m for turn in turning)])
     above, seen = tops(leader, low, low + apart_m), logs_between(leader, low, low + apart_m)
-    # Near the lock, rounding of the head's position relative to a link grows C-fold, and squared for a speed.
+    # Near the lock, the relative rounding error of the head's position grows by C for a link, and by C^2 for a speed.
     off = 1e-14 * np.exp(2 * np.max(seen, axis=(0, 2)))
     assert np.all(seen <= above + off[:, None])
     assert np.count_nonzero(np.all(np.isfinite(above), axis=1)) > 10
@@ -86,7 +86,7 @@ def test_between_the_places_where_a_handle_turns_back_every_handle_goes_one_way(
     for low, high in pairwise(ends):
         along = np.diff(states(leader, np.linspace(low, high, 400)).links.along_m, axis=0)
         assert np.all((np.min(along, axis=0) >= -1e-12) | (np.max(along, axis=0) <= 1e-12))
-    for turn in turning:    # and at each of them a handle does turn back
+    for turn in turning:    # a handle turns back at each of them
         before, here, after = states(leader, turn + np.array([-1e-4, 0.0, 1e-4])).links.along_m
         assert np.any((here - before) * (after - here) < 0)
 

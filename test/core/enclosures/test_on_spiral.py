@@ -1,4 +1,4 @@
-"""The bound on second derivatives holds on whole stretches, and so do the bounds on which it rests."""
+"""The bound on second derivatives and the bounds on which it is based hold on whole intervals."""
 from itertools import pairwise
 
 import numpy as np
@@ -35,7 +35,7 @@ def placed(dragon, theta):
 
 
 def corners(dragon, theta):
-    """Corners of benches 2 and on in the frame of bench 0, and of bench 0 in theirs, in units of b (pitch 2 pi)."""
+    """Return corners of benches from 2 on in bench 0's frame, and of bench 0 in theirs, in units of b (pitch 2 pi)."""
     chain = placed(dragon, theta)
     z = chain.p @ [1, 1j]
     angle = chain.u[:-1]
@@ -60,7 +60,7 @@ def bound(dragon, start, stop):
 
 
 def largest(dragon, start, stop, count=7):
-    """The largest second difference of a corner, (benches, 2)."""
+    """Return the largest second difference of a corner, (benches, 2)."""
     h = 1e-3
     found = []
     for theta in np.linspace(start, stop, count):
@@ -153,7 +153,7 @@ def test_mixed_benches_and_all_behind_them_are_further_out_than_told_by_less_tha
 
 
 def outline(view, sizes, row, bench):
-    """Points (n,) around a bench in metres."""
+    """Return points (n,) around a bench in metres."""
     half, side = sizes.half_length_m[0, bench], sizes.half_width_m
     corner = half * np.array([1, -1, -1, 1]) + 1j * side * np.array([1, 1, -1, -1])
     share = np.linspace(0, 1, 40)[:, None]
@@ -175,7 +175,7 @@ def test_of_some_pairs_the_bounds_are_those_of_all(first):
 
 
 def gone(dragon, moved):
-    """How far the farther handle and the farthest corner of each bench go; ``moved`` maps points of the plane."""
+    """Return the travel of each bench's farthest-moving handle and corner; ``moved`` maps points of the plane."""
     half, side, link = 0.5 * dragon.bench_lengths_m, 0.5 * dragon.width_m, dragon.link_lengths_m
     handle = 0.5 * link[:, None] * np.array([1, -1])
     corner = half[:, None] * np.array([1, -1, -1, 1]) + 1j * side * np.array([1, 1, -1, -1])
@@ -222,7 +222,7 @@ def test_balls_hold_every_result(a, b, c, d, one, two):
 
 
 def nearly_straight(at_rad, links_rad, head, width, inset, length_rad):
-    """Bounds (benches,) on how far benches stay behind the first one along its axis, and the sampled minima."""
+    """Return bounds (benches,) on how far benches stay behind the first along its axis, and the sampled minima."""
     link = links_rad * np.hypot(1, at_rad)
     dragon = Dragon(9, (head + 2 * inset) * link, (1 + 2 * inset) * link, width * link, inset * link)
     watch = BenchSampler(track_of(Spiral(2 * np.pi)), dragon, (0,), 9, lambda states: None, 0.0)
@@ -235,7 +235,7 @@ def nearly_straight(at_rad, links_rad, head, width, inset, length_rad):
 
 @given(st.floats(-2, 5), st.floats(1e-3, 0.07), st.floats(0.3, 3), st.floats(-2, 1), st.floats(0, 0.4),
        st.floats(0, 0.3))
-@example(-2, 0.06, 1.0, -2, 0.0, 0.0)       # next to the centre directions turn by two radians a radian
+@example(-2, 0.06, 1.0, -2, 0.0, 0.0)       # next to the centre directions turn by two radians per radian
 @example(3, 0.05, 1.0, 1, 0.0, 0.0)         # corners of wide benches turn forwards
 @example(3, 0.001, 1.0, -2, 0.4, 0.0)       # nearly a line, where only insets matter
 def test_benches_of_a_nearly_straight_chain_stay_behind_by_the_links_between_them(out, links_rad, head, width, inset,
@@ -250,7 +250,7 @@ def test_the_links_of_a_nearly_straight_chain_are_all_that_its_bound_loses(out):
     bound, true, link = nearly_straight(10**out, 1e-4, 1.4, 0.01, 0.2, 0.0)
     assert np.all(true - bound < 2e-5 * link)
     bound, true, link = nearly_straight(10**out, 0.05, 1.4, 1.0, 0.2, 0.0)
-    counts = np.arange(1, 8)        # links in between; each adds a twentieth of a radian
+    counts = np.arange(1, 8)        # numbers of links in between, each of which adds a twentieth of a radian
     turn = 2 * 0.05 * (counts + 2.6)
     assert np.all(np.isfinite(bound) == (turn <= 1.0)[:len(bound)])
     lost = link * (counts * (1 - np.cos(turn)) + 0.5 * turn)

@@ -1,4 +1,4 @@
-"""Enclosures from two states of a chain hold for every motion in between, on any track, led by either end."""
+"""Enclosures from two states of a chain hold for all states in between, on any track, with either end leading."""
 import numpy as np
 import pytest
 
@@ -31,11 +31,11 @@ BENDY = track_of(Composite((Line(40.0), Arc(2.0, 170.0), Line(1.0), Arc(1.5, -10
 WOUND = track_of(Composite((Line(30.0), SpiralArc(1.2, 3.5, 2.0, 'left'), Line(30.0)), start_m=30.0))
 TRACKS = {'turn': (track_of(STurn()), -3.0, BEHIND), 'turn back': (track_of(STurn()), 40.0, AHEAD),
           'bendy': (BENDY, 40.0, BEHIND), 'bendy back': (BENDY, 90.0, AHEAD), 'spiral arc': (WOUND, 30.0, BEHIND)}
-COUNT = 9       # places in each interval, its ends included
+COUNT = 9       # number of positions in each interval, including its ends
 
 
 def sampled(leader, gone_m, links_m=LINKS):
-    """Chains and the states of their links at places of the leader."""
+    """Return chains and the states of their links at positions of the leader."""
     places = leader.places((gone_m, np.zeros_like(gone_m)))
     chain = marched_many(leader.track, links_m, places, leader.direction)
     along_m, bend = leader.track.distances(chain.segment, chain.u), leader.track.curvatures(chain.segment, chain.u)
@@ -43,7 +43,7 @@ def sampled(leader, gone_m, links_m=LINKS):
 
 
 def holds(ball, values, off):
-    """Return whether values (places, M, K) are in a ball (M, K) or within ``off`` of it."""
+    """Return whether values (positions, M, K) are in a ball (M, K) or within ``off`` of it."""
     with np.errstate(invalid='ignore'):
         return bool(np.all(~(np.abs(values - ball.mid) > ball.rad + off)))
 
@@ -58,7 +58,7 @@ def test_every_mean_rate_in_between_is_in_the_enclosure_of_the_rate(name, apart_
     chain, states, along_m = sampled(leader, places.ravel())
     first, last = np.arange(30), np.arange(30) + 30 * (COUNT - 1)
     moving = kinematics(states.rows(first), states.rows(last), LINKS, track.bends, chain.leader, 2e-12)
-    step, sign = apart_m / (COUNT - 1), 1.0 if way == BEHIND else -1.0      # behind a tail a prime has the other sign
+    step, sign = apart_m / (COUNT - 1), 1.0 if way == BEHIND else -1.0      # the sign of a prime with a leading tail
     axis = axes_of(chain)
     yaw = np.unwrap(np.arctan2(axis[..., 1], axis[..., 0]).reshape(COUNT, 30, -1), axis=0)
     speed = np.abs(np.diff(along_m.reshape(COUNT, 30, -1), axis=0)) / step
@@ -85,7 +85,7 @@ def test_on_a_short_way_a_tenth_of_the_enclosures_are_within_a_stated_factor_of_
     for factor, ball, seen, least in ((v, moving.v, speed, 1e-6), (w, moving.w, np.diff(yaw, axis=0) / step, 1e-6),
                                       (a, moving.a, np.diff(speed, axis=0) / step, 1e-4),
                                       (w_rate, moving.w_rate, np.diff(yaw, 2, axis=0) / step**2, 1e-4)):
-        occurs = np.ptp(seen, axis=0) * (COUNT - 1) / (seen.shape[0] - 1)       # means leave out some of the range
+        occurs = np.ptp(seen, axis=0) * (COUNT - 1) / (seen.shape[0] - 1)       # means do not cover the whole range
         told = (occurs > least) & np.isfinite(ball.rad)
         assert np.count_nonzero(told) > 300
         assert np.percentile(2 * ball.rad[told] / occurs[told], 10) <= factor
@@ -154,7 +154,7 @@ def test_before_any_pass_an_angle_is_known_to_what_link_and_track_turn_and_to_sc
     leader = Leader(track_of(Composite((Arc(4.0, 700.0),))), np.array([1.65, 1.65]), 20.0, BEHIND)
     _, states, _ = sampled(leader, np.array([0.0, way_m]), leader.links_m)
     moving = enclosed(states.rows([0]), states.rows([1]), leader.links_m, leader.track.bends, passes=0)
-    for sin, cos in (moving.near, moving.far):      # a ball of angles of that radius about asin(l / 2 R)
+    for sin, cos in (moving.near, moving.far):      # a ball of angles with that radius about asin(l / 2 R)
         assert sin.rad == pytest.approx(np.cos(np.arcsin(1.65 / 8)) * most_rad + most_rad**2 / 2, rel=1e-3)
         assert cos.rad == pytest.approx(1.65 / 8 * most_rad + most_rad**2 / 2, rel=1e-3)
 
@@ -180,7 +180,7 @@ def test_schurs_bound_says_nothing_of_a_link_that_is_longer_than_the_tightest_ci
     ends = [LinkStates(along_m + way, np.zeros((1, 2), dtype=np.int64), bend, np.array([[0.1]]), np.array([[-0.1]]))
             for way in (0.0, 5.0)]
     moving = enclosed(*ends, np.array([1.65]), (np.array([[2.0]]), np.array([[2.0]])), passes=0)
-    for ball in (*moving.near, *moving.far):    # the track turns by 10 rad, the link by 6 at most
+    for ball in (*moving.near, *moving.far):    # the track turns by 10 rad, the link by at most 6
         assert ball.rad[0, 0] > 0.5 * 8.0**2
 
 
@@ -213,7 +213,7 @@ def test_a_link_turns_by_no_more_than_its_error_if_both_ends_are_off_and_by_near
 
 
 def seen_at(middle):
-    """A view of one pair whose second middle, a complex number, is seen there."""
+    """Return a view of one pair whose second middle is at a complex number."""
     return Views((np.array([middle.real]), np.array([middle.imag])), np.zeros((1, 4, 2)))
 
 
@@ -230,5 +230,5 @@ def test_a_middle_that_goes_half_round_a_bench_stays_in_its_enclosure_which_is_n
 def test_a_middle_is_no_further_off_than_told_at_either_state_and_nearly_so_far(ways_m):
     turned, error_m = 1e-6, 1e-7
     off_m = _off_m(*(seen_at(way_m * np.exp(0.3j)) for way_m in ways_m), np.array([turned]), error_m)[0]
-    most = max(abs(way_m * np.expm1(1j * turned)) + 2 * error_m for way_m in ways_m)     # both benches are off
+    most = max(abs(way_m * np.expm1(1j * turned)) + 2 * error_m for way_m in ways_m)     # both benches have errors
     assert most <= off_m <= 1.01 * most

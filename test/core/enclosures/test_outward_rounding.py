@@ -1,4 +1,4 @@
-"""Bounds that clear contact and pitches are rounded outwards: on random boxes none is below what arb's balls prove.
+"""Bounds that exclude contacts are rounded outwards: on random boxes, all are on the safe side of arb's balls.
 
 Each formula is evaluated twice, in floats and in arb at 200 bits (``arb_balls``), on the same boxes.
 """
@@ -19,7 +19,7 @@ LINKS = 12
 
 
 def boxes(seed):
-    """Polar angles and spans of chains at the corners of random cells: tight ones, wide ones, near locks, far out."""
+    """Return polar angles and spans of chains at the corners of random cells: tight, wide, near locks, or far out."""
     dice = np.random.default_rng(seed)
     dragon = Dragon(LINKS, dice.uniform(0.5, 30), dice.uniform(0.5, 20), 0.3, 0.0)
     least = 1.3 * float(np.max(dragon.link_lengths_m))
@@ -54,7 +54,7 @@ def test_no_bound_of_a_bench_on_a_spiral_is_below_what_arb_proves(seed):
 
 
 def wound(seed):
-    """Two states of a chain on circles and lines, and pairs of its benches."""
+    """Return two states of a chain on circles and lines, and pairs of its benches."""
     dice = np.random.default_rng(seed)
     links, radius = dice.uniform(0.3, 3, LINKS), 10 ** dice.uniform(0.6, 4)
     k = np.full((1, LINKS + 1), dice.choice((0.0, 1.0)) / radius)
@@ -97,7 +97,7 @@ def test_no_bound_of_two_benches_on_any_track_is_below_what_arb_proves(seed, lea
 
 
 def arb_separations(p, half, i, j):
-    """Separations of benches i and j from both edges' sides along four axes, in arb, and their signed gap."""
+    """Return separations of benches i and j from both sides along four axes, in arb, and their signed gap."""
     def bench(n):
         (x, y), (u, v) = each_exact(p[n]), each_exact(p[n + 1])
         size = ((x - u) ** 2 + (y - v) ** 2).sqrt()

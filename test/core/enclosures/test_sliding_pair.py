@@ -1,4 +1,4 @@
-"""The gap of two benches that slide along a spiral is enclosed: nothing sampled in a box contradicts its bounds."""
+"""The gap of two benches that slide along a spiral is enclosed: no sample in a box contradicts the bounds."""
 import numpy as np
 import pytest
 import shapely
@@ -24,14 +24,14 @@ sizes = st.sampled_from([1e-3, 1e-2, 0.1])
 
 
 def box_of(theta, ahead, size, width):
-    """A box (5, 1) around a pair of benches of the classic size."""
+    """Return a box (5, 1) around a pair of benches of the classic size."""
     middle = np.array([theta, ahead, 11.42, 2.86, 1.65])
     wide = np.array([size * width[0], 0.1 * size * width[1], 0.02 * width[2], 0.005 * width[3], 0.005 * width[4]])
     return (middle - wide)[:, None], (middle + wide)[:, None]
 
 
 def bench(theta, angle, chord, scale):
-    """The rectangle of a bench in units of b, computed directly."""
+    """Return the rectangle of a bench in units of b, computed directly."""
     delta = step(theta, chord, first_guess(theta, chord))[0]
     front, rear = theta * np.exp(1j * angle), (theta + delta) * np.exp(1j * (angle + delta))
     u = (front - rear) / abs(front - rear)

@@ -1,4 +1,4 @@
-"""Candidates miss nothing that all pairs find, whatever the layout; and they are few if the dragon winds."""
+"""Candidates include all close pairs in any layout, and are few if the dragon winds."""
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from dragon_ros.core.tracks.spec import Spiral
 
 
 def placed(scene, share=None, t_s=0.0):
-    """Handles (N+1, 2) and benches of a scene at a time, or at a share of its run; assumes that the chain exists."""
+    """Return handles (N+1, 2) and benches of a scene at a time, or at a share of its run, if the chain exists."""
     try:
         chain = state(scene, t_s if share is None else share * compile_scene(scene).end.t_s * (1 - 1e-9))
     except DragonError:
@@ -30,7 +30,7 @@ def placed(scene, share=None, t_s=0.0):
 
 
 def chained(p, width, overhang):
-    """Benches between handles (N+1, 2)."""
+    """Return benches between handles (N+1, 2)."""
     link = p[:-1] - p[1:]
     length = np.hypot(*link.T)
     return Benches(0.5 * (p[1:] + p[:-1]), link / length[:, None], 0.5 * length + overhang,
@@ -38,7 +38,7 @@ def chained(p, width, overhang):
 
 
 def missed(p, benches, reach_m=None):
-    """Pairs within reach, by all pairs, that are not among the candidates."""
+    """Return the pairs within reach that are not among the candidates, from a test of all pairs."""
     reach = default_reach_m(benches) if reach_m is None else reach_m
     count = benches.half_length.size
     i, j = np.triu_indices(count, 2)
@@ -52,7 +52,7 @@ def missed(p, benches, reach_m=None):
 
 
 def falls_back(p, benches):
-    """Return whether only the boxes can guarantee the result."""
+    """Return whether only bounding boxes can guarantee the result."""
     sectors = broad_phase._sectors(p, benches, default_reach_m(benches))
     return sectors is None or broad_phase._polar_pairs(sectors) is None
 

@@ -27,7 +27,7 @@ def square(x, y, half):
 
 
 def random_venue(rng):
-    """A yard with a large house that has a courtyard, small houses, and bent walls; sometimes with an inside."""
+    """Return a yard with a large house that has a courtyard, small houses, and bent walls; sometimes with an inside."""
     obstacles = [PolygonObstacle('large', square(0, 0, 9.0), (square(0, 0, 6.0),))]
     for n in range(int(rng.integers(0, 6))):
         x, y, half = *rng.uniform(-30, 30, 2).tolist(), float(rng.uniform(0.1, 5))
@@ -40,7 +40,7 @@ def random_venue(rng):
 
 @st.composite
 def walks(draw):
-    """A venue, and layouts of benches that walk, drift, turn on the spot, stand or jump in it."""
+    """Draw a venue, and layouts of benches that walk, drift, turn on the spot, stand or jump in it."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     count = int(rng.integers(1, 14))
     centre, yaw = rng.uniform(-28, 28, (count, 2)), rng.uniform(-4, 4, count)
@@ -121,7 +121,7 @@ def test_few_pairs_are_computed_while_a_dragon_walks_along_a_wall(monkeypatch):
 
 
 def test_a_bench_that_walks_into_an_obstacle_and_out_of_it_stays_in_contact_while_it_is_inside():
-    """One list lasts for all looks, since the other bench is long."""
+    """One list is valid for all samples, since the other bench is long."""
     around = surroundings_of(Venue((PolygonObstacle('house', square(0, 0, 0.5)),)))
     near, touched = NearObstacles(around), []
     for k in range(32):

@@ -19,7 +19,7 @@ from hard_cases.problems import MIXED
 
 
 def of_all_pairs(benches):
-    """Clearance, closest pair, and the pairs that touch with their gaps, from all pairs, by independent code."""
+    """Return clearance, closest pair, and touching pairs with their gaps, from all pairs, by independent code."""
     i, j = np.triu_indices(benches.half_length.size, 2)
     if not i.size:
         return np.inf, None, [], []
@@ -30,7 +30,7 @@ def of_all_pairs(benches):
 
 
 def told(found):
-    """As ``of_all_pairs``."""
+    """Return a closeness in the form of ``of_all_pairs``."""
     return found.clearance_m, found.closest, list(zip(found.i, found.j, strict=True)), found.gap_m.tolist()
 
 
@@ -54,9 +54,9 @@ def poses(centre, yaw_rad, half_length, half_width):
 
 @st.composite
 def layouts(draw):
-    """Sequences of layouts: benches shaken, moved together, moved singly, moved elsewhere, or replaced."""
+    """Draw sequences of layouts: benches shaken, moved together, moved singly, moved elsewhere, or replaced."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
-    spread = draw(st.sampled_from([0.3, 3.0, 10.0, 40.0]))      # from deep overlaps to few that are near
+    spread = draw(st.sampled_from([0.3, 3.0, 10.0, 40.0]))      # from deep overlaps to few close pairs
 
     def fresh():
         count = int(rng.integers(1, 25))
@@ -103,7 +103,7 @@ def test_looks_at_any_layouts_equal_a_search_of_all_pairs(first_part, looks):
 
 @st.composite
 def converging(draw):
-    """Layouts of benches that move and turn evenly, each differently: mostly towards each other, or on the spot."""
+    """Draw layouts of benches that move and turn steadily, each differently: mostly towards others, or on the spot."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     count = int(rng.integers(3, 25))
     pace, spin, spread = draw(st.sampled_from([(0.05, 0.0, 15), (0.01, 0.02, 10), (0.002, 0.0, 5), (0.0, 0.1, 4)]))
@@ -154,13 +154,13 @@ def test_parts_that_come_nearer_to_the_origin_one_by_one_are_seen(monkeypatch, p
 
 
 def lying(centre, half=1.0, side=0.1):
-    """Benches along x at centres given as complex numbers."""
+    """Return benches along x at centres given as complex numbers."""
     count = len(centre)
     return poses(np.stack((centre.real, centre.imag), 1), np.zeros(count), np.full(count, half), np.full(count, side))
 
 
 def both_sides(step):
-    """Benches 0 and 2 each move a step towards the other; 4 and 6 are closest until those meet; 5 does not move."""
+    """Return a layout with benches 0 and 2 a step closer; 4 and 6 are closest until these meet; 5 does not move."""
     return lying(np.array([-1.3 + step, 20j, 1.3 - step, -20j, 10j, -10.65j, 10.25j]))
 
 
@@ -177,7 +177,7 @@ def test_gaps_are_taken_to_change_by_both_steps_and_no_more(step):
 
 
 def in_a_row(step, end=None):
-    """Benches in a row from the origin; those before the first part's end move a step outwards, later ones inwards."""
+    """Return benches in a row; those in the first part move a step outwards, those from ``end`` on inwards."""
     n = np.arange(24)
     return lying(0.5 + 0.11 * n + step * np.where(n < 4, 1, np.where(n >= (end or 24), -1, 0)) + 0j, 0.1, 0.001)
 
@@ -244,7 +244,7 @@ def test_a_large_dragon_that_winds_outwards_is_cut_from_its_tail():
 
 @pytest.fixture
 def searches(monkeypatch):
-    """The sizes of the dragons whose pairs were searched for."""
+    """Return a list that records the sizes of the dragons whose pairs are searched for."""
     out, search = [], near_pairs.candidates
 
     def counted(p, benches, reach_m=None):

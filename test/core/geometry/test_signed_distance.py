@@ -22,15 +22,16 @@ EPS = np.finfo(float).eps
 
 
 def rectangles(*rows):
-    """Rows of x, y, yaw, length, width."""
+    """Return benches from rows of x, y, yaw, length and width."""
     x, y, yaw, length, width = np.array(rows, dtype=float).T
     return Benches(np.stack((x, y), 1), np.stack((np.cos(yaw), np.sin(yaw)), 1), length / 2, width / 2)
 
 
 def by_shapely(benches, i=0, j=1):
-    """The signed gap from the Minkowski difference of the corners: how far the origin is outside or inside of it.
+    """Return the signed gap from the Minkowski difference of the corners: the distance of the origin from its boundary.
 
-    Taken about bench i, so that large coordinates do not enter twice; zero-size rectangles give lines and points.
+    It is computed relative to bench i, so that large coordinates do not enter twice; rectangles of zero size yield
+    lines and points.
     """
     own = benches.centre[i]
     one, two = ((Benches(benches.centre[[n]] - own, benches.axis[[n]], benches.half_length[[n]],
@@ -44,7 +45,7 @@ def by_shapely(benches, i=0, j=1):
 
 
 def ulps(benches):
-    """A few ulp of the coordinates and sizes."""
+    """Return a few ulps of the coordinates and sizes."""
     return 16 * EPS * float(np.max(np.abs(benches.corners)))
 
 

@@ -89,13 +89,13 @@ def reports(scene, ticks, tracker=None):
 
 
 def told(rows):
-    """Begins as (time, pair) and ends as (cause, pair), in order."""
+    """Return beginnings as (time, pair) and ends as (cause, pair), in order."""
     return [line for r in rows for line in [*((e.cause, e.benches) for e in r.ends),
                                             *(('begin', e.benches) for e in r.begins)]]
 
 
 def crossed(t_ns, gap_m, benches=4):
-    """Bench 0 and the last one ``gap_m`` apart, everything else far away; handles that do not wind."""
+    """Return bench 0 and the last bench ``gap_m`` apart, with all others far away and handles that do not wind."""
     centre = np.array([(50.0 * n, 0.0) for n in range(benches - 1)] + [(0.0, 1 + gap_m)])
     half = np.full(benches, 0.5)
     axis = np.tile([1.0, 0.0], (benches, 1))
@@ -156,7 +156,7 @@ def test_ticks_before_a_step_of_more_than_four_times_the_next_are_left_out_of_th
 
 
 def two_pairs(t_ns, first_m, second_m):
-    """Benches 0 and 3, and 1 and 4, with these gaps; everything else is far away."""
+    """Return benches 0 and 3, and 1 and 4, with these gaps, and all others far away."""
     centre = np.array([(0.0, 0.0), (50.0, 0.0), (100.0, 0.0), (0.0, 1 + first_m), (50.0, 1 + second_m)])
     half, axis, p = np.full(5, 0.5), np.tile([1.0, 0.0], (5, 1)), np.array([(n, (-1.0) ** n) for n in range(6)])
     return Observation(t_ns, p, Benches(centre, axis, half, half))

@@ -1,4 +1,4 @@
-"""The tracker in a venue: contacts with obstacles begin, end and are named like those of two benches."""
+"""The tracker in a venue: contacts with obstacles begin, end and are named like those between benches."""
 from dataclasses import replace
 
 import numpy as np
@@ -43,7 +43,7 @@ def test_the_event_of_an_obstacle_is_the_first_contact_within_what_a_tick_allows
     found, (first, *_) = first_contact(SCENE), [e for r in reports(tracked(), range(500)) for e in r.begins]
     assert (first.obstacle, first.benches) == (found.obstacle.name, (0, 5 + 1)) == ('post', (0, 6))
     assert first.before_ns < found.t_s * 1e9 <= first.after_ns
-    assert first.t_contact_s == pytest.approx(found.t_s, abs=1e-9)       # the gap shrinks evenly here
+    assert first.t_contact_s == pytest.approx(found.t_s, abs=1e-9)       # the gap shrinks at a constant rate here
     assert first.point_m == pytest.approx(found.point_m, abs=1e-6)
     assert first.approach_m_s == pytest.approx(1.0, abs=1e-9)
 

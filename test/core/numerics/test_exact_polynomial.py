@@ -1,4 +1,4 @@
-"""Polynomials in integers have the bits of rational arithmetic."""
+"""Polynomials in integer arithmetic are bit-identical to rational arithmetic."""
 from fractions import Fraction
 
 import pytest

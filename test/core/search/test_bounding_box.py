@@ -1,4 +1,4 @@
-"""The room that a run takes: bounds that meet, and no corner ever outside them, on every track and head law."""
+"""The space that a run requires: bounds meet, and no corner is ever outside them, for every track and head law."""
 from dataclasses import replace
 
 import numpy as np
@@ -179,7 +179,7 @@ def test_what_coordinates_gain_a_metre_is_enclosed_in_little_more_than_occurs(tr
     slope, most = bench.slopes(bench.states(places), bench.states(places + apart_m))
     at = [places + part * apart_m for part in np.linspace(0, 1, 9)]
     seen = np.array([(bench.states(here + step).value - bench.states(here - step).value) / (2 * step) for here in at])
-    smooth = np.all(np.abs(np.diff(seen, axis=0)) < apart_m, axis=0)        # no joint on the way
+    smooth = np.all(np.abs(np.diff(seen, axis=0)) < apart_m, axis=0)        # no joint in between
     assert np.mean(smooth) > 0.9
     assert np.all(np.abs(seen - slope.mid) <= slope.rad + 1e-8, where=smooth)
     assert np.all(np.mean(np.abs(seen), axis=0) * apart_m <= most + 1e-9, where=smooth)
@@ -191,7 +191,7 @@ def test_of_a_bench_on_a_line_the_bound_ahead_is_where_its_front_comes_to():
     bench = SweptBench(track_of(Composite((Line(30.0),))), 2.0, 1.0, 1e-9)
     low, high = bench.states(np.array([5.0])), bench.states(np.array([7.5]))
     assert bench.bounds(low, high)[0, :, 0] == pytest.approx(high.value[0, :, 0], abs=1e-8)
-    assert bench.slopes(low, high)[1] == pytest.approx(2.5, abs=1e-8)       # no corner goes further than a handle
+    assert bench.slopes(low, high)[1] == pytest.approx(2.5, abs=1e-8)       # no corner moves further than a handle
 
 
 def test_a_long_way_is_searched_all_the_same():

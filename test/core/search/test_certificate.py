@@ -1,4 +1,4 @@
-"""First contact is proved: every interval has a bound that holds, and the checker lets no forgery pass."""
+"""First contact is proved: the bound of every interval holds, and the checker rejects every forgery."""
 import copy
 from itertools import pairwise
 
@@ -56,7 +56,7 @@ def test_the_certificate_joins_from_the_start_to_a_nanometre_before_the_contact(
 
 
 def inside(first, scene, start, stop):
-    """The bound of a stretch and the smallest separation at places inside."""
+    """Return the bound of an interval and the smallest separation at positions inside."""
     watch = sampler(first, 40, scene)
     view = watch.sample(np.linspace(start, stop, 41))
     behind = np.array([scene.dragon.benches - 1 - first])
@@ -78,7 +78,7 @@ def test_bounds_hold_for_other_dragons_too(pitch, turns, length, first, body):
     scene = Scene(dragon=Dragon(60, body_length_m=0.55 + body, width_m=0.2), track=Spiral(pitch, turns))
     try:
         low, least = inside(first, scene, 2 * np.pi * turns, 2 * np.pi * turns + length)
-    except ChainLockError:      # another property
+    except ChainLockError:      # covered by another property
         return
     assert np.isneginf(low) or low <= least + 1e-12
 
@@ -122,7 +122,7 @@ def nearest(width):
 @pytest.mark.parametrize(('wanted', 'grazes'), [(1e-12, True), (1e-10, False)])
 def test_a_gap_within_what_positions_may_err_is_grazing_with_both_bounds(wanted, grazes):
     width, step = 0.3, 0.865235e-3
-    for _ in range(13):     # the gap falls by a little more than one for each unit of width
+    for _ in range(13):     # the gap decreases by slightly more than one per unit of width
         width += step
         step = nearest(width).gap_m - wanted
     assert abs(step) < 1e-13

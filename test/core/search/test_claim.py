@@ -1,4 +1,4 @@
-"""The claim of a search about a contact: how fast the gap closes there."""
+"""The claim of a search about a contact: the rate at which the gap closes."""
 import pytest
 
 from dragon_ros.core.chain.dragon import Dragon

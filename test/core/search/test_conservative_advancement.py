@@ -1,4 +1,4 @@
-"""On joined tracks every step of the search is cleared by a bound that holds, and the checker lets no forgery pass."""
+"""On composite tracks every step of the search is cleared by a valid bound, and the checker rejects every forgery."""
 import copy
 from dataclasses import replace
 from itertools import pairwise
@@ -104,7 +104,7 @@ def test_no_gap_between_two_looks_is_below_the_bound(benches, head, body, width,
 
 
 def spoken_for(scene, intervals, t_s):
-    """Return each pair's gap at a time, by shapely, and the bounds of all intervals that apply to it then."""
+    """Return each pair's gap at a time, by shapely, and the bounds of all intervals that apply to it at this time."""
     chain = state(replace(scene, solver='march'), t_s)
     along_m = chain.track.distances(chain.segment, chain.u)
     shapes = shapely.polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners)
@@ -171,7 +171,7 @@ def test_benches_that_touch_while_the_leader_still_rests_touch_from_the_start(kn
 
 
 def passing(width):
-    """A scene in which the head passes through a turn, and its nearest miss."""
+    """Return a scene in which the head passes through a turn, and its nearest miss."""
     scene = Scene(dragon=Dragon(24, width_m=width), track=STurn(1.2, before_m=100.0), run=Run(112, 118))
     none = NoContact(compile_scene(scene).end, 0, Certificate((Interval(ALL, 12.0, 18.0, 23, 0.0),)))
     return scene, near_misses(scene, none, 1.0).nearest[0]
@@ -218,7 +218,7 @@ RIGID = Scene(Dragon(4, 4.119728142305396, 4.119728142305396, 0.3, 1.05986407115
 
 
 def test_a_contact_that_closes_by_millimetres_a_metre_is_found_in_few_states():
-    """Steps that shrink with the gap alone never ended here: at a fixed point their bound was just too small."""
+    """Steps that depended only on the gap never ended here: at a fixed point their bound was just too small."""
     found = first_contact(SLOW)
     assert found.benches == (1, 3)
     assert found.approach_m_s / SLOW.head.speed_m_s < 8e-3
@@ -274,7 +274,7 @@ def bounds_of(domain, gone_m, way_m, i, j):
 
 
 def seen(domain, gone_m, i, j):
-    """Corners (2, 2, K, 4) of the second benches from the first, and the reverse, along and across."""
+    """Return corners (2, 2, K, 4) of the second benches in the first's frames and vice versa, along and across."""
     benches = domain.benches(gone_m)
     out = []
     for one, two in ((i, j), (j, i)):

@@ -23,7 +23,7 @@ A, B = np.array([0]), np.array([1])
 
 
 def rectangles(*rows):
-    """Rows of x, y, yaw, length, width."""
+    """Return benches from rows of x, y, yaw, length and width."""
     x, y, yaw, length, width = np.array(rows, dtype=float).T
     return Benches(np.stack((x, y), 1), np.stack((np.cos(yaw), np.sin(yaw)), 1), length / 2, width / 2)
 
@@ -102,7 +102,7 @@ def test_the_adjacent_layer_finds_the_closest_pair_that_all_pairs_find(pitch, tu
     scene = Scene(dragon=Dragon(60, head, body, min(width, 0.6 * pitch)), track=Spiral(pitch, turns))
     try:
         chain, benches, every = all_pairs(scene, 0.0)
-    except ChainLockError:   # the chain is locked there: another property
+    except ChainLockError:   # the chain is locked there, which another property covers
         return
     gap = gaps(benches, *every)
     if np.min(gap) < 0.1 * pitch:

@@ -1,4 +1,4 @@
-"""The first contact in a venue, against shapely at many places of the leader: which comes first, and when."""
+"""The first contact in a venue and its time, against shapely at many positions of the leader."""
 import json
 import subprocess
 import sys
@@ -26,7 +26,7 @@ from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.spec import Composite, Line
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
 
-TELL = 1e-9         # s: so close to a contact shapely may already find a touch
+TELL = 1e-9         # s: this close to a contact, shapely may already find a touch
 ALONG = Scene(Dragon(5), Composite((Line(200.0),), 20.0), run=Run(stop_s=60.0))
 TENT = PolygonObstacle('tent', ((-9.0, -9.0), (99.0, -9.0), (99.0, 9.0), (-9.0, 9.0)))
 TRACK = 'track={kind: joined, pieces: [{kind: line, length_m: 200}], start_m: 20}'
@@ -57,7 +57,7 @@ def test_the_first_contact_is_the_one_that_shapely_sees(name):
 
 
 def test_the_first_contact_is_the_one_that_shapely_sees_every_millimetre(request):
-    """With --long in 200 venues: 20 for each of ten scenes."""
+    """With --long there are 200 venues, 20 for each of ten scenes."""
     every = SCENES | MORE if request.config.getoption('--long', default=False) else {'street': SCENES['street']}
     found = [compare(with_venue(scene, seed), 1e-3 if len(every) > 1 else 0.01)
              for scene in every.values() for seed in range(10, 30 if len(every) > 1 else 12)]
@@ -67,7 +67,7 @@ def test_the_first_contact_is_the_one_that_shapely_sees_every_millimetre(request
 
 def test_a_wall_across_the_track_is_met_by_the_head_where_it_is():
     found = first_contact(replace(ALONG, venue=Venue((WALL,))))
-    front_m = 20.0 + 0.275      # of the head, beyond its front handle
+    front_m = 20.0 + 0.275      # front end of the head, beyond its front handle
     assert found.t_s == pytest.approx(60.0 - front_m, abs=1e-11)
     assert (found.benches, found.obstacle.name, found.obstacle.corner_m) == ((0,), 'wall', None)
     assert found.obstacle.edge_m == WALL.points_m
@@ -81,7 +81,7 @@ def test_a_corner_that_pokes_at_a_bench_is_named_as_the_obstacle_s():
     found = first_contact(replace(ALONG, venue=Venue((post,))))
     assert found.obstacle.corner_m == (60.0, 0.0)
     assert (found.witness.owner, found.witness.other, found.witness.edge) == (OBSTACLE, 0, 'front')
-    assert [name for _, name in found.simultaneous] == []       # both edges at that corner are of one obstacle
+    assert [name for _, name in found.simultaneous] == []       # both edges at that corner belong to one obstacle
 
 
 def test_the_tail_meets_first_what_lies_behind_it_when_the_dragon_goes_back():
@@ -106,7 +106,7 @@ def test_leaving_the_inside_is_a_contact_and_so_is_one_at_the_start():
 
 @pytest.mark.parametrize(('away_m', 'touches'), [(1e-9, False), (-1e-9, True)])
 def test_a_wall_alongside_a_nanometre_away_is_not_touched(away_m, touches):
-    """It is parallel to the track: half a width of a bench is 0.15 m."""
+    """The wall is parallel to the track; half the width of a bench is 0.15 m."""
     wall = LineObstacle('wall', ((40.0, 0.15 + away_m), (45.0, 0.15 + away_m)))
     found = first_contact(replace(ALONG, venue=Venue((wall,))))
     assert isinstance(found, Contact if touches else NoContact)
@@ -114,7 +114,7 @@ def test_a_wall_alongside_a_nanometre_away_is_not_touched(away_m, touches):
 
 
 def test_a_slow_kiss_of_an_arc_and_a_wall_grazes_or_touches_as_its_gap_says():
-    """On the outside of a bend the head's corner goes furthest out at one place: a wall there is met at a tangent."""
+    """Outside a bend the head's corner is furthest out at a single position, where a wall is touched tangentially."""
     scene = SCENES['street']
     corners = corners_at(scene, times_of(scene, 0.001))
     far = float(np.max(corners[..., 0]))
@@ -145,7 +145,7 @@ def test_windows_hold_every_place_of_every_bench_once(name):
 
 
 def test_bounds_leave_room_for_what_positions_and_roundings_may_err():
-    """They hold for benches displaced by the error: no bound rises, and one falls by more than a tenth of the error."""
+    """Bounds hold for benches displaced by the error: none increases, and one decreases by over a tenth of it."""
     scene = with_venue(SCENES['street'], 3)
     domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 20.0), 1, lambda states: None)
     bench, edge = swept_bench(domain, 1), np.arange(domain.around.owner.size)
@@ -172,7 +172,7 @@ def test_the_bound_at_one_place_is_the_gap_less_what_it_may_be_rounded_by():
 
 @pytest.mark.parametrize(('errors', 'is_clear'), [(3.8, False), (4.6, True)])
 def test_a_bench_along_a_wall_is_clear_only_if_errors_of_its_handles_cannot_turn_a_corner_into_it(errors, is_clear):
-    link_m = 2.2 / 3.9      # a corner errs by the error of a handle times 1 + 2 overhang / link
+    link_m = 2.2 / 3.9      # the error of a corner is that of a handle times 1 + 2 overhang / link
     scene = replace(ALONG, dragon=Dragon(2, 2.2, 2.2, 0.3, 0.5 * (2.2 - link_m)), run=Run(0.0, 1.0))
     wall = LineObstacle('wall', ((14.0, 0.15 + errors * 2e-12), (23.0, 0.15 + errors * 2e-12)))
     domain = SearchDomain(replace(scene, venue=Venue((wall,))), RangeOfTravel(scene.head, 0.0, 1.0), 1, lambda _: None)

@@ -1,4 +1,4 @@
-"""Contact on tracks of pieces and by laws: candidates, and the classic contact followed in time."""
+"""Contact on composite tracks and under head laws: candidates, and the classic contact followed in time."""
 from dataclasses import replace
 
 import numpy as np

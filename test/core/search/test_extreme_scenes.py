@@ -1,4 +1,4 @@
-"""However extreme a valid scene is, its search ends with an answer or a one-line error, after few states."""
+"""The search of any valid scene, however extreme, ends after few states with an answer or a one-line error."""
 from contextlib import suppress
 
 import pytest

@@ -1,4 +1,4 @@
-"""A proof for a family holds for its dragons, proves nearly all that is possible, and states its limits."""
+"""The proof for a family holds for its dragons, is almost as strong as possible, and states its limits."""
 from dataclasses import replace
 from functools import cache
 from itertools import product
@@ -37,7 +37,7 @@ def contact_s(scene):
 
 
 def drawn(scene, within, draw, corner):
-    """A dragon of a family, with one width and inset for all benches: anywhere in the box, or in a corner of it."""
+    """Draw a dragon of a family, with a common width and inset, from the whole box or from its corners."""
     def off(key, count=1):
         share = draw.uniform(-1, 1, count)
         return within.get(key, 0.0) * (np.sign(share) if corner else share)

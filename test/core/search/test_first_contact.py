@@ -25,7 +25,7 @@ from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
 from dragon_ros.scenes import certificate
 
-CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # between two places where its body touches, with 4.28 turns to go
+CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # at 4.28 turns, between two positions at which its body touches
 
 
 @examples(15)
@@ -106,7 +106,7 @@ def test_a_run_without_contact_says_how_it_ended_and_is_proved(scene, reason):
 
 
 def test_a_second_handle_that_turns_back_near_the_lock_hides_nothing():
-    """The head continues inwards and the rest comes out again: the last half second of a run of narrow benches."""
+    """In the last half second of a run of narrow benches the head continues inwards and the rest moves out again."""
     scene = Scene(dragon=Dragon(30, width_m=0.01), run=Run(432.0))
     times = np.linspace(432, compile_scene(scene).end.t_s, 50)
     places = [float(np.hypot(*state(scene, t_s).p[1])) / scene.track.b_m for t_s in times]
@@ -119,7 +119,7 @@ def test_a_second_handle_that_turns_back_near_the_lock_hides_nothing():
 
 
 def test_a_certain_contact_after_a_near_miss_is_not_called_grazing():
-    """The near miss of bench 11 is a few picometres wide, and benches 0 and 8 cross 2.6 s later."""
+    """The near miss of bench 11 has a gap of a few picometres, and benches 0 and 8 cross 2.6 s later."""
     scene = Scene(dragon=Dragon(20, width_m=0.30097406869751), run=Run(408.0))
     found = first_contact(scene)
     assert (found.benches, found.grazing_m) == ((0, 8), None)

@@ -1,4 +1,4 @@
-"""The largest speed of any handle, and hence of the leader: on every track, under every law, led by head and tail."""
+"""The largest speed of any handle, and hence of the leader, on every track, under every law, with both leaders."""
 from dataclasses import replace
 from itertools import pairwise
 from math import inf, nextafter
@@ -71,7 +71,7 @@ def fastest_seen(scene, count):
 
 
 def check(scene, found, count=200):
-    """Compare an answer with many states: none is faster, and the named handle attains the speed at the named time."""
+    """Compare an answer with many states: none is faster, and the named handle has the speed at the named time."""
     seen, leader = fastest_seen(scene, count)
     top = _top(scene) or 1.0
     assert seen <= found.bound * top * (1 + 1e-9)       # batched states are accurate but not bit-identical
@@ -80,11 +80,11 @@ def check(scene, found, count=200):
     t_s = _when(scene, found.gone_m)
     chain = compile_scene(scene).model.march(scene.head.travelled_m(t_s))
     speed = np.hypot(*chain.velocities(1.0)[found.handle])
-    assert found.ratio <= speed * (1 + 1e-6 * speed**2)     # a place of the leader to 1e-14 of the run
+    assert found.ratio <= speed * (1 + 1e-6 * speed**2)     # the leader's position is accurate to 1e-14 of the run
 
 
 def _top(scene):
-    """Return the leader's largest speed in a run, its end included: at a break of the law, on either side of it."""
+    """Return the leader's largest speed in a run, including its end, on both sides of each break of the law."""
     if isinstance(scene.head, Head):
         return abs(scene.head.speed_m_s)
     end_s = compile_scene(scene).end.t_s
@@ -94,7 +94,7 @@ def _top(scene):
 
 
 def _when(scene, gone_m):
-    """Return a time of the run at which the leader has gone this far."""
+    """Return a time of the run at which the leader has travelled this far."""
     times = np.linspace(scene.run.start_s, compile_scene(scene).end.t_s, 401)
     gone = np.array([scene.head.travelled_m(t)[0] for t in times.tolist()])
     n = int(np.argmin(np.abs(gone - gone_m)))

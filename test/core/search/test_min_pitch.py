@@ -1,4 +1,4 @@
-"""The smallest pitch is the true one, bracketed, and first_contact says the same on both sides of it."""
+"""The smallest pitch is correct and bracketed, and agrees with ``first_contact`` on both sides."""
 import json
 from pathlib import Path
 

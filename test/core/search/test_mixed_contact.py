@@ -1,4 +1,4 @@
-"""First contacts of mixed benches: the classic list has the classic one, and any other is compared with shapely."""
+"""First contacts of mixed benches: the classic list has the classic contact; others are compared with shapely."""
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Near misses are local minima of the gap of any pair, whatever the track, law, leader and mix."""
+"""Near misses are local minima of the gap of any pair, for any track, law, leader and mix of benches."""
 from functools import lru_cache
 
 import numpy as np
@@ -37,7 +37,7 @@ SCENES = {
 
 
 def pairs_near(benches, below_m):
-    """The pairs of benches whose circumscribed circles come so near at any of the times; others have larger gaps."""
+    """Return the pairs of benches whose circumscribed circles come this close at any of the times."""
     i, j = np.triu_indices(benches.centre.shape[1], 2)
     reach_m = np.hypot(benches.half_length, benches.half_width)
     near = np.zeros(i.size, dtype=bool)
@@ -47,7 +47,7 @@ def pairs_near(benches, below_m):
 
 
 def gaps_at(benches, times, i, j):
-    """The gaps of pairs of benches at some of the times, as (times, pairs)."""
+    """Return the gaps (times, pairs) of pairs of benches at the given times."""
     count = benches.centre.shape[1]
     every = type(benches)(benches.centre[times].reshape(-1, 2), benches.axis[times].reshape(-1, 2),
                           np.tile(benches.half_length, times.size), np.tile(benches.half_width, times.size))
@@ -56,7 +56,7 @@ def gaps_at(benches, times, i, j):
 
 
 def scanned(scene, below_m, end_s, per_s=100):
-    """The local minima of all gaps in a scan over time, as (pair, time, gap)."""
+    """Return the local minima of all gaps in a scan over time, as (pair, time, gap)."""
     times = np.arange(scene.run.start_s, end_s, 1 / per_s)
     chain = states(scene, times.tolist())
     benches = benches_of(chain, scene.dragon, axes_of(chain))
@@ -70,7 +70,7 @@ def scanned(scene, below_m, end_s, per_s=100):
 
 @lru_cache
 def answers(name):
-    """The first contact of a scene and its near misses."""
+    """Return the first contact of a scene and its near misses."""
     scene, below_m = SCENES[name]
     found = first_contact(scene)
     return found, near_misses(scene, found, below_m)

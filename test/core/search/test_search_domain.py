@@ -11,7 +11,7 @@ from properties import examples
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.search.search_domain import RangeOfTravel
 
-# On to 4 m at 4 s, back to 2 m at 6 s, a rest until 7 s, on to 5 m at 10 s, and on without an end.
+# The leader moves on to 4 m at 4 s, back to 2 m at 6 s, rests until 7 s, and moves on to 5 m at 10 s and beyond.
 JUMPS = Profile(((0.0, 1.0), (4.0, 1.0), (4.0, -1.0), (6.0, -1.0), (6.0, 0.0), (7.0, 0.0), (7.0, 1.0), (10.0, 1.0)))
 THERE = RangeOfTravel(JUMPS, 0.0, 10.0)
 

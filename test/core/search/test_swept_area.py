@@ -1,4 +1,4 @@
-"""The room that benches take beside a track, against the exact values for a straight line and a circle."""
+"""The space that benches occupy beside a track, against the exact values for a straight line and a circle."""
 from math import hypot, sqrt
 
 import numpy as np

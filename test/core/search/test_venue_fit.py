@@ -55,7 +55,7 @@ def test_gaps_are_those_of_shapely_in_many_venues(request):
 
 
 def test_bounds_hold_between_the_ends_of_cells():
-    """Each is below all sampled gaps in between; with half the corners' travel it would not be."""
+    """Each bound is below all sampled gaps in between; with half the corners' travel it would not be."""
     for name, scene in SCENES.items():
         around, ranges = surroundings_of(random_venue(scene, 3)), HandleRanges(scene)
         for benches in by_length(scene.dragon.bench_lengths_m):
@@ -75,7 +75,7 @@ def test_bounds_hold_between_the_ends_of_cells():
 
 
 def least_of(d, start, stop, middle, radius, h, way_m=np.inf):
-    """The bound for four corners that move alike; ``middle`` and ``radius`` are complex, with parts for x and y."""
+    """Return the bound for four corners with equal motion; ``middle`` and ``radius`` have complex parts for x and y."""
     slope = Ball(*(np.tile([one.real, 0.0, one.imag], (1, 4, 1)) for one in (complex(middle), complex(radius))))
     ends = np.full((1, 4), complex(start)), np.full((1, 4), complex(stop))
     found = least_along(np.array([complex(d)]), ends, slope, 0.0, np.full((1, 1), h), np.full((1, 4), way_m))
@@ -85,7 +85,7 @@ def least_of(d, start, stop, middle, radius, h, way_m=np.inf):
 
 @pytest.mark.parametrize('d', [1, 1j, -1, -1j])
 def test_a_corner_that_turns_back_as_sharply_as_its_slopes_allow_is_at_its_least_coordinate(d):
-    """The corner moves against the direction at full speed, then along it; a ball about 0 attains the bound."""
+    """The corner moves against the direction at full speed, then along it; for a ball about 0 the bound is attained."""
     start, radius, h = 2.0 - 1.0j, 1.5, 0.3
     for middle in (0.0, 0.4, -0.7, -2.5):
         met = start + d * (middle - radius) * h / 2

@@ -1,4 +1,4 @@
-"""Windings of any pitch: placed as the march does, and bounded inside a cell by what is derived from its corners."""
+"""Windings of any pitch agree with the march, and bounds derived from a cell's corners hold inside the cell."""
 import numpy as np
 import pytest
 
@@ -28,7 +28,7 @@ def descending(first, dragon=DRAGONS[0]):
 
 
 def bounds(radii, scales, dragon, first):
-    """Bounds (K-2, 2) of second derivatives by radius and by scale on a cell, in units of b."""
+    """Return bounds (K-2, 2) on second derivatives by radius and by scale in a cell, in units of b."""
     (low, high), (small, large) = radii, scales
     ends = winding([low, low, high, high], [small, large, small, large], dragon, first)
     theta, delta = between(ends.theta[:1], ends.theta[3:]), between(ends.delta[1:2], ends.delta[2:3])
@@ -39,7 +39,7 @@ def bounds(radii, scales, dragon, first):
 
 
 def corners(radius_m, scale, dragon, first):
-    """Corners of benches 2 and on in the frame of the leading bench, and of its own in theirs, (M, K-2, 2, 4)."""
+    """Return corners (M, K-2, 2, 4) of benches from 2 on in the leading bench's frame, and of the latter in theirs."""
     chain, scale = winding(radius_m, scale, dragon, first), np.broadcast_to(scale, np.shape(radius_m))
     middle, axis = chain.centre, chain.axis
     half = 0.5 * dragon.bench_lengths_m[first:first + COUNT] * scale[:, None]
@@ -50,7 +50,7 @@ def corners(radius_m, scale, dragon, first):
 
 
 def second_differences(radius_m, scale, dragon, first):
-    """Largest second derivatives (K-2, 2) of corners by radius and by scale at one place."""
+    """Return the largest second derivatives (K-2, 2) of corners by radius and by scale at one position."""
     h, k = 3e-3, 3e-4 * scale
     found = corners(radius_m + h * np.array([-1, 0, 1, 0, 0]), scale + k * np.array([0.0, 0, 0, -1, 1]), dragon, first)
     return (np.max(np.abs(found[0] - 2 * found[1] + found[2]), axis=-1) / h**2,

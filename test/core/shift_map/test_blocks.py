@@ -1,6 +1,6 @@
-"""Blocks of equal links from shift maps on any track, behind a head or a tail: as exact as the march at every joint.
+"""Blocks of equal links from shift maps are as exact as the march on any track, at every joint, for either leader.
 
-The promises against the 50-digit reference are kept in test_accuracy, with and without shift maps.
+The promises are tested against the 50-digit reference in test_accuracy, with and without shift maps.
 """
 from dataclasses import replace
 from math import inf
@@ -32,7 +32,7 @@ from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc,
 from hard_cases.dances import dances
 
 CASES = {problem.name: problem for problem in dances()}
-MARCHED = {'turn-joined-handles', 'far-joined'}        # links of no length; coordinates of 16 km
+MARCHED = {'turn-joined-handles', 'far-joined'}        # links of zero length; coordinates of 16 km
 TURNING, UNWINDING = CASES['turning'].scene, CASES['unwinding'].scene
 SHORT = Dragon(12, 2.2, 1.6)
 
@@ -43,7 +43,7 @@ tracks = st.lists(lines | arcs | winds, min_size=1, max_size=7)
 
 
 def placement(track, links, direction):
-    """Return a placement with shift maps of its own, none of whose tiles is built."""
+    """Return a placement with its own shift maps, without any tiles yet."""
     maps = {link_m: ShiftMap(track, link_m, count, direction, EXACT)
             for link_m, count in lengths_with_maps(links).items()}
     return Placement(track, links, direction, maps)
@@ -54,7 +54,7 @@ def march(scene):
 
 
 def dance(pieces, lead):
-    """Return a dance over all of a track that begins with a line and ends with one."""
+    """Return a scene that covers a whole track, extended by a line at both ends."""
     try:
         track = Composite((Line(1.0), *pieces, Line(1.0)))
         end_m = track_of(track).end_m
@@ -70,7 +70,7 @@ def dance(pieces, lead):
 def agree(scene, t_s):
     """Compare the chain and its velocities, alone and in a batch, with the march, within the promise."""
     one, other, many = state(scene, t_s), state(march(scene), t_s), states(scene, [t_s, t_s])
-    atol = 0.5 * compile_scene(scene).promise_m        # each may err by a quarter
+    atol = 0.5 * compile_scene(scene).promise_m        # the error of each may be a quarter
     v = velocity_of(march(scene), other, t_s)
     fast = max(1.0, float(np.max(np.hypot(*v.T)))) ** 2
     np.testing.assert_allclose(one.p, other.p, rtol=0, atol=atol)

@@ -1,4 +1,4 @@
-"""One link before a block: a leader's own series put the whole chain into one product, on any track, at either end."""
+"""A leader one link before a block has its own series, so that one product gives the whole chain on any track."""
 import numpy as np
 import pytest
 from test_blocks import TURNING, placement

@@ -1,6 +1,6 @@
-"""The shift map of a spiral: all handles at once, as exact as handle after handle.
+"""The shift map of a spiral gives all handles at once, as exactly as forward placement.
 
-Its promises against the 50-digit reference are kept in test_accuracy.
+Its promises are tested against the 50-digit reference in test_accuracy.
 """
 from dataclasses import replace
 from itertools import product
@@ -30,7 +30,7 @@ from hard_cases.dances import dances
 from hard_cases.problems import problems
 
 CLASSIC, MARCHED = Scene(), Scene(solver='march')
-# Their blocks of equal links are shorter than 8, or their links so short that a tile would be shorter than the dragon.
+# Their blocks have fewer than 8 links, or links so short that a tile would be shorter than the dragon.
 MARCHED_CASES = {'centre', 'joined-handles', 'almost-joined', 'mixed-lock'}
 
 
@@ -41,7 +41,7 @@ def tiles(scene):
 
 
 def tile(scene, t_s):
-    """Return the one tile of a scene that a state needs, in a shift map of its own."""
+    """Return the single tile of a scene that a state needs, in a new shift map."""
     (link_m, links), = lengths_with_maps(scene.dragon.link_lengths_m).items()
     model = compile_scene(scene).model
     shift = ShiftMap(model.track, link_m, links, model.direction, model.tier)
@@ -87,7 +87,7 @@ def test_where_all_parts_are_on_one_spiral_the_nodes_of_one_span_tell_where_thei
     monkeypatch.setattr(build, '_by_series', checked)
     tile(scene, 0.0)
     assert off_m
-    assert max(off_m) < 5e-14       # rounding of hundreds of rows; the promise is 2e-12
+    assert max(off_m) < 5e-14       # rounding errors over hundreds of rows; the promise is 2e-12
 
 
 def test_series_that_end_in_their_rounding_are_not_cut_on_and_on(monkeypatch):
@@ -259,7 +259,7 @@ def test_of_a_dragon_so_long_that_its_product_takes_longer_a_coarser_tier_has_fe
 
 
 def kept(scene):
-    """Return how many cells, with their series, are kept for single states of a scene."""
+    """Return the number of cells that are cached with their series for single states of a scene."""
     return sum(len(entrance._cells) for shift in compile_scene(scene).model.placement.maps.values()
                for tile in shift.tiles for entrance in (tile.entrance, *filter(None, tile.entrances.values())))
 
@@ -267,7 +267,7 @@ def kept(scene):
 @pytest.mark.parametrize('dragon', [Dragon(60), Mixed((Group(3.41), Group(2.2, 12), Group(2.5, 12)))],
                          ids=['classic', 'mixed'])
 def test_a_run_of_any_length_keeps_the_series_of_a_few_cells(dragon):
-    """The run is 3 km long, through several tiles and many stretches; in a soak test, sim's memory grew by 45 kB/s."""
+    """The run of 3 km covers several tiles and many stretches; in a soak test, sim's memory grew by 45 kB/s."""
     scene = Scene(dragon=dragon, track=Spiral(0.55, 1e5), run=Run(0.0, 3000.0, 1.0))
     first = tick(scene, 0).chain.p.tobytes()
     most = 0
@@ -330,7 +330,7 @@ LAST = {'places': (1.0, 1.0), 'motions': (1.0, 2.0), 'coordinates': (5.0, 1.0), 
 @pytest.mark.parametrize('term', [-2, -1])
 @pytest.mark.parametrize('name', LAST)
 def test_what_either_of_the_last_two_terms_contributes_is_told_in_units_of_the_error(name, term):
-    """Half a part is 5 m, a link 2 m: so far a place moves by a coordinate's term, and a velocity is multiplied."""
+    """A coordinate's term moves a position by half a part, 5 m, and a velocity's term counts times a link, 2 m."""
     parts, rows, error_m = 2, 3, np.array([1e-3, 1e-6, 1e-3])
     series = {key: np.zeros((parts, build.NODES, rows * (2 if key in ('places', 'motions') else 1))) for key in LAST}
     series['places'][:, 1, ::2] = 5.0

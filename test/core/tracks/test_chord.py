@@ -22,7 +22,7 @@ def test_a_step_spans_its_chord_and_is_the_smallest_root(theta, chord):
 
 
 def test_the_plain_cosine_rule_loses_the_digits_that_the_stable_form_keeps():
-    # Far out a link spans little: r1^2 + r2^2 - 2 r1 r2 cos(delta) cancels to nothing, the stable form does not.
+    # Far out a link spans a small angle: r1^2 + r2^2 - 2 r1 r2 cos(delta) cancels, but the stable form does not.
     theta, delta = 1.23456789e8, 1.37e-7
     with mpmath.workdps(50):
         a, b = mpmath.mpf(theta), mpmath.mpf(theta) + mpmath.mpf(delta)

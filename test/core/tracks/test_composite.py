@@ -1,4 +1,4 @@
-"""Composite tracks: links across joints, the first place at a link's length, and what is refused."""
+"""Composite tracks: links across joints, the first position at a link's length, and rejected input."""
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
@@ -104,7 +104,7 @@ def test_just_past_an_arc_the_next_handle_is_at_the_very_end_of_its_reach_and_as
 
 
 def test_a_link_across_a_joint_just_passed_keeps_its_length():
-    """Newton's steps leave the bracket there, whose end is next to the root, and bisection alone is not exact."""
+    """Newton's steps leave the bracket, whose end is next to the root, and bisection alone is not exact."""
     turn = STurn(1.3739674042962116, 8.25888768959588, 1.5403046253142452)
     dragon = Dragon(7, 2.2060197130833377, 1.0938917775107062, hole_inset_m=0.2)
     scene = Scene(dragon=dragon, track=turn, run=Run(0, 25))
@@ -115,7 +115,7 @@ def test_a_link_across_a_joint_just_passed_keeps_its_length():
 @pytest.mark.parametrize('radius_m', [2.29, 2.92, 3.9, 3.91, 4.99])
 @pytest.mark.parametrize('solver', ['table', 'march'])
 def test_where_one_link_spans_an_arc_exactly_the_follower_is_on_the_joint(radius_m, solver):
-    """A link of the radius spans an arc of 60 degrees: rounding could put the follower a hair beyond its joint."""
+    """A link as long as the radius spans an arc of 60 degrees; rounding could place the follower beyond the joint."""
     dragon = Dragon(8, radius_m + 0.4, radius_m + 0.4, 0.3, 0.2)
     scene = Scene(dragon=dragon, track=Composite((Line(10.0), Arc(radius_m, 60.0))), solver=solver)
     last = state(scene, compile_scene(scene).end.t_s)

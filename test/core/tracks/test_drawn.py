@@ -27,13 +27,13 @@ def routed(*parts, radius_m=RADIUS_M, tolerance_m=TOLERANCE_M):
 
 
 def laid(route):
-    """The track of a route from where the drawing begins, as points close together."""
+    """Return the track of a route from the start of the drawing as closely spaced points."""
     track = track_of(Composite(route.pieces))
     return LineString(polyline(track, route.lead_in_m, track.end_m, 1e-5))
 
 
 def apart_m(route, drawn):
-    """The Hausdorff distance of a track and a drawing, both cut into short parts."""
+    """Return the Hausdorff distance of a track and a drawing, both cut into short parts."""
     return hausdorff_distance(segmentize(laid(route), 0.02),
                               segmentize(LineString(np.stack((drawn.real, drawn.imag), axis=1)), 0.02))
 

@@ -1,4 +1,4 @@
-"""Random joined tracks, long and short, near and far, against the 60-digit code that made the reference data."""
+"""Random composite tracks, long and short, near and far, against the 60-digit code of the reference data."""
 import importlib
 from dataclasses import replace
 from math import exp, log
@@ -27,7 +27,7 @@ def walk():
 
 
 def between(dice, low, high):
-    """Return a number between two, each order of magnitude as likely."""
+    """Return a number between two, with equal probability for each order of magnitude."""
     return exp(log(low) + dice.random() * (log(high) - log(low)))
 
 
@@ -44,7 +44,7 @@ def piece(dice, link_m):
 
 
 def scene_of(seed):
-    """Return a dragon of 4 benches, or another size of one, at the end of a joined track or within it."""
+    """Return a dragon of 4 benches, scaled to some size, at the end of a composite track or within it."""
     dice = Random(seed)
     size = 10.0**(3 * int(4 * dice.random()) - 3)
     track = Composite(tuple(piece(dice, 1.65 * size) for _ in range(1 + int(4 * dice.random()))))

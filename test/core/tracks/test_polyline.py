@@ -1,4 +1,4 @@
-"""The line that is drawn for the track."""
+"""The polyline that represents the track in drawings."""
 import numpy as np
 import pytest
 import shapely

@@ -105,7 +105,7 @@ def test_newton_on_the_arc_length_converges_quadratically():
 @given(st.floats(1e-3, 1e5), st.floats(0.0, 1.0), st.floats(-0.5, 0.5))
 @example(1e5, 1.0, 0.5)
 def test_the_distance_of_a_place_has_more_digits_than_a_float(start_turns, share, ulps):
-    """From millions of kilometres a float would leave out tenths of a micrometre."""
+    """At millions of kilometres a single float would lose tenths of a micrometre."""
     spiral = SpiralCurve.of(Spiral(0.55, start_turns))
     theta = spiral.start.hi * share
     lo = float(ulps * np.spacing(theta))

@@ -1,4 +1,4 @@
-"""The design questions about the turn: figures to 9 digits and more, and the claims beside them."""
+"""The design questions about the turn: figures to 9 digits or more, and related claims."""
 from math import degrees
 
 import numpy as np
