@@ -1,7 +1,7 @@
-"""Write a study in a child that is killed before its n-th change of a file, and continue in another one, for every n.
+"""Write a study in a child that is killed before its n-th change of a file, and continue in another child, for every n.
 
-``python killed_writer.py FOLDER STEP`` takes each STEP-th n. It prints how many changes there are, and ends with an
-error if a row is lost or doubled.
+``python killed_writer.py FOLDER STEP`` uses every STEP-th n. It prints the number of changes, and ends with an error if
+a row is lost or duplicated.
 """
 import os
 import signal
@@ -75,7 +75,7 @@ def killed(number: int, folder: Path) -> None:
 
 
 def main(folder: Path, step: int) -> None:
-    """Kill at each ``step``-th change."""
+    """Kill the writer at every ``step``-th change."""
     dataset.BLOCK = 8
     for number in range(1, 1000, step):
         each = folder / str(number)

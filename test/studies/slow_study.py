@@ -1,6 +1,6 @@
-"""A study whose rows take a few hundredths of a second: enough time for something to happen half way.
+"""A study whose rows take a few hundredths of a second, so that something can happen halfway.
 
-Half of them are rejected, since the chain is locked from the start.
+Half of the rows are rejected, since the chain is locked from the start.
 """
 SLOWER = """
 set: {dragon: {benches: 24}, run: {start_s: 405, stop_s: 411}}

@@ -1,6 +1,6 @@
-"""Studies on Dask, the real thing: a scheduler and workers on loopback, killed, full and interrupted.
+"""Studies on a real Dask scheduler and workers on loopback that are killed, interrupted or out of disk space.
 
-Each ends with the data set of an undisturbed run: the rows that this process computes alone.
+Each study ends with the data set of an undisturbed run: the rows that this process computes alone.
 """
 import json
 import os
@@ -43,7 +43,7 @@ QUESTIONS['lock'].answer = deadly
 
 @contextmanager
 def started(*arguments, **environment):
-    """Start a program of Dask, and end it."""
+    """Start a program of Dask, and end it afterwards."""
     process = subprocess.Popen([sys.executable, '-m', 'dask', *map(str, arguments)], start_new_session=True,
                                env={**os.environ, 'PYTHONPATH': str(ROOT), **environment},
                                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -74,7 +74,7 @@ def dask_cluster(folder, *options, count=1, scheduler=(), **environment):
 
 @pytest.fixture(scope='module')
 def shared(tmp_path_factory):
-    """A scheduler and two workers, with nannies that restart them."""
+    """Yield a scheduler and two workers, with nannies that restart them."""
     with dask_cluster(tmp_path_factory.mktemp('dask'), count=2) as (file, _, workers):
         yield file, workers
 
@@ -85,7 +85,7 @@ def undisturbed(study, without_times):
 
 
 def half_way(act):
-    """Return a progress callback that acts once, half way."""
+    """Return a progress callback that acts once, halfway."""
     acts = [act]
 
     def tell(progress):
@@ -216,7 +216,7 @@ def test_ctrl_c_ends_a_study_in_order_and_says_how_to_go_on(tmp_path):
                                start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     while process.poll() is None and not list(tmp_path.glob('data/rows/*.parquet')):
         Event().wait(0.01)
-    os.killpg(process.pid, signal.SIGINT)       # as a terminal does: all processes get it
+    os.killpg(process.pid, signal.SIGINT)       # as a terminal does, to all processes
     out, err = process.communicate(timeout=LONGEST_S)
     assert process.returncode == 1, err
     assert 'to continue: ./dragon study study.yaml --output data --workers 1' in err

@@ -1,1 +1,1 @@
-"""Helpers beside this file (``runs``) are imported by the tests of this room."""
+"""Make the helpers beside this file (such as ``runs``) importable for the tests in this folder."""

@@ -1,4 +1,4 @@
-"""Benches on a track as the checker holds them, on intervals of the leading handle: shared by the tests of bounds."""
+"""Benches on a track in the checker's form, on intervals of the leading handle, for the tests of bounds."""
 from flint import acb, arb
 from hypothesis import assume
 from hypothesis import strategies as st
@@ -19,11 +19,11 @@ from dragon_ros.verify.segments import SpiralSegment
 from dragon_ros.verify.track import Place, Track, track_of
 
 BENCHES = 9
-STEP = 1e-9         # of differences: positions are known to 1e-28, so second differences to 1e-10
+STEP = 1e-9         # step of differences: positions are accurate to 1e-28, and hence second differences to 1e-10
 
 
 def mirrored(track):
-    """A composite track with left and right exchanged."""
+    """Return a composite track with left and right exchanged."""
     def piece(one):
         if isinstance(one, Arc):
             return Arc(one.radius_m, -one.angle_deg)
@@ -43,13 +43,13 @@ BENT = {'sway': SWAY, 'sway, mirrored': mirrored(SWAY), 'coils': COILS, 'coils, 
 
 
 def plain(dragon):
-    """Benches as the checker reads them."""
+    """Return benches as the checker reads them."""
     values = {'scene': scene_values(Scene(dragon=dragon, track=Spiral())), 'contact': {'t_s': None}, 'intervals': []}
     return reading._claims(values).scene
 
 
 def compiled(dragon, track, tail_leads=False):
-    """The track, the benches and the largest curvature (None to the centre), as an interval needs them."""
+    """Return the track, the benches and the largest curvature (None to the centre), as an interval needs them."""
     scene = plain(dragon)
     values = scene_values(Scene(dragon=Dragon(1, 0.2, 0.2, 0.1, 0.0), track=track))
     shape = reading._kind('scene.track', values['track'], reading._TRACKS)
@@ -60,7 +60,7 @@ def compiled(dragon, track, tail_leads=False):
 
 
 def centred(dragon, pitch_m=0.9, turns=3.4, side=1):
-    """The same on a spiral to its centre, on either side."""
+    """Return the same for a spiral to its centre, turning to either side."""
     precise(1e3)
     start = 2 * half_turn() * exact(turns)
     b = exact(pitch_m) / (2 * half_turn())
@@ -69,14 +69,14 @@ def centred(dragon, pitch_m=0.9, turns=3.4, side=1):
 
 
 def made(kind, dragon):
-    """The track of a kind, the benches and the largest curvature."""
+    """Return the track of a kind, the benches and the largest curvature."""
     if kind in CENTRED:
         return centred(dragon, side=CENTRED[kind])
     return compiled(dragon, BENT[kind], tail_leads=kind == 'out of a spiral')
 
 
 def reach_m(track, benches):
-    """Return roughly the range of the head's position: up to a lock, or to the end of the track."""
+    """Return the approximate range of the head's position, up to a lock or to the end of the track."""
     if track.to_centre:
         return 0.0, float(Leader(track, benches, False, Budget(10**7)).limits(1e-12, None)[1].gone)
     links = sum(bench.link.near for bench in benches.benches)
@@ -91,33 +91,33 @@ def made_with_reach(kind, dragon):
     assume(bend is None or bend * max(benches.longest_links) < 1.98)
     try:
         low, high = reach_m(track, benches)
-    except Refused:     # locked, or off the track
+    except Refused:     # the chain is locked or off the track
         assume(False)
     assume(low < high)
     return made_of, low, high
 
 
 def at(track, benches, metres):
-    """The dragon with its head at a distance along the track."""
+    """Return the dragon with its head at a distance along the track."""
     return Posture(track, benches, 0, track.place_at(metres if isinstance(metres, arb) else arb(metres)))
 
 
 def interval(made_of, start, stop):
-    """An interval, and the dragon at its ends."""
+    """Return an interval, and the dragon at its ends."""
     track, benches, bend = made_of
     ends = at(track, benches, start), at(track, benches, stop)
     return Interval(track, benches, 0, ends, bend), ends
 
 
 def around(track, benches, metres, by_metres):
-    """The dragon at a place and a step before and after it, in the leading handle's coordinate or in metres."""
+    """Return the dragon at a position and a step before and after it, in the leading coordinate or in metres."""
     here = track.place_at(arb(metres))
     return [Posture(track, benches, 0, track.place_at(arb(metres) + STEP * k) if by_metres
                     else Place(here.segment, here.u + STEP * k)) for k in (-1, 0, 1)]
 
 
 def corners(pose):
-    """The corners of a bench, in balls."""
+    """Return the corners of a bench, in balls."""
     length, width = pose.axis * pose.shape.half_length, pose.axis * acb(0, 1) * pose.shape.half_width
     return [pose.middle + length * x + width * y for x in (1, -1) for y in (1, -1)]
 

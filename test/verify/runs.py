@@ -1,10 +1,10 @@
 """Random runs of every kind: tracks, laws, leaders, mixes of benches, sizes from millimetres to kilometres.
 
-By hand, with as many as you like:
+Run by hand, with any number of runs,
 
     python test/verify/runs.py SEED COUNT
 
-writes the certificate of each run that the solver finds an answer for, checks it, and prints which were refused.
+writes the certificate of each run for which the solver finds an answer, checks it, and prints the rejected ones.
 """
 import random
 import sys
@@ -74,7 +74,7 @@ class Draw:
         return SpiralArc(pitch, *ends, r.choice(['left', 'right']))
 
     def scene(self):
-        """The run. Raises DragonError where there is none."""
+        """Return the scene of the run. Raises DragonError if there is none."""
         r, track = self._r, self._track()
         speed = r.uniform(0.2, 3) * self._unit * (1 if r.random() < 0.8 else -1)
         speed *= 10**r.uniform(1, 8) if r.random() < 0.1 else 1
@@ -102,7 +102,7 @@ def certificates(seed):
 
 
 def main(seed, wanted):
-    """Check certificates, and print the refused and the slow ones, and the number of each kind."""
+    """Check certificates, and print the rejected and the slow ones, and the number of each kind."""
     sys.path.insert(0, str(Path(__file__).parents[1]))
     from certificates import proved
 

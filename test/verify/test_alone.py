@@ -23,7 +23,7 @@ LOOP = Scene(dragon=Dragon(12), track=Composite((Line(5.0), Arc(3.0, 720.0))), r
 
 @pytest.fixture(scope='module')
 def files(tmp_path_factory):
-    """Files of certificates: of a contact, of none, and a false one."""
+    """Write three certificate files: of a contact, of no contact, and a false one."""
     folder = tmp_path_factory.mktemp('certificates')
     values = {'contact': written(SHORT), 'none': written(LOOP)}
     values['false'] = {**values['contact'], 'contact': {'t_s': None}}
@@ -95,7 +95,7 @@ def test_an_effort_that_is_too_small_ends_the_proof(files):
 def test_a_proof_that_takes_more_than_its_budget_says_on_its_way_which_effort_is_enough():
     budget = Budget(1000, 2.0, spent=100, since=50, share=0.1)      # 550 steps at this rate
     assert budget.advice == ''
-    budget.spend(100)       # 1,550 steps, and twice as many to spare
+    budget.spend(100)       # 1,550 steps, and a margin of a factor 2
     assert budget.advice == 'more than the budget: --effort 6.2 is enough'
 
 

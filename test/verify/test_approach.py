@@ -1,4 +1,4 @@
-"""The slack of a contact's place excuses no wrong time: a contact is proved only where the leader first reaches it."""
+"""The slack in a contact's position excuses no wrong time: only the leader's first arrival at it is proved."""
 from dataclasses import replace
 
 import pytest
@@ -17,13 +17,13 @@ from dragon_ros.verify.posture import overlap
 
 BODY, TRACK = Dragon(30, 0.9, 2.9, 0.2), Spiral(0.55, 4.28)
 HOUR = 3600.0
-BACK_S = 0.1        # further back other benches touch
+BACK_S = 0.1        # further back, other benches touch
 FOUND = written(Scene(dragon=BODY, track=TRACK, run=Run(0, 5)))['contact']
 PAIR = FOUND['benches']
 
 
 def contact_m():
-    """Return how far the head has gone when benches begin to overlap, to the last bit of a float."""
+    """Return the distance travelled by the head when benches begin to overlap, to the last bit of a float."""
     track, benches, _ = compiled(BODY, TRACK)
     low, high = FOUND['t_s'] - 1e-9, FOUND['t_s'] + 1e-9
     while low < (middle := 0.5 * (low + high)) < high:
@@ -37,14 +37,14 @@ THERE_M = contact_m()
 
 
 def claim(head, t_s=None, stop_s=None, start_s=0.0, grazing=False):
-    """A bare certificate of a contact at a time, or of none."""
+    """Return a certificate without intervals of a contact at a time, or of no contact."""
     scene = Scene(dragon=BODY, track=TRACK, head=head, run=Run(start_s, stop_s))
     contact = {'t_s': t_s} if t_s is None else {'t_s': t_s, 'benches': PAIR} | ({'grazing': True} if grazing else {})
     return {'scene': scene_values(scene), 'contact': contact, 'intervals': []}
 
 
 def there_and_back(beyond_m):
-    """Return a head that turns back this far beyond the contact, rests for an hour and returns; and both times."""
+    """Return a head that turns back this far beyond the contact, rests for an hour and returns, and both times."""
     turn_s = THERE_M + beyond_m
     back_s = turn_s + BACK_S
     again_s = back_s + HOUR

@@ -1,4 +1,4 @@
-"""A result that claims to be complete is proved, however close to its contact a run starts or stops."""
+"""Results that claim to be complete are proved, however close to its contact a run starts or stops."""
 from collections import Counter
 from dataclasses import replace
 from math import inf, nextafter
@@ -36,7 +36,7 @@ def contacts(seeds):
 
 
 def around(scene, t_s):
-    """Times of a contact, one float from it, and a nanometre and a micrometre of the leader's travel from it."""
+    """Return the time of a contact, and times one float, a nanometre and a micrometre of leader travel from it."""
     unit = min(1.0, float(max(scene.dragon.bench_lengths_m))) / (abs(scene.head.speed_at_m_s(t_s)) or 1.0)
     return [t_s, nextafter(t_s, inf), nextafter(t_s, -inf), *(t_s + way * unit for way in (1e-9, -1e-9, 1e-6, -1e-6))]
 
@@ -54,7 +54,7 @@ def runs_around(scene, t_s):
 
 
 def test_results_of_runs_that_start_or_stop_at_their_contact_are_proved():
-    """At most one in a thousand says instead that it is not complete."""
+    """At most one in a thousand results reports instead that it is incomplete."""
     seen = Counter()
     for seed, scene, t_s in contacts(range(SEEDS)):
         for run in (scene.run, *runs_around(scene, t_s)):

@@ -1,4 +1,4 @@
-"""The checker's bounds hold on whole intervals: no corner bends more and no point moves further."""
+"""The checker's bounds hold on whole intervals: no corner deviates more and no point moves further."""
 from contextlib import suppress
 
 import pytest
@@ -16,14 +16,14 @@ from dragon_ros.verify.posture import Posture, overlap
 
 
 def seen(posture, n):
-    """Corners of bench n in the frame of the leading one, and of that one in the frame of bench n."""
+    """Return corners of bench n in the frame of the leading bench, and of the leading bench in that of bench n."""
     lead, other = posture.pose(0), posture.pose(n)
     return ([(corner - lead.middle) * lead.axis.conjugate() for corner in corners(other)],
             [(corner - other.middle) * other.axis.conjugate() for corner in corners(lead)])
 
 
 def bends(postures, n):
-    """The largest second differences in both frames."""
+    """Return the largest second differences in both frames."""
     before, here, after = (seen(posture, n) for posture in postures)
     return [max(float(abs(a - 2 * b + c)) / STEP**2 for a, b, c in zip(*frames, strict=True))
             for frames in zip(before, here, after, strict=True)]
@@ -54,7 +54,7 @@ def test_bounds_hold_on_a_spiral_to_its_centre(dragon, way, length):
     track, benches, bend = compiled(dragon, Spiral(0.9, 3.4))
     try:
         check(track, benches, bend, way, way + length)
-    except Refused:     # locked
+    except Refused:     # the chain is locked
         assume(False)
 
 

@@ -1,4 +1,4 @@
-"""Each enclosure of the checker contains what it bounds, and in a tight case a lost or swapped term would show."""
+"""Each enclosure of the checker holds, and in tight cases a missing or swapped term would be noticed."""
 from fractions import Fraction
 from functools import reduce
 from itertools import pairwise
@@ -45,11 +45,11 @@ from dragon_ros.verify.segments import Link, Locked, SpiralSegment, rises
 from dragon_ros.verify.track import Place
 
 THIN = Dragon(BENCHES, 1.9, 1.7, 2e-4, 1e-4)
-HALVES = 150        # of an interval of a radian; enough to find a turning point to the last bit
+HALVES = 150        # halvings of an interval of a radian: enough to find a turning point to the last bit
 
 
 def turning(segment, low, high, link):
-    """Return where the front handle is when the next one turns back (the chord's slope is 0), and where that one is."""
+    """Return the front handle's position when the next handle turns back (the chord's slope is 0), and the latter's."""
     low, high = arb(low), arb(high)
     for _ in range(HALVES):
         middle = ((low + high) / 2).mid()
@@ -59,7 +59,7 @@ def turning(segment, low, high, link):
 
 
 def first_link():
-    """The first link of the classic dragon, on its spiral."""
+    """Return the first link of the classic dragon, on its spiral."""
     track, benches, _ = centred(Dragon(BENCHES), 0.55, 16.0)
     return track.segments[0], benches.benches[0].link
 
@@ -116,7 +116,7 @@ def test_links_that_are_out_of_reach_are_further_out_than_all_of_the_leading_ben
 @pytest.mark.parametrize(('kind', 'start', 'length'), [
     ('to the centre', 2.0, 4.0), ('to the centre', 14.0, 3.0), ('turn', 12.0, 1.5), ('turn', 12.5, 1.0)])
 def test_benches_that_are_out_of_reach_are_so_while_the_leading_bench_goes_in_or_out(kind, start, length):
-    """This also holds beyond the end of the spiral that they are on."""
+    """This also holds beyond the end of their spiral."""
     dragon = Dragon(60, 0.8, 0.8, 2e-4, 1e-4)
     made_of = centred(dragon, 0.9, 3.4) if kind == 'to the centre' else compiled(dragon, STurn(1.7, 5.0, 1.5))
     track, benches, _ = made_of
@@ -144,7 +144,7 @@ def test_benches_are_apart_wherever_the_track_bends_so_little_that_links_lead_aw
         inside = [*ends, *(at(track, benches, start + (stop - start) * share) for share in (0.3, 0.7))]
         for n in filter(piece._straight, range(2, BENCHES)):
             assert all(separation(posture.pose(0), posture.pose(n), AXES[1]) > 0 for posture in inside)
-    except Refused:     # locked, or off the track
+    except Refused:     # the chain is locked or off the track
         assume(False)
 
 
@@ -153,7 +153,7 @@ def test_benches_are_apart_wherever_the_track_bends_so_little_that_links_lead_aw
     (Composite((Arc(40.0, 300.0),), 60.0), 40.0), (Composite((Arc(40.0, -300.0),), 60.0), 40.0),
     (Composite((SpiralArc(0.3, 40.0, 20.0, 'left'), Arc(0.9, 5.0)), 0.0), None)], ids=['left', 'right', 'spiral'])
 def test_links_lead_away_by_their_lengths_but_for_what_the_tightest_bend_turns_them_by(track, radius_m, n):
-    """On a circle they turn by exactly that; on a spiral, by the curvature at the leading handle's innermost place."""
+    """On a circle they turn by exactly that; on a spiral, by the curvature at the innermost leading position."""
     def piece(width_m):
         dragon = Mixed((Group(0.9), *(Group(0.5 + 0.1 * k) for k in range(8))), width_m, 0.2)
         return interval(compiled(dragon, track), start, start + 1.0)[0]
@@ -283,7 +283,7 @@ def test_ranges_are_those_that_handles_go_through(kind, low, high):
         assert float(end - two) < 4 * wide
 
 
-# Places next to joints
+# Positions next to joints
 
 
 @pytest.mark.parametrize('share', [-0.3, 0.0, 0.3])
@@ -303,7 +303,7 @@ def test_a_place_that_may_be_on_either_side_of_a_joint_holds_the_points_of_both(
 
 
 def test_beyond_a_joint_points_and_directions_stray_from_the_curve_continued_as_far_as_is_said_and_no_further():
-    """They stray furthest if the curvature jumps from one end of its range to the other; a millimetre shows it."""
+    """They deviate most if the curvature jumps from one end of its range to the other, as a millimetre shows."""
     track, _, _ = compiled(THIN, Composite((Arc(2.0, 90.0), Arc(2.0, -90.0)), 1.0))
     way, first = exact(1e-3), track.segments[0]
     place, beyond = Place(0, first.last + way / first.radius, 1e-3), Place(1, way / first.radius)
@@ -319,7 +319,7 @@ def test_beyond_a_joint_points_and_directions_stray_from_the_curve_continued_as_
 @pytest.mark.parametrize('scale', [1.0, 1e-5])
 @pytest.mark.parametrize(('turns', 'inwards'), [((2.0, 1.0), True), ((1.0, 2.0), False)])
 def test_curvatures_next_to_a_joint_hold_that_of_a_spiral_a_hair_beyond_it(turns, inwards, scale):
-    """The spiral follows an arc whose radius equals that of the spiral's end to the last bit."""
+    """The spiral follows an arc whose radius equals the radius of curvature at the spiral's end to the last bit."""
     u, b = 2 * pi * turns[0], 1.2 * scale / (2 * pi)
     radius = b * (1 + u * u)**1.5 / (2 + u * u) * (1 + (4e-16 if inwards else -4e-16))
     track, _, _ = compiled(THIN, Composite((Arc(radius, 90.0), SpiralArc(1.2 * scale, *turns, 'left')), 0.0))
@@ -340,7 +340,7 @@ def test_curvatures_next_to_a_joint_hold_that_of_a_spiral_a_hair_beyond_it(turns
     (Composite((SpiralArc(1.0, 1.0, 3.0, 'left'),), 0.0), 2.9, 1.2),
     (Composite((Line(2.0), Arc(2.0, 350.0)), 0.0), 1.9, 2.9)], ids=['on a spiral', 'beyond a joint'])
 def test_a_place_that_is_not_the_nearest_one_is_refused_though_it_is_a_link_away(monkeypatch, track, place, far):
-    """The floats are made to find it more than half a tightest turn away, where the chord shrinks along the track."""
+    """The float solver is made to find it more than half a tightest turn away, where the chord shrinks."""
     placed, _, _ = compiled(THIN, track)
     segment = placed.segments[-1]
     if isinstance(segment, SpiralSegment):
@@ -378,7 +378,7 @@ def test_the_next_handle_across_a_joint_is_where_it_is_from_all_places_of_the_on
 @examples(20)
 @given(st.floats(0, 1), st.floats(1e-9, 8))
 def test_all_curvatures_between_two_places_are_bounded_and_no_others(kind, share, length):
-    """The tracks are lines, arcs and spirals that turn either way, with one or more joints between the places."""
+    """The tracks are lines, arcs and spirals that turn either way, with one or more joints between the positions."""
     track, _, _ = made(kind, THIN)
     low, high = -5.0 if track.begin is None else float(track.begin), 40.0 if track.end is None else float(track.end)
     first = low + share * (high - low - 1e-6)
@@ -431,7 +431,7 @@ def test_where_there_is_no_root_none_is_found():
 
 
 def peak(theta):
-    """The span beyond half a turn at which the chord from a handle begins to shrink."""
+    """Return the span beyond half a turn at which the chord from a handle begins to shrink."""
     low, high = pi, 1.5 * pi
     for _ in range(80):
         middle = 0.5 * (low + high)
@@ -450,7 +450,7 @@ def test_a_chord_is_said_to_rise_up_to_its_peak_and_no_further(theta):
 
 
 def test_a_span_beyond_the_peak_of_its_chord_is_none(monkeypatch):
-    """The floats are made to find a later root, where the chord grows again."""
+    """The float solver is made to find a later root, where the chord grows again."""
     segment = centred(THIN, 2 * pi, 16.0)[0].segments[0]
     theta, later = 2.0, 2 * pi + 1.0
 
@@ -470,7 +470,7 @@ angles, coordinates, halves = st.floats(-4, 4), st.floats(-5, 5), st.floats(0.01
 
 
 def posed(at_m, angle, half_length, half_width):
-    """A bench at a place."""
+    """Return a bench at a position."""
     axis, middle = direction(exact(angle)), acb(*map(exact, at_m))
     shape = Bench(Link(exact(half_length), half_length), exact(half_length), exact(half_width))
     return Pose(shape, middle, axis, complex(middle), complex(axis), 0.0, 0.0)

@@ -57,12 +57,12 @@ def arc(theta):
 
 
 def head_at(t_s, scale):
-    """The polar angle of a head that goes 1 m/s."""
+    """Return the polar angle of a head that moves at 1 m/s."""
     return root(lambda theta: arc(theta) - arc(8 * pi) + t_s * scale, 0.0, 8 * pi)
 
 
 def behind(theta, chord):
-    """The polar angle of the next handle: the chord between two points of r = theta grows up to half a turn."""
+    """Return the polar angle of the next handle: the chord between two points of r = theta grows up to half a turn."""
     def excess(delta):
         outer = theta + delta
         return hypot(outer * cos(delta) - theta, outer * sin(delta)) - chord
@@ -83,7 +83,7 @@ def one_of(draw, ends):
 
 
 def dragon(draw):
-    """1 / b and the links of a dragon of the family, often all at the ends of their tolerances."""
+    """Draw 1 / b and the links of a dragon of the family, often all at the ends of their tolerances."""
     scale, alike = one_of(draw, PROOF._scale), draw.choice([0, 1, None])
     ends = [PROOF._head] + [PROOF._body] * (PROOF._family.benches - 1)
     return scale, [one_of(draw, pair) if alike is None else pair[alike] for pair in ends]
@@ -153,11 +153,11 @@ def test_what_links_span_in_a_box_is_what_they_do_at_its_ends():
     assert family._added((1.0, 2.0), (10.0, 30.0)) == pytest.approx((11.0, 32.0), abs=1e-14)
 
 
-# What occurs
+# Boxes that can occur
 
 
 def held(lead, box, ahead):
-    """Return whether the remaining box contains another bench, or how it misses it."""
+    """Return whether the remaining box contains another bench, or how it fails to."""
     left = PROOF._occurring(lead, box)
     if left is None:
         return 'nothing'
@@ -181,7 +181,7 @@ def around(value, wide):
 
 @pytest.mark.parametrize('wide', [1e-9, 0.02])
 def test_all_pairs_of_all_dragons_up_to_the_claimed_time_are_in_the_boxes_and_none_is_left_out(wide):
-    """This includes their start and the claimed time. Pairs that count as out of reach do not touch."""
+    """This includes the start and the claimed time. Pairs that are treated as out of reach do not touch."""
     draw, first, seen = random.Random(9), PROOF._first(), {'held': 0, 'beyond': 0}
     for _ in range(12):
         scale, links = dragon(draw)
@@ -206,7 +206,7 @@ def test_all_pairs_of_all_dragons_up_to_the_claimed_time_are_in_the_boxes_and_no
 @pytest.mark.parametrize('lead', [0, 1])
 @pytest.mark.parametrize(('t_s', 'sense'), [(UNTIL_S, -1), (3.0, 1)])
 def test_what_is_a_hair_before_the_start_or_after_the_claimed_time_does_not_occur(lead, t_s, sense):
-    """Test the head at the start, and the head and first body bench at the claimed time, for all tolerances."""
+    """The head at the start, and the head and first body bench at the claimed time, are tested for all tolerances."""
     for scale in (PROOF._scale if sense < 0 else PROOF._scale[:1]):
         links = [PROOF._head[0]] + [PROOF._body[0]] * 3
         theta = handles(t_s, scale, links)[lead]
@@ -271,7 +271,7 @@ def test_strips_reach_from_the_shortest_links_to_the_longest_and_no_further(thet
 
 
 def reach(theta, scale, link, other, half, over):
-    """Return how far ahead another bench is still considered, on a track without ends."""
+    """Return how far ahead another bench is still considered on a track without ends."""
     wide = SimpleNamespace(_half=half, _over=over, _head=link, _body=link, _start=arb(1e6),
                            _gone_m=(arb(0), arb(1e9)), _gone_by=lambda theta, scale: arb(0.5),
                            _strips=lambda lead, box: box[AHEAD])
@@ -340,7 +340,7 @@ def test_distances_and_slopes_of_a_box_hold_those_of_its_points(seed, wide):
 @pytest.mark.parametrize('rows', [*((row,) for row in range(5)), (0, 1), (2, 3, 4), (0, 1, 2, 3, 4)], ids=str)
 @pytest.mark.parametrize('seed', thinned(range(3), lambda seed: seed == 0))
 def test_a_box_is_cleared_while_its_benches_are_apart_and_no_longer(rows, seed):
-    """The box is widened from a small gap: the mean value theorem loses only a second-order term."""
+    """The box is widened from a small gap; the mean value theorem loses only a second-order term."""
     draw, over = random.Random(seed), 0.2
     point = [value * draw.uniform(0.97, 1.03) for value in MIDDLE]
     half = root(lambda half: -gap(point, half, over) + 0.02, 0.0, 3.0)

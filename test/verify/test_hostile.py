@@ -1,4 +1,4 @@
-"""Untrusted certificates: whatever they contain, the checker soon refuses them with one clear error."""
+"""Untrusted certificates, whatever they contain, are soon rejected with one clear error."""
 import copy
 import json
 import re
@@ -62,7 +62,7 @@ def test_a_strange_number_of_the_proof_is_refused(proof, key, strange):
     changed = copy.deepcopy(proof)
     (changed['contact'] if key == 't_s' else changed['intervals'][0])[key] = strange
     if (key, strange) == ('t_s', None) or (key.endswith('_m') and type(strange) in (int, float) and abs(strange) < 3):
-        return      # no contact is a valid claim, too, and a position is only a hint where to cut
+        return      # no contact is also a valid claim, and a position is only a hint where to cut
     with pytest.raises(Refused):
         check(json.dumps(changed).encode())
 
@@ -86,7 +86,7 @@ def test_what_is_no_json_is_refused(text):
 
 
 def hostile(**sections):
-    """A claim of no contact for a scene that takes long to check."""
+    """Return a claim of no contact for a scene that takes long to check."""
     scene = {'dragon': {'kind': 'equal', 'benches': 223, 'head_length_m': 3.41, 'body_length_m': 2.2, 'width_m': 0.01,
                         'hole_inset_m': 0.275},
              'track': {'kind': 'spiral', 'pitch_m': 0.55, 'start_turns': 16.0},

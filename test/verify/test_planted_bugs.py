@@ -37,7 +37,7 @@ PASSING = Scene(dragon=Dragon(20, width_m=0.30101), run=Run(408.5, 411))     # b
 
 
 def lock(patch):
-    """A lock at 27 rad, far before the true one."""
+    """A lock at 27 rad, long before the true lock."""
     patch.setattr(model, 'head_lock_angle', lambda chords: (27.0, 0))
 
 
@@ -54,7 +54,7 @@ def end(patch):
 
 
 def stop(patch):
-    """A run without an end of its own that stops at 411 s."""
+    """A run without a stop that is claimed to stop at 411 s."""
     patch.setattr(model.Simulation, 'end', cached_property(lambda self: model.End(411.0, 'stop')))
     model.Simulation.end.__set_name__(model.Simulation, 'end')
 
@@ -97,7 +97,7 @@ def side_of_an_arc(patch):
 
 
 def joint(patch):
-    """Pieces that begin a centimetre beside where the one before ends."""
+    """Pieces that begin a centimetre beside the end of the preceding piece."""
     true = composite._segment
     patch.setattr(composite, '_segment', lambda piece, start, heading, open_ended: true(
         piece, start + (0.01j * heading if isinstance(piece, Arc) else 0.0), heading, open_ended))
@@ -116,7 +116,7 @@ def width(patch):
 
 
 def inset(patch):
-    """Holes a millimetre too near to the ends: benches too short for their links."""
+    """Holes a millimetre too close to the ends, so that benches are too short for their links."""
     sizes(patch, -1e-3, 0.0)
 
 
@@ -147,7 +147,7 @@ def constant_of_the_lipschitz_bound(patch):
 
 
 def first_passage(patch):
-    """Places that are dated half a microsecond late."""
+    """Positions that are dated half a microsecond late."""
     true = search_domain.SearchDomain.time_s
     patch.setattr(search_domain.SearchDomain, 'time_s', lambda self, gone_m: true(self, gone_m) + 5e-7)
 
@@ -160,13 +160,13 @@ BUGS = [(lock, LOCKING), (start, SHORT), (end, SHORT), (end, TURN), (stop, LOCKI
 
 
 def again(run):
-    """The same run, with nothing cached."""
+    """Return the same run, with nothing cached."""
     return replace(run, dragon=replace(run.dragon), track=replace(run.track), head=replace(run.head))
 
 
 @lru_cache
 def honest(run):
-    """The certificates that the solver writes without a bug, which the checker accepts."""
+    """Return the certificates that the solver writes without a bug, which the checker accepts."""
     values = written(again(run))
     assert proved(values)
     return values

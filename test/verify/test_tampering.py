@@ -1,4 +1,4 @@
-"""Each change that makes a certificate false is refused with its own error."""
+"""Each change that makes a certificate false is rejected with its own error."""
 import copy
 import re
 from math import inf, nan
@@ -37,7 +37,7 @@ def test_each_is_accepted_as_it_is(honest, name):
 
 
 def tampered(values, path, change):
-    """A copy with one value changed, removed or added."""
+    """Return a copy with one value changed, removed or added."""
     out = copy.deepcopy(values)
     *above, last = path
     target = out
@@ -46,7 +46,7 @@ def tampered(values, path, change):
     if change is REMOVED:
         del target[last]
     else:
-        target[last] = change(target[last]) if callable(change) else change     # a key that is not there is added
+        target[last] = change(target[last]) if callable(change) else change     # an absent key is added
     return out
 
 
@@ -63,7 +63,7 @@ def scene(section, key):
     return 'scene', section, key
 
 
-FALSE = 'overlap|do not|beyond|after the|exceeds the track'       # refused by the proof
+FALSE = 'overlap|do not|beyond|after the|exceeds the track'       # rejected by the proof
 TAMPERINGS = [
     # The contact: another time, other benches, or none
     ('contact', T, more(3e-9), FALSE), ('contact', T, more(-3e-9), FALSE), ('contact', T, more(0.1), FALSE),
@@ -168,7 +168,7 @@ def test_over_forty_kinds_of_tampering_are_tried_on_every_kind_of_certificate():
 
 
 def shifted(values, at=()):
-    """The paths of all numbers of a scene whose sign may be changed, and of all sides, leads and ramps."""
+    """Return the paths of all numbers of a scene whose sign may be changed, and of all sides, leads and ramps."""
     items = values.items() if isinstance(values, dict) else enumerate(values) if isinstance(values, list) else ()
     for key, below in items:
         if isinstance(below, dict | list):
@@ -184,7 +184,7 @@ OPPOSITE = {'left': 'right', 'right': 'left', 'head': 'tail', 'tail': 'head', 's
 
 @pytest.mark.parametrize('kind', [kind for kind in KINDS if kind not in ('none', 'lock', 'other')])
 def test_no_contact_is_proved_of_a_scene_with_a_sign_a_side_or_a_sense_changed(honest, kind):
-    """Except for a track's start and heading, an arc that is never reached, and the law of a contact at the start."""
+    """Exceptions: a track's start and heading, an arc that is never reached, and the law of a contact at the start."""
     values = honest[kind]
     moves = values['contact']['t_s'] > values['scene']['run']['start_s']
     changes = [(path, change) for path, change in shifted(values['scene'])

@@ -1,4 +1,4 @@
-"""The checker's own track, chain and law equal the solver's to its last digits, and are far more precise."""
+"""The checker's own track, chain and law equal the solver's to the last digits, and are far more precise."""
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
@@ -45,13 +45,13 @@ SCENES = {
 
 
 def read(scene):
-    """A scene as the checker reads it."""
+    """Return a scene as the checker reads it."""
     values = {'scene': scene_values(scene), 'contact': {'t_s': None}, 'intervals': []}
     return reading._claims(values).scene
 
 
 def chain(scene, t_s):
-    """The checker's handles at a time, as balls, and its track."""
+    """Return the checker's handles at a time, as balls, and its track."""
     precise(1e4)
     plain = read(scene)
     track, dragon = track_of(plain), Benches(plain)

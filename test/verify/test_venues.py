@@ -1,4 +1,4 @@
-"""Obstacles in the checker: what it proves, what it refuses, and that its bounds hold inside intervals."""
+"""Obstacles in the checker: accepted and rejected claims, and bounds that hold inside intervals."""
 import copy
 import json
 import re
@@ -137,7 +137,7 @@ def test_a_run_without_a_venue_touches_no_obstacle_and_a_family_has_none():
 
 
 def test_an_obstacle_that_the_last_bench_alone_comes_to_is_not_missed():
-    """The dragon moves backwards, so the first bench of that length never gets to where the last one is."""
+    """The dragon moves backwards, so the first bench of that length never reaches the position of the last."""
     behind = LineObstacle('behind', ((5.0, -1.0), (5.0, 1.0)))
     back = Profile(((0.0, -1.0),))
     values = written(Scene(ALONG.dragon, ALONG.track, back, Run(stop_s=10.0), venue=Venue((behind,))))
@@ -156,7 +156,7 @@ def test_a_solver_that_misses_the_wall_is_refused(monkeypatch):
 
 
 def swept(scene, lead, low, high):
-    """Return an interval of the checker, and the posture at a share of the way of its leading handle."""
+    """Return an interval of the checker, and a function from a share of its leading handle's travel to the posture."""
     told = claims_of(json.dumps(written(scene)).encode()).scene
     track, dragon = track_of(told), Checked(told)
     ends = [Posture(track, dragon, lead, track.place_at(arb(place))) for place in (low, high)]
@@ -171,7 +171,7 @@ def swept(scene, lead, low, high):
 
 
 def corners(pose):
-    """The corners of a bench, or the ends of an edge."""
+    """Return the corners of a bench, or the ends of an edge."""
     along, aside = pose.shape.sizes
     return np.array([pose.near + pose.heading * complex(i * along, j * aside) for i in (1, -1) for j in (1, -1)])
 
@@ -179,7 +179,7 @@ def corners(pose):
 @pytest.mark.parametrize(('low', 'high', 'tight'), [
     (16.0, 16.2, 0.52), (14.0, 14.05, 0.52), (13.5, 14.1, 0.1), (11.0, 12.5, 0.01), (5.0, 6.0, 0)])
 def test_corners_leave_straight_lines_by_no_more_than_the_sag(low, high, tight):
-    """Tested on the street: in, into and before its first bend, in the frame of an edge and in that of the bench."""
+    """This is tested in, into and before the first bend of the street, in the frames of an edge and of the bench."""
     scene = Scene(SCENES['street'].dragon, SCENES['street'].track, run=Run(stop_s=1.0))
     interval, between = swept(scene, 0, low, high)
     poses = [between(share) for share in np.linspace(0, 1, 21).tolist()]
@@ -196,7 +196,7 @@ def test_corners_leave_straight_lines_by_no_more_than_the_sag(low, high, tight):
 
 @pytest.mark.parametrize('name', ['street', 'turn', 'spiral', 'mixed spiral', 'coils', 'a link of no length'])
 def test_what_is_proved_clear_of_an_edge_is_clear_of_it_in_between(name):
-    """Random edges beside an interval: if ``meets`` finds no overlap, shapely finds none at any position in it."""
+    """For random edges beside an interval: if ``meets`` finds no overlap, shapely finds none at any position in it."""
     scene, rng = (SCENES | MORE)[name], np.random.default_rng(5)
     scene = Scene(scene.dragon, scene.track, scene.head, Run(scene.run.start_s, scene.run.start_s + 0.5))
     start_m = float(track_of(claims_of(json.dumps(written(scene)).encode()).scene).start)
