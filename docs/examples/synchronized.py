@@ -12,7 +12,7 @@ KEEP = 100      # largest number of ticks that wait for their other half
 
 
 class Pairs(Node):
-    """Pairs the two topics by their stamps, as message_filters.TimeSynchronizer does where it is installed."""
+    """Pairs the two topics by their stamps, like message_filters.TimeSynchronizer, which may not be installed."""
 
     def __init__(self) -> None:
         """Subscribe to both."""
