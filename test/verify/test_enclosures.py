@@ -518,6 +518,21 @@ def test_repeated_lengths_are_those_that_stand_there(lengths):
         assert n + count == len(text) or text[count] != text[n + count]
 
 
+@pytest.mark.parametrize('bodies', [[1.0] * 400, [1.0, 2.0] * 200, ([1.0] * 19 + [2.0]) * 20],
+                         ids=['equal', 'alternating', 'blocks'])
+def test_repeated_lengths_are_found_by_at_most_two_comparisons_each(bodies):
+    compared = []
+
+    class Length(float):
+        def __eq__(self, other):
+            compared.append(1)
+            return float(self) == float(other)
+
+        __hash__ = float.__hash__
+    repeated([Length(one) for one in bodies])
+    assert len(compared) <= 2 * len(bodies)
+
+
 @examples(80)
 @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), min_size=1, max_size=5), st.integers(-2, 34),
        st.integers(0, 9))

@@ -29,7 +29,7 @@ from dragon_ros.verify.reading import Obstacle, claims_of
 from dragon_ros.verify.reading import Venue as Told
 from dragon_ros.verify.segments import Link
 from dragon_ros.verify.track import Place, track_of
-from dragon_ros.verify.venue import Edge, Edges, SweptBench, _covers, check_sides
+from dragon_ros.verify.venue import _INSIDE_HEAD, Edge, Edges, SweptBench, _covers, check_sides
 
 ALONG = Scene(Dragon(5), Composite((Line(200.0),), 20.0), run=Run(stop_s=60.0))
 WALL = LineObstacle('wall', ((60.0, -2.0), (60.0, 2.0)))
@@ -300,3 +300,9 @@ def test_long_walls_beside_the_track_are_proved_clear_in_few_intervals():
     walls = tuple(LineObstacle(f'{side}', ((-far, side), (far, side))) for side, far in ((0.16, 1e6), (-0.16, 500.0)))
     bend = Composite((Line(100.0), Arc(30.0, 20.0)), 20.0)
     assert proved(written(Scene(ALONG.dragon, bend, run=Run(stop_s=60.0), venue=Venue(walls))))
+
+
+def test_checked_points_of_the_head_are_inside_it_and_not_level_with_each_other():
+    for numbers in zip(*_INSIDE_HEAD, strict=True):
+        assert max(map(abs, numbers)) < 0.9
+        assert len({abs(one) for one in numbers}) == len(numbers)

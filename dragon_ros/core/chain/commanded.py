@@ -129,7 +129,7 @@ class Walked:
     def acceleration_at_m_s2(self, t_s: float) -> float:
         """Return the rate of the leader's speed in m/s^2; at a tick, the rate just before it."""
         n = max(1, next((n for n, (at_s, _) in enumerate(self.knots) if at_s >= t_s), len(self.knots)))
-        return _rate(self.knots[n - 1:n + 1]) if n < len(self.knots) else 0.0
+        return _rate(self.knots[n - 1:n + 1])
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
         """Return the smallest and largest rate of the leader's speed over all known ramps."""
@@ -204,4 +204,5 @@ def profile_of(settings: Commanded, walked: Iterable[tuple[float, float]]) -> Pr
 
 
 def _rate(knots: Sequence[Knot]) -> float:
-    return ramp(knots, Fraction(0))[2].at(knots[0][0])
+    _, _, acceleration = ramp(knots, Fraction(0))
+    return acceleration.constant

@@ -177,7 +177,7 @@ def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
     edge, left = track.edge(k, block.link_m, direction), block.stop - at[on]
     step = float(track.segments[k].shifts(u[:1], block.link_m, direction, None)[0][0])
     if step:
-        most = np.minimum(left, np.maximum(0.0, (edge - u) / step) + 1)
+        most = np.minimum(left, (edge - u) / step + 1)
         steps = np.arange(1.0, int(np.max(most)) + 1)[:, None]
         high, low = u, lo
         for part in product(steps, step):

@@ -59,7 +59,7 @@ class RigidLinks:
     def axis(self) -> Floats:
         """Unit vectors (..., N, 2) from handle i + 1 to handle i."""
         axis = self.p[..., :-1, :] - self.p[..., 1:, :]
-        length = np.where(self.along_track, 1.0, np.hypot(axis[..., 0], axis[..., 1]))
+        length = np.where(self.along_track, np.inf, np.hypot(axis[..., 0], axis[..., 1]))
         return np.where(self.along_track[..., None], self.forward[..., :-1, :], axis / length[..., None])
 
     @cached_property
@@ -97,7 +97,7 @@ class RigidLinks:
         v = speeds[..., None] * self.forward
         spread = v[..., :-1, :] - v[..., 1:, :]
         pull = (bend[..., :-1] * dot(self.axis, side[..., :-1, :]) - bend[..., 1:] * dot(self.axis, side[..., 1:, :])
-                + dot(spread, spread) / np.where(self.along_track, 1.0, self.links_m))
+                + dot(spread, spread) / np.where(self.along_track, np.inf, self.links_m))
         pull = np.where(self.along_track, 0.0, pull)
         leading = self._forward(leader_m_s2)
         if self.leader == 0:

@@ -17,8 +17,8 @@ _NO_TURN = 4.0  # no link turns back if its front handle is this far beyond its 
 @lru_cache(maxsize=256)
 def lock_angle(chord: float) -> float:
     """Return the polar angle below which a link (``chord`` in units of b) cannot be placed; 0 if there is none."""
-    low, high = max(0.0, 0.5 * (chord - 1.5 * pi)), 0.5 * (chord - pi)
-    if high <= 0.0 or chord <= chord_of(_first_with_peak(), first_peak(_first_with_peak(), pi)[0]):
+    low, high = 0.5 * (chord - 1.5 * pi), 0.5 * (chord - pi)
+    if chord <= chord_of(_first_with_peak(), first_peak(_first_with_peak(), pi)[0]):
         return 0.0
     return _first_at_least_0(lambda theta: chord_of(theta, first_peak(theta, pi)[0]) - chord,
                              max(low, _first_with_peak()), high)

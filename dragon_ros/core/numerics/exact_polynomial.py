@@ -18,6 +18,11 @@ class ExactPolynomial:
         highest, *others = [one.numerator * (self._denominator // one.denominator) for one in reversed(coefficients)]
         self._highest, self._others = highest, others
 
+    @property
+    def constant(self) -> float:
+        """The value of a polynomial without powers of t, rounded."""
+        return self._highest / self._denominator
+
     def at(self, t: float | Fraction) -> float:
         """Return the value at t, rounded. Raises OverflowError if it exceeds the largest float."""
         value, under = self._exactly(t)

@@ -60,7 +60,7 @@ class TabulatedLinks(NamedTuple):
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
         """Fill in velocities."""
         some, end = self._motions(out), 2 * self.links
-        near = 0 if self.direction < 0 else end
+        near = 0 if self.direction == BEHIND else end
         some *= speed / hypot(some.item(near), some.item(near + 1))
         if self.start + self.links < len(chain.links_m):
             far = end - near
@@ -238,20 +238,20 @@ class Placement:
                     if i < count:
                         here = some.end(direction)
                 elif tries or i + 1 == stop:      # one link
-                    at, z = 2 * (i if direction < 0 else count - i), steps[here[0]].at(*here[1])
+                    at, z = 2 * (i if direction == BEHIND else count - i), steps[here[0]].at(*here[1])
                     flat[at], flat[at + 1] = z.real, z.imag
                     there, more = self._next(steps[here[0]], here, i, link_m)
                     part = MarchedLink(i, here, there, 'march' if shift else '')
                     here, i, spent, filled, tries = there, i + 1, spent + more, False, tries - 1
                 else:                   # the rest of the block
                     handles = forward(self.track, (Block(i, stop, link_m),), here, direction)
-                    rows, first = arrays_of(handles), 2 * (i if direction < 0 else count - stop)
+                    rows, first = arrays_of(handles), 2 * (i if direction == BEHIND else count - stop)
                     part = MarchedLinks(i, rows, 'march' if shift else '')
                     flat[first:first + 2 * (stop - i) + 2] = self.track.points(*rows)[::-direction].reshape(-1)
                     here, i, spent, filled = handles.place(-1), stop, spent + handles.evaluations, True
                 parts.append(part)
         if not filled:
-            at, z = 2 * count if direction < 0 else 0, self.track.segments[here[0]].at(*here[1])
+            at, z = 2 * count if direction == BEHIND else 0, self.track.segments[here[0]].at(*here[1])
             flat[at], flat[at + 1] = z.real, z.imag
         return spent
 
@@ -273,7 +273,7 @@ class Placement:
                    leader: Place | None = None) -> TabulatedLinks | None:
         """Fill in as many of links ``i`` to ``stop`` as the table of a spot covers; return None if it covers none."""
         (tile, cell, _), direction = spot, self.direction
-        links = (tile.rows - 1 - cell.row if direction < 0 else cell.row) + (leader is not None)
+        links = (tile.rows - 1 - cell.row if direction == BEHIND else cell.row) + (leader is not None)
         if links > stop - i:
             links = stop - i
         elif not links:
@@ -281,8 +281,8 @@ class Placement:
         products = cell.products.get(links)
         if products is None:
             products = cell.products[links] = tile.products(cell, links, direction)
-        part = TabulatedLinks(i, links, 2 * (i if direction < 0 else len(self.links_m) - i - links), spot, products,
-                              direction, leader)
+        first = i if direction == BEHIND else len(self.links_m) - i - links
+        part = TabulatedLinks(i, links, 2 * first, spot, products, direction, leader)
         part.fill(flat)
         return part
 

@@ -248,7 +248,7 @@ def _inverses(pushed: list[_Pushed], x: Floats, rows: slice) -> Floats:
     key = rows.start, rows.stop
     new = [n for n, one in enumerate(pushed) if key not in one.inverses]
     some = x[new, :, rows].transpose(1, 0, 2)
-    found = inverse_series(some.reshape(NODES, some[0].size)).reshape(some.shape)
+    found = inverse_series(some.reshape(NODES, some.size // NODES)).reshape(some.shape)
     for n, one in zip(new, found.transpose(1, 0, 2), strict=True):
         pushed[n].inverses[key] = one
     return np.stack([one.inverses[key] for one in pushed])

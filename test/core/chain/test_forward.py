@@ -140,6 +140,25 @@ def test_a_link_takes_hardly_more_than_one_evaluation_from_where_it_is_expected(
     assert 1.0 <= chain.evaluations / chain.links_m.size <= most
 
 
+@pytest.mark.parametrize(('place', 'track', 'direction', 'first_m', 'most'), [
+    (row_by_row, track_of(Spiral(0.55)), BEHIND, 0.0, 1.2), (forward_many, track_of(Spiral(0.55)), BEHIND, 0.0, 3.0),
+    (row_by_row, track_of(STurn(before_m=100.0)), BEHIND, -50.0, 1.6),
+    (by_segment, track_of(STurn(before_m=100.0)), BEHIND, -50.0, 1.35),
+    (row_by_row, track_of(STurn(before_m=100.0), AHEAD), AHEAD, -500.0, 1.2)],
+    ids=['spiral', 'together', 'turn', 'by segment', 'tail'])
+def test_many_chains_take_few_evaluations_per_handle(place, track, direction, first_m, most):
+    leaders = track.places_at(np.linspace(first_m, first_m + 60.0, 5), np.zeros(5))
+    places, evaluations = place(track, blocks_of(np.array([2.86] + 222 * [1.65]), direction), leaders, direction)
+    assert 1.0 <= evaluations / places[0].size <= most
+
+
+@pytest.mark.parametrize('place', [row_by_row, by_segment, forward_many])
+def test_on_a_circle_no_link_takes_an_evaluation(place):
+    track = track_of(Composite((Arc(5.0, 300.0), Line(1.0))))
+    leaders = track.places_at(np.linspace(1.0, 20.0, 5), np.zeros(5))
+    assert place(track, blocks_of(np.full(30, 1.65), BEHIND), leaders, BEHIND)[1] == 0
+
+
 @pytest.mark.parametrize('chord', [5.0, 7.0, 40.0])
 def test_a_step_beyond_half_a_turn_counts_all_its_evaluations(chord):
     theta = lock_angle(chord) + 0.02

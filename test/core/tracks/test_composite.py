@@ -212,3 +212,17 @@ def test_a_link_that_would_reach_a_tenth_of_its_length_beyond_the_end_of_a_track
             track.next(track.place_at(track.end_m - 1 + beyond_m), 1.0, AHEAD)
     reached, _ = track.next(track.place_at(track.end_m - 1.01), 1.0, AHEAD)
     assert track.distance_of(reached)[0] < track.end_m
+
+
+@pytest.mark.parametrize('direction', [BEHIND, AHEAD])
+@pytest.mark.parametrize('chord_m', [0.5, 1.65, 2.86])
+def test_across_a_joint_a_link_takes_one_evaluation_on_an_arc_and_at_most_four_on_a_spiral(direction, chord_m):
+    track = track_of(STurn(before_m=100.0))
+    for k, segment in enumerate(track.segments):
+        if 0 <= k + direction < len(track.segments):
+            end, most = (segment.first if direction == BEHIND else segment.last), 4 if k + direction in (0, 3) else 1
+            for share in (1e-6, 0.5, 0.95):
+                u = np.array([end - direction * share * chord_m / segment.rate(end)])
+                places, evaluations = track.across_many(k, (u, np.zeros(1)), chord_m, direction)
+                assert places[0] == k + direction
+                assert evaluations <= most

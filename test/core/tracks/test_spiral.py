@@ -16,11 +16,14 @@ from dragon_ros.core.tracks.spiral import (
     SpiralCurve,
     arc_between,
     first_guess,
+    first_guess_in,
     first_guesses,
     first_guesses_in,
     points,
     step,
     step_in,
+    steps,
+    steps_in,
     tangents,
 )
 
@@ -127,6 +130,16 @@ def test_first_guesses_of_links_are_within_a_thirtieth_both_outwards_and_inwards
     inwards, _ = step_in(theta, chord, 0.5 * share, 3 * chord)
     assert first_guesses(np.array([theta]), chord) == pytest.approx([outwards], rel=1 / 30)
     assert first_guesses_in(np.array([theta]), chord) == pytest.approx([inwards], rel=1 / 30)
+
+
+@pytest.mark.parametrize(('theta', 'share', 'most'), [
+    (3.0, 0.01, 4), (3.0, 0.5, 4), (20.0, 0.01, 3), (20.0, 1.0, 3), (100.0, 0.1, 2), (1e4, 0.1, 1), (1e4, 1.0, 2)])
+def test_links_take_few_evaluations_from_their_first_guesses(theta, share, most):
+    chord, many = share * theta, np.full(3, theta)
+    assert step(theta, chord, first_guess(theta, chord))[1] <= most
+    assert steps(many, chord, first_guesses(many, chord))[1] <= 3 * most
+    assert step_in(theta, chord, first_guess_in(theta, chord), 3 * chord)[1] <= most
+    assert steps_in(many, chord, first_guesses_in(many, chord), 3 * chord)[1] <= 3 * most
 
 
 @pytest.mark.parametrize('inner', [4.9, 5.1, 7.0, 9.9, 10.1, 13.0])
