@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 from dragon_ros.core.chain.chain import chain_of
-from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed, is_even
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.shift_map.blocks import Placement
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
-from dragon_ros.core.tracks.spec import Arc, Composite, Line
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral
 
 CLASSIC = Scene()
 
@@ -68,3 +69,27 @@ def test_handles_of_a_link_of_no_length_are_one_point_and_other_handles_stay_whe
     assert not np.array_equal(bare[1], bare[2])
     np.testing.assert_array_equal(joined[1], joined[2])
     np.testing.assert_array_equal(joined[[0, 3]], bare[[0, 3]])
+
+
+@pytest.mark.parametrize(('axis', 'low_m', 'high_m'), [(0, 1.2, 1.5), (1, 14.9, 15.2)])
+def test_a_single_link_keeps_its_length_where_it_is_parallel_to_an_axis(axis, low_m, high_m):
+    track = track_of(Spiral(0.55))
+    placement = Placement(track, np.array([2.86]), BEHIND, {})
+
+    def across(along_m):
+        p = placement.place(track.place_at(along_m)).p
+        return float(p[0, axis] - p[1, axis])
+    sense = np.sign(across(high_m))
+    while low_m < (middle_m := 0.5 * (low_m + high_m)) < high_m and across(middle_m):
+        low_m, high_m = (low_m, middle_m) if sense * across(middle_m) > 0 else (middle_m, high_m)
+    chain = placement.place(track.place_at(middle_m))
+    velocity = chain.velocities(1.0)
+    assert abs(np.dot(chain.p[0] - chain.p[1], velocity[0] - velocity[1])) < 1e-14
+    assert 1e-6 < abs(np.linalg.norm(velocity[1]) - 1.0) < 1e-3
+
+
+@pytest.mark.parametrize(('links_m', 'even'), [
+    ([2.86], True), ([2.86, 1.65], True), ([2.86, 1.65, 1.65], True), ([2.86, 1.65, 1.7], False),
+    ([2.86, 1.7, 1.65, 1.65], False), ([1.65, 1.65, 2.86], False)])
+def test_benches_are_even_if_those_behind_the_head_are_equal(links_m, even):
+    assert is_even(np.array(links_m)) is even

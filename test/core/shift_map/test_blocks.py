@@ -261,6 +261,11 @@ def test_a_dragon_of_few_benches_has_no_shift_map_on_a_turn_either():
     assert compile_scene(Scene(dragon=Dragon(7), track=STurn(), run=Run(0, 9))).model.placement.maps == {}
 
 
+def test_if_links_have_five_lengths_those_of_the_four_longest_blocks_get_a_shift_map():
+    blocks = [(1.5, 12), (1.1, 11), (1.9, 10), (1.5, 9), (1.0, 9), (1.3, 8)]
+    assert lengths_with_maps(np.repeat(*zip(*blocks, strict=True))) == {1.5: 12, 1.1: 11, 1.9: 10, 1.0: 9}
+
+
 def test_a_tile_of_a_track_is_bounded_and_shows_what_it_takes():
     model = compile_scene(TURNING).model
     link_m, = lengths_with_maps(model.links_m)
