@@ -130,6 +130,14 @@ def test_of_many_intervals_a_few_tell_how_many_steps_all_take(effort):
         assert 'more than the budget' in told[0][2]
 
 
+@pytest.mark.parametrize(('name', 'steps', 'intervals'), [('contact', 490, 16), ('none', 770, 29)])
+def test_a_proof_along_the_intervals_of_its_certificate_takes_few_steps(files, name, steps, intervals):
+    budget = Budget(10**6)
+    _Proof(claims_of((files / f'{name}.json').read_bytes()), budget, lambda *row: None).sentence()
+    assert budget.spent <= steps
+    assert budget.intervals <= intervals
+
+
 def test_the_effort_that_a_refusal_names_is_enough(files, capfd):
     small = ['--verify', str(files / 'none.json'), '--effort']
     assert contact.main([*small, '0.002']) == 2

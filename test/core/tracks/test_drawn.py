@@ -11,7 +11,7 @@ from shapely import LineString, hausdorff_distance, segmentize
 
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.tracks.composite import track_of
-from dragon_ros.core.tracks.drawn import LEAD_IN_M, Cubic, EllipseArc, along
+from dragon_ros.core.tracks.drawn import LEAD_IN_M, Cubic, EllipseArc, _joined, along
 from dragon_ros.core.tracks.polyline import polyline
 from dragon_ros.core.tracks.spec import Arc, Composite, Line
 
@@ -186,3 +186,8 @@ def test_more_pieces_than_a_track_has_are_refused_with_a_cure():
 def test_a_drawing_without_length_is_refused(parts):
     with pytest.raises(InputError, match='draw a line'):
         routed(*parts)
+
+
+def test_corners_that_touch_or_overlap_share_one_place():
+    places = [(7.0, 7.5), (0.0, 1.0), (1.0, 2.0), (2.5, 5.0), (3.0, 4.0), (5.5, 6.0)]
+    assert _joined(places) == [(0.0, 2.0), (2.5, 5.0), (5.5, 6.0), (7.0, 7.5)]
