@@ -226,3 +226,14 @@ def test_across_a_joint_a_link_takes_one_evaluation_on_an_arc_and_at_most_four_o
                 places, evaluations = track.across_many(k, (u, np.zeros(1)), chord_m, direction)
                 assert places[0] == k + direction
                 assert evaluations <= most
+
+
+@pytest.mark.parametrize(('spec', 'low_m', 'high_m', 'loose'), [
+    (STurn(before_m=100.0), -90.0, -10.0, 1e-12), (STurn(before_m=100.0), 30.0, 90.0, 1e-12),
+    (Spiral(0.55, 16.0), 10.0, 200.0, 1e-12), (Composite((Line(60.0), Arc(2.0, 170.0))), -50.0, 40.0, 1e-12),
+    (Composite((Line(60.0), Arc(2.0, 170.0))), 55.0, 64.0, 0.1)], ids=['in', 'out', 'spiral', 'line', 'arc'])
+def test_no_point_of_a_stretch_is_further_from_the_origin_than_its_bound(spec, low_m, high_m, loose):
+    track = track_of(spec)
+    segment, u, lo = track.places_at(np.linspace(low_m, high_m, 500), np.zeros(500))
+    furthest_m = np.max(np.hypot(*track.points(segment, u, lo).T))
+    assert furthest_m * (1 - 1e-15) <= track.far_m(low_m, high_m) <= furthest_m * (1 + loose)

@@ -191,3 +191,10 @@ def test_a_drawing_without_length_is_refused(parts):
 def test_corners_that_touch_or_overlap_share_one_place():
     places = [(7.0, 7.5), (0.0, 1.0), (1.0, 2.0), (2.5, 5.0), (3.0, 4.0), (5.5, 6.0)]
     assert _joined(places) == [(0.0, 2.0), (2.5, 5.0), (5.5, 6.0), (7.0, 7.5)]
+
+
+@pytest.mark.parametrize(('back', 'lead_in_m'), [(False, 0.0), (True, LEAD_IN_M)])
+def test_a_line_lets_the_body_in_only_where_the_drawing_begins_with_a_bend(back, lead_in_m):
+    line, bend = np.array([0j, 20 + 0j]), EllipseArc(20 + 8j, (8 + 0j, 8j), -pi / 2, pi / 2)
+    bent_back = EllipseArc(20 + 8j, (8 + 0j, 8j), 0.0, -pi / 2)
+    assert routed(*((bent_back, line[::-1]) if back else (line, bend))).lead_in_m == lead_in_m

@@ -142,6 +142,14 @@ def test_links_take_few_evaluations_from_their_first_guesses(theta, share, most)
     assert steps_in(many, chord, first_guesses_in(many, chord), 3 * chord)[1] <= 3 * most
 
 
+def test_one_wide_link_among_many_is_the_only_one_that_takes_more_evaluations():
+    theta, chords = np.full(50, 20.0), np.array([41.0] + 49 * [10.0])
+    delta, evaluations = steps(theta, chords, first_guesses(theta, chords))
+    assert delta == pytest.approx([step(20.0, one, first_guess(20.0, one))[0] for one in chords.tolist()], rel=1e-15)
+    assert delta[0] > 2.0
+    assert evaluations <= 3 * 50 + 20
+
+
 @pytest.mark.parametrize('inner', [4.9, 5.1, 7.0, 9.9, 10.1, 13.0])
 @pytest.mark.parametrize('start_turns', [3.0, 16.0])
 def test_places_some_radians_from_the_centre_are_exact_to_the_last_digit(inner, start_turns):
