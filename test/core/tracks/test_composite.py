@@ -226,6 +226,8 @@ def test_across_a_joint_a_link_takes_one_evaluation_on_an_arc_and_at_most_four_o
                 places, evaluations = track.across_many(k, (u, np.zeros(1)), chord_m, direction)
                 assert places[0] == k + direction
                 assert evaluations <= most
+                if share > 0.1:
+                    assert track.across(Place.of(k, u[0], 0.0), chord_m, direction)[1] <= 5
 
 
 @pytest.mark.parametrize(('spec', 'low_m', 'high_m', 'loose'), [
