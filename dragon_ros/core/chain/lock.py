@@ -39,8 +39,9 @@ def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
             break
         below = [n for n, theta in enumerate(here) if theta < lock_angle(chord)]
         if below:
-            angle, link = _meets(chords[:k], lock_angle(chord), places[below[-1]], places[below[-1] + 1]), k
-            places, here = [angle, *places[below[-1] + 1:]], [lock_angle(chord), *here[below[-1] + 1:]]
+            last = below[-1]
+            angle, link = _meets(chords[:k], lock_angle(chord), places[last], places[last + 1]), k
+            places, here = [angle, *places[last + 1:]], [lock_angle(chord), *here[last + 1:]]
         _, places, here = _one_link_on(chords[:k], chord, places, here)
     return angle, link
 
