@@ -132,7 +132,7 @@ def row_by_row(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
         for i in range(block.start, block.stop):
             try:
                 following, square, more = next_places(track, rows[-1], block.link_m, direction,
-                                                      Past(*past) if len(past) == 3 else None)
+                                                      Past(*past) if past[2:] else None)
             except ChainLockError as error:
                 theta = error.fields['theta_rad']
                 link_m = np.broadcast_to(block.link_m, rows[-1][1].shape)[rows[-1][1] == theta]
@@ -200,7 +200,7 @@ def _on_curve(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Blo
         here = rows[0][at[on], on], rows[1][at[on], on], rows[2][at[on], on]
         try:
             (u, lo), stays, square, more = _stepped(track, k, here, block.link_m, direction,
-                                                    Past(*past) if len(past) == 3 else None)
+                                                    Past(*past) if past[2:] else None)
         except ChainLockError as error:
             theta = error.fields['theta_rad']
             raise locked(track, int(at[on[here[1] == theta][0]]), theta, block.link_m) from None

@@ -164,7 +164,7 @@ class _Reaching(InOrder):
         self.best: Floats = np.full(len(SIDES), -np.inf)
         self.high: Floats = np.full(len(SIDES), -np.inf)
         self.where = [(0, 0.0, 0)] * len(SIDES)
-        self._kind = 0
+        self._kind: int
         self._bench: SweptBench | None = None
 
     def run(self, bench: 'SweptBench', intervals: Floats, kind: int) -> None:

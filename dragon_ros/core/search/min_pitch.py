@@ -318,7 +318,7 @@ class _Descending:
         low = np.min(apart, axis=0) - np.sum(sag, axis=-1) - off[:, None, None]
         pair = np.argmin(np.max(low, axis=-1), axis=1)
         each = np.arange(pair.size)
-        edge = np.argmax(low[each, pair], axis=-1)
+        edge = np.argmax(low[each, pair], axis=1)
         corner, bent = apart[:, each, pair, edge], sag[each, pair, edge]
         place = 0.5 * np.abs(corner[2] + corner[3] - corner[0] - corner[1]) + bent[:, 0]
         scale = 0.5 * np.abs(corner[1] + corner[3] - corner[0] - corner[2]) + bent[:, 1]

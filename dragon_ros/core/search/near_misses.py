@@ -168,7 +168,9 @@ def _of_class(domain: SearchDomain, part: LeadingBenches, proof: Sequence[Interv
     segment, origin_m, lead = domain.track.segments[0], domain.track.origins_m[0], part.lead
     links_m = domain.dragon.link_lengths_m
     ends = [(segment.after(each.start_m - origin_m).hi, segment.after(each.stop_m - origin_m).hi) for each in proof]
-    least, most = min(map(min, ends), default=0.0), max(map(max, ends), default=0.0)
+    if not ends:
+        return
+    least, most = min(map(min, ends)), max(map(max, ends))
     for low, high in _spans([pair for pair, each in zip(ends, proof, strict=True) if each.bound_m < below_m]):
         step = _SPACING_M / abs(segment.rate(high))
         behind = part.sampler(np.array([low, high])).follow

@@ -262,9 +262,9 @@ class Tile:
         """
         table, before, size = self.table, cell.before, 2 * links + 2
         behind = links - 1 if before else links
-        first = cell.row if direction == BEHIND else cell.row - behind
+        first, columns = cell.row if direction == BEHIND else cell.row - behind, 2 * behind + 2
         terms = int(table.terms[cell.part, first])
-        places, motions = (series[cell.part, :terms, 2 * first:2 * first + 2 * behind + 2]
+        places, motions = (series[cell.part, :terms, 2 * first:2 * first + columns]
                            for series in (table.places, table.motions))
         if max(terms, len(before[0]) if before else 0) * size <= _TERMS:
             if before:
@@ -272,7 +272,7 @@ class Tile:
             return [Product(np.dot, len(places), np.ascontiguousarray(places), np.ascontiguousarray(motions), 0, size)]
         width, at = _TERMS // terms // 2 * 2, 2 if before and direction == BEHIND else 0
         out = [Product(np.matmul, terms, places[:, low:stop], motions[:, low:stop], at + low, at + stop)
-               for low in range(0, 2 * behind + 2, width) for stop in [min(low + width, 2 * behind + 2)]]
+               for low in range(0, columns, width) for stop in [min(low + width, columns)]]
         if before:
             at = 0 if direction == BEHIND else size - 2
             out.append(Product(np.matmul, len(before[0]), *before, at, at + 2))

@@ -48,6 +48,14 @@ def test_nothing_touches_before_the_contact_and_benches_do_then(benches, head, b
     proved(certificate.as_values(scene, found))
 
 
+def test_outwards_the_tail_is_met_where_the_next_bench_has_too_few_behind_it_to_have_met_one():
+    scene = Scene(Dragon(14, 2.13, 1.42, 0.354, 0.063), Spiral(0.443, 4.39), Head(-1.0), Run(0, 6.0))
+    found = first_contact(scene)
+    assert found.benches == (1, 13)
+    assert smallest(scene, found.t_s + 1e-8) == 0
+    assert all(smallest(scene, t_s) > 0 for t_s in (*np.linspace(0, found.t_s, 20, endpoint=False), found.t_s - 1e-8))
+
+
 @pytest.mark.parametrize(('speed', 'pair'), [(-1.0, (2, 10)), (1.0, (1, 7))])
 def test_a_body_that_touches_first_is_timed_exactly_both_ways(speed, pair):
     scene = Scene(dragon=CROSSING, track=Spiral(0.55, 4.28), head=Head(speed), run=Run(0, 5))

@@ -81,3 +81,12 @@ def test_at_the_edge_of_a_tile_a_place_has_the_same_bits_from_either_side(tile):
         assert len(seen) == 1
         np.testing.assert_allclose(place_of.place(place).p, marched(track, LINKS_M, place, BEHIND).p,
                                    rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize(('scene', 'most'), [(Scene(), 65), (TURNING, 4 * 34)], ids=['spiral', 'turn'])
+def test_leaders_have_series_only_on_the_stretch_that_was_asked_for(scene, most):
+    """A stretch is 64 links long on a spiral, 32 with four parts each on a turn; one more may be partly on it."""
+    model = compile_scene(scene).model
+    shift, = model.placement.maps.values()
+    model.place((20.0, 0.0))
+    assert most - 12 <= len(shift._last_before.lead_in.places) <= most
