@@ -17,7 +17,7 @@ class NoisyHandles:
 
 @dataclass(frozen=True)
 class Health:
-    """The solver that placed the handles and its evaluations; the worst link, its error, and the allowed error."""
+    """The solver that placed the handles, its evaluation count, the worst link, its error, and the allowed error."""
 
     solver: str
     evaluations: int

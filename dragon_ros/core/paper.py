@@ -1,9 +1,9 @@
 """A reconstruction of the paper's method, which reproduces every printed digit and every error.
 
-Head: explicit Euler steps of 0.01 s, without the radial term; the printed point has the radius before the last step and
-the angle after it. Links: the angle grows in steps of 0.01 rad until the chord is within 0.1 m of the link; the last
-link has the length of the head. Speeds: v[i+1] = v[i] (rho[i] / rho[i+1])^0.02. None of this is correct: position
-errors reach 14 m.
+The head moves in explicit Euler steps of 0.01 s, without the radial term; the printed point has the radius before the
+last step and the angle after it. For each link, the angle grows in steps of 0.01 rad until the chord is within 0.1 m of
+the link; the last link has the length of the head's. Speeds are v[i+1] = v[i] (rho[i] / rho[i+1])^0.02. None of this is
+correct: position errors reach 14 m.
 """
 from math import cos, pi, sqrt
 

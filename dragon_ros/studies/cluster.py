@@ -1,8 +1,8 @@
 """Run a study with Dask: on processes that it starts on this host, or on a running cluster.
 
-A batch takes about ``_BATCH_S`` seconds, to keep the overhead of Dask small. A few batches per worker are submitted
-ahead. The result of a batch is a Parquet file, which is written as received. If a worker dies, Dask computes its batch
-again; if a batch kills several workers in a row, its rows are tried one by one.
+A batch takes about ``_BATCH_S`` seconds, to keep the overhead of Dask small. A few batches per worker are submitted in
+advance. The result of a batch is a Parquet file, which is written as received. If a worker dies, Dask computes its
+batch again; if a batch kills several workers in a row, its rows are tried one by one.
 """
 import asyncio
 import logging

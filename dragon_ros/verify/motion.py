@@ -1,4 +1,4 @@
-"""How handles and links move while the front handle of a leading bench moves over an interval of the track, in balls.
+"""The motion of handles and links, in balls, while a leading bench's front handle moves over an interval of the track.
 
 A prime is a derivative with respect to the coordinate u of the leading handle on its segment. Each handle has bounds on
 its coordinate and on its first two derivatives p and a over the whole interval; each link has bounds on its turning

@@ -265,7 +265,7 @@ def _up_to(part: Range, way: Approach, slack_m: Fraction) -> Range | None:
 
 
 def _far(scene: Scene) -> float:
-    """Return the approximate length of the track in links, or its number of turns: both require bits."""
+    """Return the approximate length of the track in links, or its number of turns: both require precision."""
     track = scene.track
     if isinstance(track, Spiral):
         return track.start_turns

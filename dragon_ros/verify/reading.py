@@ -210,7 +210,7 @@ def _whole(text: str) -> int | float:
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object, and reject duplicate keys, of which json would use the last and other readers the first."""
+    """Return an object. Reject duplicate keys, because json would use the last value and other readers the first."""
     out = dict(pairs)
     if len(out) < len(pairs):
         raise ValueError(f'a key occurs twice: {sorted(key for key, _ in pairs)}')
@@ -301,7 +301,7 @@ def _scene(value: Any) -> Scene:
 
 
 def _venue(value: Any) -> Venue:
-    """Return a venue. It must not have a margin, because the proof is only that nothing touches, at any gap."""
+    """Return a venue. It must not have a margin, because a certificate proves only that nothing touches."""
     given = _keys('scene.venue', value, set(), {'obstacles', 'inside'})
     listed = _list('scene.venue.obstacles', given.get('obstacles') or [], 0, MOST_CORNERS)
     obstacles = tuple(_kind(f'scene.venue.obstacles[{n}]', one, _OBSTACLES) for n, one in enumerate(listed))

@@ -183,7 +183,7 @@ class Met(Refused):
 
 
 class ObstacleCover(Cover):
-    """Clears all benches of the edges of a venue, those of one length together."""
+    """Proves all benches clear of the edges of a venue, those of one length together."""
 
     edges: Edges
 

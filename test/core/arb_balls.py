@@ -60,7 +60,7 @@ def _trig(x):
 
 
 class ArbBall:
-    """Numbers as ``Ball`` holds them, an array of arbs."""
+    """Numbers in the form of ``Ball``, as an array of arbs."""
 
     __array_ufunc__ = None
 

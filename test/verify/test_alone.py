@@ -95,7 +95,7 @@ def test_an_effort_that_is_too_small_ends_the_proof(files):
 def test_a_proof_that_takes_more_than_its_budget_says_on_its_way_which_effort_is_enough():
     budget = Budget(1000, 2.0, spent=100, since=50, share=0.1)      # 550 steps at this rate
     assert budget.advice == ''
-    budget.spend(100)       # 1,550 steps, and a margin of a factor 2
+    budget.spend(100)       # 1,550 steps, and a safety factor of 2
     assert budget.advice == 'more than the budget: --effort 6.2 is enough'
 
 

@@ -157,7 +157,7 @@ def test_what_links_span_in_a_box_is_what_they_do_at_its_ends():
 
 
 def held(lead, box, ahead):
-    """Return whether the remaining box contains another bench, or how it fails to."""
+    """Return 'held' if the remaining box contains another bench, else how the box misses it."""
     left = PROOF._occurring(lead, box)
     if left is None:
         return 'nothing'

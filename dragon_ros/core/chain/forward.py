@@ -347,7 +347,7 @@ def _next_on_one(track: Track, k: int, places: Places, chord_m: float, direction
 
 def _stepped(track: Track, k: int, places: Places, chord_m: float, direction: int,
              past: Past | None) -> tuple[tuple[Floats, Floats], Array, Floats, int]:
-    """Return next positions (hi, lo), whether each is still on segment k, the predictor's state, and evaluation count.
+    """Return next positions (hi, lo), whether each is on segment k, the predictor's state, and the evaluation count.
 
     If there is no next position, the position itself is returned.
     """

@@ -25,7 +25,7 @@ LEADERS = ('head', 'tail')
 RAMPS = ('linear', 'smooth')
 _MOST = 10_000
 
-Knot = tuple[float, float]      # a time in s, and the speed in m/s there
+Knot = tuple[float, float]      # a time in s, and the speed in m/s at that time
 
 
 @dataclass(frozen=True)
@@ -202,7 +202,7 @@ class Profile(Settings):
 def ramp(knots: Sequence[Knot], reached_m: Fraction, smooth: bool = False) -> tuple[ExactPolynomial, ...]:
     """Return distance, speed and acceleration as polynomials in time from the first knot, at distance ``reached_m``.
 
-    There are two knots, or one, the last of a law, whose speed continues.
+    If there is no second knot, the first is the last of a law, and its speed continues.
     """
     (t_s, speed), (end_s, then) = knots[0], knots[-1]
     length, change = Fraction(end_s) - Fraction(t_s), Fraction(then) - Fraction(speed)

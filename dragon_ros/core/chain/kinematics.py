@@ -88,9 +88,9 @@ class RigidLinks:
     def accelerations(self, speeds: Floats, curvature: Floats, leader_m_s2: float | Floats) -> Floats:
         """Return the accelerations (..., N+1, 2) in m/s^2.
 
-        ``speeds`` (..., N+1) is the result of ``speeds``. ``curvature`` (..., N+1) is signed, in 1/m, positive if the
-        head turns left (see ``entered_curvatures`` for joints). ``leader_m_s2`` (...) is the rate of the leader's
-        speed.
+        ``speeds`` (..., N+1) is the result of the method ``speeds``. ``curvature`` (..., N+1) is signed, in 1/m,
+        positive if the head turns left (see ``entered_curvatures`` for joints). ``leader_m_s2`` (...) is the rate of
+        the leader's speed.
         """
         side, bend = left(self.forward), speeds * speeds * curvature
         front, rear = self.cosines

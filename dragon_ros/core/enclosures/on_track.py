@@ -5,9 +5,10 @@ and their changes) and the bounding box (the motion of one bench). Between the s
 to another and every handle moves in one direction. The exception is a follower that turns back, near the centre of a
 single spiral; ``Leader.turning_m`` returns where intervals must be cut for it.
 
-A prime denotes a derivative by the leader's distance, a dot one by a handle's own distance. For each link let A be the
-handle nearer to the leader and B the other one, e its unit vector in the direction of the track, and alpha and beta the
-angles from e to the track at A and B. The length l is constant, so with speeds v and curvatures k
+A prime denotes a derivative by the leader's distance, and a dot denotes a derivative by a handle's own distance. For
+each link let A be the handle nearer to the leader and B the other one, e its unit vector in the direction of the track,
+and alpha and beta the angles from e to the track at A and B. The length l is constant, so with speeds v and curvatures
+k
 
     v_B = r v_A,  r = cos alpha / cos beta,      omega = w v_A,  w = (sin alpha - r sin beta) / l,
     alpha. = k_A - w,      beta. = r k_B - w,      r. = r g,  g = tan beta beta. - tan alpha alpha.,

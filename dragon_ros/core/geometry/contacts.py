@@ -26,7 +26,7 @@ class Closeness:
 
 @dataclass(frozen=True)
 class Contacts:
-    """Pairs that touch, (M, 2), deepest first, their signed gaps (M,) in m, and points (M, 2) of contact.
+    """The pairs (M, 2) that touch, deepest first, their signed gaps (M,) in m, and the points (M, 2) of contact.
 
     Obstacles of a venue are numbered after the benches, in the order of the venue's names.
     """

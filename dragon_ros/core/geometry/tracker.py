@@ -231,7 +231,7 @@ class ContactTracker:
         self._obstacles = NearObstacles(around) if around else None
 
     def add(self, observation: Observation) -> list[Report]:
-        """Return the reports of an observation; a repeated or late one has none.
+        """Return the reports of an observation; there are none for a repeated or late observation.
 
         The tracker restarts if time goes back or the dragon changes. Raises CrowdError if too many benches lie close
         together.

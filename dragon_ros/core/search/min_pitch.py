@@ -200,10 +200,10 @@ def coming_in(dragon: AnyDragon, pitch_m: float, start_turns: float, diameter_m:
 
 
 def _halved(runs: _Runs, smallest_m: float | None, largest_m: float, within_m: float) -> MinPitch:
-    """Bisect the bracket of mixed benches. Raises FieldError unless there is a contact at its lower end alone.
+    """Bisect the bracket of mixed benches. Raises FieldError unless there is a contact only at its lower end.
 
     Bisection checks only the head, which is usually the first to touch; the remaining bracket is checked for all
-    benches. So the ends of the given bracket are checked only if they are still its ends after bisection.
+    benches. The ends of the given bracket are therefore checked only if they are still its ends after bisection.
     """
     if smallest_m is None:
         raise FieldError('smallest_m', None, 'the pitch of mixed benches is halved between two bounds',

@@ -63,7 +63,7 @@ class _SweptIntervals:
         return _Samples(np.concatenate([part.places for part in parts]), _joined([part.states for part in parts]))
 
     def begin(self, samples: _Samples, pairs: Ints, window: Ints) -> None:
-        """Receive the roots; the edges near a bench are found for each interval anew."""
+        """Receive the roots; the edges near a bench are searched for again in each interval."""
 
     def judge(self, a: _Samples, b: _Samples, group: Ints) -> Judgement:
         """Bound the gaps of benches to edges; edges that stay further away than ``_FAR`` are not examined."""

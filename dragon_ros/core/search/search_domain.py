@@ -40,7 +40,7 @@ _SLOPE = 1e-6  # step to either side for slopes, for links of 1 to 2 m: gap erro
 _COARSEST = 0.05        # relative to the longest bench: with larger position errors, benches cannot be distinguished
 _KEPT = 6               # cached chains: the ends of domains and phases are used repeatedly
 _FEW = 12               # up to this number of chains, placing one by one is faster than together
-_MANY = 30              # above this number of chains tables are built, which later chains also use
+_MANY = 30              # above this number of chains, tables are built, which later chains also use
 
 
 @dataclass(frozen=True)

@@ -336,7 +336,7 @@ def _last(places: Places) -> Places:
 def lengths_with_maps(links_m: Floats) -> dict[float, int]:
     """Return the link lengths of the longest blocks that get a shift map, with the size of the longest block of each.
 
-    If links are so short that a tile of a spiral is shorter than the dragon, they get none: it would cover few states.
+    Links so short that a tile of a spiral is shorter than the dragon get no map, because it would cover few states.
     """
     length_m, out = float(np.sum(links_m)), dict[float, int]()
     longest = sorted(((block.stop - block.start, block.link_m) for block in blocks_of(links_m, BEHIND)

@@ -40,7 +40,8 @@ _GROWTH, _CLOSE = 1.2, 1e-6     # growth factor of a blend until its radius is s
 class SmoothPart:
     """A smooth part of a drawn line: points (n,) in m as complex numbers, and unit headings (n,).
 
-    ``drawn`` (m,) are the drawn points from which these were taken, and ``drawn_at_m`` (m,) their distances along it.
+    ``drawn`` (m,) are the drawn points from which these were taken, and ``drawn_at_m`` (m,) their distances along the
+    part.
     """
 
     points: Complexes
@@ -335,7 +336,7 @@ def _routed(stretches: Sequence[SmoothPart], radius_m: float, least_m: float, to
 
 
 def _joined(places: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return intervals in order, with touching ones merged."""
+    """Return intervals in order, merged if they touch."""
     out = list[tuple[float, float]]()
     for low, high in sorted(places):
         if out and low <= out[-1][1]:
