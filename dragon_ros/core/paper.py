@@ -2,8 +2,8 @@
 
 The head moves in explicit Euler steps of 0.01 s, without the radial term; the printed point has the radius before the
 last step and the angle after it. For each link, the angle grows in steps of 0.01 rad until the chord is within 0.1 m of
-the link; the last link has the length of the head's. Speeds are v[i+1] = v[i] (rho[i] / rho[i+1])^0.02. None of this is
-correct: position errors reach 14 m.
+the link; the last link has the length of the head link. Speeds are v[i+1] = v[i] (rho[i] / rho[i+1])^0.02. None of this
+is correct: position errors reach 14 m.
 """
 from math import cos, pi, sqrt
 

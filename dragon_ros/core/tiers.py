@@ -16,7 +16,7 @@ from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError, did_you_mean
 from dragon_ros.core.numerics.types import Floats
 
-_FLOAT_SIZE_M = 20.0     # floats cannot resolve 2e-12 m beyond it, so the promise of the exact tier grows there
+_FLOAT_SIZE_M = 20.0     # beyond this size floats cannot resolve 2e-12 m, and the promise of the exact tier grows
 
 
 @dataclass(frozen=True)

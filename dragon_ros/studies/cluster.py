@@ -332,7 +332,7 @@ class _StudyRun:
             return
         row = dict.fromkeys(columns_of(self._data.study)) | {
             'index': start, 'status': FAILED, 'version': __version__,
-            'reason': 'every worker that computed it died, possibly of lack of memory'}
+            'reason': 'every worker that computed it died, possibly from lack of memory'}
         self._written(start, stop, BatchResult(part_of(self._data.study, [row]), {FAILED: 1}, 0.0))
 
 

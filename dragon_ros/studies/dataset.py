@@ -3,7 +3,7 @@
 A part contains the rows of one index range and is named after it. It is written under a temporary name, synchronised to
 disk and renamed, so a killed study, a full disk or a power cut leaves no partial file. The parts of batches are joined
 into larger ones, block by block, and then removed. If the study is killed in between, duplicates are ignored until the
-next run removes them. Finally, each block of ``BLOCK`` rows is one file, whatever the batches were.
+next run removes them. Finally, each block of ``BLOCK`` rows is one file, regardless of the batches.
 """
 import fcntl
 import os

@@ -10,7 +10,7 @@ from math import ulp
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Extent, Law, Leg
 
-_LAST_PLACES = 4        # ulps by which a solver in floats may be off in the time at which the leader turns or rests
+_LAST_PLACES = 4        # error of a float solver, in ulps, in the time at which the leader turns or rests
 _SOON_S = Fraction(1, 10**6)    # time to either side of a contact; if the slack takes longer, it is reported
 _HALVINGS = 80          # number of bisections for times that are only reported
 
@@ -35,7 +35,7 @@ class Approach:
 
     @property
     def was_beyond_m(self) -> Fraction:
-        """How far the leader was earlier beyond the contact's position; negative if it never was."""
+        """How far beyond the contact's position the leader was earlier; negative if it never was."""
         if self.earlier is None:
             return Fraction(-1)
         return (self.earlier[1] - self.gone_m) if self.sense > 0 else (self.gone_m - self.earlier[0])

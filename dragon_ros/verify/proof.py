@@ -142,7 +142,7 @@ class _Proof:
         return run
 
     def _slack_m(self, contact: Contact, gone: arb) -> float:
-        """Return the leader travel before a contact up to which its absence is proved: as little as floats allow.
+        """Return the leader travel before a contact for which nothing is proved: as little as floats allow.
 
         It is a nanometre, unless the leader is so fast that the contact's time does not determine its position that
         well, or the benches approach so slowly that position errors amount to more travel.

@@ -16,7 +16,7 @@ from dragon_ros.verify.segments import HALF, ONE, Link, Locked, SpiralSegment, r
 from dragon_ros.verify.track import Place, Track
 
 _HALVINGS = 70          # halvings of a range of up to a million radians, down to 1e-15
-_NARROW = 1e-9          # relative to a handle's coordinate: the accepted error of the bounds of its turning position
+_NARROW = 1e-9          # relative to a handle's coordinate: the accepted error of the bounds on its turning position
 Range = tuple[arb, arb]
 
 

@@ -35,8 +35,9 @@ def bracketed(f: Callable[[float], tuple[float, float]], low: float, high: float
 def certified(value: Callable[[arb], arb], slope: Callable[[arb], arb], guess: float) -> arb:
     """Return a ball around a guess that contains exactly one root, for all numbers in the balls of the function.
 
-    By Newton's theorem, if m - f(m) / f'(X) lies inside X, a ball around m, then f has one root in X, which lies in
-    that expression. If the guess is too far off, the next Newton step determines how wide X must be. Raises Refused.
+    By Newton's theorem, if m - f(m) / f'(X) lies inside X, a ball around m, then f has one root in X, which this
+    expression contains. If the guess is too far off, the next Newton step determines how wide X must be. Raises
+    Refused.
     """
     middle, wide = arb(guess), _GOOD * abs(guess)
     for _ in range(_TRIES):

@@ -1,7 +1,7 @@
 """The leader's range of travel in a run, and the end of the run, both proved.
 
-A run ends when it stops, when a link locks, or when a handle reaches an end of the track. The positions of handles
-depend on the distance travelled by the leader, not on the time, so everything here is in terms of that distance.
+A run ends at its stop, when a link locks, or when a handle reaches an end of the track. The positions of handles depend
+on the distance travelled by the leader, not on the time, so everything here is in terms of that distance.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass

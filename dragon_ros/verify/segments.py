@@ -374,7 +374,7 @@ def about_span(theta: float, chord: float) -> float | None:
 
 
 def _peak(theta: float, chord: float, low: float, high: float) -> float:
-    """Return the span between two spans at which a chord stops growing."""
+    """Return the span, between two bounds, at which a chord stops growing."""
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if _excess(theta, chord, middle)[1] > 0 else (low, middle)
     return low

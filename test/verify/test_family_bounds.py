@@ -166,7 +166,7 @@ def held(lead, box, ahead):
 
 
 def rectangle(theta, rear, angle, scale, half, over):
-    """Return a largest bench of the family, by the angles of its front and rear handles."""
+    """Return a bench of the family's largest size, given the angles of its front and rear handles."""
     front = theta * complex(cos(angle), sin(angle))
     back = rear * complex(cos(angle + rear - theta), sin(angle + rear - theta))
     u = (front - back) / abs(front - back)

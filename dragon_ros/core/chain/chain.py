@@ -37,7 +37,7 @@ class PlacedLinks(Protocol):
         ...
 
     def velocities(self, chain: 'Chain', speed: Any, out: Floats) -> Any:
-        """Fill in the velocities of these handles from the speed of the first towards the head; return the last's.
+        """Fill in velocities, given the first handle's speed towards the head; return the last handle's speed.
 
         ``out`` is (S, N+1, 2), or for one instant a flat array of 2 N + 2 numbers. A part may leave its last handle to
         the next part.
@@ -76,7 +76,7 @@ class Chain:
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Pickle the positions of the handles instead of the tables behind them, which are a hundred times larger.
 
-        Velocities computed from the copy agree to rounding, but not bit for bit.
+        Velocities computed from the copy agree to within rounding, but not bit for bit.
         """
         parts = tuple(MarchedLinks(part.start, part.places(), part.solver) for part in self.parts)
         return Chain, (self.p, self.links_m, self.evaluations, self.track, self.direction, parts)

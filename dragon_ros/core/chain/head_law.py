@@ -206,7 +206,7 @@ def ramp(knots: Sequence[Knot], reached_m: Fraction, smooth: bool = False) -> tu
     """
     (t_s, speed), (end_s, then) = knots[0], knots[-1]
     length, change = Fraction(end_s) - Fraction(t_s), Fraction(then) - Fraction(speed)
-    rise: list[Fraction] = []       # coefficients of the speed, from the first power of the time since the knot on
+    rise: list[Fraction] = []       # coefficients of the speed in powers of the time since the knot, from the first on
     if change:
         rise = [Fraction(0), 3 * change / length**2, -2 * change / length**3] if smooth else [change / length]
     speeds = [Fraction(speed), *rise]

@@ -130,9 +130,9 @@ def _carried(start: float, steps: Iterator[tuple[float, float]]) -> Iterator[flo
 def entered_curvatures(track: Track, segment: Ints, u: Floats, speeds: Floats, within_m: float) -> Floats:
     """Return the signed curvatures (..., N+1) in 1/m at all handles just after this instant.
 
-    A handle within ``within_m``, the possible error of its position, of a joint counts as being on the segment that it
-    is entering. A handle at rest keeps its own segment; its curvature has no effect, because it is multiplied by the
-    squared speed.
+    A handle whose distance from a joint is at most ``within_m``, the possible error of its position, counts as being on
+    the segment that it is entering. A handle at rest keeps its own segment; its curvature has no effect, because it is
+    multiplied by the squared speed.
     """
     if not track.joints_m:
         return track.curvatures(segment, u)

@@ -1,4 +1,4 @@
-"""Close pairs of benches at one instant, the pairs that touch, and where they touch."""
+"""Close pairs of benches at one instant, the pairs that touch, and their points of contact."""
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
@@ -38,7 +38,7 @@ def closeness(simulation: Simulation, chain: Chain, benches: Benches) -> Closene
 
 
 def touching(simulation: Simulation, frame: Frame) -> list[tuple[int, int]]:
-    """Return the pairs that touch, the deepest first, whichever effects are on."""
+    """Return the pairs that touch, the deepest first, regardless of the effects that are on."""
     benches = frame.benches or benches_of(frame.chain, simulation.scene.dragon, frame.axis)
     found = frame.closeness or closeness(simulation, frame.chain, benches)
     return list(zip(found.i.tolist(), found.j.tolist(), strict=True))

@@ -3,7 +3,7 @@
 One enclosure is used for the first contact (corners as seen from other benches), the fastest handle (ratios of speeds
 and their changes) and the bounding box (the motion of one bench). Between the states the leader goes from one position
 to another and every handle moves in one direction. The exception is a follower that turns back, near the centre of a
-single spiral; ``Leader.turning_m`` returns where intervals must be cut for it.
+single spiral; ``Leader.turning_m`` returns the positions at which intervals must be cut for this reason.
 
 A prime denotes a derivative by the leader's distance, and a dot denotes a derivative by a handle's own distance. For
 each link let A be the handle nearer to the leader and B the other one, e its unit vector in the direction of the track,
@@ -326,7 +326,7 @@ class Views:
 
 
 def views(p: Floats, axis: Floats, headings: Floats, row: Ints, i: Ints, j: Ints) -> Views:
-    """Return pairs of benches i, j of the chains in rows; ``p`` (M, N+1, 2) are handles, ``axis`` those of links."""
+    """Return pairs of benches i, j of the chains in rows; ``p`` (M, N+1, 2) are handles, ``axis`` axes of links."""
     u = axis[row, i]
     middle = 0.5 * (p[row, j] + p[row, j + 1] - p[row, i] - p[row, i + 1])
     x, y = _turned(u, middle)

@@ -12,8 +12,8 @@ benches depends on five variables, the rows of a box:
 The number and the lengths of the benches in between only affect which angles AHEAD occur. A bench extends ``overhang``
 metres beyond its handles and half its width to either side.
 
-A link of chord c from theta spans delta, the root of F(theta, delta) = c^2 / 2 (docs/contact.md). Up to delta = pi
-F_delta > 0, so there is one root; it decreases as theta increases (lemma 1), increases with c, and has the derivatives
+A link of chord c from theta spans delta, the root of F(theta, delta) = c^2 / 2 (docs/contact.md). F_delta > 0 up to
+delta = pi, so there is one root; it decreases as theta increases (lemma 1), increases with c, and has the derivatives
 -F_theta / F_delta and c / F_delta. A span is enclosed by two floats at which F is proved too small and too large.
 """
 from typing import NamedTuple
@@ -32,7 +32,7 @@ _ABOVE = 1 + 2.0**-40   # covers the rounding of a sum of positive numbers
 
 
 class Separations(NamedTuple):
-    """Lower bounds ``low`` (n,) of the gaps in boxes, in units of b; positive if the benches are apart.
+    """Lower bounds ``low`` (n,) on the gaps in boxes, in units of b; positive if the benches are apart.
 
     In the middle of a box, ``middle`` (n,) is the distance of the nearest corner from the edge that separates the
     benches most, and ``slope`` (5, n) are the derivatives of this distance; ``spread`` (5, n) bounds its change from

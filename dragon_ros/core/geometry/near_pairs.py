@@ -44,7 +44,7 @@ _SKIN = 0.45            # relative to the mean half length: a longer list stays 
 _HAIR = 2.0**-40        # relative to coordinates and sizes
 _MOST_EACH = 32         # most listed pairs per bench; with more, each sample is searched from scratch
 _FEW = 8                # up to this many pairs are computed one by one, more as arrays
-_FIRST_PART = 512       # benches of the innermost part; each further part reaches twice as far
+_FIRST_PART = 512       # number of benches in the innermost part; each further part extends twice as far
 _OVERLAP = 2.5          # most benches of all parts and their followers, per bench; with more, the dragon is not split
 _WORTH = 0.02           # relative to the skin: a part this close to the closest pair is measured at each sample
 
@@ -168,7 +168,7 @@ def _middle(bodies: _ComplexBenches, first: int, end: int) -> int:
 
 def _seen_part(part: _NearList, bodies: _ComplexBenches, p: Floats, benches: Benches, limit_m: float,
                skin_m: float) -> tuple[_NearList, Ints] | None:
-    """Return a part after one more sample, and which of its pairs may be within a limit; None if too many are."""
+    """Return a part after one more sample, and its pairs that may be within a limit; None if there are too many."""
     change_m = part.change_m(bodies)
     if not part.beyond_m - part.spent_m - change_m > limit_m:
         listed = _listed(bodies, p, benches, (part.first, part.stop, part.end), max(limit_m, 0.0) + skin_m, limit_m)

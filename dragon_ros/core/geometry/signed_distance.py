@@ -93,7 +93,7 @@ def rounding_m(far_m: Floats | float, half_m: float) -> Floats | float:
 
 
 def placement(benches: Benches, i: Index, j: Index, others: Benches | None = None) -> RelativePoses:
-    """Return benches j relative to benches i; the second last axes count benches, and i and j may be any indices.
+    """Return benches j relative to benches i; the second to last axis is that of benches; i and j may be any indices.
 
     If ``others`` are given, j are their indices.
     """
@@ -170,7 +170,7 @@ class PartedPairs(NamedTuple):
 
 
 def parted_pairs(centre: Complexes, axis: Complexes, benches: Benches, i: Ints, j: Ints) -> tuple[PartedPairs, Floats]:
-    """Return pairs with the axes that separate them best, and these separations."""
+    """Return pairs with the axes that separate them best, and the separations along them."""
     half, side = benches.half_length, benches.half_width
     a, b = ((half.take(n), side.take(n)) for n in (i, j))
     view = seen_from((centre.take(i), centre.take(j)), (axis.take(i), axis.take(j)), a, b)

@@ -87,7 +87,7 @@ class Report:
     """The result of one observation.
 
     ``clearance_m`` is the smallest signed gap of all benches that are not neighbours (inf if there are none), and
-    ``closest`` are its benches. ``touching`` are the deepest few of all ``count`` pairs in contact, in this order.
+    ``closest`` are its benches. ``touching`` are the few deepest of all ``count`` pairs in contact, the deepest first.
     ``more`` counts the contacts that began in excess of ``MOST_REPORTED``. Obstacles ``around`` are included.
     """
 

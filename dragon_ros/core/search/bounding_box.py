@@ -7,8 +7,8 @@ exceeds the largest value found so far are cut.
 
 The bound of an interval: let s and t be the distances of a bench's front and rear handle, q and r their positions, and
 h and l the distances that they move from one end to the other. A corner at the complex lever a from the bench's middle
-(a is real along the link) is A q + B r with A = 1/2 + a / link, B = 1/2 - a / link. A coordinate of it has the
-derivative by s
+(a is real along the link) is A q + B r with A = 1/2 + a / link, B = 1/2 - a / link. The derivative of its coordinates
+by s is
 
     g' = (A q') + (B r') cos alpha / cos beta,
 
@@ -50,7 +50,7 @@ SIDES = ('x', '-x', 'y', '-y')
 _TOWARDS = np.array([1, -1, 1j, -1j])
 _AT_ONCE = 512      # intervals that are bounded together
 _FIRST, _PARTS = 32, 6      # numbers of parts of the first intervals and of later ones: fewer parts take more rounds
-_SAME = 1e-13       # relative to a distance along the track: closer positions are equal
+_SAME = 1e-13       # relative to a distance along the track: closer positions count as equal
 _MOST = 200_000     # limit for the benches placed
 
 
@@ -118,7 +118,7 @@ def by_length(lengths_m: Floats) -> list[Ints]:
 
 
 def bench_of(ranges: 'HandleRanges', number: int) -> 'SweptBench':
-    """Return the bench with an index, for moving it along the track."""
+    """Return the bench with an index as a bench that moves along the track."""
     dragon = ranges.scene.dragon
     return SweptBench(ranges.track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
                       0.5 * dragon.width_m)

@@ -10,7 +10,7 @@ ALL = -1        # the lead of an interval that covers every bench
 
 @dataclass(frozen=True)
 class Interval:
-    """A cleared part of a run, and a lower bound in metres of the gaps on it.
+    """A cleared part of a run, and a lower bound in metres on its gaps.
 
     ``start_m`` and ``stop_m`` are distances along the track of the front handle of bench ``lead``, in the order of the
     leader's motion. The bound applies to the gaps between that bench and the next ``behind`` benches except the one

@@ -70,7 +70,7 @@ _FIELDS = tuple(each.name for each in fields(ChainSamples))
 
 
 class _ChainIntervals:
-    """The space of leader positions for ``clear``: pairs are found per root, and its parts examine those that remain.
+    """The space of leader positions for ``clear``: pairs are found for each root; its parts examine those that remain.
 
     A group is a set of pairs, with a bound on the gaps of all other pairs in an interval. A root's group holds the
     pairs within reach. If a pair's bound on an interval is not far below its gaps at the ends, the pair is cleared on
@@ -163,7 +163,7 @@ class _ChainIntervals:
         return Judgement(bound_m, touching, parts_for(least), rest)
 
     def _without(self, settled: Array, at: Ints, row: Ints, low_m: Floats, group: Ints, which: Ints) -> Ints:
-        """Return groups (M,): for the intervals ``which`` new ones, without their settled pairs."""
+        """Return groups (M,), replaced for the intervals ``which`` by new ones without their settled pairs."""
         out: Ints = group.copy()
         others_m = self._others_m[group]
         np.minimum.at(others_m, row[settled], low_m[settled])

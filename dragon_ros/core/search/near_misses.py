@@ -34,7 +34,7 @@ if TYPE_CHECKING:       # scenes without a venue import none of them
 MOST = 1000             # listed near misses, the nearest first; the others are only counted
 _COARSE_M = 1.0         # spacing of positions for the coarse search for obstacles
 _SPACING_M = 0.02       # spacing of samples along the track: corners that pass benches make dips of decimetres
-_LIPSCHITZ = 2.0    # about the rate of a gap by leader travel: limits how far a dip's samples may exceed the threshold
+_LIPSCHITZ = 2.0    # rough rate of a gap by leader travel: limits how far a dip's samples may exceed the threshold
 _SHALLOW_M = 1e-9       # far above the error of gaps: shallower dips are indistinguishable from a constant gap
 _AT_ONCE = 64           # number of samples that are evaluated together
 _GOLDEN = 0.5 * (5**0.5 - 1)

@@ -83,7 +83,7 @@ class ObstacleBounds:
         return 0.5 * (front + rear_right), axis
 
     def _directions(self, corners: Complexes, gap_m: Floats, edge: Ints) -> Complexes:
-        """Return the directions in which each bench and its edge are furthest apart, or almost."""
+        """Return the directions in which each bench and its edge are furthest apart, or nearly furthest."""
         apart = gap_m > _APART_M * sum(self.half_m)
         out = np.empty(edge.size, dtype=np.complex128)
         if np.any(apart):

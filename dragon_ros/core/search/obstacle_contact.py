@@ -182,7 +182,7 @@ def phases(domain: SearchDomain, stop_m: float) -> list[tuple[float, float]]:
 
 
 def swept_bench(domain: SearchDomain, number: int) -> SweptBench:
-    """Return the bench with an index, for moving it along the track."""
+    """Return the bench with an index as a bench that moves along the track."""
     dragon = domain.dragon
     return SweptBench(domain.track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
                       0.5 * dragon.width_m)

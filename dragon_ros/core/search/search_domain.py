@@ -137,7 +137,7 @@ class SearchDomain:
     """The chains of a scene while its leader goes from ``start_m`` to ``stop_m``; ``states`` counts the samples."""
 
     def __init__(self, scene: Scene, travel: RangeOfTravel, sense: int, progress: Callable[[int], object]) -> None:
-        """Cover travel on (``sense`` 1) or back (-1) from the start. Raises InputError if positions err too much."""
+        """Cover travel on (``sense`` 1) or back (-1). Raises InputError if position errors are too large."""
         self.scene, self.dragon, self.sense, self.states = scene, scene.dragon, sense, 0
         simulation = compile_scene(scene)
         self.simulation, self.leader, self.track = simulation, simulation.model.leader, simulation.model.track

@@ -401,7 +401,7 @@ class ShiftMap:
         return out
 
     def _numbers(self, places: Places) -> Ints | None:
-        """Return the indices of the stretches of many positions; None so far out that floats do not resolve links."""
+        """Return the indices of the stretches of many positions; None where floats cannot resolve links."""
         share = (self.track.distances(*places[:2]) + self._before_m) / self.stretch_m
         if np.max(np.abs(share), initial=0.0) > 1 / _SHORTEST:
             return None

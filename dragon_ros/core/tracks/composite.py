@@ -165,7 +165,7 @@ class Track:
         return number, u, u_lo
 
     def present(self, number: Ints) -> list[int]:
-        """Return the segments on which any of many positions are."""
+        """Return the segments that contain any of many positions."""
         if len(self.segments) == 1:
             return [0]
         occurring: list[int] = np.flatnonzero(np.bincount(number.reshape(-1))).tolist()
@@ -346,7 +346,7 @@ class Track:
         return _vectors_of(out)
 
     def _parts(self, segment: Ints) -> Iterator[tuple[int, Any]]:
-        """Yield the segments on which any of many positions are, each with the indices of its positions."""
+        """Yield the segments that contain any of many positions, each with the indices of its positions."""
         for k in self.present(segment):
             yield k, ... if len(self.segments) == 1 else segment == k
 

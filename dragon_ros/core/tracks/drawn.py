@@ -365,7 +365,7 @@ def _blends(drawn: _SmoothLine, corners: list[tuple[float, float]], radius_m: fl
 
 
 def _shares(gaps: list[float], wide: list[float | None], slim: list[float | None]) -> list[float | None]:
-    """Return for each gap the fraction, 0 to 1, of the step from slim to wide blends that fits; None if slim do not."""
+    """Return, per gap, the fraction of the step from slim to wide blends that fits; None if slim blends do not fit."""
     out: list[float | None] = []
     for gap, big, small in zip(gaps, pairwise([0.0, *wide, 0.0]), pairwise([0.0, *slim, 0.0]), strict=True):
         least = sum(one or 0.0 for one in small)
@@ -382,7 +382,7 @@ def _between(low: float | None, high: float | None, shares: list[float | None]) 
 
 
 def _reach_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) -> float | None:
-    """Return the distance from a corner to both ends of the biarc with a radius; None if it does not fit.
+    """Return the distance from a corner to both ends of the biarc with this radius; None if it does not fit.
 
     Between two lines the biarc is one arc with a reach of R tan(phi / 2).
     """

@@ -44,7 +44,7 @@ class Spiral:
 
 @dataclass(frozen=True)
 class STurn:
-    """A spiral in, two arcs with radii in ``ratio``, and a spiral out; the arcs lie within a circle of ``diameter_m``.
+    """A spiral in, two arcs (radii in the ratio ``ratio``) and a spiral out; a circle of ``diameter_m`` holds the arcs.
 
     The spirals are r = pitch_m / (2 pi) theta about the origin and the same curve rotated by half a turn. At t = 0 the
     head is ``before_m`` before the turn's entry: with 100 m and a head at 1 m/s the contest's -100 s is 0 s here,

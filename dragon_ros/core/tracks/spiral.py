@@ -34,7 +34,7 @@ _ROUNDING = 1e-15       # relative to the length: rounding may make a distance t
 _NEWTON_STEPS = 20
 _NEAR_RAD = 1e-6        # Newton step of an angle after which the next error is at least four digits smaller
 _SMOOTH_RAD = 10.0      # from here on, one Newton step from the asymptotic series is accurate to 1e-7
-TIGHT = 1e-8            # Newton step relative to the angle of which half the square is below the resolution of floats
+TIGHT = 1e-8            # Newton step relative to the angle; half its square is below the resolution of floats
 _TAME_RAD = 1.5         # for smaller spans plain Newton converges from any of the guesses below
 _CHORD_STEPS = 12      # more than Newton's method needs for them; afterwards the bracketed solver takes over
 _NOWHERE_OUT, _NOWHERE_IN = DoubleDouble(inf, 0.0), DoubleDouble(-inf, 0.0)
@@ -165,7 +165,7 @@ def _is_smooth(theta: float, arc: Any) -> Any:
 
 
 def _almost_turned(theta: float, arc: Any, root: Any = sqrt, asinh_of: Any = asinh, log: Any = log_of) -> Any:
-    """Return about the angle turned over an arc in units of b: a Newton step from theta^2 + log theta = 2 S + c."""
+    """Return roughly the angle turned over an arc in units of b: a Newton step from theta^2 + log theta = 2 S + c."""
     squared = theta * theta - 2 * arc
     bent = log(theta / root(squared))
     turned = (2 * arc - bent) / (theta + root(squared + bent))

@@ -1,4 +1,4 @@
-"""The largest and smallest inputs: each is accepted, and the next one beyond is refused with the name of its field."""
+"""The largest and smallest inputs are accepted; the next value beyond each is rejected with the name of its field."""
 from math import inf, nextafter
 
 import pytest

@@ -171,7 +171,7 @@ def test_benches_whose_links_have_no_length_touch_at_once():
 
 
 def test_the_speed_of_approach_stands_far_out_where_a_float_is_coarser_than_its_step():
-    """The classic dragon, a thousand times smaller, after 17,000 km: the speed equals that after a near start."""
+    """For the classic dragon, a thousand times smaller, the speed after 17,000 km equals that after a near start."""
     scale, d = 1e-3, Dragon()
     dragon = Dragon(223, d.head_length_m * scale, d.body_length_m * scale, d.width_m * scale, d.hole_inset_m * scale)
     near, far = (Scene(effects=Effect(0), dragon=dragon, track=Spiral(0.55 * scale, turns)) for turns in (16.0, 1e5))
