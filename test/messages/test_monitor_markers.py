@@ -3,17 +3,18 @@ import numpy as np
 import pytest
 import shapely
 
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.geometry.contacts import Observation
 from dragon_ros.core.geometry.tracker import ContactTracker, Report
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.decode import read_marker_array
-from dragon_ros.messages.markers import BENCH_HEIGHT_M
+from dragon_ros.messages.markers import BENCH_HEIGHT_M, BLACK, BLUE, VERMILION, YELLOW
 from dragon_ros.messages.monitor_markers import clearance_marker, report_markers, vector_of
 
 
-def report_at(t_s):
-    scene = Scene(run=Run(t_s, 415))
+def report_at(t_s, **dragon):
+    scene = Scene(Dragon(**dragon), run=Run(t_s, 415))
     frame = tick(scene, 0)
     (report,) = ContactTracker().add(Observation(frame.t_ns, frame.chain.p, frame.benches, 'dragon'))
     return report
@@ -62,7 +63,7 @@ def test_the_clearance_stands_as_a_text_beside_the_point_between_the_closest_ben
     middle = 0.5 * (one + other)
     assert message.pose.position.x == pytest.approx(middle[0], abs=0.02)
     assert message.pose.position.y + 2 * message.scale.z == pytest.approx(middle[1], abs=0.02)
-    assert message.pose.position.z - message.scale.z > 0.5 * BENCH_HEIGHT_M         # benches do not cover the label
+    assert 0.5 * BENCH_HEIGHT_M < message.pose.position.z - message.scale.z < 1.0    # benches do not cover the label
     vector = serialization.deserialize_message(vector_of(report), Vector3Stamped).vector
     assert report.closest == (0, 8)
     assert (vector.x, vector.y, vector.z) == pytest.approx((*(other - one), 0.0), abs=1e-9)
@@ -80,3 +81,28 @@ def test_a_dragon_without_pairs_or_in_contact_has_no_clearance_to_show(report):
 def test_without_contact_all_markers_are_deleted():
     markers = read_marker_array(report_markers(report_at(404)))
     assert markers.action.tolist() == [3]
+
+
+def test_the_label_of_several_contacts_counts_those_that_it_does_not_name():
+    serialization = pytest.importorskip('rclpy.serialization')
+    from visualization_msgs.msg import MarkerArray
+    report = report_at(300.0, width_m=0.6, benches=40)
+    assert report.count > 2
+    *_, label = serialization.deserialize_message(report_markers(report), MarkerArray).markers
+    assert label.text.endswith(f' mm (+{report.count - 1})')
+
+
+def test_the_deleting_marker_has_neither_size_nor_colour():
+    serialization = pytest.importorskip('rclpy.serialization')
+    from visualization_msgs.msg import MarkerArray
+    marker, = serialization.deserialize_message(report_markers(report_at(404)), MarkerArray).markers
+    assert (marker.scale.x, marker.scale.y, marker.scale.z) == (0.0, 0.0, 0.0)
+    assert (marker.color.r, marker.color.g, marker.color.b, marker.color.a) == (0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(('colour', 'published'), [
+    (VERMILION, (213, 94, 0)), (BLUE, (0, 114, 178)), (BLACK, (0, 0, 0)), (YELLOW, (240, 228, 66))],
+    ids=['vermilion', 'blue', 'black', 'yellow'])
+def test_colours_are_those_that_okabe_and_ito_published(colour, published):
+    assert np.array(colour[:3]) * 255 == pytest.approx(np.array(published), abs=1.5)
+    assert colour[3] == 1.0

@@ -117,6 +117,14 @@ def test_a_scale_along_one_axis_alone_is_obeyed(name, factor):
     assert_shows(*edited(change))
 
 
+def test_a_scale_that_is_the_same_along_all_axes_is_obeyed():
+    def change(message):
+        message.markers[0].scale.x = message.markers[0].scale.y = message.markers[0].scale.z = 0.5
+        for point in message.markers[0].points:
+            point.x, point.y, point.z = 2 * point.x, 2 * point.y, 2 * point.z
+    assert_shows(*edited(change))
+
+
 def test_what_others_put_beside_the_triangles_does_not_disturb():
     def change(message):
         from visualization_msgs.msg import Marker
@@ -192,3 +200,13 @@ def test_a_bench_whose_axis_has_a_millionth_of_its_length_in_the_plane_has_a_dir
             placed(pose)
     else:
         assert placed(pose)[1] == pytest.approx(np.array([[1.0, 0.0]]))
+
+
+def test_axes_of_benches_in_any_orientation_are_those_of_the_rotated_vector():
+    quaternions = np.random.default_rng(5).normal(size=(20, 4))
+    quaternions /= np.linalg.norm(quaternions, axis=1)[:, None]
+    vector, w, unit = quaternions[:, :3], quaternions[:, 3:], np.array([1.0, 0.0, 0.0])
+    aside = np.cross(vector, unit)      # Rodrigues' formula
+    turned = (unit + 2 * w * aside + 2 * np.cross(vector, aside))[:, :2]
+    poses = np.concatenate((np.zeros((20, 3)), quaternions), axis=1)
+    assert placed(poses)[1] == pytest.approx(turned / np.linalg.norm(turned, axis=1)[:, None], abs=1e-12)

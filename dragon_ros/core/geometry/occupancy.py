@@ -40,7 +40,8 @@ def outlines(occupied: Bools, name: str, corner: complex, across: complex) -> Su
     row, column = np.divmod(up, columns)
     below = np.where(row == 0, False, occupied[row - 1, column])
     flat = _merged(row, column, below)
-    start, stop = (column[flat[0]] + 1j * row[flat[0]], column[flat[1]] + 1 + 1j * row[flat[1]])
+    level = 1j * row[flat[0]]
+    start, stop = column[flat[0]] + level, column[flat[1]] + 1 + level
     mine = owner(row[flat[0]] - below[flat[0]], column[flat[0]])
     out = [(start, stop, mine)]
     for side, inwards in ((first, 0), (last, 1)):

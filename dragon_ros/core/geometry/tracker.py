@@ -225,8 +225,9 @@ class ContactTracker:
         """
         same = around and self.around and around.names == self.around.names
         if self._seen and self._open.key.size and not same:
-            old = self._open.key % _KEY >= len(self._seen[-1].benches.centre)
-            self._ended += self._ends(self._seen[-1], old & self._open.reported, VENUE)
+            last = self._seen[-1]
+            old = self._open.key % _KEY >= len(last.benches.centre)
+            self._ended += self._ends(last, old & self._open.reported, VENUE)
             self._open = self._open.some(~old)
         self._obstacles = NearObstacles(around) if around else None
 

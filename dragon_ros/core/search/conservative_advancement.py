@@ -89,7 +89,7 @@ class _ChainIntervals:
         self._pairs: tuple[Ints, Ints] = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
         self._first: Ints = np.empty(0, dtype=np.int64)     # index of each group's first pair
         self._count: Ints = np.empty(0, dtype=np.int64)
-        self._others_m: Floats = np.empty(0)                # bounds on the gaps of each group's other pairs
+        self._others_m: Floats                              # bounds on the gaps of each group's other pairs
 
     def sample(self, places: Floats, _: Ints) -> ChainSamples:
         """Return the samples at leader positions."""

@@ -319,10 +319,10 @@ class _FamilySearch:
 
     def _row(self, inner: int, first: float, last: float, link_m: tuple[float, float]) -> _PairBoxes:
         ends = np.linspace(first, last, 2 + int((last - first) / _FIRST_RAD))
-        scale, other_m, same = self.family.scale, self.family.body_link_m, np.ones(ends.size - 1)
-        low = np.array([ends[:-1], 0 * same, scale[0] * same, link_m[0] * same, other_m[0] * same])
-        high = np.array([ends[1:], np.inf * same, scale[1] * same, link_m[1] * same, other_m[1] * same])
-        return self._reached(low, high, np.full(same.size, inner))
+        scale, other_m = self.family.scale, self.family.body_link_m
+        low = np.array(np.broadcast_arrays(ends[:-1], 0.0, scale[0], link_m[0], other_m[0]))
+        high = np.array(np.broadcast_arrays(ends[1:], np.inf, scale[1], link_m[1], other_m[1]))
+        return self._reached(low, high, np.full(ends.size - 1, inner))
 
     def _reached(self, low: Floats, high: Floats, inner: Ints) -> _PairBoxes:
         """Return boxes with the smallest distance that the leader has travelled when the inner bench is in them.

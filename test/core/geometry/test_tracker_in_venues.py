@@ -100,3 +100,11 @@ def test_a_restart_names_the_obstacle_too():
     tracker, hit = tracked(), int(first_contact(SCENE).t_s * 50) + 1
     list(reports(tracker, range(hit + 2)))
     assert told(reports(tracker, [0])) == [('restart', 'post', (0, 6))]
+
+
+def test_contacts_with_an_old_venue_end_at_the_last_observation():
+    tracker, hit = tracked(), int(first_contact(SCENE).t_s * 50) + 1
+    list(reports(tracker, range(hit - 3, hit + 2)))
+    tracker.surround(None)
+    (end,) = [e for r in reports(tracker, [hit + 2]) for e in r.ends]
+    assert end.t_end_s == tick(SCENE, hit + 1).t_ns / 1e9
