@@ -270,7 +270,7 @@ class ContactTracker:
         ends = self._ends(observation, ended & self._open.reported, PARTED)
         deepest = np.argsort(order)
         begun = deepest[new[deepest]]
-        room = max(0, MOST_REPORTED - int(np.sum(now.reported)))
+        room = MOST_REPORTED - int(np.sum(now.reported))
         begins = tuple(self._event(observation, pair, float(found.gap_m[order[n]])) for n, pair in
                        zip(begun[:room], self._pairs(now.key[begun[:room]]), strict=True))
         reported = now.reported.copy()

@@ -3,7 +3,7 @@ import pytest
 
 from dragon_ros.core.geometry.contacts import Observation
 from dragon_ros.core.geometry.rectangles import Benches
-from dragon_ros.core.geometry.tracker import MOST_REPORTED, ContactTracker, ReorderBuffer
+from dragon_ros.core.geometry.tracker import MOST_REPORTED, ContactTracker, ReorderBuffer, _interpolated
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
@@ -319,3 +319,12 @@ def test_an_observation_restarts_time_if_it_is_more_than_a_second_back(back_s, r
 def test_a_stamp_that_was_passed_on_is_not_passed_on_again():
     buffer = ReorderBuffer()
     assert [len(buffer.take(crossed(t_ns, 1.0))[1]) for t_ns in (5, 6, 6, 6, 6, 7)] == [1, 1, 0, 0, 0, 1]
+
+
+def test_axes_between_two_ticks_are_unit_vectors_however_far_benches_turn():
+    half = np.array([0.5])
+    known = [Observation(n * 10**9, np.zeros((2, 2)), Benches(np.array([[n, 0.0]]), np.array([axis]), half, half))
+             for n, axis in enumerate([(1.0, 0.0), (0.0, 1.0)])]
+    found = _interpolated(known, 0.25)
+    assert found.centre == pytest.approx(np.array([[0.25, 0.0]]))
+    assert found.axis == pytest.approx(np.array([[3.0, 1.0]]) / np.sqrt(10))

@@ -13,7 +13,7 @@ from dragon_ros.core.errors import DragonError, FieldError, InputError
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
-from dragon_ros.core.search.family import _HEAD, _FamilySearch, family_of, first_contact_within
+from dragon_ros.core.search.family import _HEAD, Family, _FamilySearch, family_of, first_contact_within
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import BEHIND
@@ -155,3 +155,13 @@ def test_the_last_bench_of_any_dragon_of_a_family_is_within_what_a_box_says_whic
             chains = [marched(unit, links, Place(0, DoubleDouble(start, 0.0)), BEHIND) for start in theta]
             seen += [chain.u[11] - chain.u[0] for chain in chains]
     assert 5.5 < min(seen) < max(seen) <= last[0] <= max(seen) + 1e-3
+
+
+@pytest.mark.parametrize(('head_m', 'body_m'), [((2.0, 2.9), (1.0, 1.7)), ((1.0, 1.1), (1.5, 1.7))])
+def test_beyond_the_innermost_angle_of_a_family_the_curvature_times_its_longest_link_is_below_two(head_m, body_m):
+    family = Family(20, 16.0, (0.5, 0.6), head_m, body_m, 0.15, 0.275)
+    longest = max(*head_m, *body_m) * family.scale[1]
+
+    def bend(theta):
+        return (2 + theta * theta) / (1 + theta * theta) ** 1.5
+    assert 0.8 * 2 < bend(family.innermost_rad) * longest < 2

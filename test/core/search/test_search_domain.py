@@ -8,8 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
 
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head, Profile
-from dragon_ros.core.search.search_domain import RangeOfTravel
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 
 # The leader moves on to 4 m at 4 s, back to 2 m at 6 s, rests until 7 s, and moves on to 5 m at 10 s and beyond.
 JUMPS = Profile(((0.0, 1.0), (4.0, 1.0), (4.0, -1.0), (6.0, -1.0), (6.0, 0.0), (7.0, 0.0), (7.0, 1.0), (10.0, 1.0)))
@@ -80,3 +83,24 @@ def test_the_range_of_a_run_holds_every_place_of_it():
         assert [min(gone), max(gone)] == pytest.approx(ends, abs=0.1)
         assert ends[0] <= min(gone)
         assert max(gone) <= ends[1]
+
+
+def domain_of(stop_s):
+    scene = Scene(dragon=Dragon(20), run=Run(0, stop_s))
+    end_s = compile_scene(scene).end.t_s
+    return SearchDomain(scene, RangeOfTravel(scene.head, 0.0, end_s), 1, lambda states: None), end_s
+
+
+def test_a_domain_goes_on_to_the_end_of_its_run_but_not_quite_to_a_lock():
+    domain, end_s = domain_of(100.0)
+    assert (domain.start_m, domain.stop_m, end_s) == (0.0, 100.0, 100.0)
+    domain, end_s = domain_of(None)
+    assert 1e-9 < end_s - domain.stop_m < 1e-7
+
+
+def test_a_position_that_a_bench_does_not_reach_is_taken_at_the_nearer_end():
+    domain, _ = domain_of(100.0)
+    for gone_m, nearer_m in ((9.99, 10.0), (20.01, 20.0), (15.0, 15.0)):
+        along_m = float(domain.along_m(gone_m)[7])
+        assert domain.gone_at(7, along_m, (10.0, 20.0)) == pytest.approx(nearer_m, abs=1e-9)
+        assert domain.gone_at(7, along_m, (20.0, 10.0)) == pytest.approx(nearer_m, abs=1e-9)

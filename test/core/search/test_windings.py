@@ -7,10 +7,10 @@ from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.enclosures.ball_arithmetic import between
 from dragon_ros.core.enclosures.by_scale import bend_by_scale
 from dragon_ros.core.enclosures.on_spiral import bend, line_distance
-from dragon_ros.core.errors import DragonError
+from dragon_ros.core.errors import DragonError, FieldError
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.search.driver import Boxes
-from dragon_ros.core.search.min_pitch import _Descending, _PitchTask, separations, windings
+from dragon_ros.core.search.min_pitch import _Descending, _PitchTask, _task, separations, windings
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral
@@ -209,3 +209,14 @@ def test_benches_further_behind_are_left_unexamined_only_if_their_lines_keep_the
         middle = 0.5 * (low + high)
         low, high = (middle, high) if spare(middle)[1] else (low, middle)
     assert 0.99 <= spare(low)[0] <= 1.1
+
+
+@pytest.mark.parametrize(('name', 'low', 'high'), [
+    ('diameter_m', None, 1e6), ('start_turns', None, 1e4), ('largest_m', None, 1e6), ('within_m', 2e-11, 1.0)])
+def test_a_setting_at_its_limit_is_accepted_and_the_next_one_beyond_is_refused(name, low, high):
+    usual = {'diameter_m': 1e4, 'start_turns': 16.0, 'largest_m': 9e5, 'within_m': 1e-9}
+    for value, beyond in ((low, -np.inf), (high, np.inf)):
+        if value is not None:
+            _task(Dragon(), **{**usual, name: value})
+            with pytest.raises(FieldError, match=name):
+                _task(Dragon(), **{**usual, name: float(np.nextafter(value, beyond))})
