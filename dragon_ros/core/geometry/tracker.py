@@ -32,7 +32,7 @@ _SHOWN = 8
 _UNEVEN = 4             # largest ratio between the time steps of ticks that are interpolated together
 
 _KEY = 2**32        # a pair (i, j) has the key i * _KEY + j
-_LAST = 8           # number of last observations: one that is not older than all of them may just be late
+_LAST = 8           # number of last observations: an observation newer than the oldest of them may merely be delayed
 _LATE_NS = 10**9    # the most by which an observation may be late
 _IN_A_ROW = 3       # number of consecutive late observations that indicates a restarted run
 
