@@ -283,6 +283,23 @@ def test_far_more_handles_than_one_product_takes_join_without_a_seam():
     np.testing.assert_allclose(state(long, 40.0).p, state(march(long), 40.0).p, rtol=0, atol=1e-12)
 
 
+def test_behind_a_tail_more_handles_than_one_product_takes_join_without_a_seam_too():
+    mix = Mixed((Group(2.2, 1000), Group(3.41)))
+    long = Scene(mix, STurn(before_m=50.0), Head(1.0, 'tail'), Run(0, 20))
+    chain, other = state(long, 10.0), state(march(long), 10.0)
+    assert (chain.parts[0].start, chain.parts[0].links) == (0, 1001)
+    np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=1e-11)
+
+
+def test_instants_of_two_tiles_in_any_order_are_where_each_alone_is():
+    times = [60.0, 320.0, 61.0, 321.0, 62.0]
+    scene = replace(TURNING, run=Run(0, 330))
+    many = states(scene, times)
+    assert many.solver == 'table'
+    assert len(many.parts[-1].spots) == 2
+    np.testing.assert_allclose(many.p, [state(scene, t_s).p for t_s in times], rtol=0, atol=1e-13)
+
+
 def test_what_runs_return_is_closed_for_writing():
     for chain in (state(TURNING, 1.0), states(TURNING, [1.0])):
         for array in (chain.p, chain.velocities(1.0), chain.tangents):
