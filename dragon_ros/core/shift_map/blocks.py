@@ -3,6 +3,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import copysign, hypot, inf
+from sys import float_info
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +19,6 @@ from dragon_ros.core.tracks.segments import BEHIND
 FEWEST = 8              # fewest links for a table; for fewer, marching is faster
 _MOST_MAPS = 4          # number of shift maps per dragon, for the lengths of its longest blocks
 _SHORTEST_LEAD = 0.05   # relative to a block's link: a shorter link's direction has too few digits for a series
-_FARTHEST = 1e300       # larger than any coordinate
 _TRIES = 8              # number of links of a block that are marched until its table covers one
 
 
@@ -187,7 +187,7 @@ class Placement:
         segment = self.track.segments[k]
         edge = self.track.edge(k, link_m, self.direction)
         outwards = edge > (segment.last if self.direction == BEHIND else segment.first)
-        low, high = (-inf, min(edge, _FARTHEST)) if outwards else (max(edge, -_FARTHEST), inf)
+        low, high = (-inf, min(edge, float_info.max)) if outwards else (max(edge, -float_info.max), inf)
         return _NextPlace(segment.next, low, high, segment.at)
 
     @cached_property
@@ -247,7 +247,7 @@ class Placement:
                     handles = forward(self.track, (Block(i, stop, link_m),), here, direction)
                     rows, first = arrays_of(handles), 2 * (i if direction == BEHIND else count - stop)
                     part = MarchedLinks(i, rows, 'march' if shift else '')
-                    flat[first:first + 2 * (stop - i) + 2] = self.track.points(*rows)[::-direction].reshape(-1)
+                    flat[first:first + 2 * (stop - i) + 2] = self.track.points(*rows)[::-direction].ravel()
                     here, i, spent, filled = handles.place(-1), stop, spent + handles.evaluations, True
                 parts.append(part)
         if not filled:

@@ -296,7 +296,7 @@ def _pushed(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> 
     """Return the segments (R, S) and coordinates (R, S, K) as (hi, lo) of the nodes in all rows."""
     nodes: Floats = np.array([part.nodes() for part in parts])
     numbers: Ints = np.repeat([part.segment for part in parts], NODES)
-    first: Places = numbers, nodes[:, 0].reshape(-1), nodes[:, 1].reshape(-1)
+    first: Places = numbers, nodes[:, 0].ravel(), nodes[:, 1].ravel()
 
     def settle(places: Places) -> Places:
         return _together(track, places) if len(track.segments) > 1 else places
@@ -395,7 +395,7 @@ def _together(track: Track, places: Places) -> Places:
         own = track.segments[int(most[part, node])]
         u[part, node] = own.first if segment[part, node] < most[part, node] else own.last
         lo[part, node] = 0.0
-    return most.reshape(-1), u.reshape(-1), lo.reshape(-1)
+    return most.ravel(), u.ravel(), lo.ravel()
 
 
 def scaled(coordinates: Floats) -> tuple[Floats, Floats, Floats]:

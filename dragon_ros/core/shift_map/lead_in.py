@@ -51,8 +51,8 @@ class Chart(NamedTuple):
 def chart_of(table: Table) -> Chart:
     """Return the chart of the rows that can hold leaders of blocks."""
     rows, cells = slice(table.first, table.first + len(table.slack)), table.slack.size
-    return Chart(table.first, np.arange(cells), table.segment[rows].reshape(-1), table.middle[rows].reshape(cells, 3),
-                 table.slack.reshape(-1), table.inverse.reshape(cells, -1))
+    return Chart(table.first, np.arange(cells), table.segment[rows].ravel(), table.middle[rows].reshape(cells, 3),
+                 table.slack.ravel(), table.inverse.reshape(cells, -1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +125,7 @@ def _leaders(track: Track, followers: Places, cells: Ints, link_m: float, direct
         return None
     segment, u, lo = _some(followers, cells)
     try:
-        found, _, _ = next_places(track, (segment.reshape(-1), u.reshape(-1), lo.reshape(-1)), link_m, -direction)
+        found, _, _ = next_places(track, (segment.ravel(), u.ravel(), lo.ravel()), link_m, -direction)
     except (TrackEndError, ChainLockError):
         return None
     return found[0].reshape(u.shape), found[1].reshape(u.shape), found[2].reshape(u.shape)

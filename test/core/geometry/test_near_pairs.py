@@ -287,3 +287,15 @@ def test_a_frame_does_not_depend_on_the_frames_before_it():
         assert told(frame.closeness) == told(ordered[k].closeness) == of_all_pairs(frame.benches)
         np.testing.assert_array_equal(frame.contacts.benches, ordered[k].contacts.benches)
         np.testing.assert_array_equal(frame.contacts.point_m, ordered[k].contacts.point_m)
+
+
+def test_parts_of_a_long_dragon_are_the_same_from_either_end():
+    benches = benches_of(chain := state(Scene(dragon=Dragon(3000), track=Spiral(0.55, 100.0)), 0.0), Dragon(3000),
+                         axes_of(chain))
+    sizes = []
+    for each in (benches, Benches(*(values[::-1] for values in (benches.centre, benches.axis, benches.half_length,
+                                                                benches.half_width)))):
+        bodies = near_pairs._bodies(each, np.hypot(each.half_length, each.half_width))
+        sizes.append([stop - first for first, stop, _ in near_pairs._cuts(bodies, 1.0)])
+    assert len(sizes[0]) > 2
+    assert sizes[0] == sizes[1][::-1]

@@ -1,4 +1,6 @@
 """The signed gap and its witnesses, against shapely and against results derived by hand."""
+import tracemalloc
+
 import numpy as np
 import pytest
 import shapely
@@ -201,3 +203,17 @@ def test_the_axis_that_is_kept_of_a_pair_is_the_one_of_four_that_parts_it_best(s
     np.testing.assert_allclose(apart, best, rtol=0, atol=1e-12)
     np.testing.assert_allclose(kept.separations(centre, axis, axis.conj()), best, rtol=0, atol=1e-12)
     assert np.array_equal(np.stack(kept.pairs), np.stack((i, j)))
+
+
+def test_gaps_of_many_pairs_take_little_more_memory_than_their_result():
+    count = 100_000
+    rng, half = np.random.default_rng(1), np.full(1000, 0.5)
+    benches = Benches(rng.uniform(-9, 9, (1000, 2)), np.tile([1.0, 0.0], (1000, 1)), half, half)
+    i, j = rng.integers(0, 1000, (2, count))
+    tracemalloc.start()
+    try:
+        gaps(benches, i, j)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 8 * count * 8         # a dozen arrays of all pairs would take more

@@ -206,7 +206,7 @@ def test_a_dragon_that_goes_round_a_circle_many_times_is_searched_once():
     check_that_none_is_outside(scene, found, 40)
     check_that_it_is_met(scene, found)
     assert found.centred_m[1] - found.centred_m[0] < 1e-9
-    assert found.looks < 10_000
+    assert found.looks < 1000
 
 
 def test_what_floats_cannot_hold_of_wide_benches_is_added():

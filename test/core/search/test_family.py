@@ -106,7 +106,7 @@ def test_a_profile_of_speeds_is_proved_at_its_own_times():
 def test_a_run_that_starts_late_is_proved_from_there():
     whole, late = proof_of(SMALL, *BOX.items()), first_contact_within(LATE, BOX)
     assert late.proved_s == pytest.approx(whole.proved_s, abs=0.03)
-    assert late.states < whole.states
+    assert late.states < whole.states < 4000
 
 
 def test_what_is_too_wide_to_prove_anything_names_the_tolerance_to_blame():
