@@ -92,6 +92,21 @@ def test_a_bench_without_overhang_goes_as_far_as_the_handle_that_goes_further(ki
         assert piece._moved_m(n) < 1.003 * gone
 
 
+@pytest.mark.parametrize(('kind', 'start'), [('to the centre', 30.0), ('sway', 14.0), ('coils', 22.0)])
+def test_the_ball_of_a_middle_is_a_quarter_of_the_travel_of_both_handles_wide(kind, start):
+    piece, ends = interval(made(kind, THIN), start, start + 1e-3)
+    for n in range(BENCHES):
+        one, two = (end.pose(n) for end in ends)
+        half, middle = float(one.shape.link.length) / 2, piece._middle(n)
+        travel = sum(float(abs((one.middle + side * one.axis) - (two.middle + side * two.axis)))
+                     for side in (half, -half))
+        for radius in (float(middle.real.rad()), float(middle.imag.rad())):
+            assert 0.25 * travel <= radius < 0.2501 * travel
+        for pose in (one, two):
+            assert middle.real.contains(pose.middle.real)
+            assert middle.imag.contains(pose.middle.imag)
+
+
 def nearest_m(posture, n, centre=0):
     """Return the distance of a link from the centre."""
     one, two = (complex(posture.point(k) - centre) for k in (n, n + 1))
