@@ -548,6 +548,12 @@ def test_repeated_lengths_are_found_by_at_most_two_comparisons_each(bodies):
     assert len(compared) <= 2 * len(bodies)
 
 
+@pytest.mark.parametrize(('low', 'high', 'bench'), [
+    (1, 1, 0), (2, 2, 0), (0, 1, None), (2, 3, None), (0, 2, 0), (3, 3, None)])
+def test_a_bench_is_at_the_ends_of_its_range_but_in_no_interval_that_only_touches_them(low, high, bench):
+    assert Way(0, ((0, (arb(1), arb(2))),)).most(arb(low), arb(high)) == bench
+
+
 @examples(80)
 @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), min_size=1, max_size=5), st.integers(-2, 34),
        st.integers(0, 9))

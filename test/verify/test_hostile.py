@@ -3,6 +3,7 @@ import copy
 import json
 import re
 from contextlib import suppress
+from math import inf, nextafter
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from properties import examples
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.scenes import certificate
 from dragon_ros.scenes.load import load_scene
+from dragon_ros.verify import reading
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.proof import prove
 from dragon_ros.verify.reading import _pose, _spiral, claims_of, read
@@ -143,3 +145,37 @@ def test_a_pitch_is_read_up_to_its_limit_and_refused_beyond():
     assert _spiral('track', {**spiral, 'pitch_m': 1e12}).pitch_m == 1e12
     with pytest.raises(Refused, match='pitch_m'):
         _spiral('track', {**spiral, 'pitch_m': 1e12 * (1 + 5e-7)})
+
+
+EQUAL = {'kind': 'equal', 'benches': 1, 'head_length_m': 1.0, 'body_length_m': 1.0, 'width_m': 0.1, 'hole_inset_m': 0.0}
+TURN = {'kind': 'turn', 'pitch_m': 1.7, 'diameter_m': 9.0, 'ratio': 2.0, 'before_m': 0.0}
+COIL = {'kind': 'spiral', 'pitch_m': 1.0, 'from_turns': 5.0, 'to_turns': 2.0, 'side': 'left'}
+
+
+@pytest.mark.parametrize(('read_of', 'values', 'name', 'low', 'high'), [
+    (reading._equal, EQUAL, 'head_length_m', 1e-12, 1e12), (reading._equal, EQUAL, 'body_length_m', 1e-12, 1e12),
+    (reading._dragon, EQUAL, 'width_m', 1e-12, 1e12),
+    (reading._turn, TURN, 'pitch_m', 1e-9, 1e9), (reading._turn, TURN, 'diameter_m', 1e-9, 1e9),
+    (reading._turn, TURN, 'ratio', 1e-6, 1e6), (reading._turn, TURN, 'before_m', -1e9, 1e9),
+    (reading._spiral, {'kind': 'spiral', 'pitch_m': 1.0}, 'start_turns', 0.0, 1e9),
+    (reading._line, {'kind': 'line'}, 'length_m', 1e-12, 1e9),
+    (reading._arc, {'kind': 'arc', 'angle_deg': 9.0}, 'radius_m', 1e-12, 1e9),
+    (reading._arc, {'kind': 'arc', 'radius_m': 9.0}, 'angle_deg', -1e6, 1e6),
+    (reading._coil, COIL, 'pitch_m', 1e-9, 1e9), (reading._coil, COIL, 'from_turns', 1e-3, 1e6),
+    (reading._coil, COIL, 'to_turns', 1e-3, 1e6),
+    (reading._constant, {'kind': 'constant', 'lead': 'head'}, 'speed_m_s', -1e9, 1e9)],
+    ids=lambda each: each if isinstance(each, str) else '')
+def test_a_number_at_its_limit_is_read_and_the_next_one_beyond_is_refused(read_of, values, name, low, high):
+    names = () if read_of is reading._dragon else ('scene',)
+    for value, beyond in ((low, nextafter(low, -inf)), (high, nextafter(high, inf))):
+        read_of(*names, {**values, name: value})
+        with pytest.raises(Refused, match=f'{name}: .* is not between'):
+            read_of(*names, {**values, name: beyond})
+
+
+@pytest.mark.parametrize('most', [1e9, -1e9])
+def test_a_speed_of_a_profile_is_read_up_to_its_limit_and_refused_beyond(most):
+    profile = {'kind': 'profile', 'ramps': 'linear', 'lead': 'head'}
+    reading._profile('head', {**profile, 'knots': [[0.0, most]]})
+    with pytest.raises(Refused, match='is not between'):
+        reading._profile('head', {**profile, 'knots': [[0.0, nextafter(most, 2 * most)]]})

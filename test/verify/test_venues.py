@@ -285,6 +285,13 @@ def test_a_point_is_inside_a_winding_outline_wherever_shapely_says_so(turned):
         bool(shapely.contains_xy(outline, point.real, point.imag)) for point in points]
 
 
+@pytest.mark.parametrize(('x', 'y', 'covered'), [
+    (1.0, 0.5, None), (0.0, 0.5, None), (0.5, 1.0, None), (0.5, 0.5, True), (0.98, 0.5, True), (1.02, 0.5, False)])
+def test_a_point_whose_ball_meets_an_edge_is_neither_inside_nor_outside(x, y, covered):
+    area = Obstacle('square', (((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)),), True)
+    assert _covers(area, acb(arb(x, 0.01), arb(y, 0.01))) is covered
+
+
 def _ball(z):
     return acb(arb(complex(z).real), arb(complex(z).imag))
 
