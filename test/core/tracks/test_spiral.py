@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.tracks.composite import track_of
-from dragon_ros.core.tracks.segments import AHEAD
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import (
     SpiralCurve,
@@ -181,3 +181,14 @@ def test_inwards_links_behind_the_third_are_predicted_so_well_that_they_take_one
     highs, _, evaluations = segment._march_in(DoubleDouble(200.0, 0.0), (count, 1.65), segment.last)
     assert len(highs) == count
     assert evaluations <= count + 10
+
+
+def test_a_march_ends_with_the_first_handle_beyond_its_edge():
+    out, winds_in = (track_of(Spiral(0.55, 16.0), direction).segments[0] for direction in (BEHIND, AHEAD))
+    begin, links = DoubleDouble(130.0, 0.0), (100, 1.65)
+    highs, _, evaluations = out._march_out(begin, links, 130.5)
+    assert len(highs) == 3
+    assert evaluations <= 8
+    highs, _, evaluations = winds_in._march_in(begin, links, 129.5)
+    assert len(highs) == 3
+    assert evaluations <= 8
