@@ -264,9 +264,10 @@ class Tile:
         behind = links - 1 if before else links
         first, columns = cell.row if direction == BEHIND else cell.row - behind, 2 * behind + 2
         terms = int(table.terms[cell.part, first])
+        of_leader, *_ = map(len, before or ((),))       # terms, the same for places and motions
         places, motions = (series[cell.part, :terms, 2 * first:2 * first + columns]
                            for series in (table.places, table.motions))
-        if max(terms, len(before[0]) if before else 0) * size <= _TERMS:
+        if max(terms, of_leader) * size <= _TERMS:
             if before:
                 places, motions = (_joined(*pair, direction) for pair in zip(before, (places, motions), strict=True))
             return [Product(np.dot, len(places), np.ascontiguousarray(places), np.ascontiguousarray(motions), 0, size)]
@@ -275,7 +276,7 @@ class Tile:
                for low in range(0, columns, width) for stop in [min(low + width, columns)]]
         if before:
             at = 0 if direction == BEHIND else size - 2
-            out.append(Product(np.matmul, len(before[0]), *before, at, at + 2))
+            out.append(Product(np.matmul, of_leader, *before, at, at + 2))
         return out
 
     def fill_many(self, spots: Spots, first: Ints, out: Floats, motions: bool = False) -> None:
