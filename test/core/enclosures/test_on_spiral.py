@@ -14,6 +14,7 @@ from dragon_ros.core.enclosures.on_spiral import (
     BenchSampler,
     _some_pairs,
     _straight,
+    _way,
     bend,
     beyond,
     bounds,
@@ -255,3 +256,14 @@ def test_the_links_of_a_nearly_straight_chain_are_all_that_its_bound_loses(out):
     assert np.all(np.isfinite(bound) == (turn <= 1.0)[:len(bound)])
     lost = link * (counts * (1 - np.cos(turn)) + 0.5 * turn)
     assert np.all((true - bound < lost + 0.05 * link) | (turn > 1.0))
+
+
+def test_far_behind_a_leader_benches_move_around_it_by_the_changes_of_all_spans_in_between():
+    dragon = Dragon(60, 20.0, 20.0, 1e-3, 0.0)
+    watch = BenchSampler(track_of(Spiral(2 * np.pi)), dragon, (0,), 60, lambda states: None, 0.0)
+    a, b = (watch.sample(np.array([theta])) for theta in (1000.0, 1001.0))
+    way = _way(a, b, watch.sizes.of(a.lead))[0]
+    one, two = (each.theta[0] * np.exp(1j * np.concatenate(([0.0], np.cumsum(each.delta[0])))) for each in (a, b))
+    moved = np.abs(two - one)       # of each handle, in a frame that turns with the leading one
+    assert np.all(moved[0] + moved[2:-1] <= way)
+    assert np.all(way < 1.5 * (moved[0] + moved[3:]))
