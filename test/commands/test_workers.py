@@ -29,6 +29,7 @@ from dragon_ros.scenes.load import load_scene
 DRAGON = [sys.executable, '-m', 'dragon_ros']
 COMMAND = [*DRAGON, 'simulate', '--scene', 'winding', '--workers', '2']
 RUN = ['run.start_s=380', 'run.stop_s=413.5']       # the last second contains the contact
+FEW = 'dragon.benches=120'      # enough for several parts
 
 
 def squares(job):
@@ -140,13 +141,13 @@ def test_workers_are_checked_and_one_for_each_core_by_default():
             Pool(wrong)
 
 
-@pytest.mark.parametrize('compression', ['zstd', 'none'])
-def test_a_bag_has_the_same_bytes_with_any_number_of_workers(tmp_path, compression):
+@pytest.mark.parametrize(('compression', 'stop_s'), [('zstd', 32), ('none', 16)])
+def test_a_bag_has_the_same_bytes_with_any_number_of_workers(tmp_path, compression, stop_s):
     bags = []
     for workers in (1, 2, 3):
         bags.append(tmp_path / f'{workers}.mcap')
-        assert main(['simulate', '--scene', 'winding', '--set', 'run.stop_s=32', '--compression', compression,
-                     '--workers', str(workers), '--output', str(bags[-1])]) == 0
+        assert main(['simulate', '--scene', 'winding', '--set', f'run.stop_s={stop_s}', '--compression',
+                     compression, '--workers', str(workers), '--output', str(bags[-1])]) == 0
     assert bags[0].stat().st_size > 2**24
     assert bags[1].read_bytes() == bags[0].read_bytes() == bags[2].read_bytes()
 
@@ -221,13 +222,22 @@ def test_a_full_disk_leaves_a_complete_bag(tmp_path):
     assert complete_ticks(path) > 0
 
 
+def simulated(path, *changes):
+    options = chain.from_iterable(('--set', one) for one in (*RUN, *changes))
+    assert main(['simulate', '--scene', 'winding', *options, '--workers', '1', '--output', str(path)]) == 0
+    return path
+
+
 @pytest.fixture(scope='module')
 def long(tmp_path_factory):
     """The bag of a run that takes several parts."""
-    path = tmp_path_factory.mktemp('long') / 'long.mcap'
-    changes = chain.from_iterable(('--set', one) for one in RUN)
-    assert main(['simulate', '--scene', 'winding', *changes, '--workers', '1', '--output', str(path)]) == 0
-    return path
+    return simulated(tmp_path_factory.mktemp('long') / 'long.mcap', FEW)
+
+
+@pytest.fixture(scope='module')
+def whole(tmp_path_factory):
+    """The same with the whole dragon: commands work on it for a while, and can be ended meanwhile."""
+    return simulated(tmp_path_factory.mktemp('whole') / 'whole.mcap')
 
 
 def changed(path, long, change):
@@ -273,7 +283,7 @@ def test_a_check_says_the_same_with_any_number_of_workers(capsys, tmp_path, long
     check = ['inspect', path, '--check', '--format', 'json']
     if change is not None:      # the bag has no record of its run
         with BagReader(path) as bag:
-            scene, sizes = load_scene('winding', RUN), []
+            scene, sizes = load_scene('winding', [*RUN, FEW]), []
 
             def alone(part, spans):
                 sizes.append(len(spans))
@@ -318,7 +328,7 @@ def test_faults_of_two_parts_are_those_of_the_whole(ticks, cut):
 
 @pytest.mark.parametrize('suffix', ['csv', 'npz', 'parquet'])
 def test_an_export_has_the_same_bytes_with_any_number_of_workers(capsys, tmp_path, long, suffix):
-    more = ['--handles', '0-20', '--every', '3' if suffix == 'parquet' else '1']
+    more = ['--handles', '0-5', '--every', '3' if suffix == 'parquet' else '1']
     files = [tmp_path / f'{name}.{suffix}' for name in 'ab']
     assert run(capsys, 'export', long, '--output', files[0], '--workers', 1, *more)[0] == 0
     assert elsewhere('export', long, '--output', files[1], '--workers', 2, *more)[0] == 0
@@ -374,7 +384,7 @@ def test_a_touch_in_a_bag_is_the_one_that_a_monitor_finds(long):
 def test_an_animation_has_the_same_bytes_with_any_number_of_workers(capsys, tmp_path, suffix):
     files = [tmp_path / f'{name}.{suffix}' for name in 'ab']
     more = ['--start', '410', '--stop', '413', '--pace', '5', '--around', 'head', '--follow', '--dpi', '50', '--size',
-            '480x270', '--output']
+            '480x270', '--set', FEW, '--output']
     assert run(capsys, 'plot', 'animation', '--workers', 1, *more, files[0])[0] == 0
     assert elsewhere('plot', 'animation', '--workers', 2, *more, files[1])[0] == 0
     assert files[0].read_bytes() == files[1].read_bytes()
@@ -392,12 +402,12 @@ BROKEN_OFF = {'check': ['inspect', 'BAG', '--check'],
               'animation': ['plot', 'animation', '--dpi', '60', '--output', 'a.gif']}
 
 
-def broken_off(folder, long, what, end):
+def broken_off(folder, bag, what, end):
     """Start a command, call ``end`` once it has started a process, and return its exit code and errors.
 
     The folder must contain only the original files afterwards.
     """
-    command = [str(long) if one == 'BAG' else one for one in BROKEN_OFF[what]]
+    command = [str(bag) if one == 'BAG' else one for one in BROKEN_OFF[what]]
     with subprocess.Popen([*DRAGON, *command, '--workers', '2'], cwd=folder, stdout=subprocess.PIPE,
                           stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
         until = time.monotonic() + 60
@@ -412,23 +422,24 @@ def broken_off(folder, long, what, end):
 
 
 @pytest.mark.parametrize('what', BROKEN_OFF)
-def test_an_interrupt_ends_a_command_as_it_ends_a_single_process(tmp_path, long, what):
-    assert broken_off(tmp_path, long, what, lambda process: os.killpg(process.pid, signal.SIGINT))[0] == 1
+def test_an_interrupt_ends_a_command_as_it_ends_a_single_process(tmp_path, whole, what):
+    assert broken_off(tmp_path, whole, what, lambda process: os.killpg(process.pid, signal.SIGINT))[0] == 1
 
 
 @pytest.mark.parametrize('what', BROKEN_OFF)
-def test_a_killed_worker_ends_a_command_in_one_line(tmp_path, long, what):
-    code, errors = broken_off(tmp_path, long, what, lambda process: [
+def test_a_killed_worker_ends_a_command_in_one_line(tmp_path, whole, what):
+    code, errors = broken_off(tmp_path, whole, what, lambda process: [
         os.kill(child, signal.SIGKILL) for child in children(process.pid)])
     assert (code, len(errors.splitlines())) == (1, 1)
     assert 'one of the worker processes was killed' in errors
 
 
-@pytest.mark.parametrize('what', ['export', 'animation'])
-def test_a_full_disk_leaves_nothing_of_a_file(tmp_path, long, what):
-    limited = ['bash', '-c', 'ulimit -f 64; trap "" XFSZ; exec "$@"', 'bash', *DRAGON]
+@pytest.mark.parametrize(('what', 'more'), [('export', ()), ('animation', ('--start', '412', '--stop', '413'))],
+                         ids=['export', 'animation'])
+def test_a_full_disk_leaves_nothing_of_a_file(tmp_path, long, what, more):
+    limited = ['bash', '-c', 'ulimit -f 8; trap "" XFSZ; exec "$@"', 'bash', *DRAGON]
     command = [str(long) if one == 'BAG' else one for one in BROKEN_OFF[what]]
-    done = subprocess.run([*limited, *command, '--workers', '2'], cwd=tmp_path, capture_output=True, text=True,
+    done = subprocess.run([*limited, *command, *more, '--workers', '2'], cwd=tmp_path, capture_output=True, text=True,
                           timeout=120)
     assert (done.returncode, len(done.stderr.splitlines()), list(tmp_path.iterdir())) == (2, 1, [])
     assert 'cannot be written' in done.stderr
