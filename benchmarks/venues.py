@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
-from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
+from dragon_ros.cli.figures import PAGE_IN, TEXT_PT
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
@@ -115,7 +115,8 @@ def picture(rows: list[Row]) -> Figure:
         axes.set(xscale='log', yscale='log', xlabel=varied)
         axes.grid(True, linewidth=0.4)
     panels[0].set_ylabel('time (s)')
-    panels[1].set_title('Answers in a town')
-    legend_below(panels[1], len(CALLS))
+    # A legend of the middle panel would take width from all of them.
+    figure.legend(*panels[1].get_legend_handles_labels(), loc='outside upper center', ncols=len(CALLS),
+                  title='Answers in a town')
     figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure
