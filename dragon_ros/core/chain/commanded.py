@@ -170,7 +170,7 @@ def next_speed_m_s(settings: Commanded, speed_m_s: float, wanted_m_s: float, ste
     out = min(max(wanted_m_s, speed_m_s - most, -top), speed_m_s + most, top)
     sense = copysign(1.0, out)
     back_m, on_m = left_m
-    left = {-1.0: back_m, 1.0: on_m}[sense] - SHORT_M - most * step_s - 0.5 * sense * speed_m_s * step_s
+    left = (on_m if out > 0 else back_m) - SHORT_M - most * step_s - 0.5 * sense * speed_m_s * step_s
     half = 0.5 * most
     most_on = sqrt(max(0.0, half * half + 2 * settings.max_acceleration_m_s2 * left)) - half
     return sense * min(abs(out), max(0.0, most_on)) + 0.0

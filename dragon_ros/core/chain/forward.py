@@ -158,7 +158,7 @@ def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
     rows: Places = np.empty((stop + 1, size), dtype=np.int64), *np.empty((2, stop + 1, size))    # from ``first`` on
     for out, values in zip(rows, leaders, strict=True):
         out[first] = values
-    at, spent, ahead = np.full(size, first), 0, {AHEAD: min, BEHIND: max}[direction]
+    at, spent, ahead = np.full(size, first), 0, min if direction == AHEAD else max
     for block in blocks:
         while (left := np.flatnonzero(at < block.stop)).size:
             number = rows[0][at[left], left]

@@ -264,7 +264,7 @@ class Tile:
         behind = links - 1 if before else links
         first, columns = cell.row if direction == BEHIND else cell.row - behind, 2 * behind + 2
         terms = int(table.terms[cell.part, first])
-        of_leader, *_ = map(len, before or ((),))       # terms, the same for places and motions
+        of_leader = len(before[0]) if before else 0     # terms, the same for places and motions
         places, motions = (series[cell.part, :terms, 2 * first:2 * first + columns]
                            for series in (table.places, table.motions))
         if max(terms, of_leader) * size <= _TERMS:
