@@ -323,7 +323,7 @@ class Design:
     def min_pitch(dragon: Scene | Simulated | AnyDragon | None = None, *, diameter_m: float = 9.0,
                   start_turns: float = 16.0, largest_m: float = 1.0, within_m: float = 2e-11,
                   smallest_m: float | None = None, progress: Progress = _quiet) -> 'MinPitch':
-        """Return the smallest pitch at and above which, up to ``largest_m``, the head reaches a circle without contact.
+        """Return the smallest pitch from which, up to ``largest_m``, the head reaches a circle without contact.
 
         ``dragon`` is a dragon or a scene; None means the classic dragon. The bounds of the result are at most
         ``within_m`` apart. Mixed benches need ``smallest_m``, a pitch at which benches touch; for them ``proved`` is

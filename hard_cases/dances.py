@@ -49,7 +49,7 @@ def dances() -> tuple[Problem, ...]:
               replace(_TURNING, dragon=Dragon(8, 3.41, 0.55), track=STurn()), (1.0, 10.0, 15.0)),
         _on('joint-at-handles', 'head and handle 1 exactly on joints, one of which is between collinear lines',
             (Line(10.0), Line(2.86), Arc(2.0, 90.0), Line(10.0)), (10.0, 12.86, 14.0, 20.0)),
-        _on('wiggle', 'segments shorter than a link, which reaches across up to five joints', _WIGGLE,
+        _on('wiggle', 'segments shorter than a link, so that a link spans up to five joints', _WIGGLE,
             (2.0, 3.0, 5.0, 7.1, 8.6, 9.5, 12.0)),
         _on('loop', 'the track crosses itself: many positions behind are a link away, and the first one counts',
             (Line(5.0), Arc(1.0, 360.0), Line(1.0), Arc(0.9, -540.0), Line(9.0)), (5.0, 8.0, 11.3, 12.0, 15.0, 22.0),

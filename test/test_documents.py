@@ -109,7 +109,7 @@ def blocks(path):
 
 
 def planned(command):
-    """Return the arguments of dragon_ros to run for a command, or None; raise KeyError for an unknown command."""
+    """Return the dragon_ros arguments that run a command, or None to skip it; raise KeyError if it is unknown."""
     bare = ' '.join(shlex.split(command, comments=True))
     for start in sorted(SUBSTITUTES, key=len, reverse=True):
         if bare.startswith(start):

@@ -66,7 +66,7 @@ class Pool:
         """Yield ``work(job)`` for each job, in order; ``count`` is the number of jobs if ``jobs`` has no length.
 
         The other processes receive a pickled copy of ``work``. At most ``4 * workers`` results wait for their turn,
-        which bounds the memory. They ignore signals, and end when this process ends for any reason. Raises
+        which bounds the memory. The processes ignore signals, and end when this process ends for any reason. Raises
         DragonError if one of them is killed.
         """
         rest, workers = iter(jobs), self.workers

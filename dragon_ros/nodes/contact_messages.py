@@ -32,7 +32,7 @@ def collision_of(report: Report) -> DiagnosticArray | None:
 def status_of(event: Event, more: int = 0) -> DiagnosticStatus:
     """Return the start of a contact as a diagnostic status with all numbers; ``more`` is the number of further pairs.
 
-    Obstacles are numbered after the benches in their venue's order; the key ``obstacle`` holds the name.
+    Obstacles are numbered in the venue's order, starting after the last bench; the key ``obstacle`` holds the name.
     """
     before = event.after_ns if event.before_ns is None else event.before_ns
     values = {

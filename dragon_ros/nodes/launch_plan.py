@@ -112,7 +112,7 @@ class _ObservedNode:
 
 
 def plan(given: Mapping[str, str]) -> LaunchPlan:
-    """Return the plan for the launch file's arguments, which are all text. Raises InputError, which names one."""
+    """Return the plan for the launch arguments, which are all text. Raises InputError, naming the invalid argument."""
     namespace = '/' + given['namespace'].strip('/')
     watching = _on(given, 'monitor')
     source = _replay(given, namespace, watching) if given['replay'] else _sim(given, namespace, watching)

@@ -1,4 +1,4 @@
-"""Declare each parameter of the nodes once: name, default, limits and text. Few imports keep --help fast."""
+"""Declare each parameter of the nodes once: name, default, limits and text. To keep --help fast, it imports little."""
 from typing import Any, NamedTuple
 
 # A test checks that these equal the values in core.scene and core.geometry.tracker, whose imports are slow.

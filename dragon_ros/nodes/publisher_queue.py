@@ -21,7 +21,7 @@ from dragon_ros.nodes import shell
 from dragon_ros.nodes.params import DISCOVERY_S
 
 _COUNT = re.compile('[0-9]{1,9}')
-_GIVE_UP = 20       # largest number of consecutive failures, 0.1 s each, without any subscriber
+_GIVE_UP = 20       # largest number of consecutive failures (0.1 s each) while there is no subscriber
 _SETTLED_S = 0.5     # quiet time after a discovery, because a reader's topics are discovered one by one
 _ACKED_S = 4.0      # longest wait for acknowledgements, which follow the middleware's heartbeat (3 s in Fast DDS)
 _ALL_ACKED_S = 20.0     # the same at the end of a run, when a reader may still have to read all kept messages

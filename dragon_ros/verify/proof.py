@@ -273,7 +273,7 @@ def _far(scene: Scene) -> float:
 
 
 def _coarse(away_m: float) -> float:
-    """Return the ratio of the float spacing at a distance from the origin to that near it."""
+    """Return the float spacing at a distance from the origin, relative to the spacing near the origin."""
     return max(1.0, away_m / _PROMISED_M)
 
 

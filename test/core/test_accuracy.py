@@ -203,7 +203,7 @@ def test_velocities_are_the_derivative_of_the_positions_in_high_precision(name):
 
 
 def high_precision(scene, t_s, links):
-    """Return the first handles by mpmath's own root finder."""
+    """Return the first handles, computed with mpmath's own root finder."""
     mp = mpmath.mp
     b = mp.mpf(scene.track.pitch_m) / (2 * mp.pi)
     theta0 = 2 * mp.pi * mp.mpf(scene.track.start_turns)

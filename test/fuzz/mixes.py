@@ -232,7 +232,7 @@ def hold(path: Path, folder: Path) -> None:
 
 
 def hold_frames(bag: BagReader, read: Counter[Row]) -> None:
-    """Compare what tables, exports and pictures read with the messages of the bag."""
+    """Compare the values read by tables, exports and pictures with the bag's messages."""
     with suppress(DragonError):
         ticks = [frame.t_ns for frame in frames(bag, '/dragon')]
         assert len(ticks) <= sum(count for (topic, _, _), count in read.items() if topic == '/dragon/handles')

@@ -13,7 +13,7 @@ def name_of(argument):
 
 
 def replaced(code):
-    """The names that a test module replaces by ``monkeypatch`` or ``patch``, regardless of how it calls them."""
+    """Yield the names that a test module replaces with ``monkeypatch`` or ``patch``, however it calls them."""
     for node in ast.walk(ast.parse(code)):
         if (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in REPLACING
                 and len(node.args) > 1):

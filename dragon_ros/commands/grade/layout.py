@@ -41,7 +41,7 @@ class Label(NamedTuple):
     number: float | None = None     # a bare number, which is a time or a handle, depending on the other labels
 
     def over(self, other: 'Label') -> 'Label':
-        """Return this label, completed by another one."""
+        """Return this label, with missing fields filled in from another one."""
         return Label(other.handle if self.handle is None else self.handle, self.quantity or other.quantity,
                      other.t_s if self.t_s is None else self.t_s, other.number if self.number is None else self.number)
 

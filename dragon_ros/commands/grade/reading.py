@@ -195,7 +195,7 @@ def _plain(parts: dict[str, bytes]) -> BytesIO:
 
 
 def _files_of_sheets(parts: dict[str, bytes]) -> dict[str, str]:
-    """Return the part of each sheet, by name. Raises ParseError."""
+    """Return a dict from sheet names to the paths of their parts in the file. Raises ParseError."""
     targets = {one.get('Id'): one.get('Target', '').removeprefix('/').removeprefix('xl/')
                for one in ElementTree.fromstring(parts.get('xl/_rels/workbook.xml.rels', b'<none/>'))}
     found = {}

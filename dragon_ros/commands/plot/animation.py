@@ -91,7 +91,7 @@ class AnimatedFigure:
 
     def __init__(self, source: Source, times_s: Floats, zoom: Zoom | None = None, follow: bool = False,
                  film: tuple[int, int] | None = None, dpi: int = 130, progress: Progress = iter) -> None:
-        """Lay out the figure with the first moment; ``film`` is a film's size in pixels."""
+        """Lay out the figure and draw the first moment; ``film`` is the frame size of a film in pixels."""
         first = moment(source, float(times_s[0]))
         self._name, self._zoom, self._follow = source.name, zoom, follow
         self._point_m, self._near = contact_of(zoom, source), NearPairs()

@@ -81,7 +81,7 @@ class Overlaps:
 
     @property
     def words(self) -> str:
-        """The addition to a title."""
+        """The suffix of a title: the number of overlapping pairs, or nothing."""
         return f', {self.pairs} pair{"s" if self.pairs > 1 else ""} overlap' if self.pairs else ''
 
 

@@ -4,9 +4,9 @@
 sample: all pairs of a bench and an edge whose gaps were at most a given reach. Obstacles are at rest, so since then the
 gap of a bench with half diagonal r has changed by at most m = |c - c'| + r |w - w'|, with centres c and turns w (unit
 complex numbers). The gaps of unlisted pairs are above the reach minus m. A listed pair may be excluded by its gap minus
-m, or by its separation along the axis that separated it best, as in ``near_pairs``: a bench that moves along a wall
-keeps its distance from it. Only pairs that may be closer than the closest two benches or than the nearest edge are
-computed. The state affects only the time that a sample takes.
+m, or by its separation along the axis that separated the pair best, as in ``near_pairs``: a bench that moves along a
+wall stays at the same distance from the wall. Only pairs that may be closer than the closest two benches or than the
+nearest edge are computed. The state affects only the time that a sample takes.
 
 A bench on the wrong side of an obstacle's edges (``misplaced_benches``) touches it, even if it meets none of them: its
 signed gap is then minus its distance from the nearest edge.

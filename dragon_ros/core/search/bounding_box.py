@@ -358,7 +358,7 @@ class HandleRanges:
         return np.stack((np.min(self._at_stops_m, axis=0), np.max(self._at_stops_m, axis=0)))
 
     def chain(self, gone_m: tuple[float, float]) -> Chain:
-        """Return the chain at a distance travelled by the leader."""
+        """Return the chain after the leader has travelled ``gone_m``."""
         return self._model.march(gone_m)
 
     def when_s(self, handle: int, along_m: float) -> float:

@@ -1,11 +1,11 @@
 """The loop shared by all searches: it judges cells of a space in batches and subdivides them until all are settled.
 
-``run`` takes the search as a parameter. A ``Search`` selects the cells that may still matter, orders them and judges
-them: it keeps settled cells and returns the parts of all others. The loop holds the waiting cells and limits the number
-of cells that are judged together; if there are too many, it takes the first in order, with all their parts. Four
-searches use it. ``clear`` advances through positions up to the first that is not clear; ``min_pitch`` does the same in
-the plane of radius and pitch; ``bounding_box`` and ``max_speed`` search for maxima. Every search terminates: a cell is
-cut into parts at most half as long, until it is as short as requested or as floats allow.
+``run`` takes the search as a parameter. A ``Search`` selects the cells that may still matter, orders and judges them,
+keeps the settled ones and returns the parts of the others. The loop holds the waiting cells and limits the number of
+cells that are judged together; if there are too many, it takes the first in order, with all their parts. Four searches
+use it. ``clear`` advances through positions up to the first that is not clear; ``min_pitch`` does the same in the plane
+of radius and pitch; ``bounding_box`` and ``max_speed`` search for maxima. Every search terminates: a cell is cut into
+parts at most half as long, until it is as short as requested or as floats allow.
 
 ``clear`` clears intervals of the search domain of a contact. A domain is sampled at positions. Between two of them a
 bound (``on_spiral`` for a bench on a spiral segment, ``conservative_advancement`` for the whole chain) limits how close
@@ -192,7 +192,7 @@ class Cleared:
 
 
 def parts_for(room: Floats) -> Ints:
-    """Return the numbers of parts for intervals that would be cleared at a fraction ``room`` of their length."""
+    """Return how many parts to cut each interval into, if it would be cleared at a fraction ``room`` of its length."""
     parts = np.ceil(1 / (_SHARE * np.maximum(room, 0.5 / _MOST_PARTS)))
     return np.clip(parts, 2, _MOST_PARTS).astype(np.int64)
 

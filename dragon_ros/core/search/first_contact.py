@@ -42,7 +42,7 @@ _ASIDE = 1e3            # times ``_BEFORE_M``, to either side of a contact: the 
 _LAST_PLACES = 4        # ulps of a contact's time, times the leader's speed: the rounding error of the position
 _WIDEST_M = 1e-6        # times 1 m, or the longest bench if it is shorter: the largest slack
 _GRAZING_M = 1e-7       # likewise: grazing benches come this close to each other
-_HARDLY = 0.99          # relative to the clear distance before a grazing: the rest allows for rounding
+_HARDLY = 0.99          # fraction of the clear distance before a grazing that is proved; the rest allows for rounding
 _TOO_FAR = 'the leader goes too far to be searched'
 
 Pair = tuple[int, int]
@@ -226,7 +226,7 @@ class _ContactSearch:
         return []
 
     def _roots(self, bracket: Bracket) -> list[tuple[float, Pair]]:
-        """Return the zeros of the gaps of the pairs that touch at a bracket's other end, in the leader's order.
+        """Return where the gap of each pair that touches at a bracket's other end becomes zero, in the leader's order.
 
         Pairs with the same zero, for example at the start of a run, are ordered by their benches.
         """

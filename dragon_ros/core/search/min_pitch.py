@@ -107,7 +107,7 @@ class _PitchTask:
 def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_turns: float = 16.0,
               largest_m: float = 1.0, within_m: float = 2e-11,
               progress: Callable[[int], object] = lambda states: None, smallest_m: float | None = None) -> MinPitch:
-    """Return the smallest pitch at and above which, up to ``largest_m``, the head reaches the circle without contact.
+    """Return the smallest pitch from which, up to ``largest_m``, the head reaches the circle without contact.
 
     The head starts at ``start_turns``; the circle of ``diameter_m`` is centred on the spiral. ``low_m`` and ``high_m``
     differ by at most ``within_m``. Mixed benches need ``smallest_m``, a pitch at which benches touch; otherwise it is

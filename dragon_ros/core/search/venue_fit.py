@@ -68,9 +68,9 @@ class VenueFit:
 def venue_fit(scene: Scene, within_m: float = 1e-6, progress: Callable[[int], object] = lambda looks: None) -> VenueFit:
     """Return the smallest gap to each obstacle of the scene's venue, between bounds about ``within_m`` apart.
 
-    They differ by more if judging ``_MOST`` cells does not suffice. ``progress(looks)`` is called with the number of
-    cells judged since the last call. Raises FieldError if there is no venue, or if the dragon starts in an obstacle or
-    outside the venue's inside.
+    They are further apart if the search reaches its limit of ``_MOST`` cells. ``progress(looks)`` is called with the
+    number of cells judged since the last call. Raises FieldError if there is no venue, or if the dragon starts in an
+    obstacle or outside the venue's inside.
     """
     if scene.venue is None:
         raise FieldError('venue', None, 'the scene has none', 'give obstacles or an inside')

@@ -19,7 +19,7 @@ from dragon_ros.core.tracks.segments import BEHIND
 FEWEST = 8              # fewest links for a table; for fewer, marching is faster
 _MOST_MAPS = 4          # number of shift maps per dragon, for the lengths of its longest blocks
 _SHORTEST_LEAD = 0.05   # relative to a block's link: a shorter link's direction has too few digits for a series
-_TRIES = 8              # number of links of a block that are marched until its table covers one
+_TRIES = 8              # most links marched singly while a block's table covers none; then the rest is marched at once
 
 
 class _NextPlace(NamedTuple):

@@ -97,7 +97,7 @@ class Segment(Protocol):
         ...
 
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
-        """Return the changes of coordinates to the next positions (inf without one), and the number of evaluations.
+        """Return the coordinate changes to the next positions (inf without one), and the number of evaluations.
 
         ``past`` helps to predict them. Raises ChainLockError if a link locks.
         """
@@ -179,7 +179,7 @@ class LineSegment:
         return 1.0
 
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
-        """Return the changes of many coordinates to the next positions."""
+        """Return the coordinate changes to the next positions, and the number of evaluations."""
         return np.full_like(u, direction * chord_m), 0
 
     def squares(self, u: Floats, shift: Floats) -> Floats:
@@ -270,7 +270,7 @@ class ArcSegment:
         return 1.0
 
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
-        """Return the changes of many coordinates to the next positions."""
+        """Return the coordinate changes to the next positions, and the number of evaluations."""
         return np.full_like(u, direction * arc_span(self.radius_m, chord_m)), 0
 
     def squares(self, u: Floats, shift: Floats) -> Floats:

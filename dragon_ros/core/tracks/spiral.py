@@ -563,7 +563,7 @@ class SpiralSegment:
         return reach_m(self.bend, chord_m) / self.curve.b_m
 
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
-        """Return the changes of coordinates to the next positions (inf without one), and the number of evaluations."""
+        """Return the coordinate changes to the next positions (inf without one), and the number of evaluations."""
         if direction == self.way:
             return self.shifts_outwards(u, chord_m, past)
         chord, ahead = chord_m / self.curve.b_m, _ahead(past)
