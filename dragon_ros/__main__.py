@@ -1,4 +1,4 @@
-"""``python -m dragon_ros NAME ...``: run an executable by the name that ``ros2 run dragon_ros`` knows."""
+"""``python -m dragon_ros NAME ...``: run an executable by the same name as with ``ros2 run dragon_ros``."""
 import signal
 
 if __name__ == '__main__' and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -14,7 +14,7 @@ from typing import NoReturn
 from dragon_ros.executables import EXECUTABLES, NODES
 
 _SPIN = '16'            # an idle thread of OpenBLAS spins for 2^16 cycles instead of 2^26, the default
-_GARBAGE = 20_000       # number of new containers that triggers a garbage collection; the default of 700 is far too low
+_GARBAGE = 20_000       # number of new containers that triggers a garbage collection; the default, 700, is far too low
 
 
 def main(argv: list[str]) -> int:
@@ -42,19 +42,19 @@ def main(argv: list[str]) -> int:
         if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
             signal.signal(signal.SIGINT, signal.default_int_handler)
         code: int = getattr(importlib.import_module(executable.module), executable.function)(rest)
-    except KeyboardInterrupt:       # a node interrupted during its start ends like a running one
+    except KeyboardInterrupt:       # a node that is interrupted while it starts exits like a running node
         return 0 if executable.module == NODES else 1
     except ModuleNotFoundError as error:
         if executable.module != NODES or error.name is None or error.name.startswith('dragon_ros'):
             raise
-        print(f'{name}: {error.name.partition(".")[0]}: is not installed, and nodes need ROS 2: use ./dragon {name} '
-              'of a checkout, which installs it, or an environment with ROS 2 (see README.md)', file=sys.stderr)
+        print(f'{name}: {error.name.partition(".")[0]} is not installed, and nodes need ROS 2: run ./dragon {name} '
+              'in a checkout, which installs ROS 2, or use an environment with ROS 2 (see README.md)', file=sys.stderr)
         return 2
     return code
 
 
 def usage() -> str:
-    """Return the list of executables."""
+    """Return the usage message, which lists all executables."""
     rows = '\n'.join(f'  {name:<9} {executable.help}' for name, executable in EXECUTABLES.items())
     from dragon_ros.cli.command_line import program
     return f'usage: {program()} NAME [ARGUMENTS]   (more: {program()} help NAME; --version)\n\n{rows}'
@@ -66,10 +66,10 @@ def dragon() -> NoReturn:
 
 
 def run(argv: list[str], program: Callable[[list[str]], int] = main) -> NoReturn:
-    """Run a program, by default an executable, as this process, and exit.
+    """Run a program in this process and exit; by default, the program is ``main``.
 
-    Imports leave hundreds of thousands of objects but no garbage. Searching them for cycles repeatedly, and again at
-    the end, would take a tenth of a command's time.
+    Imports create hundreds of thousands of objects but no garbage. Searches for cycles among these objects, during the
+    run and at its end, would take a tenth of a command's time.
     """
     os.environ.setdefault('OPENBLAS_THREAD_TIMEOUT', _SPIN)
     gc.set_threshold(_GARBAGE, *gc.get_threshold()[1:])

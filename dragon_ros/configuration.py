@@ -11,13 +11,13 @@ def folder() -> Path:
     """Return the ``msg_configs`` folder that belongs to the running code.
 
     The search order is: a source tree (a checkout, ``--symlink-install``, ``pip install -e``), the install prefix of
-    this file, the ament index, and the Python prefix. An older installed copy therefore never shadows a checkout.
+    this file, the ament index, and the Python prefix. Therefore, an older installed copy never shadows a checkout.
     """
     for candidate in _candidates():
         if (candidate / 'topics.yaml').is_file():
             return candidate
-    raise MissingError('msg_configs/topics.yaml was not found near the package; install dragon_ros again (pip, or '
-                       'colcon and source its setup file)')
+    raise MissingError('msg_configs/topics.yaml was not found near the package; reinstall dragon_ros with '
+                       'pip, or build it with colcon and source its setup file')
 
 
 def scene_names() -> list[str]:

@@ -3,7 +3,7 @@ from typing import NamedTuple
 
 
 class Executable(NamedTuple):
-    """The module, the function ``f(argv) -> exit code`` and the purpose of an executable."""
+    """An executable: its module, its function ``f(argv) -> exit code``, and its purpose as help."""
 
     module: str
     help: str
@@ -33,6 +33,6 @@ EXECUTABLES = {
     'study': Executable('dragon_ros.commands.study', 'run a parameter study over thousands or millions of scenes'),
     'grade': Executable('dragon_ros.commands.grade.command',
                         'grade contest results and diagnose common mistakes'),
-    'cost': Executable('dragon_ros.cost.command', 'measure the cost of accuracy, effects, contact and bags here'),
+    'cost': Executable('dragon_ros.cost.command', 'measure the cost of accuracy, effects, contact and bags'),
     'demo': Executable(_COMMANDS, 'run everything once: sim, monitor, bag, replay, picture', 'demo'),
 }

@@ -13,7 +13,7 @@ if TYPE_CHECKING:       # --help must not import numpy
     from dragon_ros.core.scene import Scene
 
 OK, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
-_MOST_SHOWN = 400       # longest error message of argparse, in characters
+_MOST_SHOWN = 400       # maximum length of an error message of argparse, in characters
 
 
 class _Default(str):
@@ -38,10 +38,10 @@ class _StoreIfGiven(argparse.Action):
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser with finite numbers, one-line errors and shell completion."""
+    """A parser that accepts only finite numbers, reports each error on one line, and supports shell completion."""
 
     def __init__(self, **options: Any) -> None:
-        """Take the arguments of ``ArgumentParser``."""
+        """Create a parser from the arguments of ``ArgumentParser``."""
         super().__init__(**options)
         self.register('type', float, _finite)
         self.register('type', int, _whole)
@@ -59,7 +59,7 @@ class Parser(argparse.ArgumentParser):
         return arguments
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        """Parse the arguments; reject unknown options here, because the command or subcommand is known here."""
+        """Parse the arguments; reject unknown options here, where the error can name the command or subcommand."""
         arguments, unknown = super().parse_known_args(args, namespace)
         if unknown and '_ARGCOMPLETE' not in os.environ:
             known = [name for action in self._actions for name in action.option_strings]
@@ -75,7 +75,7 @@ class Parser(argparse.ArgumentParser):
         return f'write --scene {word}' if scene else ''
 
     def error(self, message: str) -> NoReturn:
-        """Print the error and a pointer to --help, and exit with 2."""
+        """Print the error with a reference to --help, and exit with code 2."""
         line = ' '.join(message.split())
         line = line if len(line) <= _MOST_SHOWN else f'{line[:_MOST_SHOWN]}...'
         self.exit(BAD_INPUT, f'{self.prog}: {line}; see {self.prog} --help\n')
@@ -105,7 +105,7 @@ def _assignment(text: str) -> str:
 
 
 def program() -> str:
-    """Return what the user typed before the command's name to start this process."""
+    """Return the program that the user typed before the command's name, such as ``ros2 run dragon_ros``."""
     if 'DRAGON_PROGRAM' in os.environ:      # set by the script ./dragon
         return os.environ['DRAGON_PROGRAM']
     started = Path(sys.argv[0])
@@ -121,7 +121,7 @@ def parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
 
 
 def add_scene_options(options: argparse.ArgumentParser, scene: str | None = DEFAULT_SCENE) -> None:
-    """Add --scene, --set and --accuracy. If --scene has no default, a node uses its parameter."""
+    """Add --scene, --set and --accuracy. A node passes None for ``scene``, because it has a parameter instead."""
     options.add_argument('--scene', default=scene, metavar='NAME|FILE',
                          help='name or file of the scene' + (' (%(default)s)' if scene else ''))
     options.add_argument('--set', action='append', default=[], metavar='KEY=VALUE', dest='overrides',
@@ -130,7 +130,7 @@ def add_scene_options(options: argparse.ArgumentParser, scene: str | None = DEFA
 
 
 def add_source_options(options: argparse.ArgumentParser) -> None:
-    """Add the scene options and their alternative, --bag with --namespace."""
+    """Add the scene options, and --bag with --namespace as an alternative."""
     add_scene_options(options)
     add_bag(options, 'recording to show instead of a scene')
     add_namespace_option(options)
@@ -142,7 +142,7 @@ def add_namespace_option(options: argparse.ArgumentParser) -> None:
 
 
 def add_bag(options: argparse.ArgumentParser, text: str, required: bool = False) -> None:
-    """Add a recording as BAG or --bag, which are equivalent in every command."""
+    """Add the positional BAG and the equivalent option --bag; both specify a recording."""
     given = options.add_mutually_exclusive_group(required=required)
     given.add_argument('bag', nargs='?', type=Path, metavar='BAG', action=_StoreIfGiven, help=text)
     given.add_argument('--bag', type=Path, metavar='BAG', dest='bag', help='the same as BAG')
@@ -154,7 +154,7 @@ def add_times_option(options: argparse.ArgumentParser, text: str) -> None:
 
 
 def add_workers_option(options: argparse.ArgumentParser, what: str, of: str = '') -> None:
-    """Add --workers (``cli.pool``); ``what`` does not depend on it."""
+    """Add --workers (``cli.pool``); its help states that ``what`` does not depend on the number of workers."""
     options.add_argument('--workers', type=int, metavar='N', help=f'number of processes{of} (one per core if the work '
                          f'takes more than a second); the {what} does not depend on it')
 
@@ -172,14 +172,14 @@ def add_output_options(options: argparse.ArgumentParser, formats: tuple[str, ...
 
 def add_format_option(options: argparse.ArgumentParser, formats: tuple[str, ...], pictures: Collection[str] = (),
                       ) -> None:
-    """Add --format, which defaults to the suffix of --output; ``pictures`` lists further allowed suffixes."""
+    """Add --format, which --output can replace by its suffix; ``pictures`` lists further allowed suffixes."""
     options.add_argument('--format', choices=formats, default=_Default(formats[0]),
                          help='output format (%(default)s, or by the suffix of --output)')
     options.set_defaults(formats=formats, pictures=pictures)
 
 
 def _settle_format(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> None:
-    """Choose the format by the suffix of the output; reject a format that contradicts it."""
+    """Choose the format by the suffix of --output; reject a --format that contradicts the suffix."""
     output, formats = arguments.output, arguments.formats
     suffix = output.suffix.lower() if output is not None else ''
     if not suffix or suffix in arguments.pictures:
@@ -201,17 +201,17 @@ def _settle_format(parser: argparse.ArgumentParser, arguments: argparse.Namespac
 
 
 def names_scene(arguments: argparse.Namespace) -> bool:
-    """Return whether --scene is given, even if it equals the default."""
+    """Return whether the user gave --scene, even if the given scene is the default."""
     return not isinstance(arguments.scene, _Default)
 
 
 def gives_scene(arguments: argparse.Namespace) -> bool:
-    """Return whether any scene option is given."""
+    """Return whether the user gave any scene option."""
     return bool(arguments.overrides) or arguments.accuracy is not None or names_scene(arguments)
 
 
 def check_taken(what: str, given: dict[str, bool], takes: set[str]) -> None:
-    """Reject the first given option that would be ignored. Raises InputError."""
+    """Raise InputError if a given option would be ignored."""
     unused = sorted(name for name, is_given in given.items() if is_given and name not in takes)
     if unused:
         raise InputError(f'{unused[0]}: {what} does not accept it; omit it')
@@ -224,7 +224,7 @@ def scene_from(arguments: argparse.Namespace) -> 'Scene':
 
 
 def overrides_from(arguments: argparse.Namespace) -> list[str]:
-    """Return the changes to the scene that the options request, as ``key=value``."""
+    """Return the changes to the scene that the options specify, as ``key=value``."""
     accuracy = [f'accuracy={arguments.accuracy}'] if arguments.accuracy is not None else []
     return [*arguments.overrides, *accuracy]
 
@@ -246,7 +246,10 @@ def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
 
 
 def write_output(path: Path | None, content: str | bytes) -> None:
-    """Write to a file, or write text to standard output. Raises InputError or MissingError."""
+    """Write the content to a file or, if it is text and ``path`` is None, to standard output.
+
+    Raises InputError or MissingError.
+    """
     if path is None:
         if isinstance(content, bytes):
             raise InputError('--format: this format can only be written to a file; give --output FILE', field='output')
@@ -259,7 +262,7 @@ def write_output(path: Path | None, content: str | bytes) -> None:
 
 
 def guarded(name: str, body: Callable[[], int]) -> int:
-    """Run a command; a DragonError becomes one line on standard error and an exit code."""
+    """Run a command and return its exit code; report a DragonError as one line on standard error."""
     try:
         return body()
     except BrokenPipeError:

@@ -1,4 +1,4 @@
-"""Shell completion by argcomplete, which runs the program with ``_ARGCOMPLETE`` set to obtain the next words."""
+"""Shell completion by argcomplete, which sets ``_ARGCOMPLETE`` and runs the program to obtain the completions."""
 import argparse
 import os
 from collections.abc import Iterable, Iterator
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def chosen(names: Iterable[str]) -> str:
-    """Return the executable's name from the command line and continue after it; or complete the name and exit."""
+    """Return the executable whose arguments are to be completed; if its name is incomplete, complete it and exit."""
     from argcomplete.lexers import split_line
     words = split_line(os.environ['COMP_LINE'], int(os.environ['COMP_POINT']))[3]
     start = int(os.environ['_ARGCOMPLETE'])
@@ -21,7 +21,7 @@ def chosen(names: Iterable[str]) -> str:
 
 
 def answer(parser: argparse.ArgumentParser) -> None:
-    """Write the completions of a parser's options to the shell, and exit."""
+    """Send the completions of a parser's options to the shell, and exit."""
     import argcomplete
     for action in _actions(parser):
         if not action.choices and action.nargs != 0:
@@ -38,7 +38,7 @@ def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
 
 
 def _completer(action: argparse.Action) -> Any:
-    """Return the completer of an option's value: files, scenes, keys of scenes, tiers, or none."""
+    """Return the completer of an option's value, which suggests files, scenes, scene keys, tiers or nothing."""
     from argcomplete.completers import FilesCompleter, SuppressCompleter
     if action.type is Path:
         return FilesCompleter()
@@ -51,7 +51,7 @@ def _completer(action: argparse.Action) -> Any:
 
 
 def _keys() -> list[str]:
-    """Return the keys of scenes, for --set; called only on demand, since it imports numpy."""
+    """Return the scene keys for --set. This imports numpy, so it runs only when the user completes a key."""
     from dataclasses import fields
 
     from dragon_ros.scenes.load import SECTIONS, SINGLES

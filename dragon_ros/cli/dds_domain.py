@@ -1,4 +1,4 @@
-"""Find a free ROS domain, so that concurrent runs do not hear each other."""
+"""Find a free ROS domain, so that concurrent runs do not receive each other's messages."""
 import atexit
 import os
 import random
@@ -7,15 +7,15 @@ from collections import deque
 from collections.abc import Sequence
 
 _PORTS = 7400, 250      # DDS-RTPS 9.6.1: the first port, and the number of ports per domain
-_MOST_KEPT = 16         # most domains that a process reserves; participants hold earlier domains that are in use
+_MOST_KEPT = 16         # number of domains that a process keeps reserved; participants already use earlier domains
 _KEPT: deque[socket.socket] = deque()
 
 
 def free_domain(among: Sequence[int] = range(1, 102)) -> int:
     """Return a domain without participants on this host; if all domains have participants, return any of them.
 
-    The domain is reserved for this process: the port of a 120th participant is bound, so a concurrent search takes
-    another domain even before this process has its first participant.
+    The domain is reserved for this process by binding the port of a 120th participant. A concurrent search therefore
+    chooses another domain even before this process has a participant.
     """
     domains = random.SystemRandom().sample(among, len(among))
     return next((domain for domain in domains if _is_free(domain) and _keep(domain)), domains[0])
@@ -29,7 +29,7 @@ def give_up_domains() -> None:
 
 
 def _keep(domain: int) -> bool:
-    """Bind the last port of a domain; return whether that succeeded."""
+    """Reserve a domain by binding its last port; return whether that succeeded."""
     last = _bound(_PORTS[0] + _PORTS[1] * (domain + 1) - 1)
     if last:
         _KEPT.append(last)
@@ -39,12 +39,12 @@ def _keep(domain: int) -> bool:
 
 
 def local_environment(domain: int) -> dict[str, str]:
-    """Return this process's environment with a domain; discovery stays on this host unless a variable widens it."""
+    """Return this process's environment and a domain; discovery is limited to this host unless a variable widens it."""
     return {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', **os.environ, 'ROS_DOMAIN_ID': str(domain)}
 
 
 def _is_free(domain: int) -> bool:
-    """Return whether all ports of a domain are free, since its first participant may have left before the others."""
+    """Return whether all ports of a domain are free. All are checked, because the first participants may have left."""
     base, count = _PORTS
     for port in range(base + count * domain, base + count * (domain + 1)):
         probe = _bound(port)

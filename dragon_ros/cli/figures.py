@@ -1,4 +1,4 @@
-"""Style all figures and write them to files. matplotlib is imported only when something is drawn."""
+"""Style all figures and write them to files. Matplotlib is imported only when a figure is drawn."""
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,9 +14,9 @@ HATCH = '////'          # hatch of touching benches, because the colours look al
 DASHES: tuple[Any, ...] = ('solid', (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1, 1, 1, 1, 1)),
                            (0, (8, 3)))
 QUIET = '#555555'       # colour of notes and guide lines
-OBSTACLE = '#DDD8CE'    # colours of a venue's obstacles and of everything outside its boundary
+OBSTACLE = '#DDD8CE'    # colour of a venue's obstacles and of the area outside its boundary
 
-PAGE_IN, TEXT_PT = 9.1, 9     # a page (about 880 pixels) shows a figure of this width unscaled, so text keeps this size
+PAGE_IN, TEXT_PT = 9.1, 9     # a page of about 880 pixels shows a figure of this width unscaled, with text of this size
 
 _STYLE = {
     'figure.constrained_layout.use': True, 'figure.constrained_layout.h_pad': 0.1,
@@ -27,16 +27,16 @@ _STYLE = {
     'svg.hashsalt': 'dragon_ros', 'axes.formatter.useoffset': False,
     'figure.titlesize': 12, 'hatch.linewidth': 0.5, 'svg.fonttype': 'none', 'pdf.fonttype': 42,
 }
-_LONGEST_NAME = 40          # longest name in a title, in characters
-_CHARACTERS_PER_INCH = 11   # number of characters at the text size of a title
+_LONGEST_NAME = 40          # largest length of a name in a title, in characters
+_CHARACTERS_PER_INCH = 11   # number of characters per inch at the text size of a title
 _UNDATED: dict[str, dict[str, Any]] = {'.png': {'Software': None}, '.svg': {'Date': None},
                                        '.pdf': {'CreationDate': None}}
 FORMATS = tuple(_UNDATED)
-TRACK_ID = 'track'      # id of the track in a figure and its SVG
+TRACK_ID = 'track'      # id of the track in a figure and in the figure's SVG
 _SVG_DPI = 72
-_CAPTION_IN, _LEGEND_IN = 0.26, 0.3      # space below a figure for its caption and its legend
+_CAPTION_IN, _LEGEND_IN = 0.26, 0.3      # space below a figure for its caption and its legend, in inches
 _CAPTION_ID = 'caption'
-# Files of Chinese fonts on Linux, Windows and macOS.
+# File names of Chinese fonts on Linux, Windows and macOS, without suffixes.
 _CHINESE_FONTS = ('notosanscjk-regular', 'notosanssc-regular', 'notosanscjksc-regular', 'sourcehansanssc-regular',
                   'sourcehansanscn-regular', 'msyh', 'simhei', 'deng', 'pingfang', 'hiragino sans gb', 'stheiti light',
                   'wqy-microhei', 'wqy-zenhei', 'droidsansfallbackfull')
@@ -49,12 +49,12 @@ def short(name: str) -> str:
 
 
 def titled(name: str, text: str, inches: float) -> str:
-    """Return ``name: text`` for a title, on two lines if the axes are too narrow for one."""
+    """Return ``name: text`` for a title, on two lines if the axes are too narrow for one line."""
     return joined(f'{short(name)}:', text, ' ', inches)
 
 
 def joined(one: str, other: str, by: str, inches: float) -> str:
-    """Return two texts of a title on one line, or on two if the axes are too narrow for one."""
+    """Return two texts of a title on one line, or on two lines if the axes are too narrow for one line."""
     line = f'{one}{by}{other}'
     return line if len(line) <= _CHARACTERS_PER_INCH * inches else f'{one}\n{other}'
 
@@ -65,7 +65,7 @@ def legend_below(axes: Any, columns: int = 2, **options: Any) -> None:
 
 
 def spread(values: Sequence[float], least: float, end: float) -> list[float]:
-    """Return increasing values at least ``least`` apart, up to ``end`` if that is possible."""
+    """Return increasing values, moved so that they are at least ``least`` apart and none exceeds ``end``."""
     out: list[float] = []
     for value in values:
         out.append(max(value, out[-1] + least) if out else value)
@@ -78,19 +78,19 @@ def spread(values: Sequence[float], least: float, end: float) -> list[float]:
 
 @contextmanager
 def style(chinese: bool = False) -> Iterator[None]:
-    """Draw everything inside this block in the style of dragon_ros, with a Chinese font if needed.
+    """Set the style of dragon_ros for all figures that this block draws; ``chinese`` adds a Chinese font.
 
     Raises MissingError if no Chinese font is installed.
     """
     import matplotlib
-    # Type 42 does not support the OpenType fonts that most systems have.
+    # Font type 42 of PDF does not support the OpenType fonts that most systems have.
     more = {'font.family': ['DejaVu Sans', _chinese_font()], 'pdf.fonttype': 3} if chinese else {}
     with matplotlib.rc_context({**_STYLE, **more}):
         yield
 
 
 def _chinese_font() -> str:
-    """Return the name of an installed Chinese font, found by its file, because Matplotlib's font list may be old."""
+    """Return the name of an installed Chinese font. Matplotlib's font list may be outdated, so files are searched."""
     from matplotlib.font_manager import FontProperties, findSystemFonts, fontManager
     files = {Path(file).stem.lower(): file for file in findSystemFonts()}
     for stem in _CHINESE_FONTS:
@@ -102,9 +102,10 @@ def _chinese_font() -> str:
 
 
 def write(figure: Any, path: Path, dpi: int = 130, caption: str = '') -> Path:
-    """Write a matplotlib figure in the format of the path's suffix, reproducibly, and return the path.
+    """Write a Matplotlib figure reproducibly, in the format of the path's suffix, and return the path.
 
-    A caption with the version is added below the figure. In SVG and PDF, text remains text.
+    If a caption is given, it is written below the figure, together with the version of dragon_ros. In SVG and PDF, text
+    is not converted to outlines.
     """
     import matplotlib
     suffix = path.suffix.lower()
@@ -120,14 +121,14 @@ def write(figure: Any, path: Path, dpi: int = 130, caption: str = '') -> Path:
 
 
 def _add_caption(figure: Any, caption: str) -> None:
-    """Reserve space below a figure and its legends, and write a caption there; repeated calls do nothing."""
+    """Reserve space below a figure and its legends, and write a caption there, unless the figure has a caption."""
     if any(one.get_gid() == _CAPTION_ID for one in figure.texts):
         return
     width, height = figure.get_size_inches().tolist()
     height += _CAPTION_IN
     figure.set_size_inches(width, height)
     below = _CAPTION_IN / height
-    legends = _LEGEND_IN / height if figure.legends else 0.0       # a layout with rect reserves no space for legends
+    legends = _LEGEND_IN / height if figure.legends else 0.0       # a layout with a rect reserves no space for legends
     figure.get_layout_engine().set(rect=(0, below + legends, 1, 1 - below - legends))
     for legend in figure.legends:
         legend.set_bbox_to_anchor((0, below, 1, 1 - below), figure.transFigure)
@@ -136,9 +137,9 @@ def _add_caption(figure: Any, caption: str) -> None:
 
 
 def _in_metres(figure: Any) -> dict[str, str]:
-    """Return the text that records the scale of an SVG with a track, for ``route`` to read.
+    """Return metadata with the scale of an SVG, which ``route`` reads; the metadata are empty without a track.
 
-    SVG has 72 units per inch, with v downwards from the top.
+    An SVG has 72 units per inch, and its coordinate v points downwards from the top.
     """
     found = [axes for axes in figure.axes if any(one.get_gid() == TRACK_ID for one in axes.patches)]
     if not found:
@@ -155,5 +156,5 @@ def _in_metres(figure: Any) -> dict[str, str]:
 
 
 def save(figure: Any, stem: Path, caption: str = '') -> list[Path]:
-    """Write a matplotlib figure as PNG and SVG and return both paths."""
+    """Write a Matplotlib figure as PNG and SVG, and return both paths."""
     return [write(figure, stem.with_suffix(suffix), caption=caption) for suffix in ('.png', '.svg')]

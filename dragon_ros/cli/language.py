@@ -1,4 +1,4 @@
-"""Select the language of output for people, English or Chinese, by ``--lang`` or the locale of the environment."""
+"""Select the language of text that people read: English or Chinese, by ``--lang`` or the locale."""
 import os
 from argparse import ArgumentParser
 from collections.abc import Mapping
@@ -8,12 +8,12 @@ Words = Mapping[str, tuple[str, str]]       # key: (English, Chinese)
 
 
 def add_lang_option(parser: ArgumentParser, what: str) -> None:
-    """Add --lang for ``what``; ``language_of`` reads it."""
-    parser.add_argument('--lang', choices=LANGUAGES, help=f'language of {what} (that of the locale)')
+    """Add --lang, which sets the language of ``what``; its value must be passed to ``language_of``."""
+    parser.add_argument('--lang', choices=LANGUAGES, help=f'language of {what} (by the locale)')
 
 
 def language_of(given: str | None) -> str:
-    """Return the given language; if None, return ``zh`` for a Chinese locale of the environment, otherwise ``en``."""
+    """Return ``given`` or, if it is None, ``zh`` if the environment's locale is Chinese and ``en`` otherwise."""
     if given is not None:
         return given
     locale = next((value for name in ('LC_ALL', 'LC_MESSAGES', 'LANG') if (value := os.environ.get(name))), '')

@@ -1,4 +1,4 @@
-"""Do long work on all cores: processes take jobs, and results are returned in the order of the jobs."""
+"""Do long work on all cores: several processes do the jobs, and the results are returned in the order of the jobs."""
 import mmap
 import os
 import pickle
@@ -22,14 +22,15 @@ from dragon_ros.core.errors import DragonError
 if TYPE_CHECKING:       # imported lazily, since most commands start no processes
     from concurrent.futures import ProcessPoolExecutor
 
-_MOST = 1024    # largest number of --workers
-_AHEAD = 3      # jobs in flight per other process: one in work, two waiting
-_WAITING = 4    # most results per worker that wait for their turn
-_SEEN_S = 0.05  # seconds of work from which the remaining work is estimated
-_WORTH_S = 1.0  # seconds of remaining work above which other processes pay off
-_SLOT_BYTES = 2**22     # shared memory per result: four chunks of a bag, not compressed; unused pages take no memory
+_MOST = 1024    # largest value of --workers
+_AHEAD = 3      # jobs submitted per other process: one that runs, and two that wait
+_WAITING = 4    # largest number of finished results per worker that wait for the results of earlier jobs
+_SEEN_S = 0.05  # duration of the work that is timed to estimate the remaining work, in s
+_WORTH_S = 1.0  # duration of remaining work, in s, above which other processes are worth starting
+# Shared memory per result, enough for four uncompressed chunks of a bag. Unused pages take no memory.
+_SLOT_BYTES = 2**22
 _MOST_SLOTS = 256       # 1 GB in total
-_LARGE_BYTES = 2**12    # size from which a buffer goes to the shared memory
+_LARGE_BYTES = 2**12    # smallest buffer that is sent through shared memory
 J = TypeVar('J')
 R = TypeVar('R')
 _pickled: bytes
@@ -45,10 +46,10 @@ def workers_of(given: int | None) -> int:
 
 @dataclass(frozen=True)
 class Pool:
-    """The worker processes: as many as ``--workers`` gives or, if None, one per core if the work is long.
+    """The worker processes: the number given by ``--workers`` or, if that is None, one per core for long work.
 
     This process is one of the workers; it works alone until the others have started. Raises InputError for an invalid
-    number.
+    number of workers.
     """
 
     given: int | None = None
@@ -59,15 +60,15 @@ class Pool:
 
     @property
     def workers(self) -> int:
-        """The largest number of processes that work at a time."""
+        """The largest number of processes that work at the same time."""
         return workers_of(self.given)
 
     def in_order(self, work: Callable[[J], R], jobs: Iterable[J], count: int | None = None) -> Generator[R, None, None]:
         """Yield ``work(job)`` for each job, in order; ``count`` is the number of jobs if ``jobs`` has no length.
 
-        The other processes receive a pickled copy of ``work``. At most ``4 * workers`` results wait for their turn,
-        which bounds the memory. The processes ignore signals, and end when this process ends for any reason. Raises
-        DragonError if one of them is killed.
+        The other processes receive a pickled copy of ``work``. At most ``4 * workers`` results wait for the results of
+        earlier jobs, which bounds the memory. The other processes ignore signals, and end when this process ends for
+        any reason. Raises DragonError if one of these processes is killed.
         """
         rest, workers = iter(jobs), self.workers
         if workers > 1 and self.given is None:
@@ -97,9 +98,9 @@ ALONE = Pool(1)
 
 
 def _seen(work: Callable[[J], R], rest: Iterator[J], count: int) -> Generator[R, None, float]:
-    """Yield the first results of this process, and return the time in s that the remaining ones would take here.
+    """Do the first jobs in this process, yield their results, and return the estimated time in s for the other jobs.
 
-    The first result is not timed, since it fills caches.
+    The first job is not timed, because it fills caches.
     """
     began_s, done, taken_s = time.monotonic(), 0, 0.0
     for job in islice(rest, count):
@@ -122,23 +123,24 @@ class _Result(NamedTuple):
 class _Slots:
     """Memory shared with forked processes, in slots; each slot holds the large buffers of one result.
 
-    A pipe holds 64 KB, so a process that sends a chunk of a bag would wait several times until this process, which is
-    busy with its own jobs, has read a part. The memory has no name, so it disappears with the last process.
+    A pipe holds only 64 KB. A process that sent a chunk of a bag through a pipe would have to wait several times for
+    this process, which is busy with its own jobs, to read a part. The memory has no name, so it is released when the
+    last process ends.
     """
 
     def __init__(self, count: int) -> None:
-        """Allocate the slots. If the system refuses, there are none, and buffers are sent through the pipe."""
+        """Allocate the slots; if the system refuses the memory, there are none, and the pipe carries all buffers."""
         self.memory: mmap.mmap | None = None
         with suppress(OSError):
             self.memory = mmap.mmap(-1, count * _SLOT_BYTES) if count else None
         self._free = list(range(count if self.memory else 0))
 
     def take(self) -> int | None:
-        """Return a slot that no other job has; None if there is none."""
+        """Return a slot that no other job uses, or None if all slots are in use."""
         return self._free.pop() if self._free else None
 
     def read(self, slot: int | None, result: _Result) -> Any:
-        """Return a result with its own copy of its buffers, and free its slot."""
+        """Return a result with copies of its buffers, and free its slot."""
         buffers = []
         if slot is not None and self.memory is not None:
             start = slot * _SLOT_BYTES
@@ -147,11 +149,11 @@ class _Slots:
                     buffers.append(bytearray(memory[start:start + size]))
                     start += size
             self._free.append(slot)
-        return pickle.loads(result.pickled, buffers=buffers)    # by a process that this one started
+        return pickle.loads(result.pickled, buffers=buffers)    # pickled by a process that this process started
 
 
 class _Elsewhere(NamedTuple):
-    """A job of another process."""
+    """A job that another process does."""
 
     future: Future[_Result]
     slot: int | None
@@ -162,15 +164,15 @@ class _Elsewhere(NamedTuple):
         return self.future.done()
 
     def result(self) -> Any:
-        """Return the result, once. Raises the error of the job."""
+        """Return the result; this can be called only once. Raises the exception of the job."""
         return self.slots.read(self.slot, self.future.result())
 
 
 def _started(others: int, pickled: bytes) -> tuple['ProcessPoolExecutor', list[Future[None]], _Slots]:
-    """Return a pool of processes, for each a future that is done when it has started, and the memory that they share.
+    """Return a pool of processes, a future per process that is done when the process has started, and shared memory.
 
-    They are forked if that is safe, which takes almost no time: this process must have a single Python thread (OpenBLAS
-    ends its threads before a fork). Otherwise new interpreters are started, and their imports take a third of a second.
+    If this process has a single Python thread, the processes are forked, which takes almost no time; OpenBLAS ends its
+    own threads before a fork. Otherwise, new interpreters are started, and their imports take a third of a second.
     """
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
@@ -187,32 +189,32 @@ def _started(others: int, pickled: bytes) -> tuple['ProcessPoolExecutor', list[F
 
 
 def _end_together(pool: Any) -> None:
-    """Wait until a process of a pool ends, and end the others.
+    """Wait until a process of a pool ends, and then end the others.
 
-    A process that is killed while it sends a result keeps the lock of the queue, and the thread that reads the queue
-    waits for the rest of the result as long as any process, including this one, can write to it. Only this thread
-    closes this process's end: a second close could close a file that was opened in between.
+    If a process is killed while it sends a result, the queue remains locked, and the thread that reads the queue waits
+    for the rest of the result as long as any process, including this one, can write to the queue. Only this thread
+    closes this process's end of the queue, because a second close could close a file that has been opened since.
     """
     from multiprocessing import connection
     others, results = list(pool._processes.values()), pool._result_queue
     connection.wait([one.sentinel for one in others])
-    with suppress(OSError, ValueError):     # the pool has ended meanwhile
+    with suppress(OSError, ValueError):     # the pool may have ended in the meantime
         for one in others:
             one.kill()
         results._writer.close()
 
 
 def _end(pool: Any, watch: threading.Thread) -> None:
-    """Shut a pool down and wait for its threads; ``watch`` runs `_end_together`."""
+    """Shut down a pool and wait for its threads; ``watch`` runs ``_end_together``."""
     manager = pool._executor_manager_thread
-    pool.shutdown(wait=False, cancel_futures=True)      # with wait=True, it would close the pipe that ``watch`` closes
+    pool.shutdown(wait=False, cancel_futures=True)      # wait=True would close the pipe that ``watch`` closes
     watch.join()
     manager.join()
 
 
 def _shared(pool: 'ProcessPoolExecutor', work: Callable[[J], R], rest: Iterator[J], workers: int,
             slots: _Slots) -> Iterator[R]:
-    """Yield results of this process and of a pool, in job order."""
+    """Yield the results of this process and of a pool in the order of the jobs."""
     waiting, far = deque[Future[R] | _Elsewhere](), deque[_Elsewhere]()
     while True:
         far = deque(one for one in far if not one.done())
@@ -236,7 +238,7 @@ def _shared(pool: 'ProcessPoolExecutor', work: Callable[[J], R], rest: Iterator[
 
 @contextmanager
 def _blocked() -> Iterator[None]:
-    """Block the signals that end a command; processes started inside this block never receive them."""
+    """Block the signals that end a command, so that processes started inside this block never receive these signals."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ending())
     try:
         yield
@@ -245,7 +247,7 @@ def _blocked() -> Iterator[None]:
 
 
 def _begin(alive: tuple[int, int] | None, pickled: bytes, memory: mmap.mmap | None) -> None:
-    """Initialise a new process; ``alive`` is a pipe whose other end is open only in the process that forked it."""
+    """Initialise a new process; if it was forked, the pipe ``alive`` is closed when the parent process ends."""
     global _pickled, _memory
     if alive is not None:
         os.close(alive[1])
@@ -254,7 +256,7 @@ def _begin(alive: tuple[int, int] | None, pickled: bytes, memory: mmap.mmap | No
 
 
 def _end_with_parent(alive: tuple[int, int] | None) -> None:
-    """Wait until the parent process ends, then end this one."""
+    """Wait until the parent process ends, and then end this process."""
     from multiprocessing import connection, parent_process
     if alive is not None:
         os.read(alive[0], 1)
@@ -265,18 +267,18 @@ def _end_with_parent(alive: tuple[int, int] | None) -> None:
 
 @cache
 def _work() -> Callable[[Any], Any]:
-    work: Callable[[Any], Any] = pickle.loads(_pickled)     # by the process that started this one
+    work: Callable[[Any], Any] = pickle.loads(_pickled)     # pickled by the process that started this process
     return work
 
 
 def _warm() -> None:
-    """Unpickle the work, which shows that the process has started; a job raises the errors."""
+    """Unpickle the work to show that the process has started; an error is raised later, by the first job."""
     with suppress(Exception):
         _work()
 
 
 def _take(job: Any, slot: int | None) -> _Result:
-    """Do a job, and write the large buffers of its result to a slot of the shared memory as far as they fit."""
+    """Do a job, and write the large buffers of its result to a slot of the shared memory if they fit."""
     sizes: list[int] = []
     start = 0 if slot is None else slot * _SLOT_BYTES
 

@@ -9,13 +9,13 @@ T = TypeVar('T')
 
 
 class Progress:
-    """Count completed work; after the first second, show it on standard error if that is a terminal.
+    """Count completed work; after the first second, show the count on standard error if that is a terminal.
 
-    Use it in a ``with`` block and call ``update``, or call it with an iterable.
+    Use the object in a ``with`` block and call ``update``, or call the object with an iterable.
     """
 
     def __init__(self, what: str, unit: str, total: float | None = None, **options: Any) -> None:
-        """Name the work and its unit; ``options`` are tqdm's."""
+        """Set the name of the work, its unit and its total; ``options`` are passed to tqdm."""
         self.done = 0.0
         self._options = {'desc': what, 'unit': unit if unit == 'B' else f' {unit}', 'total': total, **options}
         self._began_s = time.monotonic()
@@ -32,7 +32,7 @@ class Progress:
             self._show()
 
     def reach(self, done: float) -> None:
-        """Raise the count to a number."""
+        """Increase the count to ``done``."""
         self.update(done - self.done)
 
     def note(self, text: str) -> None:
@@ -61,7 +61,7 @@ class Progress:
 
     def _show(self) -> None:
         from tqdm import tqdm
-        tqdm.monitor_interval = 0       # no monitor thread, since this process may fork
+        tqdm.monitor_interval = 0       # prevents a monitor thread, because this process may fork
         self._bar = tqdm(leave=False, **self._options)
         self._bar.start_t = self._began_s - time.monotonic() + self._bar.start_t
         self._bar.set_postfix_str(self._note, refresh=False)

@@ -1,4 +1,4 @@
-"""Parse times and handles on a command line: numbers and ranges, separated by commas."""
+"""Parse the times and handles of a command line, which are numbers and ranges separated by commas."""
 from collections.abc import Callable, Iterator
 from re import compile as pattern
 
@@ -6,18 +6,18 @@ from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError, shown
 
 _LATEST_S = 1e10        # later than any time stamp
-_MOST = 10**7           # largest number of values of one option
+_MOST = 10**7           # largest number of values that one option can specify
 _DASHED = pattern(r'([\d.]+)-([\d.]+)')
 
 
 def times_of(text: str, option: str = '--times') -> list[float]:
-    """Return the times in s of a text such as ``0,60,300``, ``0-10`` or ``0:300:10``, both ends included."""
+    """Return the times in s that ``text`` specifies, such as ``0,60,300``, ``0-10`` or ``0:300:10``, with both ends."""
     return list(_values(text, option, lambda part: number(f'{option}: t_s', float(part), low=-_LATEST_S,
                                                           high=_LATEST_S)))
 
 
 def handles_of(text: str | None, benches: int, option: str = '--handles') -> list[int]:
-    """Return the handles of a text such as ``0,1,51``, ``0-10`` or ``0:223:10``; all handles if no text is given."""
+    """Return the handles that ``text`` specifies, such as ``0,1,51``, ``0-10`` or ``0:223:10``; None means all."""
     if text is None:
         return list(range(benches + 1))
     handles = [int(value) for value in _values(text, option, int)]
@@ -29,7 +29,7 @@ def handles_of(text: str | None, benches: int, option: str = '--handles') -> lis
 
 
 def _values(text: str, option: str, read: Callable[[str], float]) -> Iterator[float]:
-    """Yield the values of each part. Raises InputError for an invalid part or too many values."""
+    """Yield the values of each part of a text. Raises InputError for an invalid part or too many values."""
     room = _MOST
     for part in text.split(','):
         try:
@@ -39,7 +39,7 @@ def _values(text: str, option: str, read: Callable[[str], float]) -> Iterator[fl
                              'or 0-10 or START:STOP:STEP', field=option.removeprefix('--')) from None
         room -= len(values)
         if room < 0:
-            raise InputError(f'{option} {text}: it requests more than {_MOST} values; use a larger step',
+            raise InputError(f'{option} {text}: gives more than {_MOST} values; use a larger step',
                              field=option.removeprefix('--'))
         yield from values
 
@@ -52,7 +52,7 @@ def _range(part: str, option: str, read: Callable[[str], float]) -> list[float]:
         return [read(part)]
     start, stop, step = (*map(read, ends), 1) if len(ends) == 2 else map(read, ends)
     if not (step > 0 and stop >= start):
-        raise InputError(f'{option} {part}: the step must be positive, and the stop not before the start',
+        raise InputError(f'{option} {part}: the step must be positive, and the stop must not be before the start',
                          field=option.removeprefix('--'))
     count = int(min((stop - start) / step * (1 + 1e-12), _MOST)) + 1
     return [start + k * step for k in range(count)]

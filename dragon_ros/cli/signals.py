@@ -1,4 +1,4 @@
-"""Signals that end a command, or stop long work at a point where its output is complete."""
+"""The signals that end a command or, during long work, stop it at a point where its output is complete."""
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ def ending() -> list[signal.Signals]:
 
 @contextmanager
 def stopped_by_signals() -> Iterator[Event]:
-    """Yield an event that is set by the signals of ``ending``; a second signal has its usual effect."""
+    """Yield an event that is set by any signal of ``ending``; a second signal has its usual effect."""
     stop = Event()
     before: dict[int, Any] = {}
 

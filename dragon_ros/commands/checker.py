@@ -8,7 +8,7 @@ from typing import Any
 
 from dragon_ros.core.errors import InputError
 
-_EFFORT = 1000      # so large a multiple of the usual budget that only the timer limits the proof
+_EFFORT = 1000      # a multiple of the usual budget, so large that only the time limit can end the proof early
 
 
 def command(certificate: str, effort: str | None = None) -> list[str]:
@@ -18,7 +18,7 @@ def command(certificate: str, effort: str | None = None) -> list[str]:
 
 
 def prove(values: Any, most_s: float) -> str:
-    """Return the sentence that a certificate proves. Raises InputError if it proves nothing within the time limit."""
+    """Return the statement that a certificate proves. Raises InputError if it is not proved within the time limit."""
     try:
         text = json.dumps(values)
     except (TypeError, ValueError):
@@ -39,7 +39,7 @@ def prove(values: Any, most_s: float) -> str:
 
 
 def _told(process: subprocess.Popen[str], text: str) -> str:
-    """Send a certificate to the checker, show progress on a terminal, and return the reason for rejection, if any."""
+    """Send a certificate to the checker, show the progress on a terminal, and return the reason if it is rejected."""
     assert process.stdin is not None
     assert process.stderr is not None
     with suppress(BrokenPipeError), process.stdin as file:

@@ -11,18 +11,19 @@ EXPORT_FORMATS = ('csv', 'parquet', 'npz')
 
 def table(argv: list[str]) -> int:
     """Print a table; return the exit code."""
-    options = command_line.parser('table', 'Print positions and velocities of handles (0 is the head, the last '
-                                  'the tail).',
+    options = command_line.parser('table', 'Print positions and velocities of handles (handle 0 is the head, and '
+                                  'the last handle is the tail).',
                                   'table --times 0,60,300 --handles 0,1,51,223')
-    command_line.add_bag(options, 'bag to read instead, at the first tick at or after each time (no scene options)')
+    command_line.add_bag(options, 'bag to read instead of a scene, at the first tick at or after each time')
     command_line.add_scene_options(options)
     command_line.add_namespace_option(options)
     command_line.add_times_option(options, 'times in seconds (0, or the start of the bag)')
     command_line.add_handles_option(options)
     options.add_argument('--paper', action='store_true',
-                         help="the paper's three tables: printed, reproduced, true, error (no other scene options)")
+                         help="the paper's three tables: printed, reproduced and true values, and errors (no scene "
+                         'options)')
     options.add_argument('--contest', type=Path, metavar='FOLDER',
-                         help="write the contest's result1, result2 and, for the scene turning, result4 (no times)")
+                         help='write result1 and result2 of the contest and, for the scene turning, result4 (no times)')
     command_line.add_output_options(options, ('text', 'csv', 'json', 'xlsx'))
     add_lang_option(options, '--paper and --contest')
     arguments = options.parse_args(argv)
@@ -35,13 +36,13 @@ def inspect(argv: list[str]) -> int:
     options = command_line.parser('inspect', 'Summarise a bag: topics, rates, missing ticks, scene, first contact, '
                                   'clearance, integrity.', 'inspect run.mcap --check')
     command_line.add_bag(options, 'an .mcap file or a rosbag2 folder', required=True)
-    options.add_argument('--check', action='store_true', help='recompute every tick from the scene in the bag and '
-                         'compare bit for bit, or within the promise of its tier if bits differ')
+    options.add_argument('--check', action='store_true', help='recompute every tick from the scene in the bag, and '
+                         'compare bit for bit or, if bits differ, within the promise of the tier')
     options.add_argument('--trust', action='store_true', help='recompute the scene in the bag even if it '
                          'exceeds the budgets (docs/limits.md)')
     options.add_argument('--repair', type=Path, metavar='OUT', help='write all readable messages to a complete bag')
     options.add_argument('--looks', type=int, metavar='N', help='number of evenly spaced ticks at which the clearance '
-                         'is computed; 0: all (200)')
+                         'is computed; 0 means all (200)')
     command_line.add_namespace_option(options)
     command_line.add_workers_option(options, 'result', ' of --check')
     command_line.add_output_options(options, ('text', 'json'))
@@ -52,8 +53,8 @@ def inspect(argv: list[str]) -> int:
 
 def export(argv: list[str]) -> int:
     """Export a bag to a file; return the exit code."""
-    options = command_line.parser('export', 'Export handles and velocities of a bag as a table (CSV, Parquet: one row '
-                                  'per tick and handle) or as arrays (npz: also the benches).',
+    options = command_line.parser('export', 'Export handles and velocities of a bag as a table with one row per tick '
+                                  'and handle (CSV, Parquet), or as arrays, with the benches too (npz).',
                                   'export run.mcap --format npz --output run.npz')
     command_line.add_bag(options, 'an .mcap file or a rosbag2 folder', required=True)
     command_line.add_format_option(options, EXPORT_FORMATS)
@@ -69,13 +70,13 @@ def export(argv: list[str]) -> int:
 
 
 def simulate(argv: list[str]) -> int:
-    """Write a bag; return the exit code (1 if a signal ended it early; the bag is complete even then)."""
+    """Write a bag; return the exit code, which is 1 if a signal ended the command early. The bag is always complete."""
     options = command_line.parser('simulate', 'Write the same bag as `sim` and `record`, bit for bit, without ROS and '
                                   'as fast as possible.',
                                   'simulate --scene winding --output run.mcap')
     command_line.add_scene_options(options)
     options.add_argument('--output', type=Path, metavar='BAG', required=True,
-                         help='bag to write: a file if it ends in .mcap, else a rosbag2 folder')
+                         help='bag to write: a file if its name ends in .mcap, otherwise a rosbag2 folder')
     options.add_argument('--force', action='store_true', help='replace an existing bag')
     options.add_argument('--rate', type=float, metavar='HZ', help='ticks per second (as in the scene)')
     options.add_argument('--compression', choices=COMPRESSIONS, default='zstd', help='compression of the bag '
@@ -90,7 +91,7 @@ def simulate(argv: list[str]) -> int:
 def demo(argv: list[str]) -> int:
     """Run the demonstration; return the exit code."""
     options = command_line.parser('demo', 'Run sim, monitor and recorder over DDS on this host until the first '
-                                  'contact; replay the bag, check it against the model, and draw it.',
+                                  'contact; replay the bag, check it against the model, and draw the contact.',
                                   'demo --pace 4')
     options.add_argument('--output', type=Path, default=Path('dragon_demo'), metavar='FOLDER',
                          help='folder for the bag and the picture; replaces an earlier demo (%(default)s)')
@@ -104,11 +105,11 @@ def route(argv: list[str]) -> int:
     """Make a scene from a drawing; return the exit code."""
     options = command_line.parser(
         'route', 'Make a track of lines and arcs that follows a drawing: an SVG path, a line in a GeoJSON or CSV '
-        'file,\nor a nav_msgs/Path. Corners are rounded and curves fitted; a line that the dragon cannot walk is '
-        'rejected with its position.', 'route street.svg --path way --scale 1:200 --output street.yaml')
+        'file,\nor a nav_msgs/Path. Corners are rounded, and curves are fitted. If the dragon cannot walk a line, '
+        'the error names the position.', 'route street.svg --path way --scale 1:200 --output street.yaml')
     options.add_argument('drawing', nargs='?', type=Path, metavar='DRAWING', help='.svg, .geojson, .wkt, .csv, or a '
                          'bag with a nav_msgs/Path')
-    options.add_argument('--output', type=Path, metavar='SCENE.yaml', help='scene file to write; without it, only '
+    options.add_argument('--output', type=Path, metavar='SCENE.yaml', help='scene file to write; if omitted, only '
                          'the table is printed')
     options.add_argument('--path', metavar='NAME', help='the line to walk: id or label of an SVG path, or name of a '
                          'GeoJSON feature')
@@ -117,18 +118,18 @@ def route(argv: list[str]) -> int:
     options.add_argument('--origin', metavar='LON,LAT', help='origin (0, 0) for a GeoJSON in degrees (the centre of '
                          'the file)')
     options.add_argument('--radius', type=float, metavar='METRES', help='radius of rounded corners (twice the smallest '
-                         'that these benches can walk)')
+                         'radius that these benches can walk)')
     options.add_argument('--tolerance', type=float, metavar='METRES', default=0.02,
                          help='largest distance of the track from a drawn curve (%(default)g)')
-    options.add_argument('--start', type=float, metavar='METRES', help='start of the head along the drawing (where the '
-                         'whole dragon fits on it, if it is long enough, else 0)')
+    options.add_argument('--start', type=float, metavar='METRES', help='start of the head along the drawing (first '
+                         'place where the whole dragon is on the drawing, or 0 if the drawing is too short)')
     options.add_argument('--reverse', action='store_true', help='walk the drawing in the opposite direction')
     options.add_argument('--topic', metavar='NAME', help='topic of the nav_msgs/Path, in a bag or, without DRAWING, '
                                                          'live')
     options.add_argument('--timeout', type=float, metavar='S', default=10.0,
                          help='seconds to wait for a live path (%(default)g)')
     options.add_argument('--frame-pose', metavar='X,Y,DEG', help="pose of the path's frame in the frame dragon: "
-                         'metres, and degrees to the left')
+                         'position in metres, and angle in degrees anticlockwise')
     command_line.add_scene_options(options)
     arguments = options.parse_args(argv)
     from dragon_ros.commands.route import run
@@ -137,12 +138,13 @@ def route(argv: list[str]) -> int:
 
 def plan(argv: list[str]) -> int:
     """Write the plan of a scene; return the exit code."""
-    options = command_line.parser('plan', 'Draw a scene to scale for printing: track, swept area, gaps, times.\nAs '
-                                  'GeoJSON: swept area, track and gaps.', 'plan --scene street --output plan.pdf')
+    options = command_line.parser('plan', 'Draw a scene to scale for printing: track, swept area, gaps and times.\nA '
+                                  'GeoJSON file contains swept area, track and gaps.',
+                                  'plan --scene street --output plan.pdf')
     command_line.add_scene_options(options, 'street')
     options.add_argument('--output', type=Path, required=True, metavar='PLAN.pdf|AREA.geojson', help='file to write')
-    options.add_argument('--scale', metavar='1:N', help='scale, from 1:50 to 1:1000 (the largest that fits)')
-    options.add_argument('--paper', choices=('A4', 'A3'), help='paper size (A4 if the drawing fits, else A3)')
+    options.add_argument('--scale', metavar='1:N', help='scale, from 1:50 to 1:1000 (the largest scale that fits)')
+    options.add_argument('--paper', choices=('A4', 'A3'), help='paper size (A4 if the drawing fits, otherwise A3)')
     options.add_argument('--format', choices=('pdf', 'geojson'), help='format (by the suffix of --output)')
     add_lang_option(options, 'the PDF and of the printed gaps')
     options.add_argument('--title', metavar='TEXT', help='title of the plan (the name of the scene)')

@@ -23,24 +23,24 @@ def main(argv: list[str]) -> int:
     options = command_line.parser('contact', 'Find the first contact between two benches that are not neighbours '
                                   'in the chain, or between a bench and an obstacle of the venue.',
                                   'contact --scene winding --format json')
-    command_line.add_bag(options, 'bag whose scene and led walk are searched (no scene options)')
+    command_line.add_bag(options, 'bag whose scene, with the walk of a led dragon, is searched (no scene options)')
     command_line.add_scene_options(options)
     command_line.add_namespace_option(options)
     options.add_argument('--trust', action='store_true', help='search the scene in the bag even if it exceeds '
                          'the budgets (docs/limits.md)')
     options.add_argument('--near-misses', type=float, metavar='METRES',
-                         help='also report near misses: gaps below this between two benches, or between a bench and an '
-                         'obstacle')
+                         help='also report near misses: gaps below this value between two benches, or between a bench '
+                         'and an obstacle')
     options.add_argument('--within', action='append', default=[], metavar='KEY=METRES',
                          help='prove a time before which no dragon within these tolerances touches itself; KEY is '
-                         'dragon.width_m, head_length_m, body_length_m or hole_inset_m, independent for each bench, or '
-                         'track.pitch_m; one spiral, led by the head; repeatable')
+                         'dragon.width_m, head_length_m, body_length_m or hole_inset_m, which differ from bench to '
+                         'bench, or track.pitch_m; requires a single spiral led by the head; repeatable')
     options.add_argument('--certificate', type=Path, metavar='FILE',
                          help='write the proof that no benches touch earlier, as JSON')
     options.add_argument('--verify', type=Path, metavar='FILE',
                          help="check a certificate independently of the solver's code (no scene options)")
     options.add_argument('--effort', metavar='TIMES', help='with --verify: multiple of the usual budget (1); if it is '
-                         'too small, the error names one that is enough')
+                         'too small, the error names a sufficient multiple')
     command_line.add_output_options(options)
     return command_line.guarded('contact', partial(_run, options.parse_args(argv)))
 
@@ -55,7 +55,7 @@ def _check(arguments: Namespace) -> None:
                   '--trust': arguments.trust, '--format': arguments.format != 'text', 'BAG': arguments.bag is not None}
         command_line.check_taken('--verify', given, set())
     elif arguments.effort is not None:
-        raise InputError('--effort: it requires --verify; add it, or omit --effort')
+        raise InputError('--effort: requires --verify; add --verify, or omit --effort')
     if arguments.within and arguments.near_misses is not None:
         raise InputError('--near-misses: not available for a family of dragons; omit --within or --near-misses')
     if arguments.near_misses is not None and arguments.format == 'csv':
@@ -95,10 +95,10 @@ def _scene_of(arguments: Namespace) -> 'Scene':
     if not arguments.bag:
         if arguments.namespace is not None or arguments.trust:
             option = '--trust' if arguments.trust else '--namespace'
-            raise InputError(f'{option}: it requires a BAG; omit it for a scene')
+            raise InputError(f'{option}: requires a BAG; omit {option} for a scene')
         return command_line.scene_from(arguments)
     if command_line.gives_scene(arguments):
-        raise InputError('BAG: it contains its scene; omit --scene, --set and --accuracy')
+        raise InputError('BAG: a bag contains its own scene; omit --scene, --set and --accuracy')
     from dragon_ros.bags.read.frames import namespace_of, scene_of_bag, walked_scene
     from dragon_ros.bags.read.reader import BagReader
     command_line.check_is_bag(arguments.bag)
@@ -116,7 +116,7 @@ def _scene_of(arguments: Namespace) -> 'Scene':
 
 
 def _verify(certificate_file: Path, effort: str | None, output: Path | None) -> int:
-    """Check a certificate in a process without the solver; its progress and errors go to stderr."""
+    """Check a certificate in a process without the solver, whose progress and errors go to standard error."""
     import subprocess
 
     from dragon_ros.commands.checker import command
@@ -183,7 +183,7 @@ def _csv(values: dict[str, Any]) -> str:
 
 
 def _cell(value: Any) -> str:
-    """Return a CSV cell, quoted if needed, since the name of an obstacle may contain a comma."""
+    """Return a CSV cell, quoted if needed, because the name of an obstacle may contain a comma."""
     text = str(value)
     return '"' + text.replace('"', '""') + '"' if set(text) & set(',"\n') else text
 

@@ -16,7 +16,7 @@ from dragon_ros.scenes import certificate
 
 
 def run(scene: Scene, arguments: Namespace) -> int:
-    """Print the result proved for the family that ``--within`` describes; return the exit code."""
+    """Print what is proved about the family of dragons that ``--within`` describes; return the exit code."""
     within, start = _tolerances(arguments.within), time.perf_counter()
     with Progress('contact', 'boxes') as bar:
         proof = first_contact_within(scene, within, bar.update)
@@ -29,7 +29,7 @@ def run(scene: Scene, arguments: Namespace) -> int:
 
 
 def _tolerances(given: Sequence[str]) -> dict[str, float]:
-    """Return tolerances by key. Raises InputError unless each is KEY=METRES, with distinct keys."""
+    """Return the tolerances by key. Raises InputError for a text that is not KEY=METRES and for a repeated key."""
     out = dict[str, float]()
     for one in given:
         key, equals, text = one.partition('=')
@@ -38,7 +38,7 @@ def _tolerances(given: Sequence[str]) -> dict[str, float]:
         except ValueError:
             value = float('nan')
         if not equals or not isfinite(value):
-            raise InputError(f'--within {one}: it is not KEY=METRES; write for example dragon.width_m=0.005')
+            raise InputError(f'--within {one}: it is not KEY=METRES; write, for example, dragon.width_m=0.005')
         if key in out:
             raise InputError(f'--within {one}: {key} is given twice; give it once')
         out[key] = value
@@ -59,9 +59,9 @@ def _text(values: dict[str, Any]) -> str:
     own = (f'the scene itself has no contact up to {nominal["t_end_s"]:.9f} s' if nominal['t_s'] is None else
            f'the first contact of the scene itself: {nominal["t_s"]:.12g} s')
     why = {'contact': f'benches {_pair(values["benches"])} may touch from {values["limit_s"] or 0:.6f} s on',
-           'run': 'the run ends then',
-           'bend': 'closer to the centre, links might lock and nothing is proved',
-           'effort': 'the search gave up'}[values['why']]
+           'run': 'the run ends at that time',
+           'bend': 'closer to the centre, links might lock, so nothing is proved',
+           'effort': 'the search reached its limit'}[values['why']]
     return (f'no dragon touches itself before {floor(values["proved_s"] * 1e6) * 1e-6:.6f} s ({which}); {why}\n  {own} '
             f'({stats["states"]} boxes in {stats["elapsed_s"]:.3f} s)')
 

@@ -46,8 +46,8 @@ def searched(scene: Scene, trust: bool) -> Contact | NoContact:
     """Return the first contact of a scene. Raises InputError if the search exceeds its budgets."""
     benches, states = scene.dragon.benches, 0
     if benches > SEARCHED_BENCHES and not trust:
-        raise InputError(f'the scene has {benches} benches and is searched for contacts up to {SEARCHED_BENCHES}; '
-                         'give --trust')
+        raise InputError(f'the scene has {benches} benches, but only scenes with up to {SEARCHED_BENCHES} are '
+                         'searched for contacts; give --trust')
     with Progress('contact', 'states') as bar:
         def spend(more: int) -> None:
             nonlocal states
@@ -60,10 +60,10 @@ def searched(scene: Scene, trust: bool) -> Contact | NoContact:
 
 
 def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) -> tuple[float | None, str | None]:
-    """Return when a run ends in its contact (None if it does not), and the proved sentence if nothing was searched.
+    """Return the time in s of the contact that ends a run, or None, and the proved statement if no search was made.
 
-    If a search would exceed its budgets, the claim in the bag is used, once the checker has proved it. Raises
-    InputError.
+    If a search would exceed its budgets, the bag's own claim about the contact is used after the checker has proved it.
+    Raises InputError.
     """
     try:
         found = searched(scene, trust)
@@ -71,7 +71,7 @@ def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) ->
         claim = claimed_contact(bag, namespace)
         if claim is None:
             raise
-        from dragon_ros.commands.checker import prove  # imported lazily: it starts a process, and few bags need it
+        from dragon_ros.commands.checker import prove  # imported lazily, because few bags need the checker
         try:
             said = prove(of_claim(scene, claim), PROOF_S)
         except InputError as why:
@@ -81,14 +81,14 @@ def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) ->
 
 
 def _reported(bag: BagReader, topic: str) -> dict[str, Any] | None:
-    """Return the first contact that a monitor reported in the bag."""
+    """Return the first contact that a monitor reported in the bag, or None."""
     for message in bag.messages([topic]):
         try:
             for status in read_diagnostics(message.data):
                 if status.values.get('phase') == 'begin':
                     return _event(status)
         except (MessageError, KeyError, ValueError):
-            continue        # a status from another publisher
+            continue        # the status is from another publisher
     return None
 
 
@@ -102,7 +102,7 @@ def _event(status: Status) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Clearance:
-    """Smallest signed gaps in m at times in s, their source, and how many of all ticks were examined."""
+    """Smallest signed gaps in m at times in s, their source topic, and the numbers of examined and of all ticks."""
 
     source: str
     t_s: list[float]
@@ -112,12 +112,12 @@ class Clearance:
 
 
 def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
-    """Return the clearance over time from the stamped topic or, if it is missing, from ``looks`` ticks (0 for all).
+    """Return the clearance over time from the stamped topic or, without that topic, from ``looks`` ticks (0 for all).
 
     Obstacles in the bag are included.
 
-    The topic ``clearance`` has no stamps: in a bag made by an earlier version or another recorder, its values may be
-    logged at another tick's time.
+    The topic ``clearance`` has no stamps. In a bag of an earlier version or of another recorder, its values may have
+    the log times of other ticks.
     """
     counts = {topic.name: topic.messages for topic in bag.topics}
     ticks = counts.get(f'{namespace}/handles', 0)
@@ -142,7 +142,7 @@ def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
 
 
 def _stamped(data: bytes) -> tuple[float, float]:
-    """Return time and clearance of a message."""
+    """Return the time in s and the clearance in m of a message."""
     gap_m, *_ = decode(channels()[_STAMPED].type, data)['vector'].tolist()
     return read_stamp_ns(data) / NS, gap_m
 

@@ -1,4 +1,4 @@
-"""``demo``: run the whole package once, with nodes as processes, a bag, its replay, a check and a picture."""
+"""``demo``: run the whole package once: nodes as processes, a bag, the bag's replay, a check and a picture."""
 import re
 import signal
 import subprocess
@@ -26,7 +26,7 @@ from dragon_ros.messages.decode import Status, read_diagnostics
 from dragon_ros.scenes.load import load_scene
 
 SCENE = 'first_contact'
-_DISCOVERY_S = 4.0      # waits until the recorder has discovered the monitor, which might otherwise report too early
+_DISCOVERY_S = 4.0      # time in which the recorder discovers the monitor, which might otherwise report too early
 _READERS = 'handles=2,benches=2,velocities=1'
 _COMPARED = ('handles', 'benches', 'velocities', 'collision')
 _PROGRESS = re.compile(r'at ([\d.]+) s, tick')
@@ -34,13 +34,13 @@ _LONGEST_S = 120.0
 
 
 def _end(*_: object) -> NoReturn:
-    """Raise the same exception as Ctrl-C, so that no process remains."""
+    """Raise the same exception as Ctrl-C, so that all processes are ended."""
     raise KeyboardInterrupt
 
 
 @contextmanager
 def _later() -> Iterator[None]:
-    """Defer signals to the end of this block, so that no process is started without being registered."""
+    """Defer signals until the end of this block, so that every process that is started is also registered."""
     came: list[int] = []
     before = {number: signal.signal(number, lambda number, _: came.append(number)) for number in ending()}
     try:
@@ -53,7 +53,7 @@ def _later() -> Iterator[None]:
 
 
 def run(arguments: Namespace) -> int:
-    """Run the demonstration; return the exit code. A signal ends it, and all its processes."""
+    """Run the demonstration; return the exit code. A signal ends the demonstration with all its processes."""
     for number in ending():
         signal.signal(number, _end)
     folder: Path = arguments.output
@@ -67,18 +67,18 @@ def run(arguments: Namespace) -> int:
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Reserve the folder for this demo."""
+    """Reserve the folder for this demonstration."""
     with (folder / 'lock').open('w') as lock:
         try:
             flock(lock, LOCK_EX | LOCK_NB)
         except BlockingIOError:
-            raise MissingError(f'{folder}: another demo is using it; wait, or give another --output') from None
+            raise MissingError(f'{folder}: another demo is using this folder; wait, or give another --output') from None
         yield
 
 
 def _demonstrate(folder: Path, pace: float) -> int:
     live, again = folder / 'first_contact.mcap', folder / 'replayed.mcap'
-    say(f'1. sim, monitor and recorder, three processes over DDS, {pace:g} times real time')
+    say(f'1. sim, monitor and recorder run as three processes over DDS at {pace:g} times real time')
     with ExitStack() as stack:
         with _processes(folder / 'live.log') as start:
             _bystanders(start, live)
@@ -87,7 +87,7 @@ def _demonstrate(folder: Path, pace: float) -> int:
             threading.Thread(target=_interrupt_if_any_fails, args=(start.recorders, sim), daemon=True).start()
             lines = _progress_of(sim)
             next(lines, None)
-            # During the run, the next monitor and recorder start in another domain and discover each other.
+            # During the run, the monitor and recorder of the replay start in another domain and discover each other.
             then = stack.enter_context(_processes(folder / 'replay.log'))
             _bystanders(then, again)
             for _ in lines:
@@ -105,7 +105,7 @@ def _demonstrate(folder: Path, pace: float) -> int:
 
 
 def _compared(folder: Path, live: Path) -> tuple[Comparison, list[Path]]:
-    """Compare the bag with the model, and draw the contact in it."""
+    """Compare the bag with the model, and draw the contact in the bag."""
     scene = load_scene(SCENE)
     with BagReader(live) as bag:
         comparison, event = compare_with_model(bag, scene), _event(bag)
@@ -143,13 +143,13 @@ def _drawn(scene: Scene, t_s: float, pair: tuple[int, int], point_m: tuple[float
 
 
 def say(line: str) -> None:
-    """Print one line at once."""
+    """Print a line without delay."""
     print(line, flush=True)
 
 
 @contextmanager
 def _processes(log: Path) -> Iterator['_Processes']:
-    """Start executables in their own domain; at the end, interrupt those still running and wait for them."""
+    """Start executables in their own domain; at the end, interrupt those that still run, and wait for them."""
     with log.open('w') as file:
         start = _Processes(file)
         try:
@@ -169,7 +169,7 @@ def _processes(log: Path) -> Iterator['_Processes']:
 
 
 class _Processes:
-    """Starts ``python -m dragon_ros NAME ...``; output goes to a log file."""
+    """Starts processes ``python -m dragon_ros NAME ...``, whose output goes to a log file."""
 
     def __init__(self, log: IO[str]) -> None:
         self.log, self.environment = log, local_environment(free_domain())
@@ -188,7 +188,7 @@ class _Processes:
         return process
 
     def wait_for_contact(self) -> None:
-        """Wait until the monitor, which may lag behind, has reported."""
+        """Wait until the monitor, which may lag behind, has reported a contact."""
         end = time.monotonic() + _LONGEST_S
         while 'contact of benches' not in Path(self.log.name).read_text(encoding='utf-8'):
             if time.monotonic() > end:
@@ -197,20 +197,20 @@ class _Processes:
 
 
 def _bystanders(start: _Processes, bag: Path) -> None:
-    """Start a monitor, and a recorder that continues until the monitor has reported."""
+    """Start a monitor, and a recorder that keeps recording until the monitor has reported."""
     start.monitors.append(start('monitor'))
     start.recorders.append(start('record', '--output', str(bag), '--force', '--keep-going'))
 
 
 def _interrupt_if_any_fails(others: 'list[subprocess.Popen[str]]', sim: 'subprocess.Popen[str]') -> None:
-    """Stop the simulator if one of the readers for which it is waiting fails."""
+    """Stop the simulator if a process that it waits for fails."""
     for process in others:
         if process.wait():
             sim.send_signal(signal.SIGINT)
 
 
 def _progress_of(sim: 'subprocess.Popen[str]') -> Iterator[float]:
-    """Show the progress of the simulator, read from its log, and yield the time of each line."""
+    """Read the simulator's log, show the progress, and yield the time of each line in the log."""
     run = load_scene(SCENE).run
     stop_s = run.stop_s or run.start_s
     assert sim.stdout is not None
@@ -226,7 +226,7 @@ def _progress_of(sim: 'subprocess.Popen[str]') -> Iterator[float]:
 
 
 def _finished(process: 'subprocess.Popen[str]') -> None:
-    """Wait for a process. Raises DragonError if it fails or hangs."""
+    """Wait for a process. Raises DragonError if the process fails or hangs."""
     name = process.args[3] if isinstance(process.args, list) else '?'
     try:
         code = process.wait(timeout=_LONGEST_S)
@@ -245,7 +245,7 @@ def _by_topic(bag: BagReader) -> dict[str, list[tuple[int, bytes]]]:
 
 
 def _event(bag: BagReader) -> Status:
-    """Return the only contact in a bag."""
+    """Return the only contact in a bag. Raises DragonError for any other number of contacts."""
     events = [status for message in bag.messages(['/dragon/collision']) for status in read_diagnostics(message.data)
               if status.values['phase'] == 'begin']
     if len(events) != 1:

@@ -11,7 +11,7 @@ from dragon_ros.cli.progress import Progress
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError, InputError
 
-if TYPE_CHECKING:       # because each question imports only its own modules
+if TYPE_CHECKING:       # imported lazily, because each question needs only a few modules
     from dragon_ros.core.scene import Scene
     from dragon_ros.core.tracks.s_turn import TurnAnswer
     from dragon_ros.core.tracks.spec import STurn
@@ -23,7 +23,7 @@ _PITCH_OPTIONS = {'diameter_m': '--diameter', 'largest_m': '--largest', 'within_
 
 
 class Question(NamedTuple):
-    """A subcommand: its question, its options, and the functions that find and print the answer."""
+    """A subcommand: its question, a function that adds its options, and functions that find and print the answer."""
 
     help: str
     example: str
@@ -71,7 +71,7 @@ def _turn_answer(arguments: Namespace) -> dict[str, Any]:
 
 
 def _contact_m(scene: 'Scene', diameter_m: float) -> float | None:
-    """Return the head's distance from the entry of the smallest turn at the first contact; None without a contact.
+    """Return the head's distance in m from the entry of the smallest turn at the first contact, or None.
 
     The search covers the run from the head's entry until the whole dragon has left the turn.
     """
@@ -110,9 +110,9 @@ def _turn_text(values: dict[str, Any]) -> str:
     """Return the answer as text."""
     first, second = values['radii_m']
     least = values['least_radius_m']
-    lines = [f'the turn is {values["length_m"]:.12g} m long: arcs of {first:.9g} m and {second:.9g} m, each by '
+    lines = [f'the turn is {values["length_m"]:.12g} m long: arcs of {first:.9g} m and {second:.9g} m, each turning by '
              f'{values["angle_rad"]:.9g} rad',
-             'another ratio does not shorten it: in this circle the sum of the radii and the angle of the arcs are set']
+             'another ratio does not shorten it: in this circle the sum of radii and the angle of the arcs are fixed']
     lines.append(_ratio_line(values['least_radius_m'], values['largest_ratio']))
     if values['length_there_m']:
         lines.append(f'a smaller circle shortens it: at {values["smallest_diameter_m"]:.9g} m, with both arcs of '
@@ -124,7 +124,7 @@ def _turn_text(values: dict[str, Any]) -> str:
         at = values['contact_there_m']
         what = ('no benches touch until the whole dragon has left the turn' if at is None else
                 f'benches touch when the head has gone {at:.9g} m from the entry')
-        lines.append(f'in that smallest circle {what}')
+        lines.append(f'in the smallest circle, {what}')
     return '\n'.join(lines)
 
 
@@ -137,14 +137,14 @@ def _ratio_line(least_m: float, largest: float | None) -> str:
 
 
 def _max_speed_options(parser: ArgumentParser) -> None:
-    """Add the scene options and the limit; the default scene is turning."""
+    """Add the scene options and --limit; the default scene is turning."""
     command_line.add_scene_options(parser, 'turning')
     parser.add_argument('--limit', type=float, default=2.0, metavar='M_S', help='speed limit of every handle, in m/s '
                                                                                 '(%(default)g)')
 
 
 def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the leader's largest speed, and the handle and place where the limit is reached; scale a profile."""
+    """Return the leader's largest speed (profiles are scaled), and the handle and the place that reach the limit."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.max_speed import max_speed
@@ -158,15 +158,15 @@ def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
 
 def _max_speed_text(values: dict[str, Any]) -> str:
     """Return the answer as text."""
-    return (f'the leader may go {values["speed_m_s"]:.12g} m/s (to {values["uncertainty_m_s"]:.1g} m/s; for a '
-            f'profile, its peak speed) and no handle exceeds {values["limit_m_s"]:.9g} m/s\n'
+    return (f'at a leader speed of {values["speed_m_s"]:.12g} m/s (to {values["uncertainty_m_s"]:.1g} m/s; for a '
+            f'profile, the peak speed), no handle exceeds {values["limit_m_s"]:.9g} m/s\n'
             f'handle {values["handle"]} is the fastest, {values["ratio"]:.12g} times the leader, when the leader is '
             f'{values["along_m"]:.7g} m along the track (on a turn: from its entry)\n'
             f'{values["looks"]} positions were evaluated')
 
 
 def _min_pitch_options(parser: ArgumentParser) -> None:
-    """Add the scene options, the circle and the bounds."""
+    """Add the scene options, and the options for the circle, the bounds and the bracket."""
     command_line.add_scene_options(parser)
     parser.add_argument('--diameter', type=float, default=9.0, metavar='METRES',
                         help='diameter of the turning circle (%(default)g)')
@@ -179,7 +179,7 @@ def _min_pitch_options(parser: ArgumentParser) -> None:
 
 
 def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the bracket of the smallest pitch, using only the dragon and track.start_turns of the scene."""
+    """Return the bracket of the smallest pitch; of the scene, only the dragon and track.start_turns are used."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.min_pitch import min_pitch
@@ -208,13 +208,13 @@ def _min_pitch_text(values: dict[str, Any]) -> str:
 
 
 def _fit_options(parser: ArgumentParser) -> None:
-    """Add the scene options and the square."""
+    """Add the scene options and --square."""
     command_line.add_scene_options(parser)
     parser.add_argument('--square', type=float, metavar='METRES', help='side of the given square')
 
 
 def _fit_answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the smallest squares, the bench that touches the centred one, and whether the run fits the given one."""
+    """Return the smallest squares, the bench that touches the centred square, and whether the given square suffices."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.bounding_box import bounding_box, fits
@@ -243,7 +243,7 @@ def _venue_answer(scene: 'Scene', arguments: Namespace) -> dict[str, Any]:
 
 
 def _room(scene: 'Scene') -> Values:
-    """Return the reach of benches to the left and right of the track at every metre; it is sampled, not proved."""
+    """Return how far benches reach to the left and right of the track at every metre, as sampled, not proved."""
     from dragon_ros.core.search.swept_area import room_every_metre, swept_area
     swept = swept_area(scene)
     at, room = room_every_metre(scene, swept)
@@ -252,7 +252,7 @@ def _room(scene: 'Scene') -> Values:
 
 
 def _room_text(room: Values) -> list[str]:
-    """Return the street width that the run requires, as text; return nothing for a run shorter than a metre."""
+    """Return the street width that the run requires as lines of text, or no lines for a run shorter than a metre."""
     if not room['at_m']:
         return []
     rows = zip(room['left_m'], room['right_m'], room['at_m'], strict=True)
@@ -263,7 +263,7 @@ def _room_text(room: Values) -> list[str]:
 
 
 def _venue_text(values: dict[str, Any]) -> str:
-    """Return the answer for a venue as text, the smallest gap first."""
+    """Return the answer for a venue as text, with the smallest gap first."""
     lines = []
     for one in values['venue']:
         x, y = one['point_m']
@@ -274,9 +274,9 @@ def _venue_text(values: dict[str, Any]) -> str:
     lines += _room_text(values['room'])
     margin = f'a gap of {values["margin_m"]:g} m'
     lacking = ', '.join(values['lacking'])
-    lines.append(f'the dragon does not fit, with less than {margin} to {lacking}' if lacking else
-                 f'the dragon fits, with {margin} to all' if values['fits'] else
-                 f'undecided whether the dragon fits with {margin}, which is between the bounds')
+    lines.append(f'the dragon does not fit: there is less than {margin} to {lacking}' if lacking else
+                 f'the dragon fits, with {margin} to all obstacles' if values['fits'] else
+                 f'it is undecided whether the dragon fits with {margin}, which is between the bounds')
     return '\n'.join(lines)
 
 
@@ -287,7 +287,7 @@ def _fit_text(values: dict[str, Any]) -> str:
     at, side = values['touching'], values['square_m']
     x, y = at['point_m']
     lines = [f'the smallest square about the origin that contains the run: {_bounds(values["centred_m"])}',
-             f'its side is touched by the {at["corner"]} corner of bench {at["bench"]} at {at["t_s"]:.6f} s, at '
+             f'the {at["corner"]} corner of bench {at["bench"]} touches its side at {at["t_s"]:.6f} s, at '
              f'({x:.6f}, {y:.6f}) m',
              f'the smallest axis-aligned square anywhere: {_bounds(values["free_m"])}']
     if side:
@@ -296,7 +296,7 @@ def _fit_text(values: dict[str, Any]) -> str:
 
 
 def _bounds(bounds_m: tuple[float, float]) -> str:
-    """Return an attained lower bound, and the amount by which the proved bound exceeds it."""
+    """Return as text an attained lower bound, and the amount by which the proved upper bound exceeds it."""
     low, high = bounds_m
     return f'{low:.10f} m, and no more than {high - low:.1e} m larger'
 
@@ -306,7 +306,7 @@ def _verdict(centred: bool | None, free: bool | None) -> str:
     if free is False:
         return 'the dragon does not fit'
     if centred is None or free is None:
-        return 'undecided whether the dragon fits: the square is between the bounds'
+        return 'it is undecided whether the dragon fits, because the side of the square is between the bounds'
     return 'the dragon fits' if centred else 'the dragon fits only off the centre'
 
 

@@ -28,7 +28,7 @@ from dragon_ros.core.numerics.types import Array
 from dragon_ros.core.scene import NS
 
 R = TypeVar('R')
-_TICKS = 64         # rows per row group of Parquet
+_TICKS = 64         # number of ticks per row group of Parquet
 
 
 def run(arguments: Namespace) -> int:
@@ -44,7 +44,7 @@ def run(arguments: Namespace) -> int:
 
 
 class _ExportedTicks:
-    """The ticks to export; they can be iterated repeatedly."""
+    """The ticks to export, which can be iterated repeatedly."""
 
     def __init__(self, bag: BagReader, arguments: Namespace, pool: Pool) -> None:
         self._bag, self._every, self._pool = bag, arguments.every, pool
@@ -57,7 +57,7 @@ class _ExportedTicks:
         self._ticks = next(t.messages for t in bag.topics if t.name == f'{self._namespace}/handles')
 
     def picked(self, what: str, pick: 'Callable[[Iterator[BagFrame]], R]') -> 'Iterator[R]':
-        """Yield the result of ``pick`` for the ticks of each part, with a progress bar; several processes call it.
+        """Yield the result of ``pick`` for each part's ticks, with a progress bar; several processes call ``pick``.
 
         Raises InputError if the number of handles changes.
         """
@@ -80,7 +80,7 @@ class _ExportedTicks:
 
 @dataclass(frozen=True)
 class _Picked(Generic[R]):
-    """Counts ticks and picks their values if they have the same number of handles as the first tick."""
+    """Counts ticks and picks their values; all ticks must have the same number of handles as the first tick."""
 
     pick: Callable[[Iterator[BagFrame]], R]
     path: Path
@@ -95,7 +95,7 @@ class _Picked(Generic[R]):
             for frame in some:
                 if frame.handles_m.shape != self.shape:
                     raise InputError(f'{self.path}: {len(frame.handles_m)} handles at {frame.t_ns / NS:.9f} s, '
-                                     f'{self.shape[0]} before; export the parts one by one')
+                                     f'but {self.shape[0]} before; export the parts one by one')
                 yield frame
                 ticks += 1
         picked = self.pick(counted())
@@ -123,7 +123,7 @@ def _parquet(source: _ExportedTicks, file: IO[bytes]) -> None:
         import pyarrow
         from pyarrow.parquet import ParquetWriter
     except ImportError:
-        raise MissingError('--format parquet: pyarrow is not installed; `pip install pyarrow`, or write csv or npz'
+        raise MissingError('--format parquet: pyarrow is not installed; run `pip install pyarrow`, or write csv or npz'
                            ) from None
     schema = pyarrow.schema([('t_ns', pyarrow.int64()), *((name, pyarrow.int32() if name == 'handle' else
                                                            pyarrow.float64()) for name in COLUMNS)])
@@ -145,7 +145,7 @@ def _columns(some: list[tuple[int, Array]], handles: list[int]) -> list[Array]:
 
 
 def _npz(source: _ExportedTicks, file: IO[bytes]) -> None:
-    """Write the arrays one by one, each in its own pass, so that no array is ever completely in memory."""
+    """Write each array in a separate pass over the ticks, so that no array is ever completely in memory."""
     first, handles = source.first, source.handles
     times = np.array(list(chain.from_iterable(source.picked('t_ns', _times))), np.int64)
     names = ['handles_m', *(['velocities_m_s'] if first.velocity_m_s is not None else []),
@@ -182,7 +182,7 @@ def _bytes(name: str, handles: list[int], some: Iterator[BagFrame]) -> bytes:
 
 def _there(frame: BagFrame, part: Any, name: str) -> Any:
     if part is None:
-        raise InputError(f'the tick at {frame.t_ns / NS:.9f} s has no {name}, unlike others; write csv instead')
+        raise InputError(f'the tick at {frame.t_ns / NS:.9f} s has no {name}, unlike other ticks; write csv instead')
     return part
 
 
@@ -202,7 +202,7 @@ def _stacked(archive: zipfile.ZipFile, name: str, rows: int, values: Iterator[by
 
 @contextmanager
 def _created(path: Path, overwrite: bool) -> Iterator[IO[bytes]]:
-    """Create a file, and remove it if writing does not complete."""
+    """Create a file, and remove it if writing is not completed."""
     try:
         with whole_or_none(path, overwrite) as file:
             yield file

@@ -1,1 +1,1 @@
-"""Measure what accuracy, effects, contact and bags cost for a scene on this machine."""
+"""Measure the cost of accuracy, effects, contact and bags for a scene on this machine."""

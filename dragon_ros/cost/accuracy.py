@@ -1,4 +1,4 @@
-"""The cost of accuracy for a scene: error and time of the paper's recipe, simple solvers and every tier."""
+"""The cost of accuracy for a scene: the error and the time of the paper's recipe, simple solvers and every tier."""
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -20,17 +20,17 @@ from dragon_ros.cost.baselines import SIMPLE
 from dragon_ros.cost.measure import Timing, timed_in_turn
 from dragon_ros.cost.reference import Reference, reference
 
-_PLACES = (1.0, 0.0, 0.5, 0.25, 0.75)       # fractions of the run, in the order in which references are computed
+_PLACES = (1.0, 0.0, 0.5, 0.25, 0.75)       # times of references as fractions of the run, most important first
 _STEP_S = 0.01                              # step of the paper's recipe, which has no intermediate times
-_MOST_HANDLES = 20_001                      # largest number of handles of the reference, from the head on
+_MOST_HANDLES = 20_001                      # largest number of handles in a reference, counted from the head
 MARCHED = ', marched'
 
 
 @dataclass(frozen=True)
 class Solver:
-    """A solver: its largest error at the instants, its promise there, and its time per tick.
+    """A solver with its largest error and its promise at the instants, and its time per tick.
 
-    ``error_m`` is nan if there is no reference; a solver that does not apply has a note and no timing.
+    ``error_m`` is nan if there is no reference. A solver that does not support the scene has a note and no timing.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Solver:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """All solvers, with the instants in s and the handles at which they were compared."""
+    """All solvers, the instants in s at which they were compared, and the number of compared handles."""
 
     times_s: tuple[float, ...]
     handles: int
@@ -53,13 +53,13 @@ class Accuracy:
 
 @dataclass(frozen=True)
 class _TimedSolver:
-    """A solver with its errors, and the calls to time: positions at every instant, without and with velocities."""
+    """A solver with its errors, and the calls to be timed: positions at every instant, without and with velocities."""
 
     row: Solver
     calls: tuple[Callable[[], None], ...] = ()
 
     def timed(self, spent: Iterator[Timing], count: int) -> Solver:
-        """Return the solver with the times of its calls, each for ``count`` instants."""
+        """Return the solver with the times of its calls, each of which covers ``count`` instants."""
         positions, both = [*(next(spent).shared_by(count) for _ in self.calls), None, None][:2]
         return replace(self.row, positions=positions, with_velocities=both)
 
@@ -78,9 +78,10 @@ def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> Acc
 
 
 def _references(scene: Scene, budget_s: float) -> dict[float, Reference | None]:
-    """Return references at instants along the run, as many as the budget allows but at least one.
+    """Return references at as many instants along the run as the budget allows, but at least one.
 
-    Return None if that would take minutes: if the tail leads a dragon, the first handle is computed after all links.
+    The references of a long dragon led by its tail are None: they would take minutes, because the position of the head
+    depends on every link.
     """
     times, began = _instants(scene), time.perf_counter()
     out: dict[float, Reference | None] = {}
@@ -94,7 +95,7 @@ def _references(scene: Scene, budget_s: float) -> dict[float, Reference | None]:
 
 
 def _instants(scene: Scene) -> list[float]:
-    """Return instants along the run; they are at the paper's steps if the run contains any."""
+    """Return instants along the run, rounded down to time steps of the paper unless the run starts later."""
     simulation = compile_scene(scene)
     start_s, stop_s = (scene.run.time_ns(k) / NS for k in (0, simulation.last_tick))
     times = [start_s + part * (stop_s - start_s) for part in _PLACES]
@@ -114,7 +115,7 @@ def _ways(scene: Scene, known: dict[float, Reference | None], done: Callable[[st
 
 
 def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> Iterator[_TimedSolver]:
-    """Yield a tier with its default solver and, if that is different, with forward placement."""
+    """Yield a tier with its default solver and, if that solver is not forward placement, with forward placement."""
     solvers = {}
     for solver in ('table',) if tier == PAPER.name else ('table', 'march'):
         name = tier + MARCHED * (solver == 'march')
@@ -131,7 +132,7 @@ def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> I
 
 
 def _tier(scene: Scene, name: str, known: dict[float, Reference | None]) -> tuple[_TimedSolver, str]:
-    """Return a tier with one solver, named after that solver."""
+    """Return a tier with one solver, and the name of the solver that placed the handles."""
     simulation = compile_scene(scene)
     error_m = error_m_s = 0.0
     worst = 1.0
@@ -157,7 +158,7 @@ def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:
 
 
 def _simple(scene: Scene, name: str, known: dict[float, Reference | None]) -> _TimedSolver:
-    """Return a simple solver; it supports only a single spiral led by the head."""
+    """Return a simple solver, which supports only dragons led by the head on a single spiral."""
     if not isinstance(scene.track, Spiral) or scene.head.lead != 'head':
         return _absent(name, 'supports only one spiral, led by the head')
     solve, error_m = SIMPLE[name], 0.0

@@ -1,4 +1,4 @@
-"""The cost of bags for a scene, by compression: ticks computed and written per second, and their size."""
+"""The cost of bags for a scene, by compression: ticks computed and written per second, and bytes per tick."""
 import tempfile
 import time
 from collections.abc import Callable
@@ -18,7 +18,7 @@ _LEAST_TICKS = 2
 
 @dataclass(frozen=True)
 class BagCost:
-    """A bag of the first ticks of the run: number of ticks, time, and bytes as messages and as a file."""
+    """A bag with the first ticks of a run: number of ticks, time to write, and bytes in messages and in the file."""
 
     compression: str
     ticks: int
@@ -33,7 +33,7 @@ class BagCost:
 
     @property
     def bytes_per_tick(self) -> float:
-        """Bytes of the file per tick."""
+        """Size of the file per tick, in bytes."""
         return self.file_bytes / self.ticks
 
     @property
@@ -54,9 +54,9 @@ def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> tup
 
 
 def _written(scene: Scene, compression: str, path: Path, budget_s: float) -> BagCost:
-    """Write the first ticks of the run to a bag, as many as the budget allows."""
+    """Write as many of the run's first ticks to a bag as the budget allows."""
     topics, count, size = list(encoders(scene).items()), compile_scene(scene).last_tick + 1, 0
-    next(ticks(scene, 0, 1))        # tables and templates are built once per run
+    next(ticks(scene, 0, 1))        # builds tables and templates, which are built once per run
     began = time.perf_counter()
     with BagWriter(path, options=BagOptions(compression)) as bag:
         for row in live(scene.effects):

@@ -14,16 +14,16 @@ PAGES = ('limits', 'accuracy', 'promises', 'contact', 'effects', 'tick', 'first'
 _BUDGET_S = 6.0
 _ABOUT = """Measure the cost of accuracy, effects, contact and bags for a scene on this machine.
 
-  cost --scene NAME     measures a scene: tables, JSON, a picture; less than a minute
-  ./dragon cost PAGE    measures a page of docs/cost; only in a checkout, which has the benchmarks
+  cost --scene NAME     measures a scene in less than a minute; output: tables, JSON, a picture
+  ./dragon cost PAGE    renews a page of docs/cost; requires a checkout, which contains the benchmarks
                         (more: ./dragon cost PAGE --help). The pages are:
                         {pages}"""
 
 
 def main(argv: list[str]) -> int:
-    """Measure a scene; return the exit code. Without arguments, explain both uses."""
+    """Measure a scene; return the exit code. Without arguments, print the help."""
     options = _options()
-    arguments = options.parse_args(argv)        # called first, because it answers shell completion
+    arguments = options.parse_args(argv)        # comes first, because it handles shell completion
     if not argv:
         options.print_help()
         return command_line.BAD_INPUT
@@ -34,18 +34,18 @@ def _options() -> ArgumentParser:
     options = command_line.parser('cost', _ABOUT.format(pages=', '.join(PAGES)),
                                   'cost --scene winding --output cost.png')
     options.add_argument('page', nargs='?', choices=PAGES, metavar='PAGE',
-                         help='a page: ./dragon cost PAGE, only in a checkout')
+                         help='page to renew by ./dragon cost PAGE in a checkout')
     command_line.add_scene_options(options)
     options.add_argument('--budget', type=float, default=_BUDGET_S, metavar='S',
                          help='approximate seconds for each of the four parts (%(default)g)')
     command_line.add_format_option(options, ('text', 'json'), figures.FORMATS)
     options.add_argument('--output', type=Path, metavar='FILE', help=f'{", ".join(figures.FORMATS)}: a picture in '
-                         'addition to the tables; any other suffix: a file for the tables')
+                         'addition to the tables on standard output; any other suffix: the tables')
     return options
 
 
 def _check_folder(output: Path | None) -> None:
-    """Reject a file that cannot be written, before measuring anything."""
+    """Reject an output file whose folder does not exist, before the measurements start."""
     if output is not None and not output.parent.is_dir():
         raise MissingError(f'--output {output}: cannot be written: there is no folder {output.parent}')
 
@@ -53,7 +53,7 @@ def _check_folder(output: Path | None) -> None:
 def _run(arguments: Namespace) -> int:
     if arguments.page is not None:
         raise InputError(f'PAGE {arguments.page}: is available only in a checkout: ./dragon cost {arguments.page}; '
-                         'for a scene: cost --scene NAME')
+                         'to measure a scene, write cost --scene NAME')
     _check_folder(arguments.output)
     budget_s = number('--budget', arguments.budget, low=0.01, high=1e5)
     from dragon_ros.cli.progress import Progress

@@ -1,4 +1,4 @@
-"""The cost of contact for a scene: time and outcome of the proved search for the first contact."""
+"""The cost of contact for a scene: the time and the result of the proved search for the first contact."""
 import time
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ _ENDS = {'stop': 'the run stops', 'lock': 'the chain locks', 'track': 'the track
 
 @dataclass(frozen=True)
 class SearchCost:
-    """One search: its time, its number of states, whether it completed, and its result."""
+    """The cost of a search: its time, its number of states, whether it completed, and its result as text."""
 
     elapsed_s: float
     states: int
@@ -40,7 +40,7 @@ def measure(scene: Scene, budget_s: float) -> SearchCost:
         if not found.certificate.complete:
             said += ', without a certificate'
     except _OutOfTimeError:
-        complete, said = False, f'cut off after {budget_s:g} s, and nothing was found; give a longer --budget'
+        complete, said = False, f'stopped after {budget_s:g} s without a result; give a longer --budget'
     except DragonError as error:
         complete, said = False, str(error)
     return SearchCost(time.perf_counter() - began, states, complete, said)

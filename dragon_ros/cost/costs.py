@@ -38,7 +38,7 @@ class Costs:
 
 
 def measure(scene: Scene, name: str, budget_s: float, done: Callable[[str], object]) -> Costs:
-    """Measure a scene, each of the four parts for about ``budget_s``; ``done(what)`` is called before each step.
+    """Measure each of the four parts for about ``budget_s`` seconds; ``done(what)`` is called before each step.
 
     Raises FieldError for a dragon that is led from outside.
     """
@@ -96,7 +96,7 @@ def text_of(costs: Costs) -> str:
 def _accuracy_text(found: Accuracy) -> str:
     times = ', '.join(f'{t_s:g}' for t_s in found.times_s)
     title = (f'Accuracy: largest errors of {found.handles:,} handles at {times} s' if found.handles else
-             f'Accuracy at {times} s; no errors, as a reference for such a long dragon led by its tail takes minutes')
+             f'Accuracy at {times} s; no errors: a reference for such a long dragon led by its tail takes minutes')
     rows = [(row.name, _figure(row.error_m), _figure(row.promise_m), _figure(row.speed_error_m_s), _us(row.positions),
              _us(row.with_velocities), row.note) for row in found.solvers]
     head = 'solver', 'error (m)', 'promise (m)', 'speed (m/s)', 'µs per tick', 'with velocities', ''
@@ -106,7 +106,7 @@ def _accuracy_text(found: Accuracy) -> str:
 def _effects_text(costs: Costs) -> str:
     rows = [(row.effect, 'yes' if row.effect in costs.effects else '', _us(row.timing), f'{row.size:,}')
             for row in costs.prices]
-    return _table('Effects: time to compute and encode each per tick',
+    return _table('Effects: time per tick to compute and encode each effect',
                   ('effect', 'in the scene', 'µs per tick', 'bytes per tick'), rows)
 
 
@@ -122,7 +122,7 @@ def _bags_text(found: Sequence[BagCost]) -> str:
 
 
 def _table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return rows under their heads; the first column and the notes are left-aligned, and figures are right-aligned."""
+    """Return a table as text; the first column and the notes are left-aligned, and the figures are right-aligned."""
     lines = [tuple(head), *map(tuple, rows)]
     widths = [max(len(line[n]) for line in lines) for n in range(len(head))]
     left = {0, *(n for n, name in enumerate(head) if not name)}

@@ -1,4 +1,4 @@
-"""The cost of each effect per tick: the time to compute and encode it, and its bytes."""
+"""The cost of each effect per tick: the time to compute and encode the effect, and its number of bytes."""
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -17,10 +17,11 @@ from dragon_ros.messages.encode import Encode, encoders
 
 ALONE = 'alone'
 LEAST, MOST = 15, 400         # number of calls
-_PLACES, _RUN = 7, 20           # number of starts along the run, and of consecutive ticks from each, as in sim
+_PLACES, _RUN = 7, 20           # starting points along the run, and consecutive ticks (as in sim) from each
 Call = Callable[[], object]
-# The field of each effect, and how ``frame_of`` fills it in a frame that has what the effect needs; a test compares
-# both. If ``frame_of`` itself called functions from such a table, a tick would take 1.05 times as long.
+# The field of each effect, and a function that returns what ``frame_of`` writes to the field if the frame contains all
+# that the effect needs; a test compares the two. If ``frame_of`` itself called functions from such a table, a tick
+# would take 1.05 times as long.
 FIELDS: dict[Effect, tuple[str, Callable[[Simulation, Frame], Any]]] = {
     Effect.VELOCITY: ('velocity_m_s', lambda of, to: to.chain.velocities(of.scene.head.speed_at_m_s(to.t_ns / NS))),
     Effect.BENCHES: ('benches', lambda of, to: benches_of(to.chain, of.scene.dragon, to.axis)),
@@ -38,9 +39,11 @@ FIELDS: dict[Effect, tuple[str, Callable[[Simulation, Frame], Any]]] = {
 
 @dataclass(frozen=True)
 class Price:
-    """The time and bytes that an effect adds to a tick of a scene (ALONE: the classic one with what the effect needs).
+    """The time and the bytes that an effect adds to a tick of a scene.
 
-    ``timing`` is None if nothing is computed for it.
+    The scene ALONE is the classic scene with only the effects that this effect needs.
+
+    ``timing`` is None if nothing is computed for the effect.
     """
 
     effect: str
@@ -50,9 +53,9 @@ class Price:
 
 
 def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
-    """Return the cost of an effect in a scene with all effects that it needs and none that depend on it.
+    """Return the cost of an effect in a scene, with all effects that it needs and without those that depend on it.
 
-    Only the effect's own work is timed: filling its field in a frame that has the other effects, and encoding its
+    Only the effect's own work is timed: filling its field in a frame that contains the other effects, and encoding its
     topics.
     """
     without = scene.effects & ~effect & ~_above(effect) | _below(effect)
@@ -64,7 +67,7 @@ def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
 
 
 def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) -> Timing:
-    """Time an effect's own work on new frames of a scene without the effect."""
+    """Time only an effect's own work, on new frames of a scene without the effect."""
     simulation = compile_scene(scene)
     times = [scene.run.time_ns(k) for k in followed(simulation.last_tick)]
     spent: list[float] = []
@@ -82,7 +85,7 @@ def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) ->
 
 
 def followed(last: int) -> list[int]:
-    """Return consecutive ticks from several starts along a run."""
+    """Return consecutive ticks after several starting points along a run."""
     return [min(k * last // _PLACES + n, last) for k in range(_PLACES) for n in range(_RUN)]
 
 
@@ -93,7 +96,7 @@ def _below(effect: Effect) -> Effect:
 
 
 def _above(effect: Effect) -> Effect:
-    """Return the effects that depend on an effect."""
+    """Return the effects that depend on an effect, directly or indirectly."""
     out = Effect.NONE
     for other in known().values():
         out |= other if effect in _below(other) else Effect.NONE

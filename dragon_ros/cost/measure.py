@@ -1,4 +1,4 @@
-"""Timing: medians with their spread, without the first call, and a description of the machine."""
+"""Measure times, as medians and quartiles without the first call, and describe the machine."""
 import platform
 import sys
 import time
@@ -16,7 +16,7 @@ TIMES = ('median_s', 'low_s', 'high_s', 'calls')
 
 @dataclass(frozen=True)
 class Timing:
-    """Seconds per call: median, quartiles, and the number of calls after the first."""
+    """The time per call in s, as median and quartiles, and the number of timed calls."""
 
     median_s: float
     low_s: float
@@ -25,16 +25,16 @@ class Timing:
 
     @property
     def cells(self) -> tuple[float, float, float, int]:
-        """The table cells for the column heads TIMES."""
+        """The table cells under the column heads TIMES."""
         return self.median_s, self.low_s, self.high_s, self.calls
 
     def shared_by(self, count: int) -> 'Timing':
-        """Return the time per part of a call that consists of ``count`` equal parts."""
+        """Return the timing of one part of a call that consists of ``count`` equal parts."""
         return Timing(self.median_s / count, self.low_s / count, self.high_s / count, self.calls * count)
 
 
 def timed(call: Callable[[], object], budget_s: float = 0.3, least: int = 5, most: int = 200) -> Timing:
-    """Call once without timing, and then as often as the budget allows; return the timing."""
+    """Call a function once without timing, time further calls as the budget allows, and return their timing."""
     call()
     spent: list[float] = []
     while len(spent) < least or (sum(spent) < budget_s and len(spent) < most):
@@ -48,8 +48,8 @@ def timed_in_turn(calls: Sequence[Callable[[], object]], budget_s: float = 0.3, 
                   ) -> list[Timing]:
     """Time several calls in turn, so that other load on the machine affects them equally.
 
-    Each is called twice in a row, and only the second call is timed, since the caches have then recovered from the
-    other calls.
+    Each function is called twice in a row, and only the second call is timed, because the first call refills the
+    caches.
     """
     spent: list[list[float]] = [[] for _ in calls]
     end_s, rounds = time.perf_counter() + budget_s * len(calls), 0
@@ -64,13 +64,13 @@ def timed_in_turn(calls: Sequence[Callable[[], object]], budget_s: float = 0.3, 
 
 
 def timing_of(spent: Sequence[float]) -> Timing:
-    """Return the median and the quartiles of seconds."""
+    """Return the median and the quartiles of the times of calls, in s."""
     low, _, high = quantiles(spent, n=4)
     return Timing(median(spent), low, high, len(spent))
 
 
 def circumstances() -> str:
-    """Return processor, versions and date in one line."""
+    """Return the processor, the versions and the date in one line."""
     return (f'{_processor()}, {platform.system()}, Python {platform.python_version()}, '
             + ', '.join(f'{name} {found}' for name in ('numpy', 'scipy') if (found := _version(name)))
             + f', dragon_ros {__version__}, {datetime.now().astimezone():%Y-%m-%d}')

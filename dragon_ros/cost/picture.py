@@ -1,4 +1,4 @@
-"""The costs of a scene as a picture: error against time, effects, bags, and the time of the whole run."""
+"""Draw the costs of a scene: error against time, effects, bags, and the time for the whole run."""
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from dragon_ros.cost.costs import Costs
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_SMALLEST_M = 1e-18         # value at which a zero error is drawn
+_SMALLEST_M = 1e-18         # an error of zero is drawn at this value
 _IN_SCENE, _OTHER = LINES[0], '#BBBBBB'
 
 
@@ -40,12 +40,12 @@ def _errors(axes: Any, costs: Costs) -> None:
                         [max(row.error_m, _SMALLEST_M) for row in mine], marker, color=colour, label=kind,
                         linestyle='none')
     for place, names in _labels(costs).items():
-        together = len(names) > 1       # below the point, away from other labels
+        together = len(names) > 1       # place a shared label below the point, away from other labels
         text = f'{names[0]} to {names[-1]}' if names == list(TIERS)[1:] else ', '.join(names)
         axes.annotate(text, place, xytext=(0, -14) if together else (7, -3), textcoords='offset points',
                       fontsize=TEXT_PT, ha='center' if together else 'left')
     axes.margins(x=0.3, y=0.12)
-    axes.set(xlabel='time per tick (µs): positions of all handles', ylabel='largest error (m)',
+    axes.set(xlabel='time per tick for the positions of all handles (µs)', ylabel='largest error (m)',
              title='Cost of accuracy')
     if drawn:
         axes.legend()
@@ -58,7 +58,7 @@ def _kind(name: str) -> str:
 
 
 def _labels(costs: Costs) -> dict[tuple[float, float], list[str]]:
-    """Return the names at each point; points at the same position share a label."""
+    """Return the names at each point; points that nearly coincide share a label."""
     out: dict[tuple[float, float], list[str]] = {}
     for row in costs.accuracy.solvers:
         if not row.positions or not np.isfinite(row.error_m):
@@ -80,13 +80,13 @@ def _effects(axes: Any, costs: Costs) -> None:
     axes.set_yticks(range(len(rows)), [row.effect for row in rows])
     axes.invert_yaxis()
     axes.grid(visible=False, axis='y')
-    axes.set(xlabel='time to compute and encode per tick (µs)',
-             title='Cost of each effect (coloured: effects of the scene)')
+    axes.set(xlabel='time per tick to compute and encode (µs)',
+             title='Cost of each effect (the effects of the scene are coloured)')
     axes.set_xlim(0, 1.45 * axes.get_xlim()[1])
 
 
 def _whole(axes: Any, costs: Costs) -> None:
-    """Draw the time of the whole run for each question."""
+    """Draw the time that each task takes for the whole run."""
     served = next((row for row in costs.accuracy.solvers if row.name == 'exact' and row.with_velocities), None)
     bars = {}
     if served and served.positions and served.with_velocities:
@@ -94,7 +94,7 @@ def _whole(axes: Any, costs: Costs) -> None:
         bars['and velocities'] = served.with_velocities.median_s * costs.ticks
     for row in costs.bags:
         bars[f'as a bag, {row.compression.replace("none", "not compressed")}'] = costs.ticks / row.ticks_per_s
-    name = 'first contact, proved' if costs.contact.complete else 'first contact, cut off'
+    name = 'first contact, proved' if costs.contact.complete else 'first contact, stopped'
     bars[name] = costs.contact.elapsed_s
     for n, (label, seconds) in enumerate(bars.items()):
         axes.barh(n, seconds, 0.7, color=LINES[2] if label.startswith('first') else LINES[0])

@@ -1,10 +1,11 @@
-"""A reference for handles and velocities that shares no arithmetic, equation or search with the solvers.
+"""Reference positions and velocities of handles that share no arithmetic, equation or search with the solvers.
 
-It is computed with 60 decimal digits and rounded once, to double-doubles. Its errors are below 1e-30 of a coordinate,
-unless a link is so close to locking that the last digit of the leader's distance has a larger effect. The scene's
-floats are taken as exact numbers. Pieces of track are laid out independently, and a link is found by Newton's method in
-a bracket in which the distance from the previous handle grows. Chords grow along arcs of less than pi / bend and, on a
-single spiral, up to half a turn behind the handle, or on the first rise beyond it.
+A reference is computed with 60 decimal digits and rounded once, to double-doubles. Its errors are below 1e-30 of a
+coordinate, unless a link is so close to locking that the last digit of the leader's distance has a larger effect. The
+scene's floats are taken as exact numbers. The pieces of a track are laid out by independent code, and each handle is
+found by Newton's method in a bracket in which the distance from the previous handle increases. This distance increases
+along arcs of less than pi / bend. On a single spiral, it increases up to half a turn behind the previous handle; if the
+link is longer, the bracket is the first rise beyond that.
 """
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -23,10 +24,10 @@ from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc,
 
 _CONTEXT = Context(prec=60)
 _PI = Decimal('3.14159265358979323846264338327950288419716939937510582097494459230781640628620899862803')
-_DONE = Decimal('1e-32')        # relative Newton step; the next error is about the square of this
+_DONE = Decimal('1e-32')        # last relative Newton step; the remaining error is about its square
 _ZERO, _ONE, _TWO, _HALF = Decimal(0), Decimal(1), Decimal(2), Decimal('0.5')
 _HAIR = Decimal('1e-40')
-_RISE = Decimal('0.0625')       # step in rad of the search for the first rise of a chord
+_RISE = Decimal('0.0625')       # step in rad of the search for the first rise of the distance
 _MOST_STEPS = 400
 _BACK, _AHEAD = -1, 1
 _OFF = 'the reference cannot place a link'
@@ -38,25 +39,25 @@ Point = tuple[Number, Number, Number, Number]       # a point, and its derivativ
 
 @dataclass(frozen=True)
 class Reference:
-    """Handles (N+1, 2) in m as (high, low), from the head on, and their velocities (N+1, 2) in m/s."""
+    """Handles (N+1, 2) in m from the head on, as the sum of ``high`` and ``low``, and velocities (N+1, 2) in m/s."""
 
     high: Floats
     low: Floats
     velocity_m_s: Floats
 
     def error_m(self, handles_m: Floats) -> float:
-        """Return the largest distance of handles (N+1 or more, 2) from the reference."""
+        """Return the largest distance in m of handles (N+1 or more, 2) from the reference."""
         off = (handles_m[:len(self.high)] - self.high) - self.low
         return float(np.max(np.hypot(off[:, 0], off[:, 1])))
 
     def speed_error_m_s(self, velocity_m_s: Floats) -> float:
-        """Return the largest difference of velocities (N+1 or more, 2) from the reference."""
+        """Return the largest difference in m/s between velocities (N+1 or more, 2) and the reference."""
         off = velocity_m_s[:len(self.velocity_m_s)] - self.velocity_m_s
         return float(np.max(np.hypot(off[:, 0], off[:, 1])))
 
 
 def reference(scene: Scene, t_s: float, most: int | None = None) -> Reference:
-    """Return the reference of a scene at a time; ``most`` limits the handles if the head leads.
+    """Return the reference of a scene at a time; ``most`` limits the number of handles if the head leads.
 
     Raises DragonError if a link cannot be placed.
     """
@@ -69,7 +70,7 @@ def reference(scene: Scene, t_s: float, most: int | None = None) -> Reference:
 
 
 def chain_at(scene: Scene, t_s: float, most: int | None = None) -> list[Point]:
-    """Return (x, y, vx, vy) of all handles from the head on, with the precision of the current context."""
+    """Return (x, y, vx, vy) of all handles from the head on, with the precision of the current decimal context."""
     track = _track_of(scene)
     gone, speed = _gone(scene, Decimal(t_s))
     links = [Decimal(link) for link in scene.dragon.link_lengths_m.tolist()]
@@ -82,7 +83,7 @@ def chain_at(scene: Scene, t_s: float, most: int | None = None) -> list[Point]:
 
 
 def cos_sin(angle: Number) -> Pair:
-    """Return cosine and sine, by the sine's series at one eighth of the angle reduced to a quarter turn."""
+    """Return cosine and sine, from the sine's series at one eighth of the angle reduced to a quarter turn."""
     quarters = int((angle / (_PI * _HALF)).to_integral_value())
     left = (angle - quarters * (_PI * _HALF)) / 8
     square, total = left * left, _ZERO
@@ -107,7 +108,7 @@ with localcontext(_CONTEXT):
 
 
 class _ByMetres:
-    """A piece on which u is metres from its start."""
+    """A piece on which u is the distance from the start of the piece, in m."""
 
     way = 1
 
@@ -139,7 +140,7 @@ class _Straight(_ByMetres):
 
 @dataclass
 class _Round(_ByMetres):
-    """An arc, to the left if ``side`` is 1."""
+    """An arc, which turns left if ``side`` is 1."""
 
     start: Pair
     heading: Pair
@@ -162,7 +163,10 @@ class _Round(_ByMetres):
 
 @dataclass
 class _Winding:
-    """A spiral: to the left if ``side`` is 1, outwards if ``way`` is 1; u is its polar angle from ``axis``."""
+    """A spiral, seen outwards to the left if ``side`` is 1; the head walks outwards if ``way`` is 1.
+
+    The coordinate u is the polar angle from ``axis``.
+    """
 
     b: Number
     centre: Pair
@@ -190,7 +194,8 @@ class _Winding:
 
     def after(self, metres: Number) -> Number:
         wanted = _arc(self.anchor) + self.way * metres / self.b
-        u = (2 * max(wanted, _ZERO)).sqrt()         # Newton is monotone from outside: the arc length is convex
+        # The arc length is convex, so Newton's method converges monotonically from outside.
+        u = (2 * max(wanted, _ZERO)).sqrt()
         for _ in range(_MOST_STEPS):
             step = (_arc(u) - wanted) / (1 + u * u).sqrt()
             u -= step
@@ -208,7 +213,7 @@ class _Winding:
 
 
 _Piece = _Straight | _Round | _Winding
-_Place = tuple[int, Number]         # the number of a piece, and u on it
+_Place = tuple[int, Number]         # the number of a piece, and u on that piece
 
 
 def _arc(u: Number) -> Number:
@@ -219,7 +224,7 @@ def _arc(u: Number) -> Number:
 
 @dataclass
 class _DecimalTrack:
-    """Pieces, the distance along the track at each piece's u = anchor, and the head's position at t = 0."""
+    """The pieces of a track, the distance along the track at each piece's anchor, and the head's distance at t = 0."""
 
     pieces: list[_Piece]
     origins: list[Number]
@@ -232,7 +237,7 @@ class _DecimalTrack:
         return k, self.pieces[k].after(metres - self.origins[k])
 
     def metres(self, k: int, u: Number) -> Number:
-        """Return the distance of a place along the track."""
+        """Return the distance in m along the track at which a place is."""
         return self.origins[k] + self.pieces[k].metres(u)
 
     @cached_property
@@ -241,11 +246,11 @@ class _DecimalTrack:
         return max(piece.bend for piece in self.pieces)
 
     def _hair(self, k: int, u: Number) -> Number:
-        """Return the distance by which rounding may place a handle beyond the track's ends."""
+        """Return the change of u by which rounding may place a handle beyond an end of the track."""
         return _ZERO if 0 <= k < len(self.pieces) else _HAIR * (1 + abs(u))
 
     def next(self, place: _Place, chord: Number, way: int, guess: Number | None) -> _Place:
-        """Return the first place, behind or ahead, at the chord's length; ``guess`` is the expected change of u."""
+        """Return the nearest place, behind or ahead, that is one chord away; ``guess`` is the expected change of u."""
         k, u = place
         if not chord:
             return place
@@ -271,7 +276,7 @@ class _DecimalTrack:
 
 
 def _longest_m(bend: float, chord_m: float) -> float:
-    """Return an arc length that exceeds that of any arc with this chord, but along which chords still grow."""
+    """Return an arc length in m that exceeds that of any arc with this chord, but along which chords still grow."""
     if not bend:
         return 1.1 * chord_m
     reach_m = 2 / bend * asin(min(1.0, 0.5 * bend * chord_m))
@@ -282,7 +287,7 @@ _Excess = Callable[[Number], Pair]
 
 
 def _excess(piece: _Piece, here: Pair, chord: Number, start: Number, sense: int) -> _Excess:
-    """Return the function ((squared distance to a point - squared chord) / 2, slope) of x, at u = start + sense x."""
+    """Return the function x -> ((squared distance - squared chord) / 2, slope) at u = start + sense x."""
     def excess(x: Number) -> Pair:
         px, py, dx, dy = piece.at(start + sense * x)
         px, py = px - here[0], py - here[1]
@@ -301,7 +306,7 @@ def _on_spiral(excess: _Excess, chord: Number, guess: Number | None) -> Number:
         low, high = high, high + _RISE
         while excess(high)[0] < 0 < excess(high)[1]:
             low, high = high, high + _RISE
-        if excess(high)[0] < 0:         # beyond the maximum, which lies in between, where the slope vanishes
+        if excess(high)[0] < 0:         # the maximum is between low and high, where the slope vanishes
             high = _root(lambda x: (-excess(x)[1], _falling(excess, x)), low, high, None)
     if excess(high)[0] < 0:
         raise DragonError(_OFF)
@@ -340,7 +345,7 @@ def _track_of(scene: Scene) -> _DecimalTrack:
 
 
 def _turn(turn: STurn) -> _DecimalTrack:
-    """Return the S-turn: arcs that turn by twice the angle gamma between track and radius; tan gamma = theta."""
+    """Return an S-turn whose arcs turn by twice gamma, the angle between track and radius; tan gamma = theta."""
     b, radius = Decimal(turn.pitch_m) / (2 * _PI), Decimal(turn.diameter_m) / 2
     theta = radius / b
     gamma = _arctangent(theta)
@@ -354,7 +359,7 @@ def _turn(turn: STurn) -> _DecimalTrack:
 
 
 def _arctangent(tangent: Number) -> Number:
-    """Return the arc tangent, by Newton's method for tangent cos - sin = 0."""
+    """Return the arc tangent, found by Newton's method as the root of tangent * cos - sin."""
     angle = Decimal(float(np.arctan(float(tangent))))
     for _ in range(_MOST_STEPS):
         cos, sin = cos_sin(angle)
@@ -373,7 +378,7 @@ def _end_of(piece: _Piece) -> tuple[Pair, Pair]:
 
 
 def _laid(track: Composite) -> _DecimalTrack:
-    """Return the pieces laid end to end in the plane; the first one extends backwards unless it winds out."""
+    """Return a track of pieces laid end to end; the first piece extends backwards unless it winds out."""
     pieces, origins = list[_Piece](), [_ZERO]
     begin = track.pieces[0]
     x, y = begin.at_m or (0.0, 0.0)
@@ -394,7 +399,7 @@ def _laid(track: Composite) -> _DecimalTrack:
 
 
 def _wound(spec: SpiralArc, point: Pair, heading: Pair, first: Number | None) -> _Winding:
-    """Return a spiral that starts at a point in a direction."""
+    """Return a spiral that starts at a point with a heading."""
     start, last = 2 * _PI * Decimal(spec.from_turns), 2 * _PI * Decimal(spec.to_turns)
     way = _AHEAD if last > start else _BACK
     side = 1 if (spec.side == 'left') == (way == _AHEAD) else -1
@@ -411,7 +416,7 @@ def _wound(spec: SpiralArc, point: Pair, heading: Pair, first: Number | None) ->
 
 
 def _gone(scene: Scene, t: Number) -> Pair:
-    """Return the leader's distance and speed, integrated ramp by ramp, or by the law of a led dragon."""
+    """Return the distance in m that the leader has gone, and its speed in m/s; profiles are integrated by ramps."""
     law = scene.head
     if isinstance(law, Head):
         return Decimal(law.speed_m_s) * t, Decimal(law.speed_m_s)
@@ -432,7 +437,7 @@ def _gone(scene: Scene, t: Number) -> Pair:
 
 
 def _places(track: _DecimalTrack, place: _Place, links: list[Number], way: int) -> Iterator[_Place]:
-    """Yield the places of the handles, starting from the leader; earlier links of equal length provide the guess."""
+    """Yield the places of the handles, from the leader on; guesses are extrapolated from earlier equal links."""
     yield place
     before, last = list[Number](), None
     for chord in links:
@@ -446,14 +451,14 @@ def _places(track: _DecimalTrack, place: _Place, links: list[Number], way: int) 
 
 
 def _guessed(before: list[Number]) -> Number | None:
-    """Extrapolate up to four numbers, newest first, by a cubic."""
+    """Return the next number of a sequence, extrapolated by a cubic from its last four numbers, newest first."""
     if len(before) < 4:
         return before[0] if before else None
     return 4 * (before[0] + before[2]) - 6 * before[1] - before[3]
 
 
 def _followed(track: _DecimalTrack, leader: _Place, links: list[Number], way: int, speed: Number) -> Iterator[Point]:
-    """Yield position and velocity of the handles, from the leader on; both ends of a link have equal speed along it."""
+    """Yield the handles' positions and velocities from the leader on; a link's ends have equal speed along the link."""
     before: tuple[Pair, Pair] | None = None
     for k, u in _places(track, leader, links, way):
         x, y, dx, dy = track.pieces[k].at(u)

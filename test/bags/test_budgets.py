@@ -73,5 +73,5 @@ def test_a_search_in_a_strangers_scene_ends_at_its_budget_unless_it_is_trusted(m
         contacts_in_bag.searched(scene, False)
     assert contacts_in_bag.searched(scene, True).certificate.complete
     monkeypatch.setattr(contacts_in_bag, 'SEARCHED_BENCHES', 4)
-    with pytest.raises(InputError, match='has 5 benches and is searched for contacts up to 4'):
+    with pytest.raises(InputError, match='has 5 benches, but only scenes with up to 4 are searched'):
         contacts_in_bag.searched(scene, False)

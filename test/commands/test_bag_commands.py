@@ -422,7 +422,7 @@ def test_a_check_counts_ticks_that_are_missing_without_walking_them(capsys, tmp_
 def test_the_first_contact_of_a_large_scene_is_searched_only_if_it_is_trusted(capsys, tmp_path):
     bag = stranger_s(tmp_path / 'a.mcap', 'dragon: {benches: 2500}\nrun: {start_s: 412, stop_s: 412.1}')
     text = run(capsys, 'inspect', bag)[1]
-    assert 'first contact: unknown; the scene has 2500 benches and is searched for contacts up to 2000' in text
+    assert 'first contact: unknown; the scene has 2500 benches, but only scenes with up to 2000 are searched' in text
     assert 'no contact (recomputed from the scene)' in run(capsys, 'inspect', bag, '--trust')[1]
 
 

@@ -118,7 +118,7 @@ def test_output_goes_to_a_file_on_request(capsys, tmp_path, form):
     (['table', '--handles', '224'], '0 to 223'),
     (['table', '--handles', 'head'], '--handles'),
     (['table', '--handles', '0-300'], '0 to 223'),
-    (['table', '--handles', '5-1'], 'the stop not before the start'),
+    (['table', '--handles', '5-1'], 'the stop must not be before the start'),
     (['table', '--times', '0:1e9:1e-3'], 'a larger step'),
     (['table', '--format', 'xlsx'], 'give --output'),
     (['table', '--format', 'csv', '--output', 'x.json'], 'csv conflicts'),
@@ -371,5 +371,5 @@ def test_without_ros_a_node_says_so_in_one_line(name):
                f"sys.exit(main(['{name}', *(['a.mcap'] if '{name}' == 'replay' else [])]))")
     done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, '')
-    assert done.stderr.startswith(f'{name}: rclpy: is not installed, and nodes need ROS 2')
+    assert done.stderr.startswith(f'{name}: rclpy is not installed, and nodes need ROS 2')
     assert done.stderr.count('\n') == 1

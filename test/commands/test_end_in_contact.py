@@ -80,7 +80,7 @@ def test_with_trust_and_within_the_budgets_of_a_search_the_scene_alone_decides(c
 def test_without_a_certificate_the_scene_has_to_be_trusted(capsys, tmp_path):
     code, _, err = checked(capsys, bag_of(tmp_path / 'a.mcap', MEETING, None))
     assert code == 2
-    assert 'has 12 benches and is searched for contacts up to 11; give --trust' in err
+    assert 'has 12 benches, but only scenes with up to 11 are searched for contacts; give --trust' in err
 
 
 @pytest.mark.parametrize(('claim', 'why'), [

@@ -104,7 +104,7 @@ def test_a_contact_is_found_or_cut_off_and_says_so():
     assert 'contact at 412.473837682 s, benches 0 and 8' in found.found
     cut = contact.measure(scene, 0.0)
     assert (cut.complete, cut.states < found.states) == (False, True)
-    assert 'cut off after 0 s' in cut.found
+    assert 'stopped after 0 s' in cut.found
     none = contact.measure(Scene(dragon=Dragon(20), run=Run(0, 10)), 100.0)
     assert 'no contact; the run stops at 10' in none.found
 

@@ -143,7 +143,7 @@ def test_the_command_writes_and_verifies_it(tmp_path, capfd):
     assert contact.main([*scene, *wide, '--within', 'track.pitch_m=0.001']) == 0
     said = capfd.readouterr().out
     assert 'no dragon touches itself before 20.000000 s' in said
-    assert 'the run ends then' in said
+    assert 'the run ends at that time' in said
     assert contact.main([*scene, *wide, '--format', 'csv']) == 0
     assert capfd.readouterr().out.splitlines()[1].startswith('20.0,run,')
 
