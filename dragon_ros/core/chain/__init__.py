@@ -1,1 +1,1 @@
-"""The chain: benches and their handles, the leader's law, and the positions of all followers."""
+"""The chain: benches and handles, the law of the leader, and the positions of all followers."""

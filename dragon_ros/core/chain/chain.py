@@ -1,8 +1,8 @@
-"""The chain: the positions of all handles, whichever solver placed them, and their velocities.
+"""The chain: the positions of all handles, from any solver, and the velocities of the handles.
 
-Velocities follow from the rigid-link constraint v[i+1] cos(beta) = v[i] cos(alpha), where alpha and beta are the angles
-between a link and the track's tangents at its two handles: both handles have the same velocity component along a rigid
-link.
+Velocities follow from the rigid-link constraint v[i+1] cos(beta) = v[i] cos(alpha), where alpha and beta are the
+angles between a link and the track's tangents at the two handles of the link. The constraint states that both handles
+have the same velocity component along a rigid link.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 
 class PlacedLinks(Protocol):
-    """Consecutive ``links`` of a chain behind handle ``start`` from the leader, as one solver placed them."""
+    """Consecutive ``links`` of a chain, placed by one solver; ``start`` is the handle nearest to the leader."""
 
     @property
     def start(self) -> int:
@@ -33,33 +33,33 @@ class PlacedLinks(Protocol):
 
     @property
     def solver(self) -> str:
-        """The solver: 'table', 'march' if the table did not cover these links, '' if no table was requested."""
+        """The solver: 'table', 'march' if the table did not cover these links, or '' if no table was requested."""
         ...
 
     def velocities(self, chain: 'Chain', speed: Any, out: Floats) -> Any:
-        """Fill in velocities, given the first handle's speed towards the head; return the last handle's speed.
+        """Fill in velocities from the first handle's speed towards the head; return the last handle's speed.
 
-        ``out`` is (S, N+1, 2), or for one instant a flat array of 2 N + 2 numbers. A part may leave its last handle to
-        the next part.
+        ``out`` has shape (S, N+1, 2); for one instant, it is a flat array of 2 N + 2 numbers. A part may leave the
+        velocity of its last handle to the next part.
         """
         ...
 
     def headings(self, chain: 'Chain', out: Floats) -> None:
-        """Fill in unit tangents in the head's direction; ``out`` is as for ``velocities``."""
+        """Fill in unit tangents in the head's direction; ``out`` has the same shape as in ``velocities``."""
         ...
 
     def places(self) -> Places:
-        """Return the positions (..., links + 1) of these handles, the nearest to the leader first."""
+        """Return the positions (..., links + 1) of these handles; the handle nearest to the leader is first."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """All handles at one instant, or at many in arrays with a leading axis.
+    """All handles of a chain at one instant, or at many instants in arrays with a leading axis.
 
-    ``p`` (..., N+1, 2) are coordinates in metres, ``links_m`` (N,) is the spacing of the handles from head to tail, and
-    ``evaluations`` is the number of evaluated equations. The leader is the head if ``direction`` is BEHIND, with its
-    followers behind it; otherwise it is the tail. ``parts`` are in order from the leader on.
+    ``p`` (..., N+1, 2) are coordinates in metres, ``links_m`` (N,) is the spacing of the handles from head to tail,
+    and ``evaluations`` is the number of evaluated equations. If ``direction`` is BEHIND, the leader is the head and
+    its followers are behind it; otherwise the leader is the tail. ``parts`` are ordered from the leader on.
     """
 
     p: Floats
@@ -70,20 +70,20 @@ class Chain:
     parts: tuple[PlacedLinks, ...]
 
     def __repr__(self) -> str:
-        """Return the size and the solver, without the long arrays."""
+        """Return the size and the solver, but not the long arrays."""
         return f'Chain({self.links_m.size + 1} handles, solver={self.solver!r})'
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Pickle the positions of the handles instead of the tables behind them, which are a hundred times larger.
 
-        Velocities computed from the copy agree to within rounding, but not bit for bit.
+        Velocities computed from the copy agree with the original to within rounding, but not bit for bit.
         """
         parts = tuple(MarchedLinks(part.start, part.places(), part.solver) for part in self.parts)
         return Chain, (self.p, self.links_m, self.evaluations, self.track, self.direction, parts)
 
     @property
     def solver(self) -> str:
-        """The solver: 'table', 'march', or 'table+march' if a table did not cover the whole of a block."""
+        """The solver: 'table', 'march', or 'table+march' if a table covered only part of the links."""
         seen = {part.solver for part in self.parts}
         if 'table' not in seen:
             return 'march'
@@ -91,20 +91,20 @@ class Chain:
 
     @cached_property
     def residuals_m(self) -> Floats:
-        """Distances between consecutive handles, from their coordinates, minus the link lengths; shape (..., N)."""
+        """Distances between consecutive handles minus the link lengths, in metres, shape (..., N)."""
         step = np.diff(self.p, axis=-2)
         out: Floats = np.hypot(step[..., 0], step[..., 1]) - self.links_m
         return out
 
     @cached_property
     def worst(self) -> tuple[float, int]:
-        """Largest |residual| in metres and its link."""
+        """Largest absolute residual in metres, and the index of its link."""
         link = int(np.argmax(np.abs(self.residuals_m)) % self.links_m.size)
         return float(np.max(np.abs(self.residuals_m))), link
 
     @property
     def leader(self) -> int:
-        """Index of the leading handle: 0, or -1 if the tail leads."""
+        """Index of the leading handle: 0 if the head leads, -1 if the tail leads."""
         return 0 if self.direction == BEHIND else -1
 
     @cached_property
@@ -117,12 +117,12 @@ class Chain:
 
     @property
     def tangents(self) -> Floats:
-        """Unit tangents towards the tail, against the head's direction, even for handles that temporarily move back."""
+        """Unit tangents against the head's direction (towards the tail), even for handles that move back for a time."""
         return read_only(-self.headings)
 
     @cached_property
     def places(self) -> Places:
-        """Positions of the handles on the track from head to tail: segments, coordinates (hi, lo), (..., N+1) each."""
+        """Positions of the handles from head to tail: segments and coordinates (hi, lo), each (..., N+1)."""
         shape = self.p.shape[:-1]
         segment, u, lo = np.empty(shape, dtype=np.int64), np.empty(shape), np.empty(shape)
         for part in self.parts:
@@ -147,15 +147,15 @@ class Chain:
         return self.places[2]
 
     def slice_of(self, part: PlacedLinks) -> slice:
-        """Return the slice of a part's handles among those of the chain."""
+        """Return the slice of the chain's handles that belong to a part."""
         start = part.start if self.direction == BEHIND else self.links_m.size - part.start - part.links
         return slice(start, start + part.links + 1)
 
     def velocities(self, leader_speed_m_s: Any, out: Floats | None = None) -> Floats:
-        """Return velocity vectors in m/s, shape (..., N+1, 2), in ``out`` if it is given.
+        """Return velocity vectors in m/s, shape (..., N+1, 2); they are written into ``out`` if it is given.
 
-        The leader's speed, common to all instants or one per instant, is positive in its own direction: outwards if the
-        tail leads.
+        ``leader_speed_m_s`` is a single value or one value per instant. It is positive in the leader's own direction:
+        outwards if the tail leads.
         """
         speed = -self.direction * leader_speed_m_s
         out = np.empty(self.p.size) if out is None else out.reshape(-1)
@@ -167,11 +167,11 @@ class Chain:
 
 
 def conditioning(chain: Chain) -> float:
-    """Return the ratio of the fastest handle's speed to the leader's, at least 1.
+    """Return the ratio of the fastest handle's speed to the leader's speed; the ratio is at least 1.
 
-    Close to a lock it grows without bound, and so does the effect of the last bit of the head's position on the
-    handles. The promise for positions in metres grows with this number, and the promise for speeds, which is relative
-    to the speed, grows with its square (1 / cos^2 beta).
+    Close to a lock the ratio grows without bound, and so does the effect of the last bit of the head's position on
+    the handles. The promised error of positions (in metres) is proportional to this ratio, and the promised relative
+    error of speeds to its square (1 / cos^2 beta).
     """
     v = chain.velocities(1.0)
     return max(1.0, float(np.max(np.hypot(v[..., 0], v[..., 1]))))
@@ -179,7 +179,7 @@ def conditioning(chain: Chain) -> float:
 
 @dataclass(frozen=True, eq=False)
 class MarchedLinks:
-    """Links placed on the track by forward placement: ``handles`` (..., links + 1) from the leader on."""
+    """Links whose ``handles`` (..., links + 1), ordered from the leader on, were placed by forward placement."""
 
     start: int
     handles: Places
@@ -200,7 +200,7 @@ class MarchedLinks:
         rows[..., chain.slice_of(self), :] = chain.track.headings(*self.handles)[..., ::-chain.direction, :]
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
-        """Fill in velocities; a link of zero length passes the speed on unchanged."""
+        """Fill in velocities; the handles of a link of zero length have the same speed."""
         some, order = chain.slice_of(self), slice(None, None, -chain.direction)
         heading = chain.track.headings(*self.handles)
         p = chain.p[..., some, :][..., order, :]
@@ -215,7 +215,7 @@ class MarchedLinks:
 
 
 class MarchedLink(NamedTuple):
-    """One link at one instant, like ``MarchedLinks`` but in plain floats; ``near`` is nearer to the leader."""
+    """One link at one instant, like ``MarchedLinks`` in plain floats; ``near`` is the handle nearer to the leader."""
 
     start: int
     near: Place
@@ -233,7 +233,7 @@ class MarchedLink(NamedTuple):
         return np.array([k, k_2]), np.array([u.hi, u_2.hi]), np.array([u.lo, u_2.lo])
 
     def _numbers(self, chain: Chain) -> tuple[int, int]:
-        """Return the indices of both handles' first coordinates in a chain's flat array."""
+        """Return the indices of the x coordinates of both handles in the flat array of a chain."""
         if chain.direction < 0:
             return 2 * self.start, 2 * self.start + 2
         last = 2 * (chain.links_m.size - self.start)
@@ -246,7 +246,7 @@ class MarchedLink(NamedTuple):
             out[at], out[at + 1] = heading.real, heading.imag
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
-        """Fill in velocities; a link of zero length passes the speed on unchanged."""
+        """Fill in velocities; the handles of a link of zero length have the same speed."""
         at, following = self._numbers(chain)
         segments, (k, u), (k_2, u_2) = chain.track.segments, self.near, self.far
         one = segments[k].heading(*u)
@@ -264,10 +264,10 @@ class MarchedLink(NamedTuple):
 
 
 def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Chain:
-    """Return the chain of a leader, the head (``direction`` BEHIND) or the tail, by forward placement.
+    """Return the chain of a leader by forward placement; the leader is the head (``direction`` BEHIND) or the tail.
 
-    On a single spiral all handles are solved ``together``, elsewhere one after the other; both take equally long.
-    Raises the same errors as ``forward``.
+    On a single spiral, all handles are solved ``together``; on other tracks, one after the other. Both take equally
+    long. Raises the same errors as ``forward``.
     """
     one = np.array([leader.segment]), np.array([leader.u.hi]), np.array([leader.u.lo])
     if len(track.segments) == 1 and (found := together(track, links_m[:, None], one, direction)):
@@ -278,9 +278,10 @@ def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Cha
 
 
 def marched_many(track: Track, links_m: Floats, leaders: Places, direction: int) -> Chain:
-    """Return the chains of many leaders as one, equal to those of ``marched`` to the last digits.
+    """Return the chains of many leaders as one chain, which agrees with ``marched`` except for the last digits.
 
-    Links are common to all leaders (N,), or one row for each (M, N) if ``forward_many`` allows it.
+    ``links_m`` are common to all leaders (N,) or, if ``forward_many`` supports this, have one row for each leader (M,
+    N).
     """
     if links_m.ndim == 1:
         rows, spent = forward_many(track, blocks_of(links_m, direction), leaders, direction)
@@ -300,7 +301,7 @@ def chain_of(track: Track, links_m: Floats, direction: int, handles: Places, eva
 
 
 def join(p: Floats, links_m: Floats, direction: int) -> None:
-    """Move both handles of a link of zero length to one point, because solvers may round them differently."""
+    """Move both handles of each link of zero length to the same point, because solvers may round them differently."""
     for link in np.flatnonzero(links_m == 0)[::-direction].tolist():
         near, far = (link, link + 1) if direction == BEHIND else (link + 1, link)
         p[..., far, :] = p[..., near, :]
@@ -313,7 +314,7 @@ def arrays_of(handles: Handles) -> Places:
 
 
 def stack(chains: Sequence[Chain], count: int | None = None) -> Chain:
-    """Return chains of one dragon, all or the first ``count``, as one with a leading axis, which may be empty."""
+    """Stack chains of one dragon (all or the first ``count``) into one chain with a leading axis, possibly empty."""
     first = chains[0]
     segment, u, lo = (np.stack(values)[:count, ..., ::-first.direction]
                       for values in zip(*(one.places for one in chains), strict=True))

@@ -1,8 +1,8 @@
-"""A leader that is commanded externally: its settings, its next possible speed, and the law that it has followed.
+"""A leader that is commanded externally: its settings, its next allowed speed, and the law that it has followed.
 
-The leader's speed is linear between ticks. The speeds at the ticks are recorded; as with a profile of the same knots,
-they determine the distance travelled at each tick exactly, in rational arithmetic. A recording of the speeds is
-therefore enough to reproduce every handle bit for bit.
+The leader's speed is linear between ticks. The speeds at the ticks are recorded. Like a profile with the same knots,
+they determine the distance travelled at each tick exactly (in rational arithmetic). A recording of the speeds is
+therefore sufficient to reproduce every handle bit for bit.
 """
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
@@ -20,14 +20,15 @@ from dragon_ros.core.checks import number, settle
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.exact_polynomial import ExactPolynomial
 
-SHORT_M = 0.01  # the leader stops at least this far before a track's end or a lock, where speeds grow without bound
+SHORT_M = 0.01  # the leader stops at least this far before the track's end or a lock, near which speeds are unbounded
 
 
 @dataclass(frozen=True)
 class Commanded:
     """Commanded externally on topic `cmd_vel`, within limits; the leader stops `timeout_s` after the last command.
 
-    The leader starts at rest. Its travel is known only from a recording: the topic `leader` of a bag.
+    The leader starts at rest. The distance that it travels is known only from a recording: the topic `leader` of a
+    bag.
     """
 
     lead: str = 'head'
@@ -45,11 +46,11 @@ class Commanded:
 
     @property
     def breaks_s(self) -> list[float]:
-        """Raise FieldError: speeds are unknown before the run."""
+        """Raise FieldError, because speeds are unknown before the run."""
         _unknown()
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Raise FieldError: the distance travelled is known only from the bag of a run."""
+        """Raise FieldError, because the distance travelled is known only from the bag of a run."""
         _unknown()
 
     def speed_at_m_s(self, t_s: float) -> float:
@@ -65,11 +66,11 @@ class Commanded:
         _unknown()
 
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
-        """Return None: the leader stops short of every end."""
+        """Return None, because the leader stops short of every end."""
         return None
 
     def extent_m(self, t_s: float) -> tuple[float, float]:
-        """Return the smallest and largest distance that the leader can have travelled by ``t_s``."""
+        """Return the smallest and largest distances that the leader can have travelled by ``t_s``."""
         return -self.max_speed_m_s * t_s, self.max_speed_m_s * t_s
 
 
@@ -80,9 +81,9 @@ def _unknown() -> NoReturn:
 
 @dataclass(frozen=True)
 class Walked:
-    """The law of a commanded leader up to its last tick: ``knots`` are the most recent (t_s, speed_m_s).
+    """The law of a commanded leader up to the last tick; ``knots`` are the most recent pairs (t_s, speed_m_s).
 
-    ``reached_m`` are the exact distances travelled at the knots. The leader is at rest before the first one.
+    ``reached_m`` are the exact distances travelled at the knots. The leader is at rest before the first knot.
     """
 
     settings: Commanded
@@ -100,14 +101,14 @@ class Walked:
         return [t_s for t_s, _ in self.knots]
 
     def walked_on(self, t_s: float, speed_m_s: float, keep_s: float = 0.0) -> 'Walked':
-        """Return the law with one more knot, without the knots from before the last ``keep_s`` seconds."""
+        """Return the law with one more knot; knots older than ``keep_s`` seconds are dropped."""
         new = t_s, speed_m_s
         reached_m = self.reached_m[-1] + ramp_m(self.knots[-1], new)
         first = max(0, bisect_right(self.knots, (t_s - keep_s, inf)) - 1)
         return Walked(self.settings, (*self.knots[first:], new), (*self.reached_m[first:], reached_m))
 
     def _ramp_at(self, t_s: float) -> tuple[ExactPolynomial, ...]:
-        """Return distance, speed and acceleration as polynomials in time on the ramp at ``t_s``."""
+        """Return distance, speed and acceleration on the ramp at ``t_s`` as polynomials in time."""
         n = max(0, bisect_right(self.knots, (t_s, inf)) - 1)
         return ramp(self.knots[n:n + 2], self.reached_m[n]) if n + 1 < len(self.knots) else self._from_the_last_on
 
@@ -116,7 +117,7 @@ class Walked:
         return ramp(self.knots[-1:], self.reached_m[-1])
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Return the arc length travelled by the leader at ``t_s`` (or at many), as (hi, lo)."""
+        """Return the arc length travelled by the leader at ``t_s`` (one time or many), as (hi, lo)."""
         if isinstance(t_s, np.ndarray):
             gone = np.array([self.travelled_m(t) for t in t_s.tolist()], dtype=np.float64).reshape(-1, 2)
             return gone[:, 0], gone[:, 1]
@@ -127,21 +128,21 @@ class Walked:
         return self._ramp_at(t_s)[1].at(t_s)
 
     def acceleration_at_m_s2(self, t_s: float) -> float:
-        """Return the rate of the leader's speed in m/s^2; at a tick, the rate just before it."""
+        """Return the rate of change of the leader's speed in m/s^2; at a tick, the rate just before the tick."""
         n = max(1, next((n for n, (at_s, _) in enumerate(self.knots) if at_s >= t_s), len(self.knots)))
         return _rate(self.knots[n - 1:n + 1])
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
-        """Return the smallest and largest rate of the leader's speed over all known ramps."""
+        """Return the smallest and largest rates of change of the leader's speed over all known ramps."""
         rates = [0.0, *map(_rate, pairwise(self.knots))]
         return min(rates), max(rates)
 
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
-        """Return None: the leader stops short of every end."""
+        """Return None, because the leader stops short of every end."""
         return None
 
     def extent_m(self, t_s: float) -> tuple[float, float]:
-        """Return the smallest and largest distance that the leader can have travelled by ``t_s``."""
+        """Return the smallest and largest distances that the leader can have travelled by ``t_s``."""
         return self.settings.extent_m(t_s)
 
 
@@ -149,21 +150,21 @@ HeadLaw = Head | Profile | Commanded | Walked
 
 
 def walked_from(settings: Commanded, start_s: float) -> Walked:
-    """Return the law of a leader at rest at the start of the run."""
+    """Return the law of a leader that is at rest at the start of the run."""
     return Walked(settings, ((start_s, 0.0),))
 
 
 def next_speed_m_s(settings: Commanded, speed_m_s: float, wanted_m_s: float, step_s: float,
                    left_m: tuple[float, float]) -> float:
-    """Return the speed at the next tick, towards the commanded speed, so that all limits hold and the leader can stop.
+    """Return the speed at the next tick: as close to the commanded speed as the limits and the distance to stop allow.
 
-    ``left_m`` are the metres that remain backwards and forwards. From the speed v at the next tick the leader can brake
-    within
+    ``left_m`` are the remaining distances in metres backwards and forwards. From the speed v at the next tick, the
+    leader can stop in time if
 
         (speed + v) / 2 step + v^2 / (2 a) <= left - SHORT_M - a step^2,
 
-    and a leader that satisfies this at one tick can satisfy it at the next by braking alone. The last term covers the
-    final braking step, which lasts as long as the others.
+    A leader that satisfies this condition at one tick can satisfy it at the next tick by braking alone. The last term
+    allows for the final braking step, which is as long as the other steps.
     """
     most = settings.max_acceleration_m_s2 * step_s
     top = settings.max_speed_m_s
@@ -178,10 +179,10 @@ def next_speed_m_s(settings: Commanded, speed_m_s: float, wanted_m_s: float, ste
 
 def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, float],
              keep_s: float = 0.0) -> tuple[Walked, int]:
-    """Return the law up to the next tick, and the end before which it brakes: -1 backwards, 1 forwards, 0 none.
+    """Return the law up to the next tick, and the end before which the leader brakes: -1 behind, 1 ahead, 0 none.
 
-    ``ends_m`` are the limits of travel backwards and forwards, infinite if there is none. Knots from before the last
-    ``keep_s`` seconds are dropped.
+    ``ends_m`` are the limits of travel backwards and forwards, which are infinite if there is no limit. Knots older
+    than ``keep_s`` seconds are dropped.
     """
     (before_s, speed), gone_m = law.knots[-1], float(law.reached_m[-1])
     step = law.settings, speed, wanted_m_s, t_s - before_s
@@ -190,9 +191,10 @@ def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, fl
 
 
 def profile_of(settings: Commanded, walked: Iterable[tuple[float, float]]) -> Profile:
-    """Return a profile with the (t_s, speed_m_s) of the ticks and the same distances to the last bit.
+    """Return a profile with the given pairs (t_s, speed_m_s) of ticks and distances equal to the last bit.
 
-    A knot between two others of the same speed is redundant and omitted. Raises FieldError if too many knots remain.
+    A knot between two knots of the same speed is redundant and is omitted. Raises FieldError if too many knots
+    remain.
     """
     knots = [(0.0, 0.0)]
     for t_s, speed_m_s in walked:

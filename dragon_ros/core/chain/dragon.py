@@ -1,4 +1,4 @@
-"""The dragon's benches: their number, lengths and width, and the positions of their handle holes."""
+"""The benches of a dragon: their number, lengths and width, and the positions of the holes for the handles."""
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,11 +9,11 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats, read_only
 
 _MOST, _MOST_GROUPS = 1_000_000, 10_000
-LEAST_LINK = 2e-10      # relative to the longest bench: allowed errors obscure the direction of shorter links
+LEAST_LINK = 2e-10      # relative to the longest bench: position errors obscure the direction of shorter links
 
 
 class _Lengths(Settings):
-    """Quantities that follow from the lengths of benches, whether equal or not."""
+    """Quantities that follow from the lengths of the benches, which may or may not be equal."""
 
     width_m: float
     hole_inset_m: float
@@ -39,7 +39,7 @@ class _Lengths(Settings):
 class Dragon(_Lengths):
     """A head bench and ``benches - 1`` equal body benches, joined at ``benches + 1`` handles.
 
-    Every length is in metres. Defaults are those of the contest problem behind the paper (CUMCM 2024 A).
+    All lengths are in metres. The defaults are the values of the contest problem behind the paper (CUMCM 2024 A).
     """
 
     benches: int = 223
@@ -49,7 +49,7 @@ class Dragon(_Lengths):
     hole_inset_m: float = 0.275
 
     def __post_init__(self) -> None:
-        """Reject benches that cannot be built."""
+        """Reject invalid numbers, lengths and widths."""
         settle(self, benches=whole('dragon.benches', self.benches, low=1, high=_MOST))
         _settle_common(self)
         settle(self, **{name: _length(f'dragon.{name}', getattr(self, name), self.hole_inset_m)
@@ -70,7 +70,7 @@ class Dragon(_Lengths):
 
 @dataclass(frozen=True)
 class Group:
-    """Consecutive benches of one length."""
+    """Consecutive benches of equal length."""
 
     length_m: float
     count: int = 1
@@ -78,14 +78,14 @@ class Group:
 
 @dataclass(frozen=True)
 class Mixed(_Lengths):
-    """Benches of different lengths: ``groups`` from the head backwards, all of one width, joined by their handles."""
+    """Benches of different lengths and equal width, joined by handles; ``groups`` are in order from the head."""
 
     groups: tuple[Group, ...]
     width_m: float = Dragon.width_m
     hole_inset_m: float = Dragon.hole_inset_m
 
     def __post_init__(self) -> None:
-        """Reject benches that cannot be built."""
+        """Reject invalid numbers, lengths and widths."""
         _settle_common(self)
         if not 1 <= len(self.groups) <= _MOST_GROUPS:
             raise FieldError('dragon.groups', len(self.groups), f'a dragon has 1 to {_MOST_GROUPS} groups',
@@ -117,12 +117,12 @@ AnyDragon = Dragon | Mixed
 
 
 def is_even(lengths_m: Floats) -> bool:
-    """Return whether all lengths (N,) after the first are equal, as for links and benches of the classic dragon."""
+    """Return whether all lengths (N,) after the first are equal, as they are in the classic dragon."""
     return bool(np.all(lengths_m[1:] == lengths_m[-1]))
 
 
 def has_same_links_behind(lengths_m: Floats, one: int, other: int) -> bool:
-    """Return whether the benches from ``other`` to the tail have the same lengths as those from ``one`` <= other."""
+    """Return whether the benches from ``other`` to the tail are as long as those from ``one`` <= ``other`` on."""
     rest = lengths_m[other:]
     return bool(rest[0] == lengths_m[one] and np.all(rest == lengths_m[one:one + rest.size]))
 
@@ -136,17 +136,17 @@ def _length(field: str, length_m: float, hole_inset_m: float) -> float:
     number(field, length_m, above=0.0, high=1e12)
     length = number(field, length_m, low=1e-12)
     if length < 2 * hole_inset_m:
-        raise FieldError(field, length, f'a bench must be longer than 2 x {hole_inset_m} m, for its two holes',
+        raise FieldError(field, length, f'a bench must be at least 2 x {hole_inset_m} m long, to have two holes',
                          'make the bench longer or dragon.hole_inset_m smaller')
     return length
 
 
 def _check_links(lengths_m: dict[str, float], hole_inset_m: float) -> None:
-    """Reject links that are too short, given the lengths of benches by field; links of zero length are allowed.
+    """Reject links that are too short, given the bench length of each field; links of zero length are allowed.
 
-    The axis of a bench is the difference of the positions of its handles. With position errors of 2e-12 m, the
-    direction of a link of 4e-10 m is accurate to 0.01 rad. That length is 2e-10 of a classic bench, and float errors
-    scale with size.
+    The axis of a bench follows from the difference of the positions of its handles. With position errors of 2e-12 m,
+    the direction of a link of 4e-10 m is accurate to 0.01 rad. That length is 2e-10 times the length of a classic
+    bench, and float errors are proportional to the size of the dragon.
     """
     least_m = LEAST_LINK * max(lengths_m.values())
     for field, length_m in lengths_m.items():
@@ -154,4 +154,4 @@ def _check_links(lengths_m: dict[str, float], hole_inset_m: float) -> None:
         if 0 < link_m < least_m:
             none_m = 2 * hole_inset_m
             raise FieldError(field, length_m, f'its link of {link_m:.3g} m is too short to have an accurate direction',
-                             f'give {none_m!r} m for a link of zero length, or {none_m + 2 * least_m!r} m or more')
+                             f'give {none_m!r} m for a link of zero length, or at least {none_m + 2 * least_m!r} m')

@@ -1,8 +1,8 @@
-"""Forward placement: handle by handle along a track, in blocks of equal links, at one instant or at many.
+"""Place handles along a track from the leader on, in blocks of equal links, at one instant or at many.
 
-There is one function per case, whose docstring gives the reason: ``forward`` for one instant, ``forward_many`` for many
-leaders and, called by it, ``together`` for tens of chains on a spiral and ``by_segment`` for tracks of several
-segments.
+Each case has its own function, whose docstring gives the reason: ``forward`` for one instant and ``forward_many`` for
+many leaders. ``forward_many`` calls ``together`` for tens of chains on a spiral and ``by_segment`` for tracks of
+several segments.
 """
 from collections.abc import Callable
 from itertools import pairwise
@@ -18,16 +18,16 @@ from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Past
 from dragon_ros.core.tracks.spiral import TIGHT, SpiralSegment, corrections
 
-FEWEST_ROWS = 8        # fewest rows of handles that are placed simultaneously
-_AT_ONCE = 2**14        # number of handles whose intermediate results fit into the cache
-_MOST_LEADERS = 512     # for more leaders, placing row by row is as fast
-_FAR_RAD = 2.0          # smallest polar angle at which all rows can be guessed
-_NEWTON_STEPS = 8       # for all rows simultaneously
-_STEEP = 0.05           # smallest slope from row to row: below it, a follower almost turns back
+FEWEST_ROWS = 8        # smallest number of rows of handles that are placed simultaneously
+_AT_ONCE = 2**14        # number of handles whose intermediate results fit in the cache
+_MOST_LEADERS = 512     # limit for simultaneous placement; for more leaders, row by row is as fast
+_FAR_RAD = 2.0          # smallest polar angle for which the positions of all rows can be guessed
+_NEWTON_STEPS = 8       # limit for all rows simultaneously
+_STEEP = 0.05           # smallest slope from row to row; below it, a follower has almost turned back
 
 
 class Block(NamedTuple):
-    """Links ``start`` to ``stop`` from the leader on, all of one length; for many chains, one length for each (M,)."""
+    """Links ``start`` to ``stop`` from the leader on, all of equal length (for many chains, one length for each)."""
 
     start: int
     stop: int
@@ -35,7 +35,7 @@ class Block(NamedTuple):
 
 
 class Handles(NamedTuple):
-    """Handles from a leader on, at one instant: segments, coordinates (hi, lo), and the number of evaluations."""
+    """The handles from a leader on at one instant: segments, coordinates (hi, lo), and the number of evaluations."""
 
     segment: list[int]
     u: list[float]
@@ -58,11 +58,12 @@ def blocks_of(links_m: Floats, direction: int) -> tuple[Block, ...]:
 
 
 def forward(track: Track, blocks: tuple[Block, ...], leader: Place, direction: int) -> Handles:
-    """Return the handles of blocks of links from a leader on, the leader first.
+    """Return the leader and the handles that follow it, for blocks of links.
 
-    For one instant, plain floats take 0.9 us per handle, whereas arrays with one number take 30 us.
+    For one instant, plain floats take 0.9 us per handle, whereas one-element arrays take 30 us.
 
-    Raises ChainLockError if a link cannot be placed near a spiral's centre, TrackEndError if the track is too short.
+    Raises ChainLockError if a link cannot be placed near the centre of a spiral, and TrackEndError if the track is
+    too short.
     """
     k, (high, low) = leader
     segments, us, lows, spent = [k], [high], [low], 0
@@ -105,10 +106,10 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
                  settle: Callable[[Places], Places] | None = None) -> tuple[Places, int]:
     """Return the handles behind many leaders (M,) as arrays (links + 1, M), and the number of evaluations.
 
-    For many instants, an array per row takes 0.16 us per handle with 300 leaders. Handles agree with ``forward`` to the
-    last digits, but not bit for bit. Chains with different links are supported only outwards on a first segment that
-    winds in from afar. With ``settle``, which may adjust each row, rows end where the track ends. Raises the same
-    errors as ``forward``.
+    With one array per row and 300 leaders, this takes 0.16 us per handle. Handles agree with ``forward`` except for
+    the last digits. Chains with different links are supported only outwards on a first segment that winds in from
+    infinity. ``settle`` may adjust each row; if it is given, the result ends at the last row that fits on the track.
+    Raises the same errors as ``forward``.
     """
     if not settle and blocks and (found := together(track, _links_of(blocks), leaders, direction)):
         return found
@@ -118,14 +119,14 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
 
 
 def _links_of(blocks: tuple[Block, ...]) -> Floats:
-    """Return the links of blocks from the leader on, (N, 1) or (N, M)."""
+    """Return the link lengths of blocks from the leader on, (N, 1) or (N, M)."""
     return np.concatenate([np.broadcast_to(block.link_m, (block.stop - block.start, np.size(block.link_m)))
                            for block in blocks])
 
 
 def row_by_row(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int,
                settle: Callable[[Places], Places] | None = None) -> tuple[Places, int]:
-    """Return ``forward_many`` handle by handle, with an array per row."""
+    """Return the result of ``forward_many``, computed handle by handle with one array per row."""
     rows, spent = [leaders], 0
     for block in blocks:
         past: list[Floats] = []
@@ -148,11 +149,11 @@ def row_by_row(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
 
 
 def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int) -> tuple[Places, int]:
-    """Return ``forward_many`` segment by segment, placing all handles of a block on a segment at once.
+    """Return the result of ``forward_many``, computed segment by segment for all handles of a block at once.
 
-    On tracks of several segments the handles of a row are on many of them: 500 leaders with 223 links on 50 lines and
-    arcs take a fifth of the time of ``row_by_row``. On a line or an arc all links span the same arc, so all handles on
-    it follow directly.
+    On a track of several segments, the handles of a row are on many of these segments. For 500 leaders with 223 links
+    on 50 lines and arcs, this takes a fifth of the time of ``row_by_row``. On a line or an arc, all links span the
+    same arc, so all handles there follow directly.
     """
     size, (first, stop) = leaders[1].size, (blocks[0].start, blocks[-1].stop) if blocks else (0, 0)
     rows: Places = np.empty((stop + 1, size), dtype=np.int64), *np.empty((2, stop + 1, size))    # from ``first`` on
@@ -162,7 +163,7 @@ def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
     for block in blocks:
         while (left := np.flatnonzero(at < block.stop)).size:
             number = rows[0][at[left], left]
-            k = ahead(track.present(number))        # no leader enters it later
+            k = ahead(track.present(number))        # no leader enters this segment later
             through = _on_curve if isinstance(track.segments[k], SpiralSegment) else _evenly
             spent += through(track, k, rows, at, left[number == k], block, direction)
     return (rows[0][first:], rows[1][first:], rows[2][first:]), spent
@@ -183,7 +184,7 @@ def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
         for part in product(steps, step):
             high, low = plus(high, low, part)
         stays = (steps <= left) & (np.minimum(u, edge) <= high) & (high <= np.maximum(u, edge))
-    else:       # all handles of links of zero length coincide
+    else:       # the handles of links of zero length coincide
         stays = np.arange(int(np.max(left)))[:, None] < left
         high, low = (np.broadcast_to(values, stays.shape) for values in (u, lo))
     row, column = np.nonzero(stays)
@@ -194,7 +195,7 @@ def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
 
 
 def _on_curve(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
-    """Place handles on a spiral link by link, whereas ``_evenly`` places them at once on lines and arcs."""
+    """Place handles on a spiral link by link (``_evenly`` places the handles on lines and arcs at once)."""
     spent, past = 0, list[Floats]()
     while on.size:
         here = rows[0][at[on], on], rows[1][at[on], on], rows[2][at[on], on]
@@ -214,7 +215,7 @@ def _on_curve(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Blo
 
 
 def _across(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
-    """Place one handle beyond segment k for each leader ``on`` it."""
+    """Place one handle beyond segment k for each leader in ``on``."""
     if not on.size:
         return 0
     found, spent = track.across_many(k, (rows[1][at[on], on], rows[2][at[on], on]), block.link_m, direction)
@@ -225,11 +226,12 @@ def _across(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
 
 
 def together(track: Track, links_m: Floats, leaders: Places, direction: int) -> tuple[Places, int] | None:
-    """Return ``forward_many`` by a simultaneous solver for all handles; None if they must be placed row by row.
+    """Return the result of ``forward_many`` by a simultaneous solver; None if handles must be placed row by row.
 
-    With few leaders of long chains an array per row would be too short: 30 chains of 223 links take a fifth of the time
-    of ``row_by_row``, and one takes as long as ``forward``. The solver works behind leaders on an inward spiral from
-    afar, unless handles almost turn back. Links are given from the leader on, (N, 1), or per chain, (N, M).
+    With few leaders of long chains, arrays of one row would be too short: 30 chains of 223 links take a fifth of the
+    time of ``row_by_row``, and a single chain takes as long as ``forward``. The solver supports leaders on a spiral
+    that winds in from infinity, unless handles almost turn back. Links are given from the leader on, with shape (N,
+    1) for all chains or (N, M) per chain.
     """
     (number, begin, begin_lo), spiral = leaders, track.from_afar
     if direction != BEHIND or not spiral or np.any(number):
@@ -241,10 +243,10 @@ def together(track: Track, links_m: Floats, leaders: Places, direction: int) -> 
 
 
 def placed(spiral: SpiralSegment, begin: tuple[Floats, Floats], chords: Floats) -> tuple[Floats, Floats, int] | None:
-    """Return the handles (L+1, M) behind the first ones (M,) on a spiral as (hi, lo), and the number of evaluations.
+    """Return the handles (L+1, M) behind the first handles (M,) on a spiral as (hi, lo), and the number of evaluations.
 
-    Chords (L, M), or (L, 1) for all, are in units of b. Rows are solved simultaneously, in groups whose intermediate
-    results fit into the cache. The result is None if handles must be placed row by row.
+    Chords (L, M), or (L, 1) for all chains, are in units of b. Rows are solved simultaneously, in groups whose
+    intermediate results fit in the cache. The result is None if handles must be placed row by row.
     """
     sign, some = 1.0 if spiral.way == BEHIND else -1.0, max(FEWEST_ROWS, _AT_ONCE // begin[0].size)
     (u, lo), spent, rows = begin, 0, [begin]
@@ -260,10 +262,11 @@ def placed(spiral: SpiralSegment, begin: tuple[Floats, Floats], chords: Floats) 
 
 
 def _guessed(begin: Floats, begin_lo: Floats, chords: Floats, sign: float) -> tuple[Floats, Floats] | None:
-    """Return approximate handles (L+1, M) at chords from the first ones (M,), outwards (1.0) or inwards (-1.0).
+    """Return approximate handles (L+1, M) behind the first handles (M,), outwards (sign 1.0) or inwards (-1.0).
 
-    The arc from one to the next is about chord + chord^3 / 24 r^2, and the squares of polar angles grow by twice the
-    arcs, minus the logarithm of the ratio of the radii. The result is None if handles would be too close to the centre.
+    The arc from one handle to the next is about chord + chord^3 / 24 r^2. Over these arcs, the squares of polar
+    angles grow by twice the arc length, minus the logarithm of the ratio of the radii. The result is None if handles
+    would be too close to the centre.
     """
     squares, grown = begin * begin, sign * 2 * np.cumsum(chords, axis=0)
     if np.min(begin) < _FAR_RAD or np.min(squares + grown) < _FAR_RAD**2:
@@ -276,12 +279,12 @@ def _guessed(begin: Floats, begin_lo: Floats, chords: Floats, sign: float) -> tu
 
 
 def _refined(spiral: SpiralSegment, u: Floats, lo: Floats, chords: Floats) -> tuple[Floats, Floats, int] | None:
-    """Refine guessed rows of handles (R+1, M) as (hi, lo) to chords (R, M) in units of b; count the evaluations.
+    """Refine guessed rows of handles (R+1, M) to chords (R, M) in units of b; return (hi, lo) and the evaluation count.
 
-    A single row is too little work for an array operation, so Newton's method is applied to all rows at once. With its
-    step e for each link and the slope a of the map from row to row, errors satisfy d' = a d + e, which is solved by a
-    product and a sum. The result is None if the method does not converge, leaves the spiral, or does not find the
-    nearest positions.
+    A single row is too small for efficient array operations, so Newton's method is applied to all rows at once. If e
+    is the Newton step of a link and a the slope of the map from row to row, errors satisfy d' = a d + e; a cumulative
+    product and a cumulative sum solve this recurrence. The result is None if the method does not converge, leaves the
+    spiral, or does not find the nearest positions.
     """
     low, high = min(spiral.first, spiral.last), max(spiral.first, spiral.last)
     for rounds in range(1, _NEWTON_STEPS):
@@ -302,7 +305,7 @@ def _refined(spiral: SpiralSegment, u: Floats, lo: Floats, chords: Floats) -> tu
 
 
 def _differences(u: Floats, lo: Floats) -> Floats:
-    """Return the differences of successive rows of (hi, lo)."""
+    """Return the differences between successive rows, given as (hi, lo)."""
     return (u[1:] - u[:-1]) + (lo[1:] - lo[:-1])
 
 
@@ -313,7 +316,7 @@ def _stacked(rows: list[Places]) -> Places:
 
 def next_places(track: Track, places: Places, chord_m: float, direction: int,
                 past: Past | None = None) -> tuple[Places, Floats | None, int]:
-    """Return the next positions behind or ahead of many, the predictor's state, and the number of evaluations.
+    """Return the next positions behind or ahead of many positions, the predictor's state, and the evaluation count.
 
     The state is None unless all positions are on one segment. Raises TrackEndError if the track is too short for a
     link, and ChainLockError with its ``theta_rad`` if a link locks.
@@ -347,13 +350,13 @@ def _next_on_one(track: Track, k: int, places: Places, chord_m: float, direction
 
 def _stepped(track: Track, k: int, places: Places, chord_m: float, direction: int,
              past: Past | None) -> tuple[tuple[Floats, Floats], Array, Floats, int]:
-    """Return next positions (hi, lo), whether each is on segment k, the predictor's state, and the evaluation count.
+    """Return next positions (hi, lo), which of them are on segment k, the predictor's state and the evaluation count.
 
     If there is no next position, the position itself is returned.
     """
     segment, (_, u, lo), edge = track.segments[k], places, track.edge(k, chord_m, direction)
     shift, spent = segment.shifts(u, chord_m, direction, past)
-    if edge == inf:         # outwards on an endless segment: all positions stay on it
+    if edge == inf:         # outwards on an unbounded segment, all positions stay on it
         return plus(u, lo, shift), np.ones(u.shape, dtype=bool), segment.squares(u, shift), spent
     found = np.isfinite(shift)
     shift = np.where(found, shift, 0.0)

@@ -1,8 +1,8 @@
-"""The head law: the distance that the leading handle has travelled along the track by a time, and its speed.
+"""The head law: distance travelled and speed of the leading handle along the track as functions of time.
 
-Speeds are positive inwards, in the head's direction. If the tail leads they are positive outwards: the dragon is wound
-up behind the start of the head, the tail moves out along the track, and each handle is placed by the link to the next
-handle towards the tail.
+Speeds are positive inwards, in the head's direction. If the tail leads, speeds are positive outwards: the dragon is
+wound up behind the start of the head, the tail moves out along the track, and each handle is placed at a link's
+length from the next handle towards the tail.
 """
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ LEADERS = ('head', 'tail')
 RAMPS = ('linear', 'smooth')
 _MOST = 10_000
 
-Knot = tuple[float, float]      # a time in s, and the speed in m/s at that time
+Knot = tuple[float, float]      # (time in s, speed in m/s)
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,11 @@ class Head:
 
     @property
     def breaks_s(self) -> list[float]:
-        """Times between which the speed is monotone and keeps its sign."""
+        """Times between which the speed is monotone and does not change sign."""
         return []
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Return the arc length travelled by the leader at ``t_s`` (or at many), as (hi, lo)."""
+        """Return the arc length travelled by the leader at ``t_s`` (one time or many), as (hi, lo)."""
         return product(self.speed_m_s, t_s)
 
     def speed_at_m_s(self, t_s: float) -> float:
@@ -54,32 +54,33 @@ class Head:
         return self.speed_m_s
 
     def acceleration_at_m_s2(self, t_s: float) -> float:
-        """Return the rate of the leader's speed: 0."""
+        """Return 0, the rate of change of the leader's speed."""
         return 0.0
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
-        """Return the smallest and largest rate of the leader's speed between two times; both are 0."""
+        """Return the smallest and largest rates of change of the leader's speed between two times; both are 0."""
         return 0.0, 0.0
 
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
-        """Return when the leader first reaches ``distance_m`` travelled, forwards (sense 1) or back; None if never.
+        """Return the first time at which the leader has travelled ``distance_m``; None if it never does.
 
-        The distance must have the sign of the sense, or be 0.
+        ``sense`` is 1 forwards and -1 backwards; the distance must have the sign of the sense, or be 0.
         """
         return distance_m / self.speed_m_s if sense * self.speed_m_s > 0 else None
 
     def extent_m(self, t_s: float) -> tuple[float, float]:
-        """Return the smallest and largest distance travelled by the leader by ``t_s``, including 0."""
+        """Return the smallest and largest distances that the leader has travelled up to ``t_s``, including 0."""
         gone = self.speed_m_s * t_s
         return min(0.0, gone), max(0.0, gone)
 
 
 @dataclass(frozen=True)
 class Profile(Settings):
-    """Speed over time: ``knots`` are (t_s, speed_m_s) in order, with ``ramps`` between them; the last speed continues.
+    """Speed over time by ``knots`` (t_s, speed_m_s), with ``ramps`` between them; the last speed continues.
 
-    A ramp is ``linear``, or ``smooth``: v0 + (v1 - v0) (3 x^2 - 2 x^3), with zero acceleration at both ends. Two knots
-    at the same time are a jump. Distances are the exact integrals, in rational arithmetic, rounded once.
+    A ramp is ``linear`` or ``smooth``. A smooth ramp is v0 + (v1 - v0) (3 x^2 - 2 x^3), with zero acceleration at
+    both ends. Two knots at the same time define a jump. Distances are the exact integrals, computed in rational
+    arithmetic and rounded once.
     """
 
     knots: tuple[tuple[float, float], ...]
@@ -87,7 +88,7 @@ class Profile(Settings):
     lead: str = 'head'
 
     def __post_init__(self) -> None:
-        """Reject a profile without knots, or with decreasing times."""
+        """Reject a profile that has no knots, too many knots or decreasing times."""
         check_lead(self.lead)
         if self.ramps not in RAMPS:
             raise FieldError('head.ramps', self.ramps, f'ramps are {" or ".join(RAMPS)}', 'give one of these')
@@ -113,7 +114,7 @@ class Profile(Settings):
         return bisect_right(self._times, t_s) - 1
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Return the arc length travelled by the leader at ``t_s`` (or at many), as (hi, lo)."""
+        """Return the arc length travelled by the leader at ``t_s`` (one time or many), as (hi, lo)."""
         if isinstance(t_s, np.ndarray):
             gone = np.array([self._gone(t) for t in t_s.tolist()], dtype=np.float64).reshape(-1, 2)
             return gone[:, 0], gone[:, 1]
@@ -123,11 +124,11 @@ class Profile(Settings):
         return self._polynomials_at(t_s)[0].halves_at(t_s)
 
     def speed_at_m_s(self, t_s: float) -> float:
-        """Return the leader's speed; at a jump, the speed after it."""
+        """Return the leader's speed; at a jump, the speed after the jump."""
         return self._polynomials_at(t_s)[1].at(t_s)
 
     def _polynomials_at(self, t_s: float) -> tuple[ExactPolynomial, ...]:
-        """Return distance, speed and acceleration as polynomials in time, from the knot before ``t_s`` to the next."""
+        """Return distance, speed and acceleration from the knot before ``t_s`` to the next, as polynomials in time."""
         n = self._knot_before(t_s)
         return self._polynomials.get(n) or self._polynomials_from(n)
 
@@ -140,19 +141,19 @@ class Profile(Settings):
         return out
 
     def speed_before_m_s(self, t_s: float) -> float:
-        """Return the leader's speed just before a time; at a jump, the speed before it."""
+        """Return the leader's speed just before a time; at a jump, the speed before the jump."""
         n = bisect_left(self._times, t_s)
         return self.knots[n][1] if n < len(self.knots) and self._times[n] == t_s else self.speed_at_m_s(t_s)
 
     def acceleration_at_m_s2(self, t_s: float) -> float:
-        """Return the rate of the leader's speed in m/s^2; at a knot, the rate just after it."""
+        """Return the rate of change of the leader's speed in m/s^2; at a knot, the rate just after the knot."""
         return self._polynomials_at(t_s)[2].at(t_s)
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
-        """Return the smallest and largest rate of the leader's speed between two times without a knot in between."""
+        """Return the smallest and largest rates of change of the speed between two times without a knot in between."""
         n = self._knot_before(start_s)
         ends = [Fraction(t_s) for t_s, _ in self.knots[n:n + 2]]
-        middle = (ends[0] + ends[-1]) / 2       # a smooth ramp is steepest there
+        middle = (ends[0] + ends[-1]) / 2       # where a smooth ramp is steepest
         times: list[float | Fraction] = [start_s, stop_s]
         if start_s < middle < stop_s:
             times.append(middle)
@@ -162,7 +163,7 @@ class Profile(Settings):
 
     @cached_property
     def breaks_s(self) -> list[float]:
-        """Times between which the speed is monotone and keeps its sign: knots, and rests on ramps."""
+        """Times between which the speed is monotone and does not change sign: knots, and moments of rest on ramps."""
         out = list(self._times)
         for (t0, v0), (t1, v1) in pairwise(self.knots):
             if v0 * v1 < 0:
@@ -171,16 +172,17 @@ class Profile(Settings):
         return sorted(set(out))
 
     def _rest_of(self, v0: float, v1: float) -> Callable[[float], tuple[float, float]]:
-        """Return x -> (fraction of a ramp's change of speed minus the fraction that brings it to rest, slope)."""
+        """Return a function of x that is 0 where the ramp between v0 and v1 crosses zero speed, with its slope."""
         rest = v0 / (v0 - v1)
         if self.ramps == 'linear':
             return lambda x: (x - rest, 1.0)
         return lambda x: (x * x * (3 - 2 * x) - rest, 6 * x * (1 - x))
 
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
-        """Return when the leader first reaches ``distance_m`` travelled, forwards (sense 1) or back; None if never.
+        """Return the first time at which the leader has travelled ``distance_m``; None if it never does.
 
-        The distance must have the sign of the sense, or be 0; for 0 the result is the time when the leader departs.
+        ``sense`` is 1 forwards and -1 backwards; the distance must have the sign of the sense, or be 0. For 0, the
+        result is the time at which the leader departs.
         """
         def beyond(t_s: float) -> tuple[float, float]:
             hi, lo = self.travelled_m(t_s)
@@ -194,19 +196,19 @@ class Profile(Settings):
         return last + left / speed if speed > 0 and isfinite(left / speed) else None
 
     def extent_m(self, t_s: float) -> tuple[float, float]:
-        """Return the smallest and largest distance travelled by the leader by ``t_s``, including 0."""
+        """Return the smallest and largest distances that the leader has travelled up to ``t_s``, including 0."""
         gone = [0.0, *(self.travelled_m(t)[0] for t in (*self.breaks_s, t_s) if t <= t_s)]
         return min(gone), max(gone)
 
 
 def ramp(knots: Sequence[Knot], reached_m: Fraction, smooth: bool = False) -> tuple[ExactPolynomial, ...]:
-    """Return distance, speed and acceleration as polynomials in time from the first knot, at distance ``reached_m``.
+    """Return distance, speed and acceleration after the first knot, at distance ``reached_m``, as polynomials in time.
 
-    If there is no second knot, the first is the last of a law, and its speed continues.
+    If there is no second knot, the first knot is the last knot of a law, and its speed continues.
     """
     (t_s, speed), (end_s, then) = knots[0], knots[-1]
     length, change = Fraction(end_s) - Fraction(t_s), Fraction(then) - Fraction(speed)
-    rise: list[Fraction] = []       # coefficients of the speed in powers of the time since the knot, from the first on
+    rise: list[Fraction] = []       # coefficients of speed in powers of time since the knot, except the constant
     if change:
         rise = [Fraction(0), 3 * change / length**2, -2 * change / length**3] if smooth else [change / length]
     speeds = [Fraction(speed), *rise]
@@ -216,11 +218,11 @@ def ramp(knots: Sequence[Knot], reached_m: Fraction, smooth: bool = False) -> tu
 
 
 def ramp_m(one: Knot, two: Knot) -> Fraction:
-    """Return the distance travelled on a ramp between two knots, whose mean speed is the mean of its end speeds."""
+    """Return the distance travelled on a ramp between two knots; its mean speed is the mean of both speeds."""
     return (Fraction(two[0]) - Fraction(one[0])) * (Fraction(one[1]) + Fraction(two[1])) / 2
 
 
 def check_lead(lead: str) -> None:
-    """Raise FieldError unless it is an end of the dragon."""
+    """Raise FieldError if ``lead`` is not an end of the dragon."""
     if lead not in LEADERS:
         raise FieldError('head.lead', lead, 'the leader is the head or the tail', 'give head or tail')

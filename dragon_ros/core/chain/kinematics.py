@@ -1,17 +1,17 @@
-"""Speeds and accelerations of all handles from the rigid links, on any track, with the head or the tail leading.
+"""Speeds and accelerations of all handles of rigid links, on any track, with the head or the tail as leader.
 
 Handle i moves along the track at the signed speed s_i, positive in the head's direction, so that q' = s T and
 
     q'' = s' T + s^2 kappa N,
 
-with the unit tangent T in the head's direction, its left normal N and the signed curvature kappa. A link of length l
-and unit direction e, from its rear handle r to its front handle f, has a constant length, |q_f - q_r|^2 = l^2.
-Differentiating this once and twice gives
+where T is the unit tangent in the head's direction, N is its left normal and kappa is the signed curvature. A link
+leads from its rear handle r to its front handle f in the unit direction e, and its length l is constant: |q_f -
+q_r|^2 = l^2. Differentiating this once and twice gives
 
     s_f (e . T_f) = s_r (e . T_r),
     s_f' (e . T_f) + s_f^2 kappa_f (e . N_f) + |q_f' - q_r'|^2 / l = s_r' (e . T_r) + s_r^2 kappa_r (e . N_r),
 
-which is one equation per link for s and one for s', solved link by link from the leader. If e . T of a follower
+These equations, one for s and one for s' per link, are solved link by link from the leader on. If e . T of a follower
 vanishes, the chain locks.
 """
 from collections.abc import Iterator
@@ -30,12 +30,12 @@ _ULP = 2.0**-52
 
 @dataclass(frozen=True, eq=False)
 class RigidLinks:
-    """The links of a chain and the track under its handles, at one instant or at many (leading axes).
+    """The links of a chain and the tangents at its handles, at one instant or at many (leading axes).
 
-    ``p`` (..., N+1, 2) are the handles in metres, ``links_m`` (N,) the link lengths, ``forward`` (..., N+1, 2) unit
-    tangents in the head's direction, and ``leader`` is the index of the leading handle, 0 or -1. The leader's speed and
-    tangential acceleration are positive in its own direction: in the head's if the head leads, against it if the tail
-    leads.
+    ``p`` (..., N+1, 2) are the handles in metres, ``links_m`` (N,) are the link lengths, ``forward`` (..., N+1, 2)
+    are unit tangents in the head's direction, and ``leader`` is the index of the leading handle, 0 or -1. The
+    leader's speed and tangential acceleration are positive in the leader's own direction: the head's direction if the
+    head leads, and the opposite direction if the tail leads.
     """
 
     p: Floats
@@ -45,11 +45,12 @@ class RigidLinks:
 
     @cached_property
     def along_track(self) -> Array:
-        """Whether each link (..., N) lies along the track and passes speed and acceleration on unchanged.
+        """Whether each link (..., N) is treated as lying along the track, so that both handles move alike.
 
-        This holds for links of zero length. For a link of length l the error of its direction is ulp |p| / l, and the
-        error of e . T, which is even in that angle, is at least its square. If the link is treated as lying along the
-        track, the error is (kappa l)^2. Up to l = sqrt(ulp) |p|, the rounding error is the larger of the two.
+        This is exact for links of zero length. The direction of a link of length l has an error of ulp |p| / l, and
+        the error of e . T, which is an even function of that angle, is at least its square. If the link is treated as
+        lying along the track, the error is (kappa l)^2 instead. Up to l = sqrt(ulp) |p|, the rounding error is the
+        larger of the two.
         """
         size = np.max(np.abs(self.p), axis=(-2, -1), keepdims=True)[..., 0]
         out: Array = self.links_m <= np.sqrt(_ULP) * size
@@ -64,7 +65,7 @@ class RigidLinks:
 
     @cached_property
     def cosines(self) -> tuple[Floats, Floats]:
-        """Return e . T at the front and at the rear handle of each link, (..., N)."""
+        """Scalar products e . T at the front handle and at the rear handle of each link, (..., N) each."""
         front, rear = dot(self.axis, self.forward[..., :-1, :]), dot(self.axis, self.forward[..., 1:, :])
         return np.where(self.along_track, 1.0, front), np.where(self.along_track, 1.0, rear)
 
@@ -88,9 +89,9 @@ class RigidLinks:
     def accelerations(self, speeds: Floats, curvature: Floats, leader_m_s2: float | Floats) -> Floats:
         """Return the accelerations (..., N+1, 2) in m/s^2.
 
-        ``speeds`` (..., N+1) is the result of the method ``speeds``. ``curvature`` (..., N+1) is signed, in 1/m,
-        positive if the head turns left (see ``entered_curvatures`` for joints). ``leader_m_s2`` (...) is the rate of
-        the leader's speed.
+        ``speeds`` (..., N+1) is the result of the method ``speeds``. ``curvature`` (..., N+1) is the signed curvature
+        in 1/m, positive if the head turns left (see ``entered_curvatures`` for joints). ``leader_m_s2`` (...) is the
+        rate of change of the leader's speed.
         """
         side, bend = left(self.forward), speeds * speeds * curvature
         front, rear = self.cosines
@@ -107,13 +108,13 @@ class RigidLinks:
         return read_only(tangential[..., None] * self.forward + bend[..., None] * side)
 
     def _forward(self, leader: float | Floats) -> Floats:
-        """Return a speed or acceleration of the leader with its sign in the head's direction."""
+        """Return a speed or acceleration of the leader with the sign that it has in the head's direction."""
         rate = np.asarray(leader, dtype=np.float64)
         return rate if self.leader == 0 else -rate
 
 
 def carried(start: Floats, ratio: Floats, added: Floats) -> Floats:
-    """Return y (..., N+1) with y[0] = start (...) and y[m+1] = ratio[m] y[m] + added[m], given (..., N) of each."""
+    """Return y (..., N+1) with y[0] = ``start`` (...) and y[m+1] = ``ratio``[m] y[m] + ``added``[m], both (..., N)."""
     if ratio.ndim == 1:
         return np.array(list(_carried(float(start), zip(ratio.tolist(), added.tolist(), strict=True))))
     out = np.empty((*ratio.shape[:-1], ratio.shape[-1] + 1))
@@ -130,9 +131,9 @@ def _carried(start: float, steps: Iterator[tuple[float, float]]) -> Iterator[flo
 def entered_curvatures(track: Track, segment: Ints, u: Floats, speeds: Floats, within_m: float) -> Floats:
     """Return the signed curvatures (..., N+1) in 1/m at all handles just after this instant.
 
-    A handle whose distance from a joint is at most ``within_m``, the possible error of its position, counts as being on
-    the segment that it is entering. A handle at rest keeps its own segment; its curvature has no effect, because it is
-    multiplied by the squared speed.
+    ``within_m`` is the possible error of positions: a handle at most this far from a joint counts as being on the
+    segment that it is entering. A handle at rest counts as being on its own segment; the curvature there has no
+    effect, because it is multiplied by the squared speed.
     """
     if not track.joints_m:
         return track.curvatures(segment, u)

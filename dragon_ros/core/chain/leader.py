@@ -1,4 +1,4 @@
-"""The leader of a chain: its position on the track after some distance, and its range of travel."""
+"""The leader of a chain: its position on the track after a distance travelled, and its range of travel."""
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot, inf, sqrt
@@ -16,11 +16,11 @@ from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 
 @dataclass(frozen=True, eq=False)
 class Leader:
-    """The leader of a chain whose head is initially ``start_m`` along a track.
+    """The leader of a chain whose head is initially at the distance ``start_m`` along a track.
 
-    If the head leads, followers lie behind. If the tail leads (``direction`` AHEAD), the leader is the last handle: it
-    moves back along the track, and each handle lies ahead of the one nearer to the tail, so links follow in reverse
-    order. The track then ends at the initial position of the head.
+    If the head leads, the followers are behind it. If the tail leads (``direction`` AHEAD), the leader is the last
+    handle and moves back along the track. Each handle is then ahead of its neighbour nearer to the tail, so links
+    follow in reverse order, and the track ends at the initial position of the head.
     """
 
     track: Track
@@ -29,7 +29,7 @@ class Leader:
     direction: int
 
     def __post_init__(self) -> None:
-        """Reject links that could lock on a composite track, and a start without enough track for the whole chain."""
+        """Reject links that could lock on a composite track, and a start too close to the beginning of the track."""
         self.track.check_links(self.links_m)
         if self.least_m > self.start_m:
             raise FieldError('track.start_m', self.start_m, 'the track behind the head is too short for the dragon, '
@@ -37,7 +37,7 @@ class Leader:
 
     @cached_property
     def least_m(self) -> float:
-        """Distance of the head along the track when the tail is at its start; -inf if the track is open."""
+        """Distance of the head along the track when the tail is at the beginning; -inf if the track is open there."""
         if self.track.begin_m == -inf:
             return -inf
         try:
@@ -47,21 +47,21 @@ class Leader:
 
     @cached_property
     def _origin_m(self) -> tuple[float, float]:
-        """Distance of the leader along the track when it has travelled 0, as (hi, lo)."""
+        """Distance of the leader along the track when it has travelled 0 m, as (hi, lo)."""
         if self.direction == BEHIND:
             return self.start_m, 0.0
         return self.track.distance_of(_last(self.track, self.links_m, self.track.place_at(self.start_m), BEHIND))
 
     def place(self, gone_m: tuple[float, float]) -> Place:
-        """Return the position of the leader after (hi, lo) metres. Raises TrackEndError off the track."""
+        """Return the position of the leader after ``gone_m`` = (hi, lo). Raises TrackEndError beyond either end."""
         (origin, low), step = self._origin_m, -self.direction * gone_m[0]
-        total = origin + step               # double_double.plus, written out
+        total = origin + step               # double_double.plus, inlined
         part = total - origin
         low += (origin - (total - part)) + (step - part)
         return self.track.place_at(total, low - self.direction * gone_m[1], origin)
 
     def places(self, gone_m: tuple[Floats, Floats]) -> Places:
-        """Return ``place`` for many distances."""
+        """Return the positions of the leader after many distances."""
         high, low = plus(*self._origin_m, -self.direction * gone_m[0])
         return self.track.places_at(*plus(high, low, -self.direction * gone_m[1]))
 
@@ -75,10 +75,11 @@ class Leader:
         return self._origin_m[0] - self.direction * gone_m
 
     def turning_m(self, low_m: float, high_m: float, links: int | None = None) -> list[float]:
-        """Return the leader's distances, between two given ones, at which any handle turns back, in increasing order.
+        """Return the distances of the leader between two limits at which any handle turns back, in ascending order.
 
-        Between them every handle moves in one direction. Handles turn back only near the centre of a single spiral,
-        where links may lock; if ``links`` is given, only those of the first ``links`` links count.
+        Between consecutive distances every handle moves in one direction. Handles turn back only near the centre of a
+        single spiral, where links may lock. If ``links`` is given, only the handles of the first ``links`` links
+        count.
         """
         spiral = self.track.from_afar
         if not (self.track.may_lock and spiral):
@@ -89,13 +90,13 @@ class Leader:
 
     @cached_property
     def range_m(self) -> tuple[float, float]:
-        """The smallest and largest distance that the leader can travel before a handle would leave the track."""
+        """Smallest and largest distances that the leader can travel before a handle would leave the track."""
         if self.direction == BEHIND:
             return self.least_m - self.start_m, self.track.end_m - self.start_m
         return 0.0, self._origin_m[0] - self.track.begin_m
 
     def size_m(self, extent_m: tuple[float, float]) -> float:
-        """Return a bound on the handles' distance from the origin while the leader moves between two distances."""
+        """Return a bound on the distance of handles from the origin while the leader moves between two distances."""
         spiral = self.track.from_afar
         if self.track.may_lock and spiral:  # r^2 grows by at most 2 b per metre of track
             curve, length_m = spiral.curve, float(np.sum(self.links_m))
@@ -104,9 +105,9 @@ class Leader:
         return max(self.track.far_m(low_m, high_m), self.track.laid_from_m(high_m))
 
     def span_m(self, extent_m: tuple[float, float]) -> tuple[float, float]:
-        """Return the interval of the track on which handles are while the leader moves between two distances.
+        """Return the interval of the track that handles occupy while the leader moves between two distances.
 
-        Every handle moves forward with the leader, so the tail is furthest back when the leader is.
+        Every handle moves forward with the leader, so the tail is furthest back when the leader is furthest back.
         """
         (least, most), origin, track = extent_m, self._origin_m[0], self.track
         if self.direction == BEHIND:
@@ -114,14 +115,14 @@ class Leader:
             low, high = track.distance_of(_last(track, self.links_m, first, BEHIND))[0], min(origin + most, track.end_m)
         else:
             low, high = max(origin - most, track.begin_m), self.start_m
-        return min(low, high), high     # the tail's distance is rounded, and may exceed that of a nearby leader
+        return min(low, high), high     # the tail's distance is rounded and may exceed the leader's
 
 
 def head_in_front_m(track: Track, links_m: Floats, tail_m: float) -> float:
-    """Return the distance of the head along a track when the tail is at ``tail_m``. Raises TrackEndError."""
+    """Return the distance of the head along a track when the tail is at ``tail_m``, or raise TrackEndError."""
     return track.distance_of(_last(track, links_m, track.place_at(tail_m), AHEAD))[0]
 
 
 def _last(track: Track, links_m: Floats, leader: Place, direction: int) -> Place:
-    """Return the position of the last handle behind a position, or ahead of it."""
+    """Return the position of the last handle of a chain whose leader is at a position."""
     return forward(track, blocks_of(links_m, direction), leader, direction).place(-1)

@@ -1,7 +1,7 @@
-"""Where a chain locks: the innermost position of the head at which every link can still be placed.
+"""Find where a chain locks: the innermost position of the head at which every link can still be placed.
 
-As the chain moves in, the first maximum of the chord (``spiral.first_peak``) decreases; when it reaches the link's
-length, the smallest root vanishes and the follower's speed becomes infinite.
+As the chain moves in, the first maximum of the chord (``spiral.first_peak``) decreases. When this maximum reaches the
+length of the link, the smallest root vanishes and the speed of the follower becomes infinite.
 """
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -11,12 +11,12 @@ from math import cos, inf, pi, sin, sqrt, ulp
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.tracks.spiral import chord_of, first_guess, first_peak, step
 
-_NO_TURN = 4.0  # no link turns back if its front handle is this far beyond its chord: it spans less than 60 degrees
+_NO_TURN = 4.0  # beyond its chord plus this, a link spans less than 60 degrees and does not turn back
 
 
 @lru_cache(maxsize=256)
 def lock_angle(chord: float) -> float:
-    """Return the polar angle below which a link (``chord`` in units of b) cannot be placed; 0 if there is none."""
+    """Return the polar angle below which a link (``chord`` in units of b) cannot be placed; 0 if it never locks."""
     low, high = 0.5 * (chord - 1.5 * pi), 0.5 * (chord - pi)
     if chord <= chord_of(_first_with_peak(), first_peak(_first_with_peak(), pi)[0]):
         return 0.0
@@ -25,11 +25,12 @@ def lock_angle(chord: float) -> float:
 
 
 def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
-    """Return the head's polar angle at which the chain first locks when winding in, and the link; (0, 0) if never.
+    """Return the head's polar angle at which an inward chain first locks, and the link; (0, 0) if it never locks.
 
-    A link locks when its front handle reaches ``lock_angle``. For each link, from the head on, that handle is followed
-    over the positions of the head at which the preceding links can be placed. Between the ``places`` it moves in one
-    direction. Because handles lie at increasing radii, the search ends when even the longest link could no longer lock.
+    A link locks when its front handle reaches ``lock_angle``. For each link, from the head on, the front handle is
+    followed over the positions of the head at which the preceding links can be placed. Between consecutive
+    ``places``, this handle moves in one direction. Because handles lie at increasing radii, the search ends when even
+    the longest link can no longer lock.
     """
     angle, link, top = lock_angle(chords[0]), 0, lock_angle(max(chords[1:], default=0.0))
     places = sorted({angle, *(turn for turn in turns(chords[0]) if angle < turn < top), max(angle, top)}) if top else []
@@ -47,17 +48,17 @@ def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
 
 
 def _meets(chords: Sequence[float], theta: float, low: float, high: float) -> float:
-    """Return the smallest head angle in (low, high] at which the handle behind these links is at theta or beyond."""
+    """Return the smallest head angle in (low, high] at which the handle behind these links is at least at theta."""
     return _bisect(lambda place: _handle(place, chords) >= theta, low, high)
 
 
 def _one_link_on(chords: Sequence[float], chord: float, places: list[float],
                  here: list[float]) -> tuple[list[float], list[float], list[float]]:
-    """Return the head angles, between given ones, at which the rear handle of one more link turns back.
+    """Return the head angles within a range at which the rear handle of one more link turns back, and two lists.
 
-    Its front handle, behind ``chords``, is ``here`` at the given ``places`` and moves in one direction between them.
-    The other results are the increasing head angles between which the rear handle moves in one direction, and its
-    angles at them.
+    At the head angles ``places``, the front handle of the link (behind ``chords``) has the polar angles ``here``, and
+    between them it moves in one direction. The two lists are the head angles, in ascending order, between which the
+    rear handle moves in one direction, and the angles of the rear handle there.
     """
     turning = [illinois(lambda x, turn=turn: _handle(x, chords) - turn,  # type: ignore[misc]
                         places[n], places[n + 1], here[n] - turn, here[n + 1] - turn)
@@ -69,19 +70,19 @@ def _one_link_on(chords: Sequence[float], chord: float, places: list[float],
 
 
 def _handle(theta: float, chords: Sequence[float]) -> float:
-    """Return the polar angle of the handle behind these links; infinite if there is none."""
+    """Return the polar angle of the handle behind these links; infinite if a link cannot be placed."""
     for chord in chords:
         theta = follower(theta, chord)
     return theta
 
 
 def follower(theta: float, chord: float) -> float:
-    """Return the polar angle of the next handle; infinite if there is none."""
+    """Return the polar angle of the next handle; infinite if the link cannot be placed."""
     return theta + step(theta, chord, first_guess(theta, chord))[0] if theta < inf else inf
 
 
 def _rear(theta: float, chord: float) -> float:
-    """Return ``follower``; exactly at a lock, where rounding may remove the root, the angle of the longest chord."""
+    """Return ``follower`` or, exactly at a lock, where rounding may remove the root, the angle of the longest chord."""
     rear = follower(theta, chord)
     return rear if rear < inf else theta + first_peak(theta, pi)[0]
 
@@ -93,10 +94,10 @@ def _first_with_peak() -> float:
 
 
 def _first_at_least_0(value: Callable[[float], float], low: float, high: float) -> float:
-    """Return the smallest float in (low, high] at which an increasing function is not negative.
+    """Return the smallest float in (low, high] at which an increasing function is at least 0.
 
-    It must not be negative at ``high``. A bracket, initially a few ulps wide, is placed next to the result of regula
-    falsi, and bisected.
+    The function must be at least 0 at ``high``. A bracket, initially a few ulps wide, is placed next to the result of
+    regula falsi and then bisected.
     """
     at_low, at_high = value(low), value(high)
     if -inf < at_low < 0 < at_high:
@@ -113,18 +114,18 @@ def _first_at_least_0(value: Callable[[float], float], low: float, high: float) 
 
 
 def _bisect(holds, low: float, high: float) -> float:  # type: ignore[no-untyped-def]
-    """Return the smallest float in (low, high] for which a monotone condition holds; it must hold at ``high``."""
+    """Return the smallest float in (low, high] at which a monotone condition holds; it must hold at ``high``."""
     while low < (middle := low + 0.5 * (high - low)) < high:
         low, high = (low, middle) if holds(middle) else (middle, high)
     return high
 
 
 def turning_places(chords: Sequence[float], low: float, high: float) -> list[float]:
-    """Return the increasing head angles in (low, high) at which the rear handle of any link turns back.
+    """Return the head angles in (low, high), in ascending order, at which the rear handle of any link turns back.
 
-    Between them every handle moves in one direction. The links are followed from the head on, until no later link turns
-    back. If all links behind the head's are equal, those behind the third handle only follow it (docs/contact.md, lemma
-    2), so two links suffice.
+    Between consecutive angles, every handle moves in one direction. The links are followed from the head on until no
+    later link turns back. If all links behind the head's link are equal, the links behind the third handle only
+    follow it (docs/contact.md, lemma 2), so two links suffice.
     """
     longest = [*accumulate(reversed(chords), max)][::-1]
     places, here, found = [low, high], [low, high], list[float]()
@@ -138,7 +139,7 @@ def turning_places(chords: Sequence[float], low: float, high: float) -> list[flo
 
 @lru_cache(maxsize=256)
 def turns(chord: float) -> list[float]:
-    """Return the angles at which a link's rear handle turns back: at most one for spans below 3/4 turn, one above."""
+    """Return the angles at which a link's rear handle turns back, at most one each below and above 3/4 turn of span."""
     far = 1.5 * pi
     apart = 0.5 * (sqrt(2 * chord * chord - far * far) - far) if chord > far else 0.0
     ends = sorted({lock_angle(chord), max(apart, lock_angle(chord)), chord + _NO_TURN})
@@ -152,7 +153,7 @@ def turns(chord: float) -> list[float]:
 
 
 def _inwards(theta: float, chord: float) -> float:
-    """Return a number that is positive if a link's rear handle follows its front handle inwards."""
+    """Return a number that is positive if the rear handle of a link follows the front handle inwards."""
     delta = step(theta, chord, first_guess(theta, chord))[0]
     if delta == inf:
         return -inf
