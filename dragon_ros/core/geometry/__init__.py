@@ -1,1 +1,1 @@
-"""The geometry of one instant: the positions of benches, their gaps, and the pairs to test."""
+"""The geometry of one instant: positions of benches, gaps between them, and the pairs to test."""

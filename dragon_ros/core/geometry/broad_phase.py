@@ -1,11 +1,11 @@
-"""Pairs of benches that could touch: on adjacent layers of a dragon that winds about the origin, or by bounding boxes.
+"""Find pairs of benches that could touch, by directions about the origin or by bounding boxes.
 
-For each bench, the paper intersects the lines from the centre through its two handles with the next layer out, at theta
-+ 2 pi (it prints theta - 2 pi; docs/errata.md), and takes the three benches nearest to each of the two points. This is
-complete only if a bench extends no further than its neighbours on the next layer, and no bench meets its own layer or
-the next but one. ``candidates`` instead finds, turn by turn, the benches that share a direction and a distance from the
-origin. This is complete for any positions of the benches, and yields the same few benches whenever the paper's choice
-is complete.
+For each bench, the paper draws the lines from the centre through the two handles and intersects them with the next
+layer out, at theta + 2 pi (the paper prints theta - 2 pi; see docs/errata.md). It then takes the three benches
+nearest to each of the two points of intersection. This choice is complete only if no bench extends beyond its
+neighbours on the next layer, and no bench meets its own layer or the second layer out. ``candidates`` instead finds,
+turn by turn, the benches that share a direction and a distance from the origin. This choice is complete for any
+positions of the benches, and finds the same few benches whenever the paper's choice is complete.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,17 +16,17 @@ from dragon_ros.core.errors import CrowdError
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 
-_TOGETHER = 4   # number of steps of a chain whose boxes are queried together
+_TOGETHER = 4   # number of steps whose boxes are queried together
 _AT_ONCE = 256
-_MOST_PAIRS = 1_000_000     # in total, unless the limit per bench allows more
+_MOST_PAIRS = 1_000_000     # limit in total, unless the limit per bench allows more
 _MOST_EACH = 16             # per bench
-_MOST_TURNS = 8         # most layers that a bench can reach; for more, boxes are faster
-_HAIR = 1e-9            # in rad, and relative to the size: far above rounding errors
+_MOST_TURNS = 8         # largest number of layers within reach of a bench; beyond it, boxes are faster
+_HAIR = 1e-9            # in rad, and relative to the size of the dragon: far above rounding errors
 
 
 @dataclass(frozen=True)
 class _Sectors:
-    """The sector of the plane about the origin in which each bench lies: directions [low, high] and distances."""
+    """The sector about the origin in which each bench lies, as directions [low, high] and distances."""
 
     low: Floats
     high: Floats
@@ -35,18 +35,19 @@ class _Sectors:
 
 
 def candidates(p: Floats, benches: Benches, reach_m: float | None = None) -> tuple[Ints, Ints]:
-    """Return sorted pairs (i, j), j >= i + 2, including every pair that touches or has a gap of at most ``reach_m``.
+    """Return sorted pairs (i, j), j >= i + 2, that include all pairs with a gap of at most ``reach_m`` or a contact.
 
-    ``p`` are the handles (N+1, 2) in metres about the centre. ``reach_m`` is by default the largest width, or a
-    twentieth of the largest length if that is more. If the smallest gap of the candidates is at most ``reach_m``, it is
-    that of all pairs; if it is larger, the gaps of all pairs exceed ``reach_m``. Pairs with |i - j| = 2 and 3 are
-    always included, and so are the benches of the next layer in the same directions, at any distance.
+    ``p`` are the handles (N+1, 2) in metres about the centre. The default of ``reach_m`` is the largest width or a
+    twentieth of the largest length, whichever is larger. If the smallest gap of the candidates is at most
+    ``reach_m``, it is the smallest gap of all pairs; otherwise the gaps of all pairs exceed ``reach_m``. Pairs with
+    |i - j| = 2 and 3 are always included, and so are the benches of the next layer in the same directions, at any
+    distance.
 
-    The search takes O(N) if the handles wind outwards about the origin: the directions of the benches increase (or
-    decrease) towards the tail, no bench goes back over half a turn, and few layers are within reach of each other. If a
-    bench reaches more layers, or its own, its candidates include those layers. A bench over the origin covers every
-    direction. All these conditions are checked; if one fails, the candidates are those of ``box_pairs``, which are
-    complete for any layout.
+    The search takes O(N) time if the handles wind outwards about the origin: the directions of the benches increase
+    (or decrease) towards the tail, no bench turns back by more than half a turn, and few layers are within reach of
+    each other. If other layers or its own layer are within reach of a bench, its candidates include those layers. A
+    bench over the origin covers every direction. All these conditions are checked; if one of them fails, the
+    candidates are found by ``box_pairs``, which is complete for any layout.
     """
     reach = default_reach_m(benches) if reach_m is None else reach_m
     sectors = _sectors(p, benches, reach)
@@ -62,7 +63,8 @@ def default_reach_m(benches: Benches) -> float:
 def _sectors(p: Floats, benches: Benches, reach: float) -> _Sectors | None:
     """Return the sectors of the benches, enlarged by half the reach; None if their directions cannot be ordered.
 
-    Directions are those of the centres, unwrapped, each within half a turn of the middle of the bench's handles.
+    The directions of the centres are unwrapped so that each is within half a turn of the middle of the bench's
+    handles.
     """
     centre, axis = benches.centre, benches.axis
     size = float(np.max(np.abs(centre))) + float(np.max(benches.half_length + benches.half_width))
@@ -96,10 +98,10 @@ def _directions(p: Floats, x: Floats, y: Floats) -> Floats:
 
 
 def _spread(along: Floats, aside: Floats, half: Floats, side: Floats) -> tuple[Floats, Floats]:
-    """Return the smallest and largest direction of each bench's corners, relative to that of its centre.
+    """Return the smallest and largest directions of the corners of each bench, relative to the direction of its centre.
 
-    ``along`` and ``aside`` are the centre in the bench's axes. A convex figure that excludes the origin spans less than
-    half a turn.
+    ``along`` and ``aside`` are the coordinates of the centre in the axes of the bench. A convex figure that excludes
+    the origin spans less than half a turn.
     """
     square = along * along + aside * aside
     cross = np.stack((along * side - aside * half, along * side + aside * half))
@@ -110,11 +112,11 @@ def _spread(along: Floats, aside: Floats, half: Floats, side: Floats) -> tuple[F
 
 
 def _polar_pairs(sectors: _Sectors) -> tuple[Ints, Ints] | None:
-    """Return the pairs whose sectors meet, window by window and turn by turn; None if there are too many.
+    """Return the pairs whose sectors meet, from one window per bench and turn; None if there are too many.
 
-    ``low`` increases; with ``high`` replaced by the running maximum, the benches that share a direction with bench i
-    after k turns form one window. When all further benches are further out than bench i, its windows end; the window of
-    the first turn is kept whole.
+    Because ``low`` increases and ``high`` is replaced by its running maximum, the benches that share a direction with
+    bench i after k turns form one window. The windows of bench i end where all further benches are further out than
+    bench i, except that the window of the first turn is complete.
     """
     low, high, count = sectors.low, sectors.high, sectors.low.size
     highest = np.maximum.accumulate(high)
@@ -138,7 +140,7 @@ def _polar_pairs(sectors: _Sectors) -> tuple[Ints, Ints] | None:
 
 
 def _spelt(start: Ints, size: Ints) -> tuple[Ints, Ints]:
-    """Return pairs (i, j), given windows (N, K) of j for each i."""
+    """Return the pairs (i, j) that K windows of j for each i contain; ``start`` and ``size`` have shape (N, K)."""
     i = np.repeat(np.arange(start.shape[0]), size.sum(axis=1))
     ends = np.cumsum(size)
     j = np.arange(i.size) + np.repeat(start.ravel() - ends + size.ravel(), size.ravel())
@@ -146,7 +148,7 @@ def _spelt(start: Ints, size: Ints) -> tuple[Ints, Ints]:
 
 
 def box_pairs(benches: Benches, reach_m: float = 0.0) -> tuple[Ints, Ints]:
-    """Return every pair whose axis-aligned boxes come within ``reach_m``, for any layout (shapely STRtree).
+    """Return every pair whose axis-aligned boxes come within ``reach_m``, for any layout (with shapely's STRtree).
 
     Pairs with |i - j| = 2 and 3 are always included. Raises CrowdError if the pairs would fill the memory.
     """
@@ -154,16 +156,17 @@ def box_pairs(benches: Benches, reach_m: float = 0.0) -> tuple[Ints, Ints]:
 
 
 def swept_pairs(corners: Floats, reach_m: float) -> tuple[Ints, Ints]:
-    """Return every pair whose boxes, each about all corners (M, N, 4, 2) of a bench, come within ``reach_m``.
+    """Return every pair whose boxes, each about all ``corners`` (M, N, 4, 2) of a bench, come within ``reach_m``.
 
-    The gaps of all other pairs exceed it at each of the M states. The rest is as in ``box_pairs``.
+    The gaps of all other pairs exceed ``reach_m`` at each of the M states. Otherwise this function is like
+    ``box_pairs``.
     """
     (found,) = pairs_on_steps(corners.min(axis=(0, 2))[None], corners.max(axis=(0, 2))[None], np.array([reach_m]))
     return found
 
 
 def pairs_on_steps(low: Floats, high: Floats, reach_m: Floats) -> Iterator[tuple[Ints, Ints]]:
-    """Yield, for each of M steps, the pairs whose boxes come within a reach (M,), as ``swept_pairs`` does for one.
+    """Yield, for each of M steps, the pairs whose boxes come within ``reach_m`` (M,), as in ``swept_pairs``.
 
     ``low`` and ``high`` (M, N, 2) are the corners of the boxes. The boxes of several steps are queried together, unless
     that would fill the memory.
@@ -188,7 +191,7 @@ def _on_steps(low: Floats, high: Floats) -> list[tuple[Ints, Ints]]:
 
 
 def _meet(low: Floats, high: Floats, i: Ints, j: Ints) -> Array:
-    """Return whether boxes (N, 2) i and j meet, coordinate by coordinate, because numpy is slow along short axes."""
+    """Return whether boxes (N, 2) i and j meet, one coordinate at a time, because numpy is slow along short axes."""
     meet: Array = np.ones(i.size, dtype=bool)
     for one, other in zip(low.T.copy(), high.T.copy(), strict=True):
         meet &= one[i] <= other[j]
@@ -197,7 +200,7 @@ def _meet(low: Floats, high: Floats, i: Ints, j: Ints) -> Array:
 
 
 def _meeting(low: Floats, high: Floats) -> Ints:
-    """Return as sorted numbers i N + j the pairs of boxes (N, 2) that meet, and those with |i - j| = 2 and 3."""
+    """Return, as sorted numbers i N + j, the pairs of boxes (N, 2) that meet and the pairs with |i - j| = 2 and 3."""
     import shapely  # not needed for dragons that wind about the origin
     count = low.shape[0]
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])

@@ -8,13 +8,14 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True)
 class Closeness:
-    """The smallest signed gap in metres of benches that are not neighbours, its pair, and all pairs that touch.
+    """The smallest signed gap in metres of benches that are not neighbours, the pair with it, and all pairs that touch.
 
-    In a venue obstacles are included: in a pair (i, j) they are numbered after the benches, in the order of its names.
+    In a venue, obstacles are included; in a pair (i, j) they are numbered after the benches, in the order of the
+    venue's names.
 
     With fewer than three benches, ``clearance_m`` is inf and ``closest`` is None; if several pairs have the same gap,
-    ``closest`` is the first. ``i`` and ``j`` (K,) are the pairs that touch, i < j, with ``gap_m`` (K,), the deepest
-    first.
+    ``closest`` is the first. ``i`` and ``j`` (K,) are the pairs that touch, with i < j, and ``gap_m`` (K,) are their
+    gaps, deepest first.
     """
 
     clearance_m: float
@@ -41,9 +42,10 @@ OBSTACLE = -1       # the owner of an edge or a corner of an obstacle, instead o
 
 @dataclass(frozen=True)
 class ObstacleTouch:
-    """The contact of a bench with an obstacle: the ends of its edge, and its corner that meets an edge of the bench.
+    """The contact of a bench with an obstacle: the ends of the obstacle's edge, and the obstacle's corner, if any.
 
-    ``corner_m`` is None if a corner of the bench meets the edge.
+    ``corner_m`` is the corner of the obstacle that meets an edge of the bench; it is None if a corner of the bench
+    meets the obstacle's edge.
     """
 
     name: str
@@ -53,7 +55,7 @@ class ObstacleTouch:
 
 @dataclass(frozen=True)
 class Observation:
-    """The observation of one tick: time, handles (N+1, 2) in m, bench rectangles, and the name of their frame."""
+    """An observation of one tick: the time, handles (N+1, 2) in m, bench rectangles, and the name of their frame."""
 
     t_ns: int
     p: Floats
@@ -62,5 +64,5 @@ class Observation:
 
 
 def pair_words(pair: Pair, obstacle: str = '') -> str:
-    """Return a description of two benches, or of a bench and an obstacle with this name."""
+    """Return a description of two benches or, if ``obstacle`` is a name, of a bench and this obstacle."""
     return f'bench {pair[0]} and obstacle {obstacle!r}' if obstacle else f'benches {pair[0]} and {pair[1]}'

@@ -1,15 +1,16 @@
-"""The closest and the touching pairs of benches and obstacles at successive samples, from a kept list of near edges.
+"""Find the closest and the touching pairs of benches and obstacles at successive samples from a list of near edges.
 
-``with_obstacles`` searches from scratch. ``NearObstacles`` returns a bit-identical result from the state of an earlier
-sample: all pairs of a bench and an edge whose gaps were at most a given reach. Obstacles are at rest, so since then the
-gap of a bench with half diagonal r has changed by at most m = |c - c'| + r |w - w'|, with centres c and turns w (unit
-complex numbers). The gaps of unlisted pairs are above the reach minus m. A listed pair may be excluded by its gap minus
-m, or by its separation along the axis that separated the pair best, as in ``near_pairs``: a bench that moves along a
-wall stays at the same distance from the wall. Only pairs that may be closer than the closest two benches or than the
-nearest edge are computed. The state affects only the time that a sample takes.
+``with_obstacles`` searches from scratch. ``NearObstacles`` returns bit-identical results from the state of an earlier
+sample, which lists all pairs of a bench and an edge whose gaps were at most a given reach. Obstacles are at rest, so
+the gap of a bench with half diagonal r has since changed by at most m = |c - c'| + r |w - w'|, where c are centres
+and w are orientations (unit complex numbers). The gaps of unlisted pairs are above the reach minus m. A listed pair
+can be excluded by its gap minus m, or by its separation along the axis that separated the pair best, as in
+``near_pairs``: a bench that moves along a wall stays at the same distance from the wall. Gaps are computed only for
+pairs that may be closer than the closest two benches or than the nearest edge. The state affects only the time that a
+sample takes.
 
-A bench on the wrong side of an obstacle's edges (``misplaced_benches``) touches it, even if it meets none of them: its
-signed gap is then minus its distance from the nearest edge.
+A bench on the wrong side of an obstacle's edges (``misplaced_benches``) touches the obstacle even if it meets none of
+the edges; its signed gap is then minus its distance from the nearest edge.
 """
 from dataclasses import dataclass, replace
 from math import inf
@@ -24,9 +25,9 @@ from dragon_ros.core.geometry.signed_distance import PartedPairs, gap_of, parted
 from dragon_ros.core.geometry.venue import Surroundings
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 
-_SKIN = 0.3             # relative to the mean length of a bench: a longer list stays valid longer but takes longer
-_HAIR = 2.0**-40        # relative to coordinates and sizes: more than the rounding errors of gaps and moves
-_FEW = 8                # up to this many pairs are computed one by one, more as arrays
+_SKIN = 0.3             # relative to the mean length of a bench: a longer list remains valid longer but takes more time
+_HAIR = 2.0**-40        # relative to coordinates and sizes: more than the rounding errors of gaps and displacements
+_FEW = 8                # up to this many pairs are computed one by one; more pairs are computed as arrays
 
 
 def with_obstacles(around: Surroundings, found: Closeness, benches: Benches) -> Closeness:
@@ -41,7 +42,7 @@ def with_obstacles(around: Surroundings, found: Closeness, benches: Benches) -> 
 
 def _together(around: Surroundings, found: Closeness, benches: Benches, pairs: tuple[Ints, Ints], gap_m: Floats,
               misplaced: tuple[Ints, Ints]) -> Closeness:
-    """Add obstacles to a closeness, given the gaps of pairs that include the nearest edge and all touched edges."""
+    """Add obstacles to a closeness, given the gaps of pairs that include the nearest and all touched edges."""
     count, names = len(benches.half_length), len(around.names)
     key, index = np.unique(pairs[0] * names + around.owner[pairs[1]], return_inverse=True)
     least_m: Floats = np.full(key.size, inf)
@@ -66,10 +67,10 @@ def _together(around: Surroundings, found: Closeness, benches: Benches, pairs: t
 
 @dataclass(frozen=True, slots=True)
 class _Kept:
-    """Benches at a sample (centres, axes, half diagonals and sizes), and the pairs with gaps up to ``reach_m`` there.
+    """The benches of a sample (centres, axes, half diagonals, sizes), and the pairs with gaps up to ``reach_m``.
 
-    ``list`` holds the axes that separate the pairs, with edges (``middles``, ``axes``) numbered after the benches.
-    ``nearest`` is the pair with the smallest gap at the last sample for which gaps were computed.
+    ``list`` holds the axes that separate the pairs; in ``list``, edges (``middles``, ``axes``) are numbered after
+    benches. ``nearest`` is the pair with the smallest gap at the last sample for which gaps were computed.
     """
 
     sizes: bytes
@@ -93,7 +94,7 @@ class _Kept:
 
 
 class NearObstacles:
-    """Adds obstacles to the closeness of one sample after another, faster if consecutive samples are similar."""
+    """Adds obstacles to the closeness of successive samples, which is faster if consecutive samples are similar."""
 
     def __init__(self, around: Surroundings) -> None:
         """Start without a state."""
@@ -113,7 +114,7 @@ class NearObstacles:
         return self._decided(kept, found, benches, kept.gap_m - moved_m.take(kept.bench), limit_m)
 
     def _limit_m(self, kept: _Kept | None, found: Closeness, benches: Benches) -> float:
-        """Return an upper bound on the clearance that is not below the largest gap of contacts."""
+        """Return an upper bound on the clearance that is at least ``TOUCH_M``."""
         least_m = found.clearance_m
         if kept and kept.nearest:
             least_m = min(least_m, gap_of(benches, *kept.nearest, self.around.edges))
@@ -121,7 +122,7 @@ class NearObstacles:
         return max(least_m, TOUCH_M) + hair_m
 
     def _listed(self, benches: Benches, limit_m: float) -> _Kept:
-        """Return the state after a search."""
+        """Return the state after a search from scratch."""
         if not limit_m < inf:
             limit_m = max(self.around.nearest(benches).gap_m, TOUCH_M)
         reach_m = limit_m + _SKIN * 2 * float(np.mean(benches.half_length))
@@ -177,7 +178,7 @@ class NearObstacles:
         return out
 
     def _misplaced(self, kept: _Kept, benches: Benches, low_m: Floats) -> tuple[Ints, Ints]:
-        """Return the misplaced benches, after examining again those that may have crossed an edge."""
+        """Return the misplaced benches; benches that may have crossed an edge are examined again."""
         rows = (low_m <= 0).nonzero()[0]
         if rows.size:
             rows = rows[self._crossed(kept, benches, rows)]
@@ -199,7 +200,7 @@ def _left(a: Complexes, b: Complexes, c: Complexes) -> NDArray[np.bool_]:
 
 
 def _moved_m(kept: _Kept, benches: Benches) -> Floats:
-    """Return upper bounds (N,) on how far the points of each bench have moved since the kept sample."""
+    """Return upper bounds (N,) on the displacement of the points of each bench since the kept sample."""
     centre, axis = _complex(benches)
     moved: Floats = np.abs(axis - kept.axis)
     moved *= kept.far

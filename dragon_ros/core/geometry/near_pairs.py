@@ -1,30 +1,32 @@
-"""The closest two benches and all that touch at successive samples, from a kept list of near pairs.
+"""Find the closest two benches and all benches that touch at successive samples from a list of near pairs.
 
-``closeness`` searches from scratch. ``NearPairs`` returns a bit-identical result from the state of the last samples: a
-list of near pairs (Verlet, Phys. Rev. 159, 98, 1967) with bounds on how much their gaps, and all others, have changed
-since. This state affects only the time that a sample takes.
+``closeness`` searches from scratch. ``NearPairs`` returns bit-identical results from the state of earlier samples: a
+list of near pairs (Verlet, Phys. Rev. 159, 98, 1967), and bounds on how much all gaps have changed since. This state
+affects only the time that a sample takes.
 
 The method uses three bounds. The signed gap of two convex figures is the largest of -(h_A(n) + h_B(-n)) over all
 directions n, where h are their support functions, and a support function changes by at most the displacement of the
 farthest-moving point. Therefore:
 
 1. The gap of a pair is at least its separation along any one direction. A listed pair stores one direction: the axis,
-of either bench, that separated them best when the list was measured. It turns with its bench. Benches of neighbouring
-layers slide along each other, which does not change that separation. It quickly rules out most pairs that are not the
-closest.
-2. The gap of a pair changes by at most the displacement of its points, in any frame, including that of a third bench k:
-with centres c and turns w since then (unit complex numbers), the points of a bench with half diagonal r move by at most
-m = |(c - c_k) conj(w_k) - (c' - c_k')| + r |w - w_k|, and a gap changes by at most 2 max m. If all benches move as one,
-m is 0. As long as the gaps of unlisted pairs were larger by that amount, none of them is closest or touches.
-3. In a large dragon the inner layers turn much faster than the outer ones, so the dragon is split into parts. The pairs
-of a part's benches with each other and with the following benches, up to an end, have their own list and their own
-bench k. In all pairs across an end, the two benches differ in their distance from the origin. If each bench is turned
-back about the origin by its own turn, no point of it moves by more than e = |c conj(w) - c'|, and such a turn changes
-no distance from the origin.
+   of either bench, that separated the benches best when the list was measured. This axis turns with its bench.
+   Benches of neighbouring layers slide along each other, which does not change the separation along this axis. The
+   separation therefore quickly excludes most pairs that are not the closest.
+2. The gap of a pair changes by at most the displacement of its points in any frame, including the frame of a third
+   bench k. With centres c and turns w since the reference state (unit complex numbers), the points of a bench with
+   half diagonal r move by at most m = |(c - c_k) conj(w_k) - (c' - c_k')| + r |w - w_k|, and a gap changes by at most
+   2 max m. If all benches move as one rigid body, m is 0. As long as the gaps of unlisted pairs were larger by that
+   amount, none of these pairs is the closest or touches.
+3. In a large dragon the inner layers turn much faster than the outer ones, so the dragon is split into parts. Each
+   part has its own list and its own bench k; the list contains the pairs of the part's benches with each other and
+   with the following benches up to an end. In all pairs across an end, the two benches differ in their distance from
+   the origin. If each bench is turned back about the origin by its own turn, no point of the bench moves by more than
+   e = |c conj(w) - c'|, and such a turn does not change the distance from the origin.
 
-The current gap of the last sample's closest pair bounds the clearance from above. Only pairs that these bounds do not
-exclude are computed; they include the closest and all touching pairs. If rounding could make a difference, a bound is
-lowered by ``_HAIR`` of coordinates and sizes: 64 times the error of a gap (``rounding_m``).
+The current gap of the closest pair of the previous sample is an upper bound on the clearance. Gaps are computed only
+for pairs that these bounds do not exclude; these include the closest pair and all touching pairs. To allow for
+rounding, a bound is lowered by ``_HAIR`` times coordinates and sizes, which is 64 times the error of a gap
+(``rounding_m``).
 """
 from dataclasses import dataclass, replace
 from math import inf, isfinite, sqrt
@@ -40,22 +42,22 @@ from dragon_ros.core.geometry.signed_distance import PartedPairs, gap_of, gaps, 
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 
 TOUCH_M = 1e-10         # a smaller gap counts as contact; positions are accurate to 2e-12 m
-_SKIN = 0.45            # relative to the mean half length: a longer list stays valid longer but takes longer
+_SKIN = 0.45            # relative to the mean half length: a longer list remains valid longer but takes more time
 _HAIR = 2.0**-40        # relative to coordinates and sizes
-_MOST_EACH = 32         # most listed pairs per bench; with more, each sample is searched from scratch
+_MOST_EACH = 32         # largest number of listed pairs per bench; with more, each sample is searched from scratch
 _FEW = 8                # up to this many pairs are computed one by one, more as arrays
 _FIRST_PART = 512       # number of benches in the innermost part; each further part extends twice as far
-_OVERLAP = 2.5          # most benches of all parts and their followers, per bench; with more, the dragon is not split
-_WORTH = 0.02           # relative to the skin: a part this close to the closest pair is measured at each sample
+_OVERLAP = 2.5          # limit of the benches in all lists, per bench of the dragon; above it, the dragon is not split
+_WORTH = 0.02           # relative to the skin: parts with a smaller margin are measured at each sample
 
 _NONE: Ints = np.empty(0, dtype=np.int64)
 _NOTHING = Closeness(inf, None, _NONE, _NONE, np.empty(0))
 
 
 def closeness(p: Floats, benches: Benches) -> Closeness:
-    """Return the closest two benches and all that touch, searched from scratch; ``p`` are the handles (N+1, 2).
+    """Return the closest two benches and all benches that touch, by a full search; ``p`` are the handles (N+1, 2).
 
-    Raises CrowdError if too many benches lie close together.
+    Raises CrowdError if too many benches are close together.
     """
     reach = default_reach_m(benches)
     i, j = candidates(p, benches, reach)
@@ -67,10 +69,10 @@ def closeness(p: Floats, benches: Benches) -> Closeness:
 
 
 def _of(i: Ints, j: Ints, gap_m: Floats) -> Closeness:
-    """Return the closeness, given sorted pairs that include the closest and all that touch."""
+    """Return the closeness, given sorted pairs that include the closest pair and all pairs that touch."""
     if not i.size:
         return _NOTHING
-    gap_m = gap_m + 0.0         # no negative zero
+    gap_m = gap_m + 0.0         # turns a negative zero into zero
     least = int(np.argmin(gap_m))
     closest = int(i[least]), int(j[least])
     if gap_m[least] > TOUCH_M:
@@ -81,7 +83,7 @@ def _of(i: Ints, j: Ints, gap_m: Floats) -> Closeness:
 
 
 class _ComplexBenches(NamedTuple):
-    """The benches of one sample: centres, axes and conjugated axes as complex numbers (N,), and half diagonals."""
+    """The benches of one sample: centres, axes and conjugate axes as complex numbers (N,), and half diagonals (N,)."""
 
     centre: Complexes
     axis: Complexes
@@ -93,10 +95,10 @@ class _ComplexBenches(NamedTuple):
 class _NearList:
     """The near pairs (i, j) of benches ``first`` <= i < ``stop`` with benches j < ``end``, and their reference state.
 
-    ``held`` is the reference bench, ``from_held`` are the others' centres (M,) relative to it, and ``turned_back``
-    their conjugated axes (M,). At the reference state gaps had changed by at most ``spent_m`` since pairs with gaps
-    larger than ``beyond_m`` were left out, and no listed pair was closer than ``nearest_m``. When the list was last
-    measured, ``close`` pairs had to be computed.
+    ``held`` is the reference bench, ``from_held`` are all centres (M,) relative to the reference bench, and
+    ``turned_back`` are the conjugate axes (M,). When the list was built, pairs with gaps larger than ``beyond_m``
+    were left out. Between then and the reference state, gaps changed by at most ``spent_m``. At the reference state
+    no listed pair was closer than ``nearest_m``. When the list was last measured, ``close`` pairs had to be computed.
     """
 
     first: int
@@ -112,7 +114,7 @@ class _NearList:
     list: PartedPairs
 
     def change_m(self, bodies: _ComplexBenches) -> float:
-        """Return an upper bound on the change of gaps since the reference state (bound 2 of the module)."""
+        """Return an upper bound on the change of gaps since the reference state (bound 2 in the module's docstring)."""
         turn = bodies.axis[self.first:self.end] * self.turned_back
         held = bodies.centre.item(self.held)
         turn_held = turn.item(self.held - self.first)
@@ -135,7 +137,7 @@ class _NearList:
 
 def _listed(bodies: _ComplexBenches, p: Floats, benches: Benches, part: tuple[int, int, int], reach_m: float,
             above_m: float) -> tuple[_NearList, Floats] | None:
-    """Return the list of a part's pairs with gaps up to ``reach_m``, and their separations; None if they are too many.
+    """Return the list of a part's pairs with gaps up to ``reach_m``, and their separations; None if there are too many.
 
     ``above_m`` is an upper bound on the clearance.
     """
@@ -168,7 +170,7 @@ def _middle(bodies: _ComplexBenches, first: int, end: int) -> int:
 
 def _seen_part(part: _NearList, bodies: _ComplexBenches, p: Floats, benches: Benches, limit_m: float,
                skin_m: float) -> tuple[_NearList, Ints] | None:
-    """Return a part after one more sample, and its pairs that may be within a limit; None if there are too many."""
+    """Return a part after one more sample, and the rows of its pairs that may be within a limit; None if too many."""
     change_m = part.change_m(bodies)
     if not part.beyond_m - part.spent_m - change_m > limit_m:
         listed = _listed(bodies, p, benches, (part.first, part.stop, part.end), max(limit_m, 0.0) + skin_m, limit_m)
@@ -177,7 +179,7 @@ def _seen_part(part: _NearList, bodies: _ComplexBenches, p: Floats, benches: Ben
         return part, _NONE
     apart = part.list.separations(*bodies[:3])
     rows = (apart <= limit_m).nonzero()[0]
-    if rows.size > 2 * part.close + _FEW:       # other axes may now separate the pairs better
+    if rows.size > 2 * part.close + _FEW:       # by now, other axes may separate the pairs better
         found, apart = parted_pairs(bodies.centre, bodies.axis, benches, *part.list.pairs)
         rows = np.flatnonzero(apart <= limit_m)
         part = replace(part, list=found, close=rows.size)
@@ -187,7 +189,7 @@ def _seen_part(part: _NearList, bodies: _ComplexBenches, p: Floats, benches: Ben
 
 
 def _decided(benches: Benches, known: tuple[tuple[int, int], float], pairs: list[tuple[int, int]]) -> Closeness:
-    """Return the closeness, given pairs that include the closest and all that touch; the gap of one pair is known."""
+    """Return the closeness, given pairs that include the closest pair and all that touch, and the gap of one pair."""
     if len(pairs) > _FEW:
         i, j = np.array(pairs).T
         return _of(i, j, gaps(benches, i, j))
@@ -203,7 +205,8 @@ def _decided(benches: Benches, known: tuple[tuple[int, int], float], pairs: list
 class _Kept:
     """The state kept from one sample to the next: the parts, the closest pair, and the ``sizes`` of the benches.
 
-    Pairs across the ends of parts were ``apart_m`` apart when the benches had these centres (N,) and conjugated axes.
+    Pairs across the ends of parts were ``apart_m`` apart when the benches had these centres (N,) and conjugate axes
+    (N,).
     """
 
     sizes: bytes
@@ -217,7 +220,7 @@ class _Kept:
     turned_back: Complexes
 
     def across_m(self, bodies: _ComplexBenches) -> float:
-        """Return a lower bound on the gap of pairs across the ends of parts (bound 3 of the module)."""
+        """Return a lower bound on the gap of pairs across the ends of parts (bound 3 in the module's docstring)."""
         if len(self.parts) == 1:
             return inf
         moved = bodies.axis * self.turned_back
@@ -243,7 +246,7 @@ def _first_kept(p: Floats, benches: Benches, found: Closeness) -> _Kept | None:
 
 
 def _cuts(bodies: _ComplexBenches, apart_m: float) -> list[tuple[int, int, int]]:
-    """Return first, stop and end of each part; across an end, distances from the origin differ by ``apart_m`` or more.
+    """Return (first, stop, end) of each part; across an end, distances from the origin differ by at least ``apart_m``.
 
     There is a single part unless the dragon is large and winds about the origin.
     """
@@ -270,9 +273,9 @@ def _sizes(benches: Benches) -> bytes:
 
 
 class NearPairs:
-    """Evaluates one sample after another like ``closeness``, but faster if consecutive samples are similar.
+    """Evaluates successive samples like ``closeness``, but faster if consecutive samples are similar.
 
-    The state is replaced as a whole, so that samples from several threads may interleave without affecting results.
+    The state is replaced as a whole, so samples from several threads may interleave without affecting the results.
     """
 
     def __init__(self) -> None:
@@ -280,9 +283,9 @@ class NearPairs:
         self._kept: _Kept | None = None
 
     def look(self, p: Floats, benches: Benches) -> Closeness:
-        """Return the closest two benches and all that touch, given the handles ``p`` (N+1, 2).
+        """Return the closest two benches and all benches that touch, given the handles ``p`` (N+1, 2).
 
-        Raises CrowdError if too many benches lie close together.
+        Raises CrowdError if too many benches are close together.
         """
         kept = self._kept
         if kept and kept.sizes == _sizes(benches):
@@ -295,9 +298,9 @@ class NearPairs:
         return found
 
     def _again(self, kept: _Kept, p: Floats, benches: Benches) -> Closeness | None:
-        """Return the result of a sample, computed from the last state; None if the state is of no use."""
+        """Return the result for a sample, computed from the previous state; None if that state is no longer useful."""
         above_m, bodies = gap_of(benches, *kept.closest), _bodies(benches, kept.far)
-        size_m = sqrt(np.vdot(bodies.centre, bodies.centre).real)   # an upper bound on the largest, in a single call
+        size_m = sqrt(np.vdot(bodies.centre, bodies.centre).real)   # an upper bound on all coordinates in one call
         limit_m = max(above_m, TOUCH_M) + _HAIR * (size_m + kept.skin_m)
         if not (above_m <= max(kept.clearance_m, 0.0) + kept.skin_m and kept.across_m(bodies) > limit_m):
             return None

@@ -1,7 +1,7 @@
-"""Obstacles from a grid of occupied cells: the boundary of each connected part, as merged edges.
+"""Convert a grid of occupied cells into obstacles: the boundary of each connected part, as merged edges.
 
-Only the boundary matters: a bench that overlaps no edge is either inside or outside of an obstacle. Cells are processed
-as arrays of runs, so the number of cells affects the time only through a few passes of numpy.
+Only the boundary matters, because a bench that overlaps no edge is either inside or outside an obstacle. Cells are
+processed as arrays of runs, so the number of cells affects the time only through a few numpy passes.
 """
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +12,21 @@ from dragon_ros.core.limits import MAP_EDGES
 from dragon_ros.core.numerics.types import Complexes, Ints
 
 Bools = NDArray[np.bool_]
-_MOST_SIDES = 20 * MAP_EDGES        # limit before they are merged
+_MOST_SIDES = 20 * MAP_EDGES        # limit before the sides are merged
 
 
 def outlines(occupied: Bools, name: str, corner: complex, across: complex) -> Surroundings | None:
     """Return the boundaries of occupied cells (rows, columns); None if there are none.
 
-    ``corner`` is the outer corner of the first cell, ``across`` the vector along a cell of the first row; rows follow
-    to its left. Cells that touch, even if only at a corner, are one obstacle; a number after ``name`` counts the
-    obstacles by row and column. Raises InputError if there are too many edges.
+    ``corner`` is the outer corner of the first cell, and ``across`` is the vector along a cell of the first row;
+    further rows follow to the left of this vector. Cells that touch, even if only at a corner, form one obstacle. If
+    there are several obstacles, a number after ``name`` counts them by row and column. Raises InputError if there are
+    too many edges.
     """
     along = _changes(occupied)      # both sides of each run of occupied cells, row by row
     up = np.flatnonzero(np.diff(occupied, axis=0, prepend=False, append=False))
     if along.size + up.size > _MOST_SIDES:
-        raise InputError(f'the map has {along.size + up.size} sides of cells between occupied and free; the limit is '
+        raise InputError(f'the map has {along.size + up.size} boundaries between occupied and free cells; the limit is '
                          f'{_MOST_SIDES}; filter its noise, or reduce its resolution')
     if not along.size:
         return None
@@ -73,17 +74,17 @@ def _changes(occupied: Bools) -> Ints:
 
 
 def _merged(line: Ints, place: Ints, kind: Bools) -> tuple[Ints, Ints]:
-    """Return the first and the last position of each run of consecutive positions on one line and of one kind."""
+    """Return the indices of the first and the last of each run of consecutive positions with equal line and kind."""
     ends = (line[1:] != line[:-1]) | (place[1:] != place[:-1] + 1) | (kind[1:] != kind[:-1])
     return np.flatnonzero(np.append(True, ends)), np.flatnonzero(np.append(ends, True))
 
 
 def _labels(first: Ints, last: Ints, width: int) -> tuple[Ints, int]:
-    """Return each run's connected part, numbered in the order of the parts' first runs, and the number of parts.
+    """Return the connected part of each run, numbered in the order of their first runs, and the number of parts.
 
     Runs of cells extend from ``first`` to ``last``, as row * width + column. Runs that touch in consecutive rows are
-    joined until nothing changes: each step passes on the smallest number of a part, and resolves all numbers to the
-    smallest.
+    joined until nothing changes: each pass propagates the smallest number between touching runs, and then follows the
+    numbers until they are stable.
     """
     begin = np.searchsorted(last, first + width, side='left')
     count = np.maximum(np.searchsorted(first, last + width, side='right') - begin, 0)

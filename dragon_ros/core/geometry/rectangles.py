@@ -1,4 +1,4 @@
-"""Benches as rectangles from handle to handle, extended by the hole inset, with half the width on each side."""
+"""Benches as rectangles that extend from handle to handle, plus the hole inset at both ends."""
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from dragon_ros.core.numerics.types import Floats, Ints, read_only
 
 @dataclass(frozen=True)
 class Benches:
-    """Rectangles in metres: ``centre`` and unit ``axis`` (..., N, 2) from the rear to the front, half sizes (N,)."""
+    """Rectangles in metres: ``centre`` (..., N, 2), unit ``axis`` (..., N, 2) from rear to front, half sizes (N,)."""
 
     centre: Floats
     axis: Floats
@@ -24,7 +24,7 @@ class Benches:
         return yaw
 
     def some(self, index: Ints) -> 'Benches':
-        """Return a subset of the benches, which must be those of a single instant."""
+        """Return a subset of the benches, all of which must belong to a single instant."""
         return Benches(self.centre[index], self.axis[index], self.half_length[index], self.half_width[index])
 
     @property
@@ -37,14 +37,14 @@ class Benches:
 
 
 def together(one: Benches, other: Benches) -> Benches:
-    """Return the rectangles of both, one after the other."""
+    """Return the rectangles of both arguments, those of ``one`` first."""
     return Benches(np.concatenate((one.centre, other.centre)), np.concatenate((one.axis, other.axis)),
                    np.concatenate((one.half_length, other.half_length)),
                    np.concatenate((one.half_width, other.half_width)))
 
 
 def axes_of(chain: Chain) -> Floats:
-    """Return unit vectors (..., N, 2) from handle i + 1 to handle i. A link of zero length lies along the track."""
+    """Return unit vectors (..., N, 2) from handle i + 1 to handle i; a link of zero length points along the track."""
     axis = chain.p[..., :-1, :] - chain.p[..., 1:, :]
     length = np.hypot(axis[..., 0], axis[..., 1])
     if not length.all():

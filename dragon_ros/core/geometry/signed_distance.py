@@ -1,15 +1,16 @@
-"""Separating axes, and the signed gap of two rectangles: their distance, or minus the translation that separates them.
+"""Separating axes and signed gaps of rectangles: the distance, or minus the shortest translation that separates them.
 
-The minimum translation that separates two overlapping convex polygons is normal to an edge, so the separating-axis
-value gives it. If the polygons are apart, that value is only a lower bound, and the nearest corner determines the gap.
+The shortest translation that separates two overlapping convex polygons is normal to an edge, so the separating-axis
+value is its length. If the polygons are apart, that value is only a lower bound, and the nearest corner determines
+the gap.
 
-Rounding errors, for handles given as floats: let no coordinate exceed S, let the sum of half length and half width of a
-bench not exceed L, and let u = 2^-53. The error of a centre is u S, and the error of a bench's axis, which is the
-quotient of a difference and its length, is 4 u. A vector between centres has a length of at most D <= 2.9 S and an
-error of 2.9 u S. The error of its components along an axis is 2.9 u S + 9 u D; rotation into the other bench's axes
-multiplies it by 1.5 and adds 14 u D, which gives 80 u S in all. The error of a rectangle's extent along an axis is 20 u
-L, and the error of the root of a sum of squares is 1.5 times that of its terms. Therefore the error of any separation
-or gap of two benches is at most 128 u (S + L).
+The rounding errors are as follows, for handles given as floats. Let S be a bound on the coordinates and L a bound on
+the sum of half length and half width of a bench, and let u = 2^-53. The error of a centre is u S. The axis of a bench
+is the quotient of a difference and its length, with an error of 4 u. A vector between centres has a length D <= 2.9 S
+and an error of 2.9 u S. The error of its components along an axis is 2.9 u S + 9 u D. Rotation into the axes of the
+other bench multiplies this error by 1.5 and adds 14 u D; the total is 80 u S. The error of a rectangle's extent along
+an axis is 20 u L, and the error of the root of a sum of squares is 1.5 times the error of the terms. The error of any
+separation or gap of two benches is therefore at most 128 u (S + L).
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,8 +26,8 @@ from dragon_ros.core.numerics.types import Array, Complexes, Floats, Index, Ints
 CORNERS = ('front left', 'rear left', 'rear right', 'front right')     # as in Benches.corners
 EDGES = ('front', 'rear', 'left', 'right')
 _ROUNDED = 2.0**-46 # relative to coordinates and sizes: the largest rounding error of a separation or gap
-_AT_ONCE = 4096     # number of pairs whose intermediate results fit into the cache
-_SAME = 1e-12       # relative to the sizes: smaller differences are ties
+_AT_ONCE = 4096     # number of pairs whose intermediate results fit in the cache
+_SAME = 1e-12       # relative to the sizes: smaller differences count as ties
 _STRAIGHT_M = 1e-200    # avoids a division by zero
 _ALONG: Floats = np.array([[1.0], [-1], [-1], [1]])
 _ASIDE: Floats = np.array([[1.0], [1], [-1], [-1]])
@@ -34,7 +35,7 @@ _ASIDE: Floats = np.array([[1.0], [1], [-1], [-1]])
 
 @dataclass(frozen=True)
 class RelativePoses:
-    """Pairs of rectangles A and B, with B relative to A: centre (x, y), axis (cos, sin), and half sizes."""
+    """Pairs of rectangles A and B: the centre (x, y) and axis (cos, sin) of B relative to A, and all half sizes."""
 
     x: Floats
     y: Floats
@@ -44,32 +45,33 @@ class RelativePoses:
     b: tuple[Floats, Floats]
 
     def mirrored(self) -> 'RelativePoses':
-        """Return A relative to B."""
+        """Return the poses of A relative to B."""
         return RelativePoses(-self.x * self.cos - self.y * self.sin, self.x * self.sin - self.y * self.cos,
                              self.cos, -self.sin, self.b, self.a)
 
     @property
     def _extents(self) -> tuple[Floats, Floats]:
-        """The distances of the centres along each of A's axes at which the rectangles just touch along that axis."""
+        """Distances of the centres along both axes of A at which the rectangles just touch along that axis."""
         (a_x, a_y), (half, side), c, s = self.a, self.b, np.abs(self.cos), np.abs(self.sin)
         return a_x + half * c + side * s, a_y + half * s + side * c
 
     def from_edges(self) -> list[Floats]:
-        """Return how far all of B lies beyond each of A's edges (front, rear, left, right); negative if it does not."""
+        """Return how far B lies beyond each edge of A (front, rear, left, right); negative if part of B is inside."""
         along, aside = self._extents
         return [self.x - along, -self.x - along, self.y - aside, -self.y - aside]
 
     def along_axes(self) -> list[Floats]:
-        """Return the separations along both axes of A and of B, each the larger of two sides: four in total."""
+        """Return the four separations along both axes of A and both axes of B, each the larger of two sides."""
         pairs = (self, *self._extents), (other := self.mirrored(), *other._extents)
         return [each for one, along, aside in pairs for each in (np.abs(one.x) - along, np.abs(one.y) - aside)]
 
     def separations(self) -> tuple[Floats, Floats]:
-        """Return the larger separation along A's two axes (negative if both overlap), and B's squared distance.
+        """Return the larger separation along A's two axes (negative if both overlap), and the squared distance.
 
-        The distance is that of A from the nearer of B's two leading corners. With B reflected so that its centre has x,
-        y >= 0, those are the corners with the smallest x and with the smallest y. The other two corners need not be
-        considered: a point of the edge between the leading ones is always at least as near.
+        The distance is that between A and the nearer of B's two leading corners. If B is reflected so that its centre
+        has x, y >= 0, the leading corners are the ones with the smallest x and with the smallest y. The other two
+        corners need not be considered, because a point of the edge between the leading corners is always at least as
+        near.
         """
         x, y, c, s = np.abs(self.x), np.abs(self.y), np.abs(self.cos), np.abs(self.sin)
         (a_x, a_y), (half, side) = self.a, self.b
@@ -85,7 +87,7 @@ class RelativePoses:
 
 
 def rounding_m(far_m: Floats | float, half_m: float) -> Floats | float:
-    """Return the largest error of separations and gaps for handles whose coordinates do not exceed ``far_m``.
+    """Return a bound on the error of separations and gaps for handles whose coordinates do not exceed ``far_m``.
 
     ``half_m`` is the largest sum of a bench's half length and half width.
     """
@@ -93,9 +95,9 @@ def rounding_m(far_m: Floats | float, half_m: float) -> Floats | float:
 
 
 def placement(benches: Benches, i: Index, j: Index, others: Benches | None = None) -> RelativePoses:
-    """Return benches j relative to benches i; the second to last axis is that of benches; i and j may be any indices.
+    """Return benches j relative to benches i, which may be any indices along the second to last axis of ``centre``.
 
-    If ``others`` are given, j are their indices.
+    If ``others`` are given, j are indices of ``others``.
     """
     others = benches if others is None else others
     offset = _at(others.centre, j) - _at(benches.centre, i)
@@ -108,18 +110,18 @@ def placement(benches: Benches, i: Index, j: Index, others: Benches | None = Non
 
 def seen_from(centre: tuple[Complexes, Complexes], axis: tuple[Complexes, Complexes], a: tuple[Any, Any],
               b: tuple[Any, Any]) -> RelativePoses:
-    """Return rectangles with half sizes ``b`` relative to those with ``a``; centres and axes are complex numbers."""
+    """Return rectangles of half sizes ``b`` relative to those of half sizes ``a``, from complex centres and axes."""
     back = np.conj(axis[0])
     offset, turn = (centre[1] - centre[0]) * back, axis[1] * back
     return RelativePoses(offset.real, offset.imag, turn.real, turn.imag, a, b)
 
 
 def parted_between(states: Sequence[RelativePoses], sag: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return a lower bound on the separation of pairs between their ``states``, and its largest ratio to the sag.
+    """Return a lower bound on the separation of pairs between ``states``, and the largest ratio of separation to sag.
 
     Between the states, corners deviate by at most ``sag`` from the lines (or the bilinear surface) through their
-    positions at the states: those of B relative to A, and those of A relative to B. Along these lines the separation
-    from an edge is concave.
+    positions at the states. ``sag`` has two members: for the corners of B relative to A, and for the corners of A
+    relative to B. Along these lines, the separation from an edge is concave.
     """
     low, ratio = np.full(np.shape(sag[0]), -np.inf), np.zeros(np.shape(sag[0]))
     for bent, views in zip(sag, (states, [each.mirrored() for each in states]), strict=True):
@@ -131,10 +133,11 @@ def parted_between(states: Sequence[RelativePoses], sag: tuple[Floats, Floats]) 
 
 
 class PartedPairs(NamedTuple):
-    """Pairs (P,) with the axis that separates each best: the bench that owns it, the other bench, and the projections.
+    """Pairs (P,), each with the axis that separates it best, the owner of the axis, the other bench, and projections.
 
-    ``towards`` is the conjugate of the direction to the other bench in the owner's axes, ``extent`` is the owner's half
-    size along it, and ``sizes`` (P, 2) are the half sizes of the other bench. The axis turns with its owner.
+    ``towards`` is the conjugate of the direction to the other bench in the owner's axes, ``extent`` is the owner's
+    half size in this direction, and ``sizes`` (P, 2) are the half sizes of the other bench. The axis turns with its
+    owner.
     """
 
     owner: Ints
@@ -144,7 +147,7 @@ class PartedPairs(NamedTuple):
     sizes: Floats
 
     def separations(self, centre: Complexes, axis: Complexes, back: Complexes) -> Floats:
-        """Return the separation of each pair along its axis, which is at most its gap; ``back`` are conjugated axes."""
+        """Return the separation of each pair along its axis (at most the gap); ``back`` are the conjugate axes."""
         towards = back.take(self.owner)
         towards *= self.towards
         offset = centre.take(self.other)
@@ -170,7 +173,7 @@ class PartedPairs(NamedTuple):
 
 
 def parted_pairs(centre: Complexes, axis: Complexes, benches: Benches, i: Ints, j: Ints) -> tuple[PartedPairs, Floats]:
-    """Return pairs with the axes that separate them best, and the separations along them."""
+    """Return pairs with the axes that separate them best, and the separations along these axes."""
     half, side = benches.half_length, benches.half_width
     a, b = ((half.take(n), side.take(n)) for n in (i, j))
     view = seen_from((centre.take(i), centre.take(j)), (axis.take(i), axis.take(j)), a, b)
@@ -195,7 +198,7 @@ def signed_gap(pairs: RelativePoses) -> Floats:
 
 
 def gaps(benches: Benches, i: Index, j: Index, others: Benches | None = None) -> Floats:
-    """Return the signed gaps of benches i and j in metres. If ``others`` are given, j are their indices."""
+    """Return the signed gaps of benches i and j in metres. If ``others`` are given, j are indices of ``others``."""
     if isinstance(i, tuple) or isinstance(j, tuple) or i.ndim != 1 or i.shape != j.shape or i.size <= _AT_ONCE:
         return signed_gap(placement(benches, i, j, others))
     parts = range(0, i.size, _AT_ONCE)
@@ -206,7 +209,8 @@ def gaps(benches: Benches, i: Index, j: Index, others: Benches | None = None) ->
 def gap_of(benches: Benches, i: int, j: int, others: Benches | None = None) -> float:
     """Return the signed gap of benches i and j in metres, bit-identical to ``gaps``, by the same operations on floats.
 
-    For a single pair this takes a tenth of the time of arrays. If ``others`` are given, j is one of them.
+    For a single pair, this takes a tenth of the time that arrays take. If ``others`` are given, j is an index of
+    ``others``.
     """
     others = benches if others is None else others
     (x_i, y_i), (x_j, y_j) = benches.centre[i].tolist(), others.centre[j].tolist()
@@ -239,7 +243,7 @@ def _separation(x: float, y: float, cos: float, sin: float, a: tuple[float, floa
 
 
 def _at(array: Array, index: Index) -> Floats:
-    """Return ``array[index]``, using ``take``, which is faster, for a single array of indices."""
+    """Return ``array[index]``; for a single array of indices ``take`` is used, which is faster."""
     out: Floats = array[index] if isinstance(index, tuple) else array.take(index, axis=0)
     return out
 
@@ -248,8 +252,8 @@ def _at(array: Array, index: Index) -> Floats:
 class Witness:
     """The closest features of two benches: ``corner`` of bench ``owner`` and ``edge`` of bench ``other``.
 
-    ``point_m`` is halfway between the corner and the edge, ``gap_m`` the signed gap (negative for overlap). If benches
-    overlap, the corner is the one that leaves through the edge in the minimum translation.
+    ``point_m`` is halfway between the corner and the edge, and ``gap_m`` is the signed gap (negative for overlap). If
+    the benches overlap, the shortest translation that separates them moves this corner out through this edge.
     """
 
     point_m: tuple[float, float]
@@ -280,7 +284,7 @@ class Witnesses:
 
 @dataclass(frozen=True)
 class _CornersOnEdges:
-    """Corners of the owners at edges of the others: separations, distances past the edges' ends, and indices."""
+    """Corners of owners at edges of other benches: separations, distances past the ends of the edges, and indices."""
 
     separation: Floats
     past: Floats
@@ -290,14 +294,14 @@ class _CornersOnEdges:
 
 
 def witness(benches: Benches, i: int, j: int) -> Witness:
-    """Return the witness of benches i and j. If both benches have such a corner, it is the one of bench i."""
+    """Return the witness of benches i and j. If corners of both benches qualify, the corner of bench i is chosen."""
     return witnesses(benches, np.array([i]), np.array([j]))[0]
 
 
 def shortest_vector(benches: Benches, i: int, j: int) -> tuple[float, float]:
     """Return the vector in metres from bench i to bench j between their nearest points; its length is the gap.
 
-    If they overlap, it is the minimum translation: the shortest move of bench j that ends the overlap.
+    If the benches overlap, the vector is the shortest translation of bench j that ends the overlap.
     """
     seen = witness(benches, i, j)
     sense = 1.0 if seen.owner == j else -1.0
@@ -339,7 +343,7 @@ def _side(benches: Benches, owner: Ints, other: Ints, gap: Floats) -> _CornersOn
 
 
 def _apart(corners: Floats, size: Floats) -> tuple[Array, ...]:
-    """Return the distance, 0, corner, edge, and the middle x and y, for corners (2, 4, M) and half sizes (2, M)."""
+    """Return the distance, 0, corner, edge, and middle x and y, for corners (2, 4, M) and half sizes (2, M)."""
     outside = np.abs(corners) - size[:, None]
     distance = np.hypot(*np.maximum(outside, 0))
     corner = np.argmin(distance, axis=0)

@@ -1,12 +1,13 @@
-"""Track the contacts of a dragon tick by tick, each with its bracket: the part of the monitor without ROS.
+"""Track the contacts of a dragon tick by tick, each with its bracket; this is the monitor without its ROS part.
 
-A tracker receives only ticks. It reports the last tick without contact, the first tick with contact, and the time
-between them at which the signed gap, interpolated through the last ticks, vanishes. Each episode of a pair has a start,
-a deepest gap and an end. If the surroundings are known, obstacles are included; their numbers follow the benches'.
+A tracker receives only ticks. For each contact it reports the last tick without contact, the first tick with contact,
+and the time between them at which the signed gap, interpolated through the latest ticks, vanishes. Each episode of a
+pair has a start, a deepest gap and an end. If the surroundings are known, obstacles are included; they are numbered
+after the benches.
 
-Observations may arrive late, repeatedly or from a restarted run: ``ReorderBuffer`` passes them on in order.
-``Episodes`` holds the open contacts of all pairs as arrays: the pairs, their deepest gaps and the times of these, and
-whether they were reported.
+Observations may arrive late, more than once or from a restarted run; ``ReorderBuffer`` passes them on in order.
+``Episodes`` holds the open contacts of all pairs as arrays: the pairs, the deepest gaps with their times, and whether
+the contacts were reported.
 """
 from collections import deque
 from dataclasses import dataclass
@@ -27,13 +28,13 @@ from dragon_ros.core.numerics.types import Floats, Ints
 
 NS = 10**9
 NEAR_M = 0.02           # a smaller clearance triggers a warning
-MOST_REPORTED = 32      # episodes reported at one time; the deepest come first
+MOST_REPORTED = 32      # largest number of episodes reported at a time; the deepest are reported first
 _SHOWN = 8
 _UNEVEN = 4             # largest ratio between the time steps of ticks that are interpolated together
 
 _KEY = 2**32        # a pair (i, j) has the key i * _KEY + j
-_LAST = 8           # number of last observations: an observation newer than the oldest of them may merely be delayed
-_LATE_NS = 10**9    # the most by which an observation may be late
+_LAST = 8           # number of latest observations; an observation newer than the oldest of them may merely be delayed
+_LATE_NS = 10**9    # the longest time by which an observation may be late
 _IN_A_ROW = 3       # number of consecutive late observations that indicates a restarted run
 
 Bools = NDArray[np.bool_]
@@ -41,13 +42,13 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Event:
-    """The start of a contact: benches (inner first), bracket in ns, interpolated time, point, and gap in m.
+    """The start of a contact: benches (inner first), bracket in ns, interpolated time, point in m, and gap in m.
 
     If the second member of the pair is an obstacle, ``obstacle`` is its name.
 
     ``before_ns`` is None if the first observed tick already had the contact. ``gap_m`` is the signed gap at
-    ``after_ns``, negative for overlap. ``approach_m_s`` is the rate at which the gap shrank at the contact; nan if
-    unknown.
+    ``after_ns``, which is negative for overlap. ``approach_m_s`` is the rate at which the gap shrank at the contact;
+    nan if it is unknown.
     """
 
     benches: Pair
@@ -66,10 +67,10 @@ PARTED, RESTART, VENUE = 'parted', 'restart', 'venue'
 
 @dataclass(frozen=True)
 class EpisodeEnd:
-    """The end of a contact: benches, the deepest signed gap of all ticks in m and its tick, and the interpolated end.
+    """The end of a contact: benches, the deepest signed gap of all ticks in m, its tick, and the interpolated end time.
 
-    The ``cause`` is that the benches PARTED, or a RESTART of time, or another VENUE; in the last two cases ``t_end_s``
-    is the time of the last observed tick.
+    ``cause`` is PARTED if the benches parted, RESTART if time restarted, and VENUE if the venue changed. After
+    RESTART and VENUE, ``t_end_s`` is the time of the last observed tick.
     """
 
     benches: Pair
@@ -87,8 +88,9 @@ class Report:
     """The result of one observation.
 
     ``clearance_m`` is the smallest signed gap of all benches that are not neighbours (inf if there are none), and
-    ``closest`` are its benches. ``touching`` are the few deepest of all ``count`` pairs in contact, the deepest first.
-    ``more`` counts the contacts that began in excess of ``MOST_REPORTED``. Obstacles ``around`` are included.
+    ``closest`` is the pair with this gap. ``touching`` holds up to 8 of all ``count`` pairs in contact, deepest
+    first. ``more`` is the number of new contacts that are not in ``begins``, because ``MOST_REPORTED`` was reached.
+    The obstacles of ``around`` are included.
     """
 
     observation: Observation
@@ -102,7 +104,7 @@ class Report:
     around: Surroundings | None = None
 
     def obstacle(self, pair: Pair) -> str:
-        """Return the name of the obstacle of a pair; empty for two benches."""
+        """Return the name of the obstacle in a pair; empty for two benches."""
         return _obstacle(self.around, self.observation, pair)
 
     def two(self, pair: Pair) -> tuple[Benches, int, int]:
@@ -128,7 +130,7 @@ T = TypeVar('T', bound=_Timed)
 
 
 class ReorderBuffer(Generic[T]):
-    """Passes on observations in order of time, drops late and repeated ones, and restarts if time goes back."""
+    """Passes on observations in order of time, drops late and repeated observations, and restarts if time goes back."""
 
     def __init__(self) -> None:
         """Start without observations."""
@@ -137,10 +139,11 @@ class ReorderBuffer(Generic[T]):
         self._late: list[T] = []
 
     def take(self, observation: T) -> tuple[bool, list[T]]:
-        """Return whether time restarts, and the observations to examine now, in order.
+        """Return whether time restarts, and the observations that are to be examined now, in order.
 
-        Time restarts if the number of handles changes, if a time is before the last few or more than a second back, or
-        after a few late observations in a row; these are then passed on, so that nothing of a restarted run is lost.
+        Time restarts if the number of handles changes, or if an observation is older than the last few observations
+        or more than a second late. It also restarts after several late observations in a row; these are then passed
+        on, so that nothing of a restarted run is lost.
         """
         if not self._times or observation.p.shape != self._shape:
             return self._pass(bool(self._times), [observation])
@@ -167,7 +170,7 @@ class ReorderBuffer(Generic[T]):
 
 @dataclass(frozen=True)
 class Episodes:
-    """Pairs that touch, in order of ``key`` (M,): deepest gap in m, its time in ns, and whether it was reported."""
+    """Pairs that touch, in order of ``key`` (M,): deepest gaps in m and their times in ns, and which were reported."""
 
     key: Ints
     deepest_m: Floats
@@ -179,9 +182,9 @@ class Episodes:
         return Episodes(self.key[which], self.deepest_m[which], self.deepest_ns[which], self.reported[which])
 
     def advance(self, t_ns: int, key: Ints, gap_m: Floats) -> tuple['Episodes', Bools, Bools]:
-        """Return the episodes at ``t_ns``, whether each of them is new, and whether each previous one has ended.
+        """Return the episodes at ``t_ns``, whether each of them is new, and whether each previous episode has ended.
 
-        ``key`` (K,) are the pairs that touch now, increasing and distinct; ``gap_m`` (K,) are their gaps.
+        ``key`` (K,) are the distinct pairs that touch now, in ascending order, and ``gap_m`` (K,) are their gaps.
         """
         if np.array_equal(key, self.key):
             deeper, none = gap_m < self.deepest_m, np.zeros(key.size, bool)
@@ -203,7 +206,7 @@ def no_episodes() -> Episodes:
 
 
 class ContactTracker:
-    """Examines observations in order of time, and reports the start and the end of each pair's contacts."""
+    """Examines observations in order of time, and reports the start and the end of the contacts of each pair."""
 
     def __init__(self) -> None:
         """Start without observations."""
@@ -219,9 +222,9 @@ class ContactTracker:
         return self._obstacles.around if self._obstacles else None
 
     def surround(self, around: Surroundings | None) -> None:
-        """Examine later observations in these surroundings. Contacts with obstacles of other surroundings end.
+        """Use these surroundings for later observations. Contacts with obstacles of previous surroundings end.
 
-        Surroundings with the same names count as the same surroundings that have moved.
+        New surroundings with the same names count as the previous surroundings in a new position.
         """
         same = around and self.around and around.names == self.around.names
         if self._seen and self._open.key.size and not same:
@@ -232,9 +235,9 @@ class ContactTracker:
         self._obstacles = NearObstacles(around) if around else None
 
     def add(self, observation: Observation) -> list[Report]:
-        """Return the reports of an observation; there are none for a repeated or late observation.
+        """Return the reports of an observation, or an empty list if the observation is late or repeated.
 
-        The tracker restarts if time goes back or the dragon changes. Raises CrowdError if too many benches lie close
+        The tracker restarts if time goes back or the dragon changes. Raises CrowdError if too many benches are close
         together.
         """
         afresh, observations = self._buffer.take(observation)
@@ -284,7 +287,7 @@ class ContactTracker:
         return tuple(divmod(k, _KEY) for k in key.tolist())
 
     def _ends(self, observation: Observation, which: Bools, cause: str) -> tuple[EpisodeEnd, ...]:
-        """Return the ends of open episodes; ``observation`` is the first without contact, or the last one."""
+        """Return the ends of open episodes; ``observation`` is the first without contact, or the last of all."""
         rows, open_ = np.flatnonzero(which), self._open
         return tuple(EpisodeEnd(
             pair, observation.t_ns, float(open_.deepest_m[n]), int(open_.deepest_ns[n]),
@@ -295,7 +298,7 @@ class ContactTracker:
     def _event(self, observation: Observation, pair: Pair, gap: float) -> Event:
         name = _obstacle(self.around, observation, pair)
         before = self._seen[-1] if self._seen else None
-        if before and name and self._gap_m(before, pair) <= TOUCH_M:     # the obstacle was still unknown
+        if before and name and self._gap_m(before, pair) <= TOUCH_M:     # the obstacle was unknown until now
             before = None
         t_s, slope = self._crossing(observation, pair) if before else (observation.t_ns / NS, nan)
         known = [*self._even(observation), observation] if before else [observation]
@@ -313,7 +316,7 @@ class ContactTracker:
         return self.around.gap_to(observation.benches, pair[0], number)
 
     def _crossing(self, observation: Observation, pair: Pair) -> tuple[float, float]:
-        """Return when, since the last tick, a pair's gap vanished, and its slope then in m/s (nan if unknown)."""
+        """Return the time after the last tick at which a pair's gap vanished, and the slope in m/s (nan if unknown)."""
         if not self._seen:
             return observation.t_ns / NS, nan
         known = [*self._even(observation), observation]
@@ -326,7 +329,7 @@ class ContactTracker:
         return origin / NS + root, float(curve.deriv()(root))
 
     def _even(self, observation: Observation) -> list[Observation]:
-        """Return the previous observations whose spacing in time is about that between the last one and this one."""
+        """Return the previous observations whose time steps are similar to the latest time step."""
         out, step = [self._seen[-1]], observation.t_ns - self._seen[-1].t_ns
         for one in reversed(self._seen[:-1]):
             if not step <= _UNEVEN * (out[0].t_ns - one.t_ns) <= _UNEVEN**2 * step:
@@ -336,7 +339,7 @@ class ContactTracker:
 
 
 def _interpolated(known: list[Observation], t_s: float) -> Benches:
-    """Return the benches at a time, with centres and axes interpolated by Lagrange polynomials through observations."""
+    """Return the benches at a time, with centres and axes from Lagrange polynomials through several observations."""
     last = known[-1].benches
     at = [(one.t_ns - known[-1].t_ns) / NS for one in known]
     t = t_s - known[-1].t_ns / NS

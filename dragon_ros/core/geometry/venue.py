@@ -1,10 +1,11 @@
-"""The edges of a venue, and the signed gaps of benches to them.
+"""The edges of a venue, and signed gaps between benches and these edges.
 
-An edge is a rectangle of zero width, so ``signed_distance`` gives its gap to a bench: their distance or, if they
-overlap, minus the shortest move that separates them. A bench that starts outside an obstacle and never meets one of its
-edges stays outside, and a bench that starts within the inside and never meets its edges stays within. Hence the edges
-alone determine contact during a motion. At a single instant a bench that meets no edge may still be on the wrong side
-of them (``misplaced_benches``), for example if a map covers it or a run is sampled coarsely.
+An edge is a rectangle of zero width, so ``signed_distance`` computes its gap to a bench: the distance or, if the two
+overlap, minus the shortest translation that separates them. A bench that starts outside an obstacle and never meets
+the obstacle's edges stays outside. Likewise, a bench that starts in the venue's inside and never meets its boundary
+stays inside. Hence the edges alone determine contact during a motion. At a single instant, a bench that meets no edge
+may still be on the wrong side of the edges (``misplaced_benches``), for example if a map covers the bench or a run is
+sampled coarsely.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,14 +25,14 @@ if TYPE_CHECKING:
     from shapely import STRtree
 
 _FIRST_REACH_M = 1.0    # first search radius for the nearest edge, doubled until an edge is found
-_FARTHEST_M = 4e9       # no edge is further from a bench: coordinates are below 1e9 m
-OUTSIDE, LINE, WITHIN = 1, 0, -1        # where benches must stay: outside an area, off a line, or within an area
+_FARTHEST_M = 4e9       # no edge is farther from a bench, because coordinates are below 1e9 m
+OUTSIDE, LINE, WITHIN = 1, 0, -1        # where benches must stay: outside an area, clear of a line, or within an area
 
-PlanePose = tuple[complex, complex]     # pose of a frame in another: its origin in m, and its x axis as a unit number
+PlanePose = tuple[complex, complex]     # pose of a frame: origin in m and x axis as a unit complex number
 
 
 class Nearest(NamedTuple):
-    """The smallest signed gap in metres between benches and a venue, with its bench and its edge."""
+    """The smallest signed gap in metres between benches and a venue, with the bench and the edge that have this gap."""
 
     gap_m: float
     bench: int
@@ -40,7 +41,7 @@ class Nearest(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Edges (E,) of a venue from ``start`` to ``stop``, and the index of the name to which each belongs (``owner``).
+    """The edges (E,) of a venue from ``start`` to ``stop``; ``owner`` holds the index of the name for each edge.
 
     For each name, ``side`` holds the side on which benches must stay: OUTSIDE, LINE or WITHIN.
     """
@@ -53,17 +54,17 @@ class Surroundings:
 
     @property
     def inside(self) -> int | None:
-        """The index of the inside among the names; None if there is none."""
+        """The index of the inside among the names; None if the venue has no inside."""
         return next(iter(np.flatnonzero(self.side == WITHIN).tolist()), None)
 
     def moved(self, pose: PlanePose) -> 'Surroundings':
-        """Return the surroundings in another frame, in which their own frame has this pose."""
+        """Return the surroundings in another frame; ``pose`` is the pose of their present frame in that frame."""
         shift, turn = pose
         return replace(self, start=_kept(shift + self.start * turn), stop=_kept(shift + self.stop * turn))
 
     @cached_property
     def middle(self) -> Complexes:
-        """The middles of the edges (E,)."""
+        """The midpoints of the edges (E,)."""
         return _kept(0.5 * (self.start + self.stop))
 
     @cached_property
@@ -84,18 +85,18 @@ class Surroundings:
         return Benches(middle, axis, self.half_m, read_only(np.zeros(self.half_m.size)))
 
     def rectangle(self, benches: Benches, bench: int, edge: int) -> Benches:
-        """Return a bench, and an edge as a rectangle of zero width."""
+        """Return a bench and an edge, the latter as a rectangle of zero width."""
         return together(benches.some(np.array([bench])), self.edges.some(np.array([edge])))
 
     def two(self, benches: Benches, pair: Pair) -> tuple[Benches, int, int]:
-        """Return the rectangles of a pair; an obstacle, numbered after the benches, is given by its nearest edge."""
+        """Return the rectangles of a pair; an obstacle (numbered after benches) is given by its nearest edge."""
         count = len(benches.half_length)
         if pair[1] < count:
             return benches, *pair
         return self.rectangle(benches, pair[0], self.nearest_edge(benches, pair[0], pair[1] - count)), 0, 1
 
     def nearest_edge(self, benches: Benches, bench: int, number: int) -> int:
-        """Return the edge of an obstacle, given the index of its name, with the smallest gap to a bench."""
+        """Return the edge of an obstacle (the index of its name) that has the smallest gap to a bench."""
         edge = self.edges_of(number)
         return int(edge[np.argmin(self.gaps(benches, np.full(edge.size, bench), edge))])
 
@@ -104,11 +105,11 @@ class Surroundings:
         return np.flatnonzero(self.owner == number)
 
     def touch(self, benches: Benches, bench: int, edge: int) -> tuple[ObstacleTouch, Witness]:
-        """Return the contact of a bench with an edge, and its witness, in which the obstacle has the index OBSTACLE."""
+        """Return the contact of a bench with an edge, and the witness, in which the obstacle has the index OBSTACLE."""
         seen = witness(self.rectangle(benches, bench, edge), 0, 1)
         start, stop = ((float(end[edge].real), float(end[edge].imag)) for end in (self.start, self.stop))
         numbers = [bench, OBSTACLE]
-        own = seen.owner == 1       # a corner of the edge, whose axis points from start to stop
+        own = seen.owner == 1       # the corner is an end of the edge, whose axis points from start to stop
         corner = (stop if seen.corner.startswith('front') else start) if own else None
         seen = replace(seen, owner=numbers[seen.owner], other=numbers[seen.other],
                        corner='corner' if own else seen.corner, edge=seen.edge if own else 'edge')
@@ -116,7 +117,7 @@ class Surroundings:
 
     @cached_property
     def far_m(self) -> float:
-        """The largest coordinate."""
+        """The largest absolute coordinate of the edges."""
         return float(np.max(np.abs(np.concatenate((self.start, self.stop)).view(np.float64))))
 
     @cached_property
@@ -127,30 +128,30 @@ class Surroundings:
         return STRtree(linestrings(np.stack((ends.real, ends.imag), axis=-1)))
 
     def in_boxes(self, low: Floats, high: Floats) -> tuple[Ints, Ints]:
-        """Return the indices of boxes (M, 2) and of edges: all pairs that may intersect."""
+        """Return the indices of all boxes, given by corners (M, 2), and edges that may intersect in pairs."""
         from shapely import box
         found = self.tree.query(box(*low.T, *high.T))
         return found[0], found[1]
 
     def near(self, benches: Benches, reach_m: Floats | float) -> tuple[Ints, Ints]:
-        """Return benches and edges: all pairs within a distance of each other, and possibly others."""
+        """Return all pairs of benches and edges within a reach, and possibly other pairs, as two arrays of indices."""
         corners = benches.corners
         reach = np.broadcast_to(np.asarray(reach_m), corners.shape[:1])[:, None]
         return self.in_boxes(corners.min(axis=1) - reach, corners.max(axis=1) + reach)
 
     def gaps(self, benches: Benches, bench: Ints, edge: Ints) -> Floats:
-        """Return the signed gaps (M,) in metres of benches to edges."""
+        """Return the signed gaps (M,) in metres between benches (M,) and edges (M,)."""
         return gaps(benches, bench, edge, self.edges)
 
     def gaps_of(self, centre: Complexes, axis: Complexes, half: tuple[Floats | float, Floats | float],
                 edge: Ints) -> Floats:
-        """Return the signed gaps (M,) of rectangles with half sizes to edges (M,)."""
+        """Return the signed gaps (M,) in metres between rectangles with half sizes ``half`` and edges (M,)."""
         length = self.half_m[edge]
         return signed_gap(seen_from((centre, self.middle[edge]), (axis, self.axis[edge]),
                                     half, (length, np.zeros_like(length))))
 
     def nearest(self, benches: Benches) -> Nearest:
-        """Return the smallest gap of the benches; in a tie, that of the first bench."""
+        """Return the smallest gap between benches and edges; in a tie, the gap of the first bench is chosen."""
         reach_m = _FIRST_REACH_M
         while True:
             bench, edge = self.near(benches, reach_m)
@@ -162,7 +163,7 @@ class Surroundings:
             reach_m *= 2
 
     def closest(self, benches: Benches, reach_m: float) -> tuple[Ints, Ints, Floats]:
-        """Return benches, indices of names, and smallest gaps (K,): all pairs within a reach, and possibly others."""
+        """Return benches, indices of names and smallest gaps (K,) for all pairs within a reach, and maybe others."""
         bench, edge = self.near(benches, reach_m)
         pair, index = np.unique(bench * len(self.names) + self.owner[edge], return_inverse=True)
         least: Floats = np.full(pair.size, np.inf)
@@ -170,21 +171,21 @@ class Surroundings:
         return *np.divmod(pair, len(self.names)), least
 
     def points(self, benches: Benches, bench: Ints, number: Ints) -> Floats:
-        """Return the points (K, 2) at which benches touch obstacles, given the indices of the obstacles' names."""
+        """Return the points (K, 2) at which benches touch obstacles; ``number`` (K,) are the indices of names."""
         return np.array([self._point(benches, *pair) for pair in zip(bench.tolist(), number.tolist(), strict=True)])
 
     def _point(self, benches: Benches, bench: int, number: int) -> tuple[float, float]:
         return witness(*self.two(benches, (bench, len(benches.half_length) + number))).point_m
 
     def gap_to(self, benches: Benches, bench: int, number: int) -> float:
-        """Return the gap of a bench to a whole obstacle, given its name's index; on the wrong side it is negated."""
+        """Return the gap between a bench and a whole obstacle; it is negated if the bench is on the wrong side."""
         edge = self.edges_of(number)
         gap_m = float(np.min(self.gaps(benches, np.full(edge.size, bench), edge))) + 0.0    # removes the sign of a zero
         wrong = gap_m > 0 and number in self.misplaced_benches(benches, np.array([bench]))[1]
         return -gap_m if wrong else gap_m
 
     def touching(self, benches: Benches) -> tuple[Ints, Ints, Floats]:
-        """Return the benches that touch, the index of the name that each touches, and their smallest gaps (K,).
+        """Return the benches that touch an obstacle, the index of the obstacle's name, and the smallest gaps, all (K,).
 
         The deepest come first.
         """
@@ -194,17 +195,17 @@ class Surroundings:
         return bench[order], number[order], gap_m[order]
 
     def misplaced(self, x: float, y: float) -> int | None:
-        """Return the index of the first polygon that covers a point, or of the inside if it does not cover it."""
+        """Return the index of the first polygon that covers a point, or of an inside that does not cover it."""
         number = self.misplaced_points(np.array([[x, y]]))[1]
         return int(number[0]) if number.size else None
 
     def misplaced_benches(self, benches: Benches, which: Ints) -> tuple[Ints, Ints]:
-        """Return benches whose centres are in a polygon or not in the inside, and the indices of these names."""
+        """Return the benches whose centres are in a polygon or not in the inside, and the indices of the names."""
         row, number = self.misplaced_points(benches.centre[which])
         return which[row], number
 
     def misplaced_points(self, points_m: Floats) -> tuple[Ints, Ints]:
-        """Return indices of points (K, 2) and of names: polygons that cover a point, and an inside that does not.
+        """Return indices of points (K, 2) and names: polygons that cover a point, and insides that do not cover it.
 
         A point is covered by an area if a ray from it crosses the area's edges an odd number of times.
         """
@@ -219,7 +220,7 @@ class Surroundings:
         return row, number
 
     def _covered(self, points_m: Floats) -> tuple[Ints, Ints]:
-        """Return the indices of points, and of the names of areas that cover them."""
+        """Return the indices of points, and of the names of the areas that cover these points."""
         from shapely import linestrings
         end = np.stack((np.full(len(points_m), self.far_m + 1.0), points_m[:, 1]), axis=1)
         row, edge = self.tree.query(linestrings(np.stack((points_m, end), axis=1)))
@@ -235,7 +236,7 @@ class Surroundings:
 
 
 def joined(parts: Sequence[Surroundings]) -> Surroundings:
-    """Return several surroundings as one, in their order."""
+    """Combine several surroundings into one, in their order."""
     first = np.cumsum([0, *(len(one.names) for one in parts)])
     return Surroundings(tuple(name for one in parts for name in one.names),
                         _kept(np.concatenate([one.start for one in parts])),
@@ -249,11 +250,11 @@ def _kept(values: Complexes) -> Complexes:
     return values
 
 
-_KEPT: dict[int, tuple['ref[Venue]', Surroundings]] = {}  # keys are ids, because hashing a large venue is slow
+_KEPT: dict[int, tuple['ref[Venue]', Surroundings]] = {}  # the keys are ids because hashing a large venue is slow
 
 
 def surroundings_of(venue: Venue) -> Surroundings:
-    """Return the edges of a venue; they are cached as long as the venue exists."""
+    """Return the edges of a venue, which are cached as long as the venue exists."""
     known = _KEPT.get(id(venue))
     if known is None or known[0]() is not venue:
         key = id(venue)
@@ -262,7 +263,7 @@ def surroundings_of(venue: Venue) -> Surroundings:
 
 
 def _laid_out(venue: Venue) -> Surroundings:
-    """Return a venue's edges in the order of its names."""
+    """Return the edges of a venue in the order of the names."""
     lines = [([one.points_m], LINE) if isinstance(one, LineObstacle) else (one.rings_m, OUTSIDE)
              for one in venue.obstacles]
     lines += [([venue.inside], WITHIN)] if venue.inside is not None else []

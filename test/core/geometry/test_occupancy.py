@@ -66,5 +66,5 @@ def test_too_many_edges_are_refused_with_both_cures(monkeypatch):
     with pytest.raises(InputError, match='12 edges; the limit is 11; filter its noise, or reduce its resolution'):
         outlines(row, 'map', 0j, 1 + 0j)
     monkeypatch.setattr(occupancy, '_MOST_SIDES', 11)
-    with pytest.raises(InputError, match='12 sides of cells'):
+    with pytest.raises(InputError, match='12 boundaries between occupied and free cells'):
         outlines(row, 'map', 0j, 1 + 0j)
