@@ -1,7 +1,8 @@
-"""Biarcs (two tangent arcs that join two points with given headings) and curves composed of them.
+"""Biarcs (two tangent arcs that join two points with given headings) and curves composed of biarcs.
 
-From p with heading t to q with heading s, with both tangent legs d long, the arcs meet halfway between their corners p
-+ d t and q - d s, which are 2 d apart (K. M. Bolton, Biarc curves, Computer-Aided Design 7, 1975):
+A biarc leads from a point p with heading t to a point q with heading s. If both of its tangent legs have length d,
+its arcs meet halfway between their corners p + d t and q - d s, which are 2 d apart (K. M. Bolton, Biarc curves,
+Computer-Aided Design 7, 1975):
 
     d = v.v / (v.(t + s) + sqrt((v.(t + s))^2 + |t - s|^2 v.v)),     v = q - p.
 """
@@ -14,13 +15,16 @@ import numpy as np
 
 from dragon_ros.core.numerics.types import Complexes, Floats
 
-_STRAIGHT_RAD = 1e-9    # an arc that turns by less is treated as a line
-_FLAT_M = 1e7           # with a larger radius, an arc is a line in floats
+_STRAIGHT_RAD = 1e-9    # an arc that turns by a smaller angle is treated as a line
+_FLAT_M = 1e7           # an arc with a larger radius cannot be distinguished from a line in floats
 _LONGEST_RAD = 2.5      # the largest turn of an arc in a fitted curve
 
 
 class Bow(NamedTuple):
-    """An arc from ``start`` with a unit heading, turning by ``angle_rad``, positive to the left; a line if it is 0."""
+    """An arc from ``start`` that turns by ``angle_rad`` (positive to the left), or a line if this angle is 0.
+
+    ``heading`` is the unit tangent at the start.
+    """
 
     start: complex
     heading: complex
@@ -29,12 +33,12 @@ class Bow(NamedTuple):
 
     @property
     def is_straight(self) -> bool:
-        """Whether it is a line."""
+        """Whether the arc is a line."""
         return abs(self.angle_rad) < _STRAIGHT_RAD
 
     @property
     def radius_m(self) -> float:
-        """Its radius, infinite if it is a line."""
+        """Radius of the arc; infinite for a line."""
         return inf if self.is_straight else self.length_m / abs(self.angle_rad)
 
     @property
@@ -66,7 +70,7 @@ class Bow(NamedTuple):
         return np.where(on, np.abs(np.abs(seen) - self.radius_m), ends)
 
     def points(self, sag_m: float) -> Complexes:
-        """Return points along the arc, including both ends, whose chords deviate from it by at most ``sag_m``."""
+        """Return points along the arc, including both ends; their chords deviate from the arc by at most ``sag_m``."""
         if self.radius_m > _FLAT_M:
             return np.array((self.start, self.end))
         count = 2 + int(abs(self.angle_rad) * sqrt(self.radius_m / (8 * sag_m)))
@@ -75,12 +79,12 @@ class Bow(NamedTuple):
 
 
 def _bow(start: complex, heading: complex, end: complex, half_rad: float) -> Bow:
-    """Return the arc over a chord; the heading differs from the chord by half the arc's angle."""
+    """Return the arc over a chord; the angle between heading and chord is ``half_rad``, half the angle of the arc."""
     return Bow(start, heading, abs(end - start) * (half_rad / sin(half_rad) if half_rad else 1.0), 2 * half_rad)
 
 
 def biarc(start: complex, heading: complex, end: complex, leaving: complex) -> tuple[Bow, Bow] | None:
-    """Return two arcs from one point and heading to another; None if they would start backwards."""
+    """Return the biarc from one point and heading to another, or None if it would start backwards."""
     way, both, apart = end - start, heading + leaving, abs(heading - leaving)
     square, along = abs(way) ** 2, (way.conjugate() * both).real
     root = along + sqrt(along * along + apart * apart * square)
@@ -96,16 +100,16 @@ def biarc(start: complex, heading: complex, end: complex, leaving: complex) -> t
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Biarcs along a curve, each between two of its points (first, last); None where an arc would bend too tightly."""
+    """Biarcs along a curve, each over a span (first, last) of its points; None if an arc would bend too tightly."""
 
     spans: tuple[tuple[int, int], ...]
     biarcs: tuple[tuple[Bow, Bow] | None, ...]
 
 
 def fitted(points: Complexes, headings: Complexes, tolerance_m: float, least_m: float) -> Fitted:
-    """Return as few arcs as possible between points of a curve (n,), within a tolerance of all its points.
+    """Return a sequence of biarcs that follows the points (n,) of a curve within a tolerance.
 
-    From each node on, the biarc is the longest that stays within ``tolerance_m`` and has radii of at least ``least_m``.
+    Each biarc extends as far as it can with a deviation of at most ``tolerance_m`` and radii of at least ``least_m``.
     """
     spans, biarcs, first = list[tuple[int, int]](), list[tuple[Bow, Bow] | None](), 0
     while first < len(points) - 1:
@@ -118,7 +122,10 @@ def fitted(points: Complexes, headings: Complexes, tolerance_m: float, least_m: 
 
 def _longest(points: Complexes, headings: Complexes, first: int,
              limits_m: tuple[float, float]) -> tuple[int, tuple[Bow, Bow] | None]:
-    """Return the farthest point that one biarc reaches within the limits, and the biarc; None if there is none."""
+    """Return the last point that a single biarc can reach within the limits, and that biarc.
+
+    If no biarc satisfies the limits, return the next point and None.
+    """
     good, best, beyond, ahead = first + 1, None, len(points), 1
     while first + ahead < beyond:
         tried = first + ahead
@@ -150,5 +157,5 @@ def _within(points: Complexes, heading: complex, leaving: complex,
 
 
 def strays_m(bows: tuple[Bow, ...], points: Complexes) -> float:
-    """Return the largest distance of points (n,) from arcs."""
+    """Return the largest distance from any of the points (n,) to the nearest arc."""
     return float(np.max(np.min([bow.distances_m(points) for bow in bows], axis=0), initial=0.0))

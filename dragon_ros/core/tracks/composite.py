@@ -1,12 +1,12 @@
-"""Tracks: segments joined end to end, and positions on them.
+"""Tracks, which are segments joined end to end, and positions on tracks.
 
 A track is a sequence of segments in the head's direction; a single spiral is a track of one segment. A position
-(``Place``) is a segment's index and a coordinate on it, stored as a double-double. The next handle is the first
-position behind, or ahead, at the distance of the chord. On a composite track the largest curvature times the longest
-link is below 2; otherwise the track is rejected. Then the chord grows along the track until it reaches the link's
-length, there is exactly one such position within ``reach_m``, it moves forward when the preceding handle does, and no
-link ever locks. A single spiral leads to its centre, where links may lock and followers may turn back: ``may_lock`` is
-then true.
+(``Place``) consists of the index of a segment and a coordinate on that segment, stored as a double-double. The next
+handle is at the first position behind (or ahead of) the previous handle whose distance from it is the length of the
+link. A composite track is rejected unless its largest curvature times the longest link is below 2. The chord then
+grows along the track until it reaches the length of the link, so exactly one such position exists within ``reach_m``.
+This position moves forward when the preceding handle does, and no link ever locks. A single spiral leads to its
+centre, where links may lock and followers may turn back; ``may_lock`` is true for such a track.
 """
 import cmath
 from bisect import bisect_right
@@ -28,40 +28,40 @@ from dragon_ros.core.tracks.segments import BEHIND, LARGEST_BEND, ArcSegment, Li
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
 from dragon_ros.core.tracks.spiral import TIGHT, TINY, SpiralCurve, SpiralSegment, first_peak
 
-_FURTHEST = 1e9     # metres before a track, or radians on a circle, up to which the low part of an angle is small
-_ULPS = 2.0**-49     # relative to a coordinate and its distance: the sum of a few rounding errors
+_FURTHEST = 1e9     # limit in metres before a track (radians on a circle) where the low part of an angle is small
+_ULPS = 2.0**-49     # relative to a coordinate and its distance: bound on the sum of a few rounding errors
 _HAIR = 1e-9        # relative to a distance: how far rounding may put the leader beyond the track's end
 _SLACK = 0.02       # relative to a link: how far an error of the coarsest tier may put a follower beyond the end
-WIDEST_RAD = 1.3    # about the largest span of a link on an inward spiral: further in it may approach its lock
+WIDEST_RAD = 1.3    # approximate limit of a link's span on an inward spiral; beyond it, a link may be close to locking
 _ROUNDING = 1e-14   # relative to a coordinate: how far beyond the track's end rounding may put a link of zero length
-_NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # largest difference between a joint and the start stated by the next piece
+_NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # largest difference between the end of a piece and the stated start of the next
 
 Places = tuple[Ints, Floats, Floats]        # indices of the segments, and the coordinates on them as (hi, lo)
 
 
 class Place(NamedTuple):
-    """A position on a track: the segment's index and its coordinate."""
+    """A position on a track: the index of a segment and a coordinate on that segment."""
 
     segment: int
     u: DoubleDouble
 
     @classmethod
     def of(cls, segment: Any, u: Any, lo: Any) -> 'Place':
-        """Return the position from arrays' elements or numbers."""
+        """Return the position for array elements or plain numbers."""
         return cls(int(segment), DoubleDouble(float(u), float(lo)))
 
 
 def least_radius_m(links_m: Floats) -> float:
-    """Return the radius of the tightest bend that links can follow."""
+    """Return the radius of the tightest bend that links of these lengths can follow."""
     return float(np.max(links_m)) / LARGEST_BEND
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Segments in the head's direction; ``origins_m`` are the distances along the track at their anchors.
+    """Segments in the head's direction; ``origins_m`` are the distances of their anchors along the track.
 
-    After long travel a float is coarser than the promise, so ``origins_lo_m`` holds the low parts if the segments are
-    laid out piece by piece.
+    At large distances a single float is less precise than the promised accuracy. ``origins_lo_m`` therefore holds the
+    low parts of the distances if the segments were laid end to end.
     """
 
     segments: tuple[Segment, ...]
@@ -80,22 +80,22 @@ class Track:
 
     @cached_property
     def begin_m(self) -> float:
-        """Distance along the track where it begins; -inf if it is open."""
+        """Distance along the track at its beginning; -inf if the track is open there."""
         return self._distance(0, self.segments[0].first)
 
     @cached_property
     def end_m(self) -> float:
-        """Distance along the track where it ends; inf if it is open."""
+        """Distance along the track at its end; inf if the track is open there."""
         return self._distance(len(self.segments) - 1, self.segments[-1].last)
 
     @cached_property
     def from_afar(self) -> SpiralSegment | None:
-        """The first segment if it is a spiral that winds in from afar, else None: handles that reach it stay on it."""
+        """The first segment if it is a spiral from infinity inwards, else None; followers never leave such a spiral."""
         first = self.segments[0]
         return first if isinstance(first, SpiralSegment) and first.way == BEHIND and first.first == inf else None
 
     def without_locks(self, link_m: float) -> 'Track | None':
-        """Return the part of the track on which links of this length do not lock; None if it is not an interval."""
+        """Return the part of the track on which links of this length do not lock; None if it is not one interval."""
         first = self.segments[0]
         if self.bend * link_m <= LARGEST_BEND:
             return self
@@ -105,13 +105,13 @@ class Track:
 
     @property
     def lap_m(self) -> float:
-        """Length of the circle with which an open track begins; infinite if there is none."""
+        """Circumference of the circle with which an open track begins; infinite if it does not begin with a circle."""
         first = self.segments[0]
         return 2 * pi * first.radius_m if isinstance(first, ArcSegment) and first.first == -inf else inf
 
     @property
     def end_of_first_m(self) -> float:
-        """Distance along the track where the first segment ends."""
+        """Distance along the track at the end of the first segment."""
         return self._distance(0, self.segments[0].last)
 
     def _distance(self, k: int, u: float) -> float:
@@ -139,9 +139,10 @@ class Track:
                              'use a larger radius or shorter benches')
 
     def place_at(self, metres: float, lo: float = 0.0, from_m: float = 0.0) -> Place:
-        """Return the position at a distance along the track. Raises TrackEndError off the track.
+        """Return the position at a distance along the track. Raises TrackEndError if it is beyond either end.
 
-        The allowance for rounding beyond an end is proportional to the distances involved: the end's, and ``from_m``.
+        Rounding may put a distance slightly beyond an end; the allowance grows with the distance of that end and
+        ``from_m``.
         """
         if not self.begin_m <= metres <= self.end_m:
             limit_m = self.begin_m if metres < self.begin_m else self.end_m
@@ -155,7 +156,7 @@ class Track:
         return Place(k, self.segments[k].after(here, here_lo))
 
     def places_at(self, metres: Floats, lo: Floats) -> Places:
-        """Return ``place_at`` for many distances; all must be on the track."""
+        """Return the positions at many distances, all of which must be on the track (see ``place_at``)."""
         number = np.searchsorted(np.array(self.joints_m), metres, side='right')
         u, u_lo = np.empty_like(metres), np.empty_like(metres)
         here, here_lo = plus(metres, lo - np.array(self._origins_lo_m)[number], -np.array(self.origins_m)[number])
@@ -165,7 +166,7 @@ class Track:
         return number, u, u_lo
 
     def present(self, number: Ints) -> list[int]:
-        """Return the segments that contain any of many positions."""
+        """Return the segment indices that occur in ``number``, in ascending order."""
         if len(self.segments) == 1:
             return [0]
         occurring: list[int] = np.flatnonzero(np.bincount(number.reshape(-1))).tolist()
@@ -177,18 +178,18 @@ class Track:
         return [self._distance(k, self.segments[k].first) for k in range(1, len(self.segments))]
 
     def between(self, low_m: float, high_m: float) -> list[tuple[Segment, float, float]]:
-        """Return the segments between two distances, each with the values of u at both ends."""
+        """Return the segments between two distances, each as (segment, u at its beginning, u at its end)."""
         first, last = self.place_at(low_m), self.place_at(high_m)
         return [(segment, first.u.hi if k == first.segment else segment.first,
                  last.u.hi if k == last.segment else segment.last)
                 for k, segment in enumerate(self.segments) if first.segment <= k <= last.segment]
 
     def far_m(self, low_m: float, high_m: float) -> float:
-        """Return a bound on the distance from the origin for the part of the track between two distances along it."""
+        """Return an upper bound on the distance from the origin to the track between two distances along the track."""
         return max(segment.far_m(a, b) for segment, a, b in self.between(low_m, high_m))
 
     def laid_from_m(self, metres: float) -> float:
-        """Return a bound on the distance from the origin for all pieces up to a distance along the track.
+        """Return a bound on the distance from the origin to all pieces that end before a distance along the track.
 
         A rounding error at the end of a piece moves all later pieces.
         """
@@ -196,9 +197,10 @@ class Track:
         return max((segment.far_m(segment.after(0.0).hi, segment.last) for segment in before), default=0.0)
 
     def next(self, place: Place, chord_m: float, direction: int) -> tuple[Place, int]:
-        """Return the position of the next handle, behind (``direction`` BEHIND) or ahead, and the evaluation count.
+        """Return the position of the next handle behind (``direction`` BEHIND) or ahead, and the number of evaluations.
 
-        Exactly at a lock, where rounding may remove the root, it is the position of the longest chord.
+        Exactly at a lock, rounding may remove the root; the result is then the position at which the chord is
+        longest.
         """
         segment, u = self.segments[place.segment], place.u
         edge = self.edge(place.segment, chord_m, direction)
@@ -212,7 +214,7 @@ class Track:
         return found, spent + more
 
     def edge(self, k: int, chord_m: float, direction: int) -> float:
-        """Return the coordinate at which segment k ends behind or ahead, or slightly beyond at the track's ends."""
+        """Return the coordinate of the end of segment k behind or ahead; at an end of the track, slightly beyond it."""
         segment = self.segments[k]
         edge = segment.first if direction == BEHIND else segment.last
         if 0 <= k + direction < len(self.segments) or abs(edge) == inf:
@@ -221,7 +223,10 @@ class Track:
         return float(edge + direction * (_SLACK * chord_m + _ROUNDING * (1 + abs(rate * edge))) / rate)
 
     def across(self, place: Place, chord_m: float, direction: int) -> tuple[Place, int]:
-        """Return the next position beyond joints, and the number of evaluations. Raises TrackEndError without one."""
+        """Return the next position, which is on another segment, and the number of evaluations.
+
+        Raises TrackEndError if there is no such position.
+        """
         k, segment = place.segment, self.segments[place.segment]
         here = complex(segment.at(*place.u))
         gone = float(segment.metres_between(place.u.hi, segment.first if direction == BEHIND else segment.last)
@@ -241,8 +246,9 @@ class Track:
              arcs_m: tuple[float, float]) -> tuple[Place, int]:
         """Return the position on segment k at a chord's length from a point, and the number of evaluations.
 
-        ``arcs_m`` are the arc from the point to the segment's near end, and the longest arc to the position. The
-        unknown is offset by ``most``, so that steps near the joint are not relative to 0.
+        ``arcs_m`` are the arc length from the point to the near end of the segment, and the largest possible arc
+        length to the position. The solver's tolerance is relative to the unknown, which is therefore offset so that
+        it is not close to 0 near the joint.
         """
         gone, reach = arcs_m
         segment = self.segments[k]
@@ -264,13 +270,13 @@ class Track:
 
     @cached_property
     def _joint_hair_m(self) -> float:
-        """The largest distance by which rounding may move a position away from its joint."""
+        """Upper bound on the distance by which rounding may move a position away from a joint."""
         ends = [(segment, u) for segment in self.segments for u in (segment.first, segment.last) if abs(u) < inf]
         return _ULPS * max((abs(float(m)) for segment, u in ends for m in (u * segment.rate(u), segment.metres(u))),
                            default=0.0)
 
     def across_many(self, k: int, u: tuple[Floats, Floats], chord_m: float, direction: int) -> tuple[Places, int]:
-        """Return ``across`` for many positions (hi, lo) on segment k."""
+        """Return the next positions on other segments (see ``across``) for many positions (hi, lo) on segment k."""
         start, segment, spent = k, self.segments[k], 0
         here = np.asarray(segment.at(*u), dtype=np.complex128)
         gone = np.asarray(segment.metres_between(u[0], segment.first if direction == BEHIND else segment.last)
@@ -297,7 +303,7 @@ class Track:
 
     @cached_property
     def bends(self) -> tuple[Floats, Floats]:
-        """Smallest and largest signed curvature in 1/m over all segments from one to another, (P, P) each."""
+        """Smallest and largest signed curvature in 1/m from each segment to each other segment, shape (P, P) each."""
         ends = np.array([segment.curvature(np.array([segment.first, segment.last])) for segment in self.segments])
         count = range(len(self.segments))
         rows = [[ends[min(i, j):max(i, j) + 1] for j in count] for i in count]
@@ -305,11 +311,11 @@ class Track:
                 np.array([[np.max(part) for part in row] for row in rows]))
 
     def distances(self, segment: Ints, u: Floats) -> Floats:
-        """Return the distances of many positions along the track; ``segment`` as for ``poses``."""
+        """Return the distances of many positions along the track; ``segment`` has the same meaning as in ``poses``."""
         return self._each(segment, u, lambda k, u: self.origins_m[k] + self.segments[k].metres(u))
 
     def curvatures(self, segment: Ints, u: Floats) -> Floats:
-        """Return the signed curvatures at many positions in 1/m."""
+        """Return the signed curvatures in 1/m at many positions."""
         return self._each(segment, u, lambda k, u: self.segments[k].curvature(u))
 
     def _each(self, segment: Ints, u: Floats, value: Callable[[int, Floats], Any]) -> Floats:
@@ -322,7 +328,7 @@ class Track:
         return out
 
     def points(self, segment: Ints, u: Floats, lo: Floats) -> Floats:
-        """Return coordinates in metres, shape (..., 2)."""
+        """Return the points at many positions in metres, shape (..., 2)."""
         return self._vectors(segment, u, lambda k, here: self.segments[k].at(u[here], lo[here]))
 
     def headings(self, segment: Ints, u: Floats, lo: Floats) -> Floats:
@@ -330,9 +336,9 @@ class Track:
         return self._vectors(segment, u, lambda k, here: self.segments[k].heading(u[here], lo[here]))
 
     def poses(self, segment: Ints, u: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``points`` and ``headings``, which takes little longer than one of them.
+        """Return ``points`` and ``headings``; computing both takes little longer than computing one of them.
 
-        ``segment`` may lack the last axes of ``u`` (..., K): it then applies to all K positions.
+        If ``segment`` lacks the last axes of ``u``, each index applies to all positions along these axes.
         """
         points, headings = (np.empty(u.shape, dtype=np.complex128) for _ in range(2))
         for k, here in self._parts(segment):
@@ -346,18 +352,18 @@ class Track:
         return _vectors_of(out)
 
     def _parts(self, segment: Ints) -> Iterator[tuple[int, Any]]:
-        """Yield the segments that contain any of many positions, each with the indices of its positions."""
+        """Yield the index of each segment that contains positions, with an array index that selects these positions."""
         for k in self.present(segment):
             yield k, ... if len(self.segments) == 1 else segment == k
 
 
 def _vectors_of(points: Array) -> Floats:
-    """Return complex numbers (...) as vectors (..., 2)."""
+    """Return complex numbers of shape (...) as real vectors of shape (..., 2)."""
     return read_only(points.view(np.float64).reshape(*points.shape, 2))
 
 
 def _guessed(segment: Segment, near: float, here: Array, chord_m: float, direction: int) -> Floats:
-    """Return approximate distances, from a segment's near end, of its points at a chord's length from many points.
+    """Return the approximate distances from a segment's near end at which the segment is a chord's length from points.
 
     The segment is replaced by its osculating circle at the near end, which is exact for lines and arcs. If the chord
     does not reach that circle, the tangent is used.
@@ -378,7 +384,7 @@ def _guessed(segment: Segment, near: float, here: Array, chord_m: float, directi
 
 def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: float, direction: int,
           arcs_m: tuple[Floats, float, float]) -> tuple[tuple[Floats, Floats], int]:
-    """Return ``Track._cut`` for many points, by Newton's method within brackets."""
+    """Return the positions that ``Track._cut`` would find for many points, by bracketed Newton iteration."""
     (near, far), (gone, reach, hair_m) = ends, arcs_m
     rate, sense = abs(float(segment.rate(near))), 1.0 if far > near else -1.0
     left, hair = np.maximum(reach - gone, 0.0), hair_m / rate
@@ -408,11 +414,11 @@ def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: flo
 
 
 def track_of(spec: TrackSpec, direction: int = BEHIND) -> Track:
-    """Return the track of a spec in the plane. Raises FieldError, which names the joint, if pieces do not join.
+    """Return the track that a spec describes. Raises FieldError with the name of the joint if pieces do not meet.
 
-    A single spiral leads to its centre; if the tail leads (``direction`` AHEAD), it ends where the head starts.
-    Distances are measured from the start of the head, from the entry of an S-turn, or from the start of a composite
-    track's first piece.
+    A single spiral ends at its centre or, if the tail leads (``direction`` AHEAD), at the start of the head.
+    Distances are measured from the start of the head on a spiral, from the entry on an S-turn, and from the start of
+    the first piece on a composite track.
     """
     if isinstance(spec, Spiral):
         if direction == BEHIND:
@@ -429,7 +435,7 @@ def track_of(spec: TrackSpec, direction: int = BEHIND) -> Track:
 
 
 def spiral_track(spiral: Spiral, last_rad: float, may_lock: bool = False) -> Track:
-    """Return a single spiral as a track that winds in from afar to a polar angle, with distances from its start."""
+    """Return the track of one spiral that winds in from infinity to a polar angle; its start is at distance 0."""
     return Track((SpiralSegment(SpiralCurve.of(spiral), 0j, 1 + 0j, 1, BEHIND, inf, last_rad),), (0.0,), may_lock)
 
 
@@ -453,8 +459,8 @@ def _composite(spec: Composite) -> Track:
 def _segment(piece: Piece, start: complex, heading: complex, open_ended: bool) -> Segment:
     """Return the segment of a piece that begins at a point.
 
-    An open-ended piece extends backwards without end: as a line, a circle traversed repeatedly, or a spiral that winds
-    in. A spiral that winds out cannot be extended.
+    An open-ended piece extends backwards indefinitely, as a line, a circle that is traversed repeatedly, or a spiral
+    that winds in. A spiral that winds out cannot be extended.
     """
     if isinstance(piece, Line):
         return LineSegment(start, heading, -inf if open_ended else 0.0, piece.length_m)

@@ -1,9 +1,9 @@
 """Convert a drawn line into a track: round corners, fit arcs to curves, and make every bend walkable.
 
 A drawn line is a sequence of parts, straight or smooth, that meet at points; if they meet at an angle, the point is a
-corner. Corners, and bends that are too tight for the links, are replaced by the shortest biarc around them that has the
-requested radius. The rest is straight, or a curve to which biarcs are fitted. Consecutive pieces are tangent, because
-each begins at the end point and heading of the preceding one.
+corner. Each corner, and each bend that is too tight for the links, is replaced by the shortest biarc around it that
+has the requested radius. All other parts are straight lines, or curves to which biarcs are fitted. Consecutive pieces
+are tangent, because each begins at the end point and heading of the preceding one.
 """
 import cmath
 from collections.abc import Sequence
@@ -21,27 +21,26 @@ from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 from dragon_ros.core.tracks.biarcs import Bow, biarc, fitted
 from dragon_ros.core.tracks.spec import MOST_PIECES, Arc, Line, Piece
 
-LEAD_IN_M = 1.0         # the line before a track that would otherwise begin with a bend
+LEAD_IN_M = 1.0         # length of the line added before a track that would otherwise begin with a bend
 _MOST_SAMPLES = 20_000  # limit per curve
-_FINE = 0.002           # relative to the tolerance: deviation of samples of a piece when its distance is measured
-_THINNED = 0.05         # relative to the tolerance: limit for the thinning of points
-_EASED = (0.0, 0.25, 0.5, 0.75)     # relative to the tolerance: limits of smoothing, tried in order
+_FINE = 0.002           # relative to the tolerance: sampling error of a piece when its deviation is measured
+_THINNED = 0.05         # relative to the tolerance: limit of the deviation caused by thinning the points
+_EASED = (0.0, 0.25, 0.5, 0.75)     # relative to the tolerance: limits of the displacement by smoothing, tried in order
 _TAUBIN, _PASSES, _TINY_M = (0.5, -0.53), 300, 1e-300
 _KINK_RAD = 0.05        # a curve is bent by up to this angle to meet its neighbour; a larger angle is a corner
 _SAME = 1e-9            # relative to a length
-_ALIKE = 1e-7           # relative to a radius: arcs that agree are merged
-_MEASURED = 1e-5        # relative to its radius: deviation of samples of a blend when its distance is measured
-_ROUNDS = 12             # limit for the search for bends that are too tight
-_DECIMALS = 11          # for metres and degrees in a scene file
-_GROWTH, _CLOSE = 1.2, 1e-6     # growth factor of a blend until its radius is sufficient, and the precision of its size
+_ALIKE = 1e-7           # relative to a radius: arcs whose radii differ by less are merged
+_MEASURED = 1e-5        # relative to the radius of a blend: sampling error when its deviation is measured
+_ROUNDS = 12             # largest number of searches for bends that are too tight
+_DECIMALS = 11          # decimal places of metres and degrees in a scene file
+_GROWTH, _CLOSE = 1.2, 1e-6     # growth factor of a blend until its radius is sufficient; precision of its size
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothPart:
     """A smooth part of a drawn line: points (n,) in m as complex numbers, and unit headings (n,).
 
-    ``drawn`` (m,) are the drawn points from which these were taken, and ``drawn_at_m`` (m,) their distances along the
-    part.
+    ``drawn`` (m,) are the original points of the drawing, and ``drawn_at_m`` (m,) are their distances along the part.
     """
 
     points: Complexes
@@ -51,7 +50,7 @@ class SmoothPart:
 
     @property
     def is_straight(self) -> bool:
-        """Whether it is a line: a shortened curve may also have two points, but with different headings."""
+        """Whether the part is a line; a shortened curve may also have only two points, but its headings differ."""
         way = self.points[-1] - self.points[0]
         return len(self.points) == 2 and bool(np.all(np.abs(self.headings - way / abs(way)) < _SAME))
 
@@ -73,7 +72,7 @@ def _stretch(points: Complexes, headings: Complexes) -> SmoothPart:
 
 @dataclass(frozen=True)
 class Change:
-    """A deliberate deviation of a track from the drawing: its position, its radius and its largest distance."""
+    """A deliberate deviation of a track from the drawing: its position, smallest radius and largest distance."""
 
     place_m: tuple[float, float]
     radius_m: float
@@ -83,9 +82,9 @@ class Change:
 
 @dataclass(frozen=True)
 class Route:
-    """The pieces of a track (the first with its position), the changes, and the deviation of curves from the drawing.
+    """The pieces of a track, the deliberate changes, and the deviation of fitted curves from the drawing.
 
-    The first ``lead_in_m`` metres are a line before the start of the drawing.
+    The first piece states its position. The first ``lead_in_m`` metres are a line before the start of the drawing.
     """
 
     pieces: tuple[Piece, ...]
@@ -100,12 +99,15 @@ class Route:
 
 
 class Cubic(NamedTuple):
-    """A cubic Bézier curve by its four control points, complex numbers in m."""
+    """A cubic Bézier curve, given by its four control points as complex numbers in metres."""
 
     controls: tuple[complex, complex, complex, complex]
 
     def stretch(self, sag_m: float) -> SmoothPart:
-        """Return samples whose chords deviate from the curve by at most ``sag_m``: 1 / 8 of the second derivative."""
+        """Return samples whose chords deviate from the curve by at most ``sag_m``.
+
+        Between two samples, the deviation is at most 1/8 of the second derivative times the squared step.
+        """
         a, b, c, d = self.controls
         bend = 6 * max(abs(a - 2 * b + c), abs(b - 2 * c + d))
         t = np.linspace(0.0, 1.0, _samples(sqrt(bend / (8 * sag_m))))
@@ -115,7 +117,7 @@ class Cubic(NamedTuple):
 
 
 class EllipseArc(NamedTuple):
-    """A part of an ellipse, centre + a cos u + b sin u, from u = start_rad over sweep_rad."""
+    """The part of an ellipse, centre + a cos u + b sin u, from u = start_rad to start_rad + sweep_rad."""
 
     centre: complex
     axes: tuple[complex, complex]
@@ -130,7 +132,7 @@ class EllipseArc(NamedTuple):
         return _sampled(self.centre + a * np.cos(u) + b * np.sin(u), self.sweep_rad * (b * np.cos(u) - a * np.sin(u)))
 
 
-DrawnPart = Complexes | Cubic | EllipseArc      # points in order, or a curve
+DrawnPart = Complexes | Cubic | EllipseArc      # ordered points, or a curve
 
 
 def _samples(count: float) -> int:
@@ -138,7 +140,7 @@ def _samples(count: float) -> int:
 
 
 def _sampled(points: Complexes, rates: Complexes) -> SmoothPart:
-    """Return a smooth part from points and derivatives; where a derivative vanishes, the chords give the heading."""
+    """Return a smooth part from points and derivatives; where a derivative vanishes, chords give the heading."""
     chords = np.diff(points)
     small = np.abs(rates) <= 1e-9 * float(np.max(np.abs(rates), initial=0.0))
     if np.any(small):
@@ -149,11 +151,12 @@ def _sampled(points: Complexes, rates: Complexes) -> SmoothPart:
 
 
 def along(parts: Sequence[DrawnPart], radius_m: float, least_m: float, tolerance_m: float) -> Route:
-    """Return a track of lines and arcs along parts of a drawn line, each of which begins where the previous one ends.
+    """Return a track of lines and arcs along a drawn line, each part of which begins where the previous part ends.
 
-    Corners are rounded at ``radius_m`` or, if legs are too short for that, at the largest radius that fits, down to
-    ``least_m``, the tightest that the links can follow. Curves are fitted within ``tolerance_m``. If points are noisy,
-    part of the tolerance is used to smooth them. Raises InputError with the position if a bend does not fit.
+    Corners are rounded with the radius ``radius_m``. If the legs are too short for this radius, the largest radius
+    that fits is used, down to ``least_m``, the smallest that the links can follow. Curves are fitted within
+    ``tolerance_m``. If points are noisy, part of the tolerance is used to smooth them. Raises InputError with the
+    position if a bend does not fit.
     """
     best, refused = None, None
     for part in _EASED if any(isinstance(one, np.ndarray) and len(one) > 2 for one in parts) else _EASED[:1]:
@@ -179,10 +182,11 @@ def _stretches(part: DrawnPart, eased_m: float, tolerance_m: float) -> list[Smoo
 
 
 def through(drawn: Complexes, eased: Complexes, tolerance_m: float) -> list[SmoothPart]:
-    """Return the smooth parts of a line through points (n,): legs, or curves if arcs through the points stay near them.
+    """Return the smooth parts of a line through points (n,), which is split at its corners.
 
-    An arc over a leg of length h between headings that differ by phi deviates from the leg by h phi / 8. Points near
-    the line through the others are removed first; ``eased`` are the smoothed points, ``drawn`` the original ones.
+    ``eased`` are the smoothed points and ``drawn`` the original points. Points near the line through the others are
+    removed first. An arc over a leg of length h between headings that differ by phi deviates from the leg by h phi /
+    8; a point is a corner if this deviation exceeds the tolerance.
     """
     numbers = _kept(eased, _THINNED * tolerance_m)
     if len(numbers) < 2:
@@ -195,7 +199,7 @@ def through(drawn: Complexes, eased: Complexes, tolerance_m: float) -> list[Smoo
 
 
 def _kept(points: Complexes, away_m: float) -> Ints:
-    """Return the indices of points (n,) that the Douglas-Peucker algorithm keeps; the others are near their line."""
+    """Return the indices of the points (n,) that the Douglas-Peucker algorithm keeps with the tolerance ``away_m``."""
     if len(points) < 2:
         return np.arange(len(points))
     rows = np.stack((points.real, points.imag, np.arange(len(points))), axis=1)
@@ -220,7 +224,7 @@ def _eased(points: Complexes, within_m: float) -> Complexes:
 
 
 def _curve(drawn: Complexes, eased: Complexes, numbers: Ints) -> SmoothPart:
-    """Return a smooth part through points; headings are those of the circles through each point and its neighbours."""
+    """Return a smooth part through points; each heading follows the circle through the point and its neighbours."""
     points = eased[numbers]
     legs = np.diff(points)
     long, ways = np.abs(legs), legs / np.abs(legs)
@@ -233,7 +237,7 @@ def _curve(drawn: Complexes, eased: Complexes, numbers: Ints) -> SmoothPart:
     inner = ways[:-1] * long[1:] + ways[1:] * long[:-1]
     inner = np.where(np.abs(inner) > _SAME * (long[1:] + long[:-1]), inner, 1j * ways[:-1])
     inner /= np.abs(inner)
-    first, last = ways[0] ** 2 / inner[0], ways[-1] ** 2 / inner[-1]    # same angle, other side of the leg
+    first, last = ways[0] ** 2 / inner[0], ways[-1] ** 2 / inner[-1]    # the same angle on the other side of the leg
     return SmoothPart(points, np.concatenate(([first], inner, [last])), drawn[between], at_m)
 
 
@@ -243,7 +247,7 @@ class _SmoothLine:
     def __init__(self, stretches: Sequence[SmoothPart]) -> None:
         self.stretches = [one for one in stretches if len(one.points) > 1]
         self.begins_m = np.concatenate(([0.0], np.cumsum([one.gone_m[-1] for one in self.stretches])))
-        self.reaches_m: dict[tuple[tuple[float, float], float], float | None] = {}      # by position and radius
+        self.reaches_m: dict[tuple[tuple[float, float], float], float | None] = {}      # keyed by position and radius
         self._absorb_kinks()
 
     @property
@@ -262,12 +266,12 @@ class _SmoothLine:
             self.stretches[k + 1] = replace(after, headings=np.append(common, after.headings[1:]))
 
     def corners(self) -> list[tuple[float, float]]:
-        """Return the positions (first, last) of corners."""
+        """Return the intervals (first, last) of distances that the corners occupy."""
         return [(float(at), float(at)) for at, (before, after) in zip(
             self.begins_m[1:], pairwise(self.stretches), strict=False) if before.headings[-1] != after.headings[0]]
 
     def pose(self, at_m: float, after: bool) -> tuple[complex, complex]:
-        """Return the point and heading at a distance; where two parts meet, those of the next or the previous part."""
+        """Return the point and heading at a distance; where two parts meet, ``after`` selects the next part."""
         k = int(np.searchsorted(self.begins_m, at_m, side='right' if after else 'left')) - 1
         k = min(max(k, 0), len(self.stretches) - 1)
         one, here = self.stretches[k], at_m - self.begins_m[k]
@@ -280,7 +284,7 @@ class _SmoothLine:
         return complex(one.points[n] + part * (one.points[n + 1] - one.points[n])), complex(heading / abs(heading))
 
     def between(self, low_m: float, high_m: float) -> list[tuple[float, SmoothPart]]:
-        """Return the smooth parts between two distances, cut there, each with the distance at which it begins."""
+        """Return the smooth parts between two distances, clipped to them, each with the distance at which it begins."""
         out, hair = [], _SAME * self.length_m
         for begin, one in zip(self.begins_m.tolist(), self.stretches, strict=False):
             first, last = max(low_m, begin), min(high_m, begin + float(one.gone_m[-1]))
@@ -296,7 +300,7 @@ class _SmoothLine:
         return _stretch(np.concatenate(([a], points, [b])), np.concatenate(([at], headings, [to])))
 
     def drawn_between(self, low_m: float, high_m: float) -> Complexes:
-        """Return the originally drawn line between two distances."""
+        """Return the original points of the drawing between two distances, with the points at both ends."""
         inner = [one.drawn[slice(*np.searchsorted(one.drawn_at_m, (low_m - begin, high_m - begin), side='right'))]
                  for begin, one in zip(self.begins_m.tolist(), self.stretches, strict=False)
                  if begin <= high_m and begin + one.gone_m[-1] >= low_m]
@@ -336,7 +340,7 @@ def _routed(stretches: Sequence[SmoothPart], radius_m: float, least_m: float, to
 
 
 def _joined(places: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return intervals in order, merged if they touch."""
+    """Return the intervals in ascending order; intervals that touch are merged."""
     out = list[tuple[float, float]]()
     for low, high in sorted(places):
         if out and low <= out[-1][1]:
@@ -347,7 +351,7 @@ def _joined(places: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def _blends(drawn: _SmoothLine, corners: list[tuple[float, float]], radius_m: float, least_m: float) -> list[_Blend]:
-    """Return a blend for each corner; corners too close for two blends share one."""
+    """Return a blend for each corner; corners that are too close together for two blends share one."""
     while corners:
         wide, slim = ([_reach_m(drawn, place, at_m) for place in corners] for at_m in (radius_m, least_m))
         for place, reach in zip(corners, slim, strict=True):
@@ -365,7 +369,7 @@ def _blends(drawn: _SmoothLine, corners: list[tuple[float, float]], radius_m: fl
 
 
 def _shares(gaps: list[float], wide: list[float | None], slim: list[float | None]) -> list[float | None]:
-    """Return, per gap, the fraction of the step from slim to wide blends that fits; None if slim blends do not fit."""
+    """Return, for each gap, how far its blends can grow from slim (0) to wide (1); None if slim blends do not fit."""
     out: list[float | None] = []
     for gap, big, small in zip(gaps, pairwise([0.0, *wide, 0.0]), pairwise([0.0, *slim, 0.0]), strict=True):
         least = sum(one or 0.0 for one in small)
@@ -382,7 +386,7 @@ def _between(low: float | None, high: float | None, shares: list[float | None]) 
 
 
 def _reach_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) -> float | None:
-    """Return the distance from a corner to both ends of the biarc with this radius; None if it does not fit.
+    """Return the distance from a corner to either end of the biarc with this radius; None if the biarc does not fit.
 
     Between two lines the biarc is one arc with a reach of R tan(phi / 2).
     """
@@ -405,7 +409,7 @@ def _shortest_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float)
 
 
 def _tangent_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) -> float:
-    """Return the reach of a corner between two lines, or a small initial value."""
+    """Return the exact reach of a corner between two lines; for other corners, a small initial value."""
     low, high = place
     turn = abs(cmath.phase(drawn.pose(high, True)[1] / drawn.pose(low, False)[1]))
     if low == high and turn < 0.99 * pi:
@@ -430,7 +434,7 @@ def _blend(drawn: _SmoothLine, place: tuple[float, float], reach_m: float) -> _B
 
 
 def _ends(drawn: _SmoothLine, place: tuple[float, float], reach_m: float) -> tuple[float, float]:
-    """Return the distances along the drawing at ``reach_m`` before and behind a corner, clipped to its ends."""
+    """Return the distances that are ``reach_m`` before and after a corner, clipped to the ends of the drawing."""
     return max(0.0, place[0] - reach_m), min(drawn.length_m, place[1] + reach_m)
 
 
@@ -444,7 +448,7 @@ def _unwalkable(drawn: _SmoothLine, low_m: float, high_m: float, least_m: float)
 
 
 class _FittedArcs(NamedTuple):
-    """Arcs along the drawn line between two distances."""
+    """Arcs fitted to the drawn line between two distances."""
 
     low_m: float
     high_m: float
@@ -453,7 +457,7 @@ class _FittedArcs(NamedTuple):
 
 def _fit(drawn: _SmoothLine, blends: list[_Blend], tolerance_m: float,
          least_m: float) -> tuple[list[_FittedArcs], list[tuple[float, float]]]:
-    """Return the parts of the track between blends, and the intervals in which it would bend too tightly."""
+    """Return the parts of the track between blends, and the intervals in which the track would bend too tightly."""
     parts, tight = list[_FittedArcs](), list[tuple[float, float]]()
     ends = [0.0, *(end for blend in blends for end in (blend.low_m, blend.high_m)), drawn.length_m]
     for low, high in zip(ends[::2], ends[1::2], strict=True):
@@ -474,7 +478,7 @@ def _fit(drawn: _SmoothLine, blends: list[_Blend], tolerance_m: float,
 
 
 def _laid(drawn: _SmoothLine, blends: list[_Blend], parts: list[_FittedArcs], tolerance_m: float) -> Route:
-    """Return the route of blends and parts in order, with each piece laid at the end of the previous one."""
+    """Return the route of blends and parts in order, in which each piece starts at the end of the previous piece."""
     order = sorted([*((part.low_m, part.bows) for part in parts), *((blend.low_m, blend.bows) for blend in blends)],
                    key=lambda some: some[0])
     bows = _merged([bow for _, some in order for bow in some])
@@ -494,12 +498,12 @@ def _apart_m(drawn: _SmoothLine, part: _FittedArcs, sag_m: float) -> float:
     """Return the Hausdorff distance between arcs and the part of the drawn line that they replace."""
     lines = drawn.drawn_between(part.low_m, part.high_m), np.concatenate([bow.points(sag_m) for bow in part.bows])
     ends = (LineString(np.stack((some.real, some.imag), axis=1)) for some in lines)
-    with np.errstate(invalid='ignore'):     # GEOS 3.11 sets the flag needlessly
+    with np.errstate(invalid='ignore'):     # GEOS 3.11 sets the flag for valid input
         return float(hausdorff_distance(*ends))
 
 
 def _shift_m(bows: list[Bow], laid: list[Bow]) -> float:
-    """Return how far the ends of pieces move when each piece is laid at the end pose of the previous one."""
+    """Return how far the ends of pieces move when each piece starts at the end pose of the previous piece."""
     gone = np.cumsum([bow.length_m for bow in bows])
     ends = np.array([bow.end for bow in bows])
     at, heading, along, worst = laid[0].start, laid[0].heading, 0.0, 0.0
@@ -519,7 +523,7 @@ def _change(drawn: _SmoothLine, blend: _Blend) -> Change:
 
 
 def _merged(bows: list[Bow]) -> list[Bow]:
-    """Return arcs without zero lengths, with neighbours of equal radius and consecutive lines merged."""
+    """Return the arcs and lines, with adjacent arcs of equal radius and adjacent lines merged."""
     out = list[Bow]()
     for bow in bows:
         if out and _are_one(out[-1], bow):
@@ -545,5 +549,5 @@ def _pieces(bows: list[Bow]) -> tuple[Piece, ...]:
 
 
 def _plain(value: float) -> float:
-    """Return a number without the rounding noise in its last digits; this moves a kilometre of track by a nanometre."""
+    """Round off the noise in the last digits of a number, which moves a kilometre of track by a nanometre."""
     return round(value, _DECIMALS)

@@ -1,4 +1,4 @@
-"""The S-turn (``spec.STurn``): two tangent arcs from the inward spiral to the same spiral, rotated by half a turn."""
+"""The S-turn (``spec.STurn``): two tangent arcs from the inward spiral to a copy of it rotated by half a turn."""
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import asin, inf, pi, sin, sqrt
@@ -10,8 +10,8 @@ from dragon_ros.core.tracks.spiral import SpiralCurve, SpiralSegment
 
 
 def s_turn_segments(turn: STurn) -> tuple[tuple[Segment, ...], tuple[float, ...]]:
-    """Return the segments, open at both ends, and the distances of their anchors from the entry."""
-    # With a single float for the entry's angle, both spirals would be off by half an ulp of the angle times the radius.
+    """Return the segments of a track that is open at both ends, and the distances of their anchors from the entry."""
+    # If the entry angle were a single float, both spirals would be off by half an ulp of the angle times the radius.
     curve = SpiralCurve(turn.pitch_m, from_turns(Fraction(turn.diameter_m) / 2 / Fraction(turn.pitch_m)))
     theta = curve.start.hi
     way_in = SpiralSegment(curve, 0j, 1 + 0j, 1, BEHIND, inf, theta)
@@ -25,7 +25,7 @@ def s_turn_segments(turn: STurn) -> tuple[tuple[Segment, ...], tuple[float, ...]
 
 @dataclass(frozen=True)
 class Bent:
-    """A path from entry to exit of an S-turn: two arcs of one radius with a straight line between them."""
+    """A path from the entry to the exit of an S-turn: two arcs of equal radius and a straight line between them."""
 
     radius_m: float
     angle_rad: float
@@ -39,12 +39,12 @@ class Bent:
 
 @dataclass(frozen=True)
 class TurnAnswer:
-    """The length of an S-turn, and whether it can be shortened with arcs no tighter than ``least_radius_m``.
+    """The length of an S-turn, and how arcs with a radius of at least ``least_radius_m`` can shorten it.
 
-    The length does not depend on the ratio of the radii. ``smallest_diameter_m`` is the
-    diameter of the smallest circle with two equal arcs of that radius (0 if there is no lower limit), and
-    ``length_there_m`` is the turn's length in it. ``with_line`` replaces the arcs in the same circle by tighter ones
-    and a line; it is None if that is no shorter.
+    The length does not depend on the ratio of the radii. ``smallest_diameter_m`` is the diameter of the turning
+    circle in which both arcs have the radius ``least_radius_m`` (0 if there is no lower limit), and
+    ``length_there_m`` is the length of the turn in that circle. ``with_line`` is a path in the original circle that
+    consists of two tighter arcs and a line; it is None if no such path is shorter.
     """
 
     length_m: float
@@ -58,7 +58,7 @@ class TurnAnswer:
 
 
 def turn_answer(turn: STurn, least_radius_m: float) -> TurnAnswer:
-    """Return the length of a turn, and the ways to shorten it."""
+    """Return the length of a turn and the ways to shorten the turn."""
     smallest = turn.smallest_diameter_m(least_radius_m)
     there_m = replace(turn, diameter_m=smallest, ratio=1.0).length_m if smallest else None
     return TurnAnswer(turn.length_m, turn.radii_m, turn.angle_rad, least_radius_m, turn.largest_ratio(least_radius_m),
@@ -66,12 +66,13 @@ def turn_answer(turn: STurn, least_radius_m: float) -> TurnAnswer:
 
 
 def shortest_bent(turn: STurn, least_radius_m: float) -> Bent | None:
-    """Return the shortest path between the turn's entry and exit that turns right, then left, no tighter than a radius.
+    """Return the shortest path from entry to exit that turns right, then left, with at least a given radius.
 
-    The shortest curve of bounded curvature consists of arcs of that radius and lines (Dubins 1957); this one turns
-    once in each direction. The result is None if the radius exceeds that of two equal arcs. The first arc's
-    centre is at distance m from the circle's, m^2 = R^2 + r^2 - 2 R r sin gamma; the line is tangent to both arcs and
-    passes through the circle's centre.
+    The shortest curve of bounded curvature consists of lines and arcs of the smallest allowed radius (Dubins 1957);
+    the returned path turns once in each direction. The result is None if ``least_radius_m`` exceeds the radius that
+    two equal arcs would have. The centre of the first arc is at a distance m from the centre of the turning circle,
+    where m^2 = R^2 + r^2 - 2 R r sin gamma. The line is tangent to both arcs and passes through the centre of the
+    turning circle.
     """
     big, r, gamma = turn.radius_m, least_radius_m, turn.gamma_rad
     if 2 * r > sum(turn.radii_m):

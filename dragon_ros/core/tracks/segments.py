@@ -1,8 +1,8 @@
-"""Segments of a track in the plane, each with a coordinate u along it: the interface, and lines and arcs.
+"""Segments of a track in the plane: the common interface, lines and arcs.
 
-Points and directions are complex numbers, floats or arrays of them; ``heading`` is the head's direction along the
-segment. u is metres on a line, radians turned on an arc and the polar angle on a spiral (``spiral``), stored as a
-double-double (hi, lo).
+Points and directions are complex numbers or complex arrays; ``heading`` is the head's direction along the segment.
+The coordinate u along a segment is the distance in metres on a line, the angle turned in radians on an arc and the
+polar angle on a spiral (``spiral``). It is stored as a double-double (hi, lo).
 """
 import cmath
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ import numpy as np
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus, product
 from dragon_ros.core.numerics.types import Array, Floats
 
-BEHIND, AHEAD = -1, 1         # against the head's direction, and along it
-LARGEST_BEND = 1.98     # limit of curvature times chord: links may lock at 2; roots are well conditioned 1 % below
+BEHIND, AHEAD = -1, 1         # against and along the head's direction
+LARGEST_BEND = 1.98     # limit of curvature times chord: links may lock at 2; 1 % below, roots are well conditioned
 
 
 class Past(NamedTuple):
@@ -27,16 +27,16 @@ class Past(NamedTuple):
 
 
 class Segment(Protocol):
-    """The interface of segments. An open end has an infinite coordinate."""
+    """The interface that all segments implement; the coordinate of an open end is infinite."""
 
     @property
     def first(self) -> float:
-        """Coordinate at the beginning."""
+        """Coordinate at the start of the segment."""
         ...
 
     @property
     def last(self) -> float:
-        """Coordinate at the end."""
+        """Coordinate at the end of the segment."""
         ...
 
     @property
@@ -57,7 +57,7 @@ class Segment(Protocol):
         ...
 
     def rate(self, u: Any) -> Any:
-        """Return metres in the head's direction per unit of u (negative if u decreases in that direction)."""
+        """Return the distance in metres in the head's direction per unit of u (negative if u decreases that way)."""
         ...
 
     def metres(self, u: Any) -> Any:
@@ -69,7 +69,7 @@ class Segment(Protocol):
         ...
 
     def metres_between(self, a: Any, b: float) -> Any:
-        """Return the length of the segment between coordinates, without cancellation."""
+        """Return the length of the segment between two coordinates, computed without cancellation."""
         ...
 
     def curvature(self, u: Any) -> Any:
@@ -77,48 +77,52 @@ class Segment(Protocol):
         ...
 
     def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
-        """Return u at a distance in metres from the anchor in the head's direction."""
+        """Return the coordinate at a distance in metres from the anchor, measured in the head's direction."""
         ...
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``after`` for many distances, as (hi, lo)."""
+        """Return the coordinates at many distances (see ``after``), as (hi, lo)."""
         ...
 
     def far_m(self, a: float, b: float) -> float:
-        """Return a bound on the distance from the origin between two coordinates."""
+        """Return an upper bound on the distance from the origin to the segment between two coordinates."""
         ...
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the nearest position at a chord, even off the segment, or inf, and the number of evaluations."""
+        """Return the nearest position at a chord's length (inf if there is none), and the number of evaluations.
+
+        The position may be beyond the end of the segment.
+        """
         ...
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
-        """Return the speed of the handle at ``to`` for unit speed at ``u``, both handles of one link."""
+        """Return the speed of the handle at ``to`` if the other handle of its link moves at unit speed at ``u``."""
         ...
 
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
-        """Return the coordinate changes to the next positions (inf without one), and the number of evaluations.
+        """Return the coordinate changes to the next positions (inf if there is none), and the number of evaluations.
 
-        ``past`` helps to predict them. Raises ChainLockError if a link locks.
+        The changes are predicted from ``past`` if it is given. Raises ChainLockError if a link locks.
         """
         ...
 
     def squares(self, u: Floats, shift: Floats) -> Floats:
-        """Return the predictor's state after changes of coordinates."""
+        """Return the values that the predictor needs of the given coordinate changes."""
         ...
 
     def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
-        """Return the coordinates (hi, lo) of up to ``links`` = (count, chord_m) handles, and the number of evaluations.
+        """Return the coordinates (hi, lo) of the next handles, and the number of evaluations.
 
-        The march stops before the first handle that is beyond ``edge`` or cannot be placed.
+        ``links`` = (count, chord_m) are the number of links and their length. The march stops before the first handle
+        that is beyond ``edge`` or cannot be placed.
         """
         ...
 
 
 @dataclass(frozen=True)
 class LineSegment:
-    """A straight line from ``start`` along ``direction``; the anchor is its start."""
+    """A straight line from ``start`` along ``direction``; the anchor is at ``start``."""
 
     start: complex
     direction: complex
@@ -139,7 +143,7 @@ class LineSegment:
         return self.at(u, lo), self.heading(u)
 
     def rate(self, u: Any) -> Any:
-        """Return metres per unit of u."""
+        """Return the distance in metres per unit of u."""
         return 1.0
 
     def metres(self, u: Any) -> Any:
@@ -151,7 +155,7 @@ class LineSegment:
         return lo
 
     def metres_between(self, a: Any, b: float) -> Any:
-        """Return the length between coordinates."""
+        """Return the length between two coordinates."""
         return abs(a - b)
 
     def curvature(self, u: Any) -> Any:
@@ -159,7 +163,7 @@ class LineSegment:
         return np.zeros_like(u)
 
     def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
-        """Return u at a distance in metres from the start."""
+        """Return the coordinate at a distance in metres from the start."""
         return DoubleDouble(*plus(metres, lo, 0.0))
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
@@ -167,11 +171,11 @@ class LineSegment:
         return plus(metres, lo, 0.0)
 
     def far_m(self, a: float, b: float) -> float:
-        """Return a bound on the distance from the origin between two coordinates."""
+        """Return an upper bound on the distance from the origin to the segment between two coordinates."""
         return max(abs(complex(self.at(a))), abs(complex(self.at(b))))
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the position at a chord."""
+        """Return the position at a chord's length."""
         return DoubleDouble(*plus(*u, direction * chord_m)), 1
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
@@ -183,18 +187,21 @@ class LineSegment:
         return np.full_like(u, direction * chord_m), 0
 
     def squares(self, u: Floats, shift: Floats) -> Floats:
-        """Return an empty state: everything is in closed form."""
+        """Return ``shift`` itself: the changes have a closed form, so no predictor is needed."""
         return shift
 
     def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
-        """Return the coordinates of up to ``links[0]`` handles."""
+        """Return the coordinates of at most ``links[0]`` further handles."""
         return _equal_shifts(u, links[0], direction * links[1], direction, edge)
 
 
 @dataclass(frozen=True)
 class ArcSegment:
-    """An arc about ``centre``; ``spoke`` goes from there to its start, the anchor; ``side`` 1 turns left, -1 right."""
+    """An arc about ``centre``, from which the vector ``spoke`` leads to the start of the arc, the anchor.
+
+    ``side`` is 1 if the arc turns left and -1 if it turns right.
+    """
 
     centre: complex
     spoke: complex
@@ -225,7 +232,7 @@ class ArcSegment:
         return self.centre + self.spoke * turn, turned * self.spoke / self.radius_m * turn
 
     def rate(self, u: Any) -> Any:
-        """Return metres per unit of u."""
+        """Return the distance in metres per unit of u."""
         return self.radius_m
 
     def metres(self, u: Any) -> Any:
@@ -237,7 +244,7 @@ class ArcSegment:
         return product(self.radius_m, u)[1] + self.radius_m * lo
 
     def metres_between(self, a: Any, b: float) -> Any:
-        """Return the length between coordinates."""
+        """Return the length between two coordinates."""
         return self.radius_m * abs(a - b)
 
     def curvature(self, u: Any) -> Any:
@@ -245,7 +252,7 @@ class ArcSegment:
         return np.full_like(u, self.side / self.radius_m)
 
     def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
-        """Return u at a distance in metres from the start, without loss of digits after any number of turns."""
+        """Return the coordinate at a distance in metres from the start, without loss of digits after many turns."""
         return DoubleDouble(*self._after(metres, lo))
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
@@ -258,11 +265,11 @@ class ArcSegment:
         return plus(u, ((metres - near_m) - less_m + lo) / self.radius_m, 0.0)
 
     def far_m(self, a: float, b: float) -> float:
-        """Return a bound on the distance from the origin between two coordinates."""
+        """Return an upper bound on the distance from the origin to the segment between two coordinates."""
         return abs(self.centre) + self.radius_m
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the position at a chord."""
+        """Return the position at a chord's length."""
         return DoubleDouble(*plus(*u, direction * arc_span(self.radius_m, chord_m))), 1
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
@@ -274,22 +281,23 @@ class ArcSegment:
         return np.full_like(u, direction * arc_span(self.radius_m, chord_m)), 0
 
     def squares(self, u: Floats, shift: Floats) -> Floats:
-        """Return an empty state: everything is in closed form."""
+        """Return ``shift`` itself: the changes have a closed form, so no predictor is needed."""
         return shift
 
     def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
-        """Return the coordinates of up to ``links[0]`` handles."""
+        """Return the coordinates of at most ``links[0]`` further handles."""
         return _equal_shifts(u, links[0], direction * arc_span(self.radius_m, links[1]), direction, edge)
 
 
 def reach_m(bend: float, chord_m: float) -> float:
     """Return the longest arc that a chord can span on a track whose curvature in 1/m is at most ``bend``.
 
-    If the curvature times the chord is below 2, the chord from a position grows along the track until the arc is pi /
-    bend: the tangent at arc s differs from that at an earlier sigma by an angle of at most bend (s - sigma), so the
-    chord grows at least at the rate sin(bend s) / (bend chord) > 0. By Schur's comparison with a circle the chord is at
-    least 2 sin(bend s / 2) / bend. It therefore reaches ``chord_m`` once, within 2 asin(bend chord_m / 2) / bend.
+    If the curvature times the chord is below 2, the chord from a fixed position grows along the track until the arc
+    length is pi / bend. The tangents at two arc lengths sigma < s differ by an angle of at most bend (s - sigma), so
+    the chord grows at a rate of at least sin(bend s) / (bend chord) > 0. By Schur's comparison with a circle, the
+    chord is at least 2 sin(bend s / 2) / bend. The chord therefore reaches ``chord_m`` exactly once, at an arc length
+    of at most 2 asin(bend chord_m / 2) / bend.
     """
     return 2 * asin(0.5 * bend * chord_m) / bend if bend else chord_m
 
@@ -301,7 +309,7 @@ def arc_span(radius_m: float, chord_m: float) -> float:
 
 def _equal_shifts(u: DoubleDouble, count: int, shift: float, direction: int,
                   edge: float) -> tuple[list[float], list[float], int]:
-    """Return coordinates at equal spacing, up to an edge."""
+    """Return equally spaced coordinates (hi, lo) up to an edge, and their number."""
     high, low, highs, lows = *u, list[float](), list[float]()
     for _ in range(count):
         high, low = plus(high, low, shift)
@@ -313,11 +321,11 @@ def _equal_shifts(u: DoubleDouble, count: int, shift: float, direction: int,
 
 
 def arc_from(start: complex, heading: complex, radius_m: float, side: int, angle_rad: float) -> ArcSegment:
-    """Return the arc from a point with a heading that turns to one side."""
+    """Return the arc that starts at a point with a heading and turns to one side."""
     spoke = -1j * side * radius_m * heading
     return ArcSegment(start - spoke, spoke, radius_m, side, 0.0, angle_rad)
 
 
 def _turn(angle: Any) -> Any:
-    """Return exp(i angle) for one angle or many; for a single angle, numpy would take several times as long."""
+    """Return exp(i angle) for one angle or many; for a single angle, ``cmath`` is several times faster than numpy."""
     return cmath.rect(1.0, angle) if type(angle) is float else np.exp(1j * angle)

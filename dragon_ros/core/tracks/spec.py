@@ -1,6 +1,7 @@
-"""Track specs: the description of a track in a scene, as plain checked values. ``composite`` converts them to segments.
+"""Track specs, which describe the track of a scene by plain, validated values.
 
-A spiral is a track of one segment. The S-turn and a composite track are sequences of lines, arcs and spirals.
+``composite`` converts specs to segments. A spiral is a track of one segment; the S-turn and a composite track are
+sequences of lines, arcs and spirals.
 """
 from dataclasses import dataclass
 from math import atan, inf, pi, sin, sqrt
@@ -15,7 +16,7 @@ SIDES = ('left', 'right')
 
 @dataclass(frozen=True)
 class Spiral:
-    """r = pitch_m / (2 pi) * theta about the origin; the head starts at polar angle 2 pi start_turns (paper, eq. 1)."""
+    """A spiral r = pitch_m theta / 2 pi about the origin (paper, eq. 1); the head starts at 2 pi start_turns."""
 
     pitch_m: float = 0.55
     start_turns: float = 16.0
@@ -28,7 +29,7 @@ class Spiral:
 
     @property
     def b_m(self) -> float:
-        """Radius gained per radian."""
+        """Increase of the radius per radian of polar angle, in metres."""
         return self.pitch_m / (2 * pi)
 
     @property
@@ -38,26 +39,27 @@ class Spiral:
 
     @property
     def start_m(self) -> float:
-        """Distance of the head along the track at t = 0, from which distances are measured."""
+        """Distance of the head along the track at t = 0; this is 0 because distances are measured from there."""
         return 0.0
 
 
 @dataclass(frozen=True)
 class STurn:
-    """A spiral in, two arcs (radii in the ratio ``ratio``) and a spiral out; a circle of ``diameter_m`` holds the arcs.
+    """An inward spiral, two arcs (radii in the ratio ``ratio``) in a circle of ``diameter_m``, and an outward spiral.
 
-    The spirals are r = pitch_m / (2 pi) theta about the origin and the same curve rotated by half a turn. At t = 0 the
-    head is ``before_m`` before the turn's entry: with 100 m and a head at 1 m/s the contest's -100 s is 0 s here,
-    because stamps of ROS and of bags cannot be negative.
+    The spirals are r = pitch_m / (2 pi) theta about the origin and the same curve rotated by half a turn. The radius
+    of the first arc is ``ratio`` times the radius of the second. At t = 0 the head is ``before_m`` before the entry
+    of the turn. With 100 m and a head speed of 1 m/s, the contest's -100 s is 0 s here: timestamps in ROS and in bags
+    cannot be negative.
 
-    The spiral enters the turning circle of radius R at polar angle theta = R / b, with its tangent at the angle gamma
-    from the radius, tan gamma = theta. Entry and exit are opposite each other and have the same heading. Two arcs that
-    touch and turn by the same angle, one right and one left, join them; both chords lie on the line from entry to exit,
-    so each arc turns by 2 gamma, and
+    The spiral enters the turning circle of radius R at the polar angle theta = R / b. There, the angle gamma between
+    the tangent and the radius is given by tan gamma = theta. The entry and the exit are diametrically opposite and
+    have the same heading. They are joined by two tangent arcs that turn by the same angle, first to the right and
+    then to the left. The chords of both arcs lie on the line from entry to exit, so each arc turns by 2 gamma, and
 
-        r1 + r2 = R / sin gamma,     length = 2 gamma R / sin gamma:
+        r1 + r2 = R / sin gamma,     length = 2 gamma R / sin gamma.
 
-    the length does not depend on the ratio of the radii, only on the circle.
+    The length therefore depends only on the circle, not on the ratio of the radii.
     """
 
     pitch_m: float = 1.7
@@ -79,7 +81,7 @@ class STurn:
 
     @property
     def entry_turns(self) -> float:
-        """Turns of the spiral from its centre to the entry."""
+        """Number of turns of the spiral from its centre to the entry."""
         return self.radius_m / self.pitch_m
 
     @property
@@ -89,7 +91,7 @@ class STurn:
 
     @property
     def radii_m(self) -> tuple[float, float]:
-        """Radii of the two arcs, in the head's direction."""
+        """Radii of the two arcs, in the order in which the head traverses them."""
         second = self.radius_m / sin(self.gamma_rad) / (1 + self.ratio)
         return self.ratio * second, second
 
@@ -105,19 +107,19 @@ class STurn:
 
     @property
     def start_m(self) -> float:
-        """Distance of the head along the track, from the entry, at t = 0."""
+        """Distance of the head along the track at t = 0, measured from the entry."""
         return -self.before_m
 
     def largest_ratio(self, least_radius_m: float) -> float:
-        """Return the largest ratio at which both radii are at least ``least_radius_m``; if it is below 1, none fits."""
+        """Return the largest ratio at which both radii are at least ``least_radius_m``; below 1, no ratio is valid."""
         return sum(self.radii_m) / least_radius_m - 1 if least_radius_m else inf
 
     def check_arcs(self, least_radius_m: float) -> None:
-        """Reject arcs that are tighter than a radius. Raises FieldError, which names the diameter or the ratio."""
+        """Check that both arcs have at least a given radius. Raises FieldError for the diameter or the ratio if not."""
         if min(self.radii_m) >= least_radius_m:
             return
-        limit = (f'an arc of {min(self.radii_m):.6g} m bends tighter than {least_radius_m:.6g} m, 1.01 times half '
-                 'the longest link, and the chain could lock there')
+        limit = (f'an arc of radius {min(self.radii_m):.6g} m bends tighter than {least_radius_m:.6g} m, 1.01 times '
+                 'half the longest link, and the chain could lock there')
         largest, smallest_m = self.largest_ratio(least_radius_m), self.smallest_diameter_m(least_radius_m)
         if largest >= 1:
             raise FieldError('track.ratio', self.ratio, limit, f'give a ratio from {1 / largest:.6g} to {largest:.6g}, '
@@ -126,9 +128,9 @@ class STurn:
                          'track.ratio 1, or shorter benches')
 
     def smallest_diameter_m(self, least_radius_m: float) -> float:
-        """Return the diameter of the smallest circle with arcs of at least that radius, which both arcs then have.
+        """Return the diameter of the smallest turning circle, in which both arcs have the radius ``least_radius_m``.
 
-        In units of b, R is theta and r1 + r2 is sqrt(1 + theta^2).
+        In units of b, the radius R of the circle is theta, and r1 + r2 is sqrt(1 + theta^2).
         """
         b_m = self.pitch_m / (2 * pi)
         return 2 * sqrt(max(4 * least_radius_m * least_radius_m - b_m * b_m, 0.0))
@@ -149,7 +151,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Arc:
-    """An arc of a circle; ``angle_deg`` is positive to the left."""
+    """A circular arc; ``angle_deg`` is positive if the arc turns left."""
 
     radius_m: float
     angle_deg: float
@@ -161,14 +163,14 @@ class Arc:
         radius_m = number(f'{name}.radius_m', self.radius_m, above=0.0, high=1e9)
         angle_deg = number(f'{name}.angle_deg', self.angle_deg, low=-1e6, high=1e6)
         if angle_deg == 0:
-            raise FieldError(f'{name}.angle_deg', self.angle_deg, 'an arc must turn', 'give degrees, positive to the '
-                                                                                      'left')
+            raise FieldError(f'{name}.angle_deg', self.angle_deg, 'an arc must turn',
+                             'give an angle in degrees, positive to the left')
         return Arc(radius_m, angle_deg, *_checked_place(name, self))
 
 
 @dataclass(frozen=True)
 class SpiralArc:
-    """Part of a spiral r = pitch_m * turns, inwards if ``to_turns`` is smaller; ``side`` is where it turns."""
+    """A part of a spiral r = pitch_m * turns that turns to ``side``; it leads inwards if ``to_turns`` is smaller."""
 
     pitch_m: float
     from_turns: float
@@ -183,7 +185,7 @@ class SpiralArc:
         from_turns = number(f'{name}.from_turns', self.from_turns, low=1e-3, high=1e6)
         to_turns = number(f'{name}.to_turns', self.to_turns, low=1e-3, high=1e6)
         if from_turns == to_turns:
-            raise FieldError(f'{name}.to_turns', self.to_turns, 'the spiral also starts there', 'give another value')
+            raise FieldError(f'{name}.to_turns', self.to_turns, 'the spiral starts at this value', 'give another value')
         if self.side not in SIDES:
             raise FieldError(f'{name}.side', self.side, 'a spiral turns left or right', 'give left or right')
         return SpiralArc(pitch_m, from_turns, to_turns, self.side, *_checked_place(name, self))
@@ -194,7 +196,7 @@ PIECES: dict[str, type[Piece]] = {'line': Line, 'arc': Arc, 'spiral': SpiralArc}
 
 
 def _checked_place(name: str, piece: Piece) -> tuple[tuple[float, float] | None, float | None]:
-    """Return the stated start of a piece, normalised; ``composite`` checks whether pieces meet there."""
+    """Return the stated start and heading of a piece, normalised; ``composite`` checks them at the joint."""
     at_m, heading_deg = piece.at_m, piece.heading_deg
     if at_m is not None:
         x, y = (number(f'{name}.at_m', value, low=-1e9, high=1e9) for value in at_m)
@@ -206,18 +208,18 @@ def _checked_place(name: str, piece: Piece) -> tuple[tuple[float, float] | None,
 
 @dataclass(frozen=True)
 class Composite:
-    """Pieces in the head's direction; at t = 0 the head is ``start_m`` along them.
+    """A track of pieces in the head's direction; at t = 0 the head has gone ``start_m`` along the track.
 
-    The first piece is extended backwards by the length of the dragon: as a line, a circle, or a spiral that winds in.
-    ``at_m`` and ``heading_deg`` place the first piece (by default at the origin, along x). In later pieces they are
-    compared with the end of the preceding piece, so that the error for a track that does not join names the joint.
+    The first piece is extended backwards as a line, a circle or an inward spiral, so that the whole dragon fits on
+    the track. ``at_m`` and ``heading_deg`` set the start of the first piece (default: the origin, along x). In later
+    pieces they are optional checks: if they differ from the end of the preceding piece, the error names the joint.
     """
 
     pieces: tuple[Piece, ...]
     start_m: float = 0.0
 
     def __post_init__(self) -> None:
-        """Reject a track without pieces, and invalid pieces."""
+        """Reject a track with an invalid piece, without pieces or with too many."""
         if not 1 <= len(self.pieces) <= MOST_PIECES:
             raise FieldError('track.pieces', len(self.pieces), f'a track has 1 to {MOST_PIECES} pieces',
                              'list its pieces')

@@ -1,16 +1,17 @@
-"""The curve r = b theta, b = pitch / 2 pi (paper, equation 1): arc lengths, chords, and segments of it in the plane.
+"""The spiral r = b theta with b = pitch / 2 pi (paper, equation 1): arc lengths, chords, and segments in the plane.
 
-Positions are polar angles, measured from the centre outwards, so they increase from the head to the tail of a dragon
-that winds in. Between polar angles theta and theta + delta the chord in units of b satisfies
+Positions are polar angles that grow outwards from the centre, so they increase from the head to the tail of a dragon
+that winds in. The chord c between polar angles theta and theta + delta, in units of b, satisfies
 
     c^2 = delta^2 + 4 theta (theta + delta) sin^2(delta / 2),
 
-which is the law of cosines, the paper's equation 15, in a form without cancellation; inwards, delta has the opposite
-sign. The smallest root delta > 0 is the next handle. Half the slope of c^2, ``phi`` below, is positive outwards up to
-delta = pi, where c = 2 theta + pi: shorter links have one root there.
+which is the law of cosines (the paper's equation 15) in a form without cancellation. Inwards, delta has the opposite
+sign. The smallest root delta > 0 gives the next handle. Half the slope of c^2 (``phi`` below) is positive outwards up
+to delta = pi, where c = 2 theta + pi. Shorter links therefore have exactly one root up to there.
 
-The equation has a scalar solver, a solver for many positions at once, and one predictor: along a spiral the difference
-of the squared angles is almost twice the chord, so a parabola through the last three differences predicts the next.
+The equation is solved for one position or for many positions at once, with the same predictor. Along a spiral, the
+squared angles of consecutive handles differ by almost twice the chord, so a parabola through the last three
+differences predicts the next difference.
 """
 import cmath
 from dataclasses import dataclass
@@ -29,20 +30,20 @@ from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.core.tracks.segments import Past, reach_m
 from dragon_ros.core.tracks.spec import Spiral
 
-TINY = 1e-300           # keeps 0 / 0 at 0
-_ROUNDING = 1e-15       # relative to the length: rounding may make a distance to the centre exceed it
+TINY = 1e-300           # added to a denominator so that 0 / 0 becomes 0
+_ROUNDING = 1e-15       # relative to the length of the spiral: how far rounding may put a distance beyond the centre
 _NEWTON_STEPS = 20
-_NEAR_RAD = 1e-6        # Newton step of an angle after which the next error is at least four digits smaller
-_SMOOTH_RAD = 10.0      # from here on, one Newton step from the asymptotic series is accurate to 1e-7
+_NEAR_RAD = 1e-6        # after a Newton step below this angle, the error is at least four digits smaller
+_SMOOTH_RAD = 10.0      # from this angle on, one Newton step from the asymptotic series is accurate to 1e-7
 TIGHT = 1e-8            # Newton step relative to the angle; half its square is below the resolution of floats
-_TAME_RAD = 1.5         # for smaller spans plain Newton converges from any of the guesses below
-_CHORD_STEPS = 12      # more than Newton's method needs for them; afterwards the bracketed solver takes over
+_TAME_RAD = 1.5         # for smaller spans, plain Newton iteration converges from any initial guess used below
+_CHORD_STEPS = 12      # limit of plain Newton steps; the bracketed solver then takes over
 _NOWHERE_OUT, _NOWHERE_IN = DoubleDouble(inf, 0.0), DoubleDouble(-inf, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class SpiralCurve:
-    """The spiral with a pitch, with arc lengths measured from the polar angle ``start``."""
+    """A spiral of a given pitch, whose arc lengths are measured from the polar angle ``start``."""
 
     pitch_m: float
     start: DoubleDouble
@@ -54,7 +55,7 @@ class SpiralCurve:
 
     @cached_property
     def b_m(self) -> float:
-        """Radius gained per radian."""
+        """Increase of the radius per radian of polar angle, in metres."""
         return self.pitch_m / (2 * pi)
 
     @cached_property
@@ -63,9 +64,9 @@ class SpiralCurve:
         return self.distance_to(0.0)
 
     def inward(self, distance_m: float, distance_lo_m: float = 0.0) -> DoubleDouble:
-        """Return the position at an arc length further in than the start (negative: further out).
+        """Return the position at an arc length inwards from the start (outwards if it is negative).
 
-        The angle turned is solved for in floats, from a difference of arc lengths. Double-double arithmetic then
+        The angle turned is first computed in floats from a difference of arc lengths. Double-double arithmetic then
         corrects the rounding error, so that no digits are lost far from the centre or after long travel. Raises
         TrackEndError beyond the centre.
         """
@@ -77,12 +78,12 @@ class SpiralCurve:
         return DoubleDouble(*self._corrected(self._turned(distance_m / self.b_m), distance_m, distance_lo_m))
 
     def inward_many(self, distance_m: Floats, distance_lo_m: Floats) -> tuple[Floats, Floats]:
-        """Return ``inward`` for many distances at once as (hi, lo), equal to the last digits, but not bit for bit."""
+        """Return ``inward`` for many distances as (hi, lo); results agree except for the last digits."""
         arc, theta = distance_m / self.b_m, self.start.hi
         if np.all(_is_smooth(theta, arc)):
             return self._corrected(_almost_turned(theta, arc, *_ARRAYS), distance_m, distance_lo_m, *_ARRAYS[:2])
         inside = (distance_m < self.length_m) & (distance_m != 0)
-        self.inward(float(np.max(distance_m)))      # raises beyond the centre
+        self.inward(float(np.max(distance_m)))      # raises an error beyond the centre
         turned = 2 * arc / (theta + np.sqrt(np.maximum(theta * theta - 2 * arc, 0.0)))
         for _ in range(_NEWTON_STEPS):      # the arc is concave in the angle, so steps converge from one side
             between, slope = _arc_and_slope(theta, turned, *_ARRAYS[:2])
@@ -108,9 +109,10 @@ class SpiralCurve:
 
     def _corrected(self, turned: Any, distance_m: Any, distance_lo_m: Any, root: Any = sqrt,
                    asinh_of: Any = asinh) -> tuple[Any, Any]:
-        """Return the position after an angle turned, refined from 1e-7 to the last digit.
+        """Return the position after an angle turned, refined from an error of 1e-7 to the last digit.
 
-        2 S = theta^2 + theta / (w + theta) + asinh theta, w^2 = 1 + theta^2: only the squares need extra digits.
+        With 2 S = theta^2 + theta / (w + theta) + asinh theta and w^2 = 1 + theta^2, only the squares need extra
+        digits.
         """
         (theta, theta_lo), (w_outer, rest), (per_b, per_b_lo) = self.start, self._outer, self._per_b
         inner = theta - turned
@@ -129,7 +131,7 @@ class SpiralCurve:
         return float(self.b_m * arc_between(self.start.hi, self.start.hi - theta))
 
     def distance_of(self, theta: float, lo: float) -> tuple[float, float]:
-        """Return the arc length from the start inwards to polar angle theta + lo as (hi, lo); inverse of ``inward``."""
+        """Return the arc length from the start to polar angle theta + lo as (hi, lo), the inverse of ``inward``."""
         (start, start_lo), (w_outer, rest), (b_m, b_lo_m) = self.start, self._outer, per_radian(self.pitch_m)
         w_inner = sqrt(1 + theta * theta)
         turned, turned_lo = plus(start, start_lo - lo, -theta)
@@ -141,7 +143,7 @@ class SpiralCurve:
         return metres, metres_lo + 0.5 * (squares * b_lo_m + squares_lo * b_m)
 
     def _turned(self, arc: float) -> float:
-        """Return the angle between the start and the position at ``arc`` (in units of b) further in."""
+        """Return the angle between the start and the position at an arc length ``arc`` (in units of b) inwards."""
         theta = self.start.hi
         if _is_smooth(theta, arc):
             return float(_almost_turned(theta, arc))
@@ -156,16 +158,16 @@ class SpiralCurve:
         return bracketed_newton(beyond, low, high, guess, 1e-16)[0] if arc else 0.0
 
 
-_ARRAYS = np.sqrt, np.arcsinh, np.log      # replace the functions for floats
+_ARRAYS = np.sqrt, np.arcsinh, np.log      # array versions of the functions for floats
 
 
 def _is_smooth(theta: float, arc: Any) -> Any:
-    """Return whether ``_almost_turned`` is accurate to 1e-7: start and end are several turns away from the centre."""
+    """Return whether ``_almost_turned`` is accurate to 1e-7: both the start and the end are far from the centre."""
     return (theta > _SMOOTH_RAD) & (theta * theta - 2 * arc > _SMOOTH_RAD * _SMOOTH_RAD)
 
 
 def _almost_turned(theta: float, arc: Any, root: Any = sqrt, asinh_of: Any = asinh, log: Any = log_of) -> Any:
-    """Return roughly the angle turned over an arc in units of b: a Newton step from theta^2 + log theta = 2 S + c."""
+    """Return the approximate angle over an arc in units of b by a Newton step from theta^2 + log theta = 2 S + c."""
     squared = theta * theta - 2 * arc
     bent = log(theta / root(squared))
     turned = (2 * arc - bent) / (theta + root(squared + bent))
@@ -174,9 +176,9 @@ def _almost_turned(theta: float, arc: Any, root: Any = sqrt, asinh_of: Any = asi
 
 
 def arc_between(theta: Any, turned: Any) -> Any:
-    """Return the arc length from theta - turned to theta in units of b, without cancellation, floats or arrays.
+    """Return the arc length from theta - turned to theta in units of b, without cancellation, for floats or arrays.
 
-    Each difference of the closed form is written as ``turned`` times a positive factor.
+    Each difference in the closed form is written as ``turned`` times a positive factor.
     """
     if isinstance(turned, np.ndarray):
         return _arc_and_slope(theta, turned, np.sqrt, np.arcsinh)[0]
@@ -212,12 +214,12 @@ def tangents(theta: Floats) -> Floats:
 
 
 def first_guess(theta: float, chord: float) -> float:
-    """Return the approximate angle that a chord spans, on a circle with the spiral's radius halfway along the chord."""
+    """Return the approximate angle that a chord spans, using the spiral's radius halfway along the chord."""
     return 2 * asin(min(1.0, chord / (2 * theta + chord / (theta + 1) + TINY)))
 
 
 def first_guess_in(theta: float, chord: float) -> float:
-    """Return the approximate angle that a chord spans inwards, on the circle halfway along the chord."""
+    """Return the approximate angle that a chord spans inwards, using the spiral's radius halfway along the chord."""
     return 2 * asin(min(1.0, chord / (2 * theta - min(theta, chord / theta))))
 
 
@@ -229,8 +231,8 @@ def next_square(d1: float, d2: float, d3: float) -> float:
 def step(theta: float, chord: float, guess: float) -> tuple[float, int]:
     """Return the smallest delta > 0 with the given chord, inf if the chain locks, and the number of evaluations.
 
-    ``chord`` is in units of b. The next error of Newton's method is about half the square of its last relative step, so
-    a step below ``TIGHT`` leaves an error below TIGHT^2 / 2 of the link.
+    ``chord`` is in units of b. After a relative Newton step x the remaining error is about x^2 / 2, so a step below
+    ``TIGHT`` leaves an error below TIGHT^2 / 2 of the link.
     """
     if chord > 2 * theta + pi:
         return _far_step(theta, chord)
@@ -254,11 +256,11 @@ def step(theta: float, chord: float, guess: float) -> tuple[float, int]:
 
 
 def step_in(theta: float, chord: float, guess: float, arc: float) -> tuple[float, int]:
-    """Return the angle inwards to the next position, inf if there is none, and the number of evaluations.
+    """Return the inward angle to the next position (inf if there is none), and the number of evaluations.
 
-    ``chord`` is in units of b. From theta to theta - delta it satisfies c^2 = delta^2 + 4 theta (theta - delta)
-    sin^2(delta / 2). ``arc`` is a length of track on which the chord grows to at least c (see ``reach_m``); ``high`` is
-    slightly more.
+    ``chord`` is in units of b. From theta to theta - delta, the chord satisfies c^2 = delta^2 + 4 theta (theta -
+    delta) sin^2(delta / 2). ``arc`` is an arc length within which the chord grows to at least c (see ``reach_m``).
+    ``high`` is the angle over slightly more than this arc.
     """
     square = chord * chord
 
@@ -286,7 +288,7 @@ def step_in(theta: float, chord: float, guess: float, arc: float) -> tuple[float
 
 
 def _furthest_in(theta: float, arc: float) -> float:
-    """Return an angle that is at least ``arc`` (in units of b) inwards from theta, or the centre."""
+    """Return an inward angle from theta that spans at least ``arc`` (in units of b), or the angle to the centre."""
     return 2 * arc / (theta + sqrt(theta * theta - 2 * arc)) if 2 * arc < theta * theta else theta
 
 
@@ -299,8 +301,8 @@ def first_guesses(theta: Floats, chord: float | Floats) -> Floats:
 def steps(theta: Floats, chord: float | Floats, guess: Floats) -> tuple[Floats, int]:
     """Return the smallest delta > 0 for each theta (see ``step``), and the total number of evaluations.
 
-    ``chord`` is common to all, or given for each. Raises ChainLockError, with its ``theta_rad``, if any cannot be
-    placed.
+    ``chord`` is one value for all angles, or one value for each. Raises ChainLockError with the first ``theta_rad``
+    for which no such delta exists.
     """
     if not np.any(chord):
         return np.zeros_like(theta), 0
@@ -331,7 +333,7 @@ def steps(theta: Floats, chord: float | Floats, guess: Floats) -> tuple[Floats, 
 
 
 def _plain_steps(theta: Floats, square: float | Floats, delta: Floats) -> tuple[Floats, int] | None:
-    """Return ``steps`` by plain Newton if all links are short and converge, the usual case; otherwise None."""
+    """Return ``steps`` by plain Newton iteration if all links are short and converge (the usual case), else None."""
     for evaluations in range(1, _CHORD_STEPS):
         half = 0.5 * delta
         s = np.sin(half)
@@ -346,7 +348,7 @@ def _plain_steps(theta: Floats, square: float | Floats, delta: Floats) -> tuple[
 
 
 def corrections(theta: Floats, delta: Floats, chord: Floats | float) -> tuple[Floats, Floats]:
-    """Return Newton steps of many delta, of either sign, towards their chords, and d(theta + delta) / d theta."""
+    """Return the Newton steps of many delta (of either sign) towards their chords, and d(theta + delta) / d theta."""
     half, outer = 0.5 * delta, theta + delta
     s = np.sin(half)
     across = 2 * theta * s
@@ -362,7 +364,7 @@ def first_guesses_in(theta: Floats, chord: float) -> Floats:
 
 
 def steps_in(theta: Floats, chord: float, guess: Floats, arc: float) -> tuple[Floats, int]:
-    """Return ``step_in`` for many angles, by Newton's method, or one by one if that does not converge."""
+    """Return ``step_in`` for many angles, by Newton's method at once or, if that does not converge, one by one."""
     if not chord:
         return np.zeros_like(theta), 0
     delta, change, slope, spent = guess, np.zeros_like(theta), np.ones_like(theta), 0
@@ -421,9 +423,10 @@ def _far_step(theta: float, chord: float) -> tuple[float, int]:
 
 
 def first_peak(theta: float, low: float) -> tuple[float, int]:
-    """Return where the chord first stops growing in [low, low + pi], inf if nowhere, and the number of evaluations.
+    """Return the first delta in [low, low + pi] where the chord stops growing (or inf), and the number of evaluations.
 
-    ``low`` is an odd multiple of pi. In this interval phi starts positive, falls to a single minimum and rises again.
+    ``low`` is an odd multiple of pi. In this interval, phi is positive at first, falls to a single minimum and rises
+    again.
     """
     def phi_slope(delta: float) -> tuple[float, float]:
         s, c = sin(delta), cos(delta)
@@ -447,9 +450,10 @@ def _ahead(past: Past | None) -> Floats | None:
 
 @dataclass(frozen=True)
 class SpiralSegment:
-    """r = pitch / 2 pi * theta about ``centre``, turned by ``rotation``; ``side`` is 1 if it winds out to the left.
+    """A part of the spiral r = pitch / 2 pi * theta about ``centre``, turned by ``rotation``.
 
-    ``side`` is -1 otherwise. ``way`` is 1 if the head winds out, -1 if it winds in; the anchor is at ``curve.start``.
+    ``side`` is 1 if the spiral winds out to the left, and -1 otherwise. ``way`` is 1 if the head winds out, and -1 if
+    it winds in. The anchor is at ``curve.start``.
     """
 
     curve: SpiralCurve
@@ -462,7 +466,7 @@ class SpiralSegment:
 
     @cached_property
     def bend(self) -> float:
-        """Curvature at the inner end in 1/m."""
+        """Largest curvature in 1/m, which is that at the inner end."""
         theta = min(self.first, self.last)
         return (2 + theta * theta) / (self.curve.b_m * (1 + theta * theta) * sqrt(1 + theta * theta))
 
@@ -495,7 +499,7 @@ class SpiralSegment:
                 self._ahead * (turn * ((1 - u * lo + turned * u) / np.sqrt(1 + u * u))))
 
     def rate(self, u: Any) -> Any:
-        """Return metres per radian."""
+        """Return the distance in metres per radian."""
         root = sqrt if type(u) is float else np.sqrt
         return self.way * self.curve.b_m * root(1 + u * u)
 
@@ -510,16 +514,16 @@ class SpiralSegment:
         return (-self.way * metres - self.metres(u)) - self.way * more
 
     def metres_between(self, a: Any, b: float) -> Any:
-        """Return the length between coordinates, without cancellation."""
+        """Return the length between two coordinates, computed without cancellation."""
         return abs(self.curve.b_m * arc_between(b, b - a))
 
     def curvature(self, u: Any) -> Any:
-        """Return the signed curvature; at infinity it is 0."""
+        """Return the signed curvature in 1/m, which is 0 at infinity."""
         square = 1 + u * u
         return self.side * self.way / self.curve.b_m * (1 + 1 / square) / np.sqrt(square)
 
     def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
-        """Return u at a distance in metres from the anchor."""
+        """Return the coordinate at a distance in metres from the anchor."""
         return self.curve.inward(-self.way * metres, -self.way * lo)
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
@@ -527,24 +531,25 @@ class SpiralSegment:
         return self.curve.inward_many(-self.way * metres, -self.way * lo)
 
     def far_m(self, a: float, b: float) -> float:
-        """Return a bound on the distance from the origin between two coordinates."""
+        """Return an upper bound on the distance from the origin to the segment between two coordinates."""
         return abs(self.centre) + self.curve.b_m * max(a, b)
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the nearest position at a chord, further out or further in."""
+        """Return the nearest position at a chord's length, either further out or further in."""
         (theta, low), chord = u, chord_m / self._b_m
         if direction == self.way:
             delta, spent = step(theta, chord, first_guess(theta, chord))
-            more = delta + low              # double_double.plus, written out
+            more = delta + low              # double_double.plus, inlined
             outer = theta + more
             return DoubleDouble(outer, more - (outer - theta)) if delta < inf else _NOWHERE_OUT, spent
         delta, spent = step_in(theta, chord, first_guess_in(theta, chord), self._arc(chord_m))
         return DoubleDouble(*plus(theta, low, -delta)) if delta < inf else _NOWHERE_IN, spent
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
-        """Return the speed of the handle at ``to`` for unit speed at ``u``: cos alpha / cos beta of their link.
+        """Return the speed of the handle at ``to`` for unit speed at ``u``, cos alpha / cos beta of their link.
 
-        With s = sin(delta / 2) the link's component along the tangent at theta is ``front`` over sqrt(1 + theta^2).
+        With s = sin(delta / 2), the component of the link along the tangent at theta is ``front`` / sqrt(1 +
+        theta^2).
         """
         inner, outer = (u, to) if u < to else (to, u)
         theta, far, delta = inner[0], outer[0], (outer[0] - inner[0]) + (outer[1] - inner[1])
@@ -563,7 +568,7 @@ class SpiralSegment:
         return reach_m(self.bend, chord_m) / self.curve.b_m
 
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
-        """Return the coordinate changes to the next positions (inf without one), and the number of evaluations."""
+        """Return the coordinate changes to the next positions (inf if there is none), and the number of evaluations."""
         if direction == self.way:
             return self.shifts_outwards(u, chord_m, past)
         chord, ahead = chord_m / self.curve.b_m, _ahead(past)
@@ -574,28 +579,29 @@ class SpiralSegment:
         return -delta, spent
 
     def shifts_outwards(self, u: Floats, chord_m: float | Floats, past: Past | None) -> tuple[Floats, int]:
-        """Return ``shifts`` to positions further out, with a chord for all or one for each."""
+        """Return ``shifts`` to positions further out; ``chord_m`` is one value for all positions, or one for each."""
         chord, ahead = chord_m / self.curve.b_m, _ahead(past)
         guess = first_guesses(u, chord) if ahead is None else ahead / (u + np.sqrt(u * u + ahead) + TINY)
         return steps(u, chord, guess)
 
     def reaches_once(self, u: Floats, shift: Floats) -> bool:
-        """Return whether chords grow throughout changes of coordinates of one sign, so that no nearer position exists.
+        """Return whether chords grow throughout coordinate changes of equal sign, so that no nearer position exists.
 
-        Outwards they grow up to half a turn (``phi_of``), inwards up to an arc of pi / bend (``segments.reach_m``).
+        Outwards, chords grow up to half a turn (``phi_of``); inwards, up to an arc length of pi / bend
+        (``segments.reach_m``).
         """
         if shift.flat[0] > 0:
             return float(np.max(shift)) <= pi
         return self.bend * self.curve.b_m * float(np.max(-shift * np.sqrt(1 + u * u))) <= pi
 
     def squares(self, u: Floats, shift: Floats) -> Floats:
-        """Return the differences of squared angles for changes of coordinates."""
+        """Return the differences of squared angles for the given coordinate changes."""
         out: Floats = np.abs(shift * (2 * u + shift))
         return out
 
     def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
-        """Return the coordinates of up to ``links[0]`` handles (this is the innermost loop: it creates no objects)."""
+        """Return the coordinates of at most ``links[0]`` further handles; this innermost loop creates no objects."""
         return self._march_out(u, links, edge) if direction == self.way else self._march_in(u, links, edge)
 
     def _march_out(self, u: DoubleDouble, links: tuple[int, float],
@@ -608,7 +614,7 @@ class SpiralSegment:
             guess = square / (theta + sqrt(theta * theta + square)) if square > 0 else first_guess(theta, chord)
             delta, evaluations = step(theta, chord, guess)
             spent += evaluations
-            more = delta + low                  # double_double.plus, written out
+            more = delta + low                  # double_double.plus, inlined
             outer = theta + more
             if outer > edge or delta == inf:
                 break
