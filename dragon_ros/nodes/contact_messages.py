@@ -10,6 +10,7 @@ from dragon_ros.core.geometry.contacts import pair_words
 from dragon_ros.core.geometry.tracker import NS, PARTED, RESTART, EpisodeEnd, Event, Report
 from dragon_ros.messages.cdr import stamp_of
 
+_LABEL_S = 0.1      # shortest interval of clearance/marker
 _AGAIN_S = 1.0      # interval between reports of unseen ticks
 _OVER_S = 3.0       # time for which a WARN continues after the last unseen tick
 _HOW = {PARTED: 'end of contact', RESTART: 'contact left behind by a restart'}
@@ -96,6 +97,31 @@ def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: 
         't_s': '{}.{:09d}'.format(*stamp_of(report.observation.t_ns)), 'clearance_m': f'{report.clearance_m:.12f}',
         'closest': pair, 'warn_below_m': f'{warn_below_m:g}', 'in_contact': str(report.count),
         'dropped': str(dropped)}, dragon)
+
+
+class Changes:
+    """Holds the last report, and decides which of the topics that only show changes have something new."""
+
+    def __init__(self) -> None:
+        """Start without a report."""
+        self.last: Report | None = None
+        self._level, self._labelled_s = b'', -inf
+
+    def contact(self, report: Report) -> bool:
+        """Record the report of the next tick; return whether the dragon has come into contact or out of it."""
+        before, self.last = self.last, report
+        return bool(before and before.count) != bool(report.count)
+
+    def level(self, level: bytes) -> bool:
+        """Record the current level; return whether it is another one than before."""
+        before, self._level = self._level, level
+        return level != before
+
+    def label(self, now_s: float, at_once: bool) -> bool:
+        """Return whether to label the clearance now: ``at_once``, or if the last label is old enough to be read."""
+        due = at_once or now_s - self._labelled_s >= _LABEL_S
+        self._labelled_s = now_s if due else self._labelled_s
+        return due
 
 
 class Pace:

@@ -29,7 +29,6 @@ from dragon_ros.nodes.obstacles import Obstacles
 from dragon_ros.nodes.params import MONITOR
 
 _PARTNER_S = 10.0       # longest wait for a tick's other message; Fast DDS resends lost messages within 3 s
-_MARKER_S = 0.1           # shortest interval of clearance/marker
 _HEALTH_S = 1.0           # interval of /diagnostics in wall time
 _REST_S = 5.0             # longest reading of earlier messages after a signal, as a launched run ends with its source
 _STAMPED = 'clearance/stamped'
@@ -57,8 +56,7 @@ class Monitor(DragonNode):
         self.pace, self._numbers = messages.Pace(), dict[int, int]()
         self._several: dict[str, list[str]] = {}
         self.seen = self.dropped = 0
-        self._last: Report | None = None
-        self._level, self._shown = b'', 0.0
+        self._changes = messages.Changes()
         names = (*_TOPICS, *([_VECTOR] if self.setting['clearance_vector'] else []))
         self.topic_publishers = {name: self.create_publisher(shell.message_type(row.type), name, qos.of_channel(row))
                                  for name, row in rows.items() if name in names}
@@ -135,8 +133,7 @@ class Monitor(DragonNode):
 
     def _report(self, report: Report) -> None:
         """Publish the result of one tick, on each topic only if it changes or has subscribers."""
-        changed = (self._last is not None and self._last.count > 0) != (report.count > 0)
-        self._last = report
+        changed = self._changes.contact(report)
         self.seen += 1
         if self.topic_publishers[_STAMPED].get_subscription_count():    # first: recorders take the tick from it
             self.topic_publishers[_STAMPED].publish(stamped_clearance(report))
@@ -148,7 +145,7 @@ class Monitor(DragonNode):
             self.topic_publishers['collision'].publish(message)
             self._log(message)
         if changed:
-            self.topic_publishers['collision/active'].publish(Bool(data=report.count > 0))
+            self.topic_publishers['collision/active'].publish(Bool(data=bool(report.count)))
         for event in report.begins:
             self.topic_publishers['collision/point'].publish(messages.point_of(event))
         markers = self.topic_publishers['collision/markers']
@@ -164,9 +161,8 @@ class Monitor(DragonNode):
 
     def _show_clearance(self, report: Report, at_once: bool) -> None:
         """Publish the clearance as a marker; without ``at_once``, no more often than a person can read it."""
-        marker, now = self.topic_publishers['clearance/marker'], time.monotonic()
-        if marker.get_subscription_count() and (at_once or now - self._shown >= _MARKER_S):
-            self._shown = now
+        marker = self.topic_publishers['clearance/marker']
+        if marker.get_subscription_count() and self._changes.label(time.monotonic(), at_once):
             marker.publish(clearance_marker(report))
 
     def _log(self, message: DiagnosticArray) -> None:
@@ -179,10 +175,9 @@ class Monitor(DragonNode):
     def _publish_health(self, always: bool = False) -> None:
         """Publish on /diagnostics, but without ``always`` only when the level changes."""
         dragon = self.get_namespace().strip('/')
-        level = messages.level_of(self._last, self._warn_below_m)
-        if always or level != self._level:
-            self._level = level
-            status = messages.health_of(dragon, self._last, self._warn_below_m, self.dropped)
+        last = self._changes.last
+        if self._changes.level(messages.level_of(last, self._warn_below_m)) or always:
+            status = messages.health_of(dragon, last, self._warn_below_m, self.dropped)
             message = DiagnosticArray(status=[status, *self._obstacles.statuses(dragon),
                                               *self.pace.warnings(dragon, time.monotonic()),
                                               *publishers.warnings_of(f'{dragon}: monitor', self._several)])

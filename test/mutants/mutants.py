@@ -52,7 +52,8 @@ ROOMS = {
     'messages': (['dragon_ros/messages'], ['test/messages', 'test/scenes/test_scene_files.py',
                                            'test/bags/test_recorded_obstacles.py']),
     'monitor': (['dragon_ros/nodes/monitor.py', 'dragon_ros/nodes/contact_messages.py', f'{CORE}/geometry/tracker.py'],
-                [f'{TEST}/geometry/test_tracker.py', 'test/nodes/test_contact_messages.py',
+                [f'{TEST}/geometry/test_tracker.py', f'{TEST}/geometry/test_tracker_in_venues.py',
+                 'test/nodes/test_contact_messages.py',
                  'test/nodes/test_monitor_topics.py', 'test/nodes/test_overload.py',
                  'test/messages/test_monitor_markers.py']),
 }

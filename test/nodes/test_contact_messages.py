@@ -79,3 +79,26 @@ def test_health_without_a_tick_is_ok_and_says_what_it_waits_for():
     assert (status.level, status.name, status.hardware_id) == (OK, 'hall: clearance', 'hall')
     assert values(status) == {'dropped': '2'}
     assert 'waiting' in status.message
+
+
+def test_contact_changes_with_the_first_and_after_the_last_pair_that_touches():
+    changes = messages.Changes()
+    assert changes.last is None
+    rows = [Report(SEEN, 0.1, (3, 11), count=count) for count in (0, 0, 2, 1, 1, 0, 0, 1)]
+    assert [changes.contact(row) for row in rows] == [False, False, True, False, False, True, False, True]
+    assert changes.last is rows[-1]
+    assert messages.Changes().contact(rows[-1])
+
+
+def test_a_level_is_new_if_it_differs_from_the_last_one_in_either_direction():
+    changes = messages.Changes()
+    found = [changes.level(level) for level in (OK, OK, WARN, ERROR, ERROR, WARN, OK, ERROR)]
+    assert found == [True, False, True, True, False, True, True, True]
+
+
+def test_the_clearance_is_labelled_ten_times_a_second_and_at_once_with_a_contact():
+    changes = messages.Changes()
+    asked = [(-7.0, False), (-6.8, False), (-6.75, False), (-6.74, True), (-6.65, False), (-6.6, False), (3.0, False)]
+    assert [changes.label(now_s, at_once) for now_s, at_once in asked] == [True, True, False, True, False, True, True]
+    first = messages.Changes()
+    assert [first.label(now_s, False) for now_s in (0.0, 0.0999, 0.1, 0.15, 0.2)] == [True, False, True, False, True]

@@ -95,10 +95,20 @@ def test_a_monitor_reads_first_where_the_publisher_waits_for_it(monitor, node, m
     node.create_publisher(shell.message_type(row.type), 'handles', qos.waiting(qos.of_channel(row)))
     node.until(lambda: monitor.count_publishers('handles'))
     for name, data, _, number in messages:
-        monitor._inbox.put(name, channels()[name].type, data, info(number))
+        earlier = 0 if name == 'handles' else 900       # benches that were published without handles are no ticks
+        monitor._inbox.put(name, channels()[name].type, data, info(number + earlier))
     while monitor._inbox._waiting:
         monitor._inbox.work()
     assert (monitor.seen, monitor.dropped, monitor._inbox.skipped, monitor.pace.text()) == (501, 0, 0, '')
+    assert (monitor.pace.before, monitor._numbers) == (0, {})
+
+
+def test_a_monitor_remembers_numbers_of_handles_without_benches_within_its_budget(monitor, monkeypatch):
+    from dragon_ros.nodes import monitor as module
+    monkeypatch.setattr(module, 'INBOX_MESSAGES', 40)
+    for number in range(1, 100):
+        monitor._number(10 * number, number)
+    assert monitor._numbers == {10 * number: number for number in range(60, 100)}
 
 
 def test_ticks_that_are_not_seen_are_known_by_the_numbers_of_their_handles():

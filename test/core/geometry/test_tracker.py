@@ -146,10 +146,19 @@ def test_ticks_are_interpolated_together_if_no_step_is_four_times_its_neighbour(
     assert begin.t_contact_s == pytest.approx(4.6, abs=1e-12)
 
 
-@pytest.mark.parametrize(('step_s', 'ticks'), [(3.9, 4), (4.1, 3)])
+@pytest.mark.parametrize(('step_s', 'ticks'), [(3.9, 4), (4.0, 4), (4.1, 3)])
 def test_ticks_before_a_step_of_more_than_four_times_the_next_are_left_out_of_the_interpolation(step_s, ticks):
     t = np.cumsum([0.0, step_s, 1.0, 1.0])
     gap_m = -0.1 * (t - 1) * (t - 2) * (t - step_s - 1.6)
+    (begin,) = reports_of(zip(t, gap_m, strict=True))[-1].begins
+    roots = np.roots(np.polyfit(t[-ticks:], gap_m[-ticks:], ticks - 1))
+    assert np.min(np.abs(roots - begin.t_contact_s)) < 1e-9
+
+
+@pytest.mark.parametrize(('step_s', 'ticks'), [(0.26, 4), (0.25, 4), (0.24, 3)])
+def test_ticks_before_a_step_of_less_than_a_quarter_of_the_next_are_left_out_of_the_interpolation(step_s, ticks):
+    t = np.cumsum([0.0, step_s, 1.0, 1.0])
+    gap_m = 0.1 * (t + 1) * (t - 3) * (t - step_s - 1.6)
     (begin,) = reports_of(zip(t, gap_m, strict=True))[-1].begins
     roots = np.roots(np.polyfit(t[-ticks:], gap_m[-ticks:], ticks - 1))
     assert np.min(np.abs(roots - begin.t_contact_s)) < 1e-9
@@ -306,6 +315,11 @@ def test_a_watch_of_the_whole_run_never_grows():
 def test_a_repeated_tick_among_late_ones_makes_no_restart():
     once, again = ([20, 21, 22, 23, 24, 25, *late, 26, 27] for late in ((), (23, 24, 25)))
     assert told(reports(SCENE, again)) == told(reports(SCENE, once)) == [('begin', (0, 8))]
+
+
+def test_late_ticks_that_go_back_are_each_just_late():
+    late = [*range(20, 26), 24, 23, 22, 21, 26, 27]
+    assert [report.observation.t_ns for report in reports(SCENE, late)] == [SCENE.run.time_ns(k) for k in range(20, 28)]
 
 
 @pytest.mark.parametrize(('back_s', 'restarts'), [(0.99, False), (1.01, True)])
