@@ -27,6 +27,7 @@ _FIRST_RAD = 2.0        # angle of the first boxes about the centre
 _LEAST = 1e-9           # relative to a variable: the narrowest box
 _BENT = Fraction(109, 100)      # the curvature of any spiral is at most 1.09 / r
 _NEAR = 1e-11           # relative to a span: distance of the first bound that is tried
+_BELOW, _ABOVE = -1, 1  # the side of a value on which a float provably is
 _PASSES = 6             # iterations to bound the head, given the handle behind it
 _HALF = Fraction(1, 2)
 
@@ -98,7 +99,7 @@ def _excess(theta: arb, delta: arb, chord: arb) -> arb:
 
 @lru_cache(maxsize=65536)
 def _span(theta: float, chord: float, sense: int) -> float:
-    """Return a float that is provably below (``sense`` -1) or above (1) the span of a chord from an angle.
+    """Return a float that is provably below or above (``sense``) the span of a chord from an angle.
 
     Up to pi the chord grows with the span, so the sign of F - c^2 / 2 shows on which side of the root a span is.
     """
@@ -112,10 +113,15 @@ def _span(theta: float, chord: float, sense: int) -> float:
     raise Refused('the position of a link of the family could not be proved')
 
 
+def _next(theta: float, chord: float, sense: int) -> float:
+    """Return a float that is provably below or above (``sense``) the angle of the handle a chord behind an angle."""
+    return nextafter(theta + _span(theta, chord, sense), sense * inf)
+
+
 def _spans(theta: Interval, scale: Interval, link: Interval) -> arb:
     """Return a ball of the spans of links with front handles between two angles (lemma 1)."""
     short, long = below(arb(scale[0]) * arb(link[0])), above(arb(scale[1]) * arb(link[1]))
-    return arb(_span(theta[1], short, -1)).union(arb(_span(theta[0], long, 1)))
+    return arb(_span(theta[1], short, _BELOW)).union(arb(_span(theta[0], long, _ABOVE)))
 
 
 def _added(one: Interval, other: Interval) -> Interval:
@@ -164,7 +170,7 @@ class _Proof:
     def _first(self) -> list[tuple[int, Box]]:
         """Return boxes for all positions of the head (0), and of all front handles behind it (1)."""
         inner, outer = self._innermost(), above(self._start)
-        rear = nextafter(inner + _span(inner, below(arb(self._scale[0]) * arb(self._head[0])), -1), -inf)
+        rear = _next(inner, below(arb(self._scale[0]) * arb(self._head[0])), _BELOW)
         first = [(0, box) for box in self._row(inner, outer, self._head)]
         if self._family.benches > 3:        # if there are three benches, only the head has two behind it
             first += [(1, box) for box in self._row(rear, self._last(outer), self._body)]
@@ -176,7 +182,7 @@ class _Proof:
         By lemma 6 it is largest for the longest links.
         """
         for link in [self._head[1], *[self._body[1]] * (self._family.benches - 4)]:
-            theta = nextafter(theta + _span(theta, above(arb(self._scale[1]) * arb(link)), 1), inf)
+            theta = _next(theta, above(arb(self._scale[1]) * arb(link)), _ABOVE)
         return theta
 
     def _clear(self, lead: int, box: Box, before: int) -> int:
@@ -225,14 +231,14 @@ class _Proof:
         if lead:
             chord = below(arb(scale[0]) * arb(self._head[0]))
             for _ in range(_PASSES):
-                head = above(arb(theta[1]) - arb(_span(head, chord, -1)))
+                head = above(arb(theta[1]) - arb(_span(head, chord, _BELOW)))
         elif above(self._start) > theta[0] and self._gone_by(theta[0], scale[0]) < self._gone_m[0]:
             return None     # before the start
         if arb(head) < self._start and self._gone_by(head, scale[1]) > self._gone_m[1]:
             return None     # after the claimed time
         most = above(arb(scale[1]) * arb(link[1]))
         over = above(arb(scale[1])) * hypot(self._over, self._half) * (1 + 1e-12)
-        reach = theta[1] + _span(theta[0], most, 1) + 2 * over
+        reach = theta[1] + _span(theta[0], most, _ABOVE) + 2 * over
         far = hypot(reach, above(arb(scale[1]) * arb(other[1]))) * (1 + 1e-12) - theta[0]
         low, high = self._strips(lead, (theta, (ahead[0], min(ahead[1], far)), scale, link, other))
         return (theta, (low, high), scale, link, other) if low <= high else None
@@ -240,13 +246,13 @@ class _Proof:
     def _strips(self, lead: int, box: Box) -> Interval:
         """Return the range of angles by which another bench may be ahead in a box, over all numbers of links."""
         theta, ahead, scale, link, _ = box
-        near = nextafter(theta[1] + _span(theta[1], below(arb(scale[0]) * arb(link[0])), -1), -inf)
-        far = nextafter(theta[0] + _span(theta[0], above(arb(scale[1]) * arb(link[1])), 1), inf)
+        near = _next(theta[1], below(arb(scale[0]) * arb(link[0])), _BELOW)
+        far = _next(theta[0], above(arb(scale[1]) * arb(link[1])), _ABOVE)
         short, long = below(arb(scale[0]) * arb(self._body[0])), above(arb(scale[1]) * arb(self._body[1]))
         low, high = inf, -inf
         for _ in range(2, self._family.benches - lead):
-            near = nextafter(near + _span(near, short, -1), -inf)
-            far = nextafter(far + _span(far, long, 1), inf)
+            near = _next(near, short, _BELOW)
+            far = _next(far, long, _ABOVE)
             least, most = nextafter(near - theta[1], -inf), nextafter(far - theta[0], inf)
             self._links += 1
             if self._links > _LINKS * self._most:

@@ -6,6 +6,7 @@ frame of the bench, the ends of the edge accelerate like points at rest. Only th
 reach matters; the rest is further away than the bench moves. Benches are linked, so if none meets an edge, all stay on
 one side of every outline.
 """
+from cmath import rect
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -26,8 +27,7 @@ _CELL = 4.0         # times the longest bench: the side of a cell of the index
 _MOST_CELLS = 1000  # limit along an edge; longer edges are always checked
 _REACH = 2.0        # times the longest bench: intervals over which a bench moves further are cut without a check
 _NEAR_M = 1e-5      # times the scale of rounding: edges of an obstacle this close to a bench may touch it
-_INSIDE_HEAD = [(0.0, 0.0), (0.37, 0.21), (-0.41, 0.33), (0.19, -0.57), (-0.23, -0.47), (0.61, 0.71)]
-                    # fractions of half a length and half a width: points of a bench, not all level with corners
+_INSIDE_HEAD = [rect(0.5, n) for n in range(6)]     # points in a bench, in halves of its length and width
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,8 +218,8 @@ def check_sides(venue: Venue, head: Pose) -> None:
     One point of the head is checked: if no bench touches an edge, all benches are on the same side as this point.
     """
     areas = [one for one in venue.all if one.area]
-    for along, aside in _INSIDE_HEAD:
-        lever = acb(head.shape.half_length * exact(along), head.shape.half_width * exact(aside))
+    for inside in _INSIDE_HEAD:
+        lever = acb(head.shape.half_length * exact(inside.real), head.shape.half_width * exact(inside.imag))
         point = head.middle + head.axis * lever
         sides = [_covers(one, point) for one in areas]
         if None not in sides:

@@ -1,6 +1,6 @@
 """Each enclosure of the checker holds, and in tight cases a missing or swapped term would be noticed."""
 from fractions import Fraction
-from functools import reduce
+from functools import partial, reduce
 from itertools import pairwise
 from math import asin, cos, hypot, pi, sin
 from types import SimpleNamespace
@@ -35,7 +35,7 @@ from dragon_ros.verify.cover import Way, _middle, repeated, ways
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.interval import Interval
 from dragon_ros.verify.law import Law
-from dragon_ros.verify.motion import furthest, spiral_slopes
+from dragon_ros.verify.motion import Turning, furthest, spiral_slopes
 from dragon_ros.verify.posture import AXES, Bench, Pose, about, overlap, separation
 from dragon_ros.verify.proof import _Proof
 from dragon_ros.verify.ranges import _image, _ratio, ranges
@@ -80,6 +80,33 @@ def test_middles_bend_in_the_plane_as_they_do_seen_from_either_bench(share):
             true = float(abs(before - 2 * here + after)) / STEP**2
             bound = piece._in_plane(n, piece._turning(turned))
             assert true - 1e-6 < bound < true + 1e-3 * (1 + true)
+
+
+def test_middles_of_two_benches_bend_by_half_the_sum_of_what_their_four_handles_do():
+    seen = SimpleNamespace(
+        _handle=lambda k: SimpleNamespace(pole='centre'), _turning=lambda k: Turning(arb(0), arb(0)),
+        _motion=lambda k: SimpleNamespace(radial=(arb(1), arb(0), arb(10**k), arb(0), arb(0))), _in_lead=[])
+    seen._in_lead_frame = partial(Interval._in_lead_frame, seen)
+    for other in (False, True):
+        assert Interval._middles(seen, 3, other) == pytest.approx(0.5 * (1 + 10 + 1e3 + 1e4), rel=1e-12)
+
+
+@pytest.mark.parametrize(('other', 'arm_m'), [(False, 5.0), (True, 2.0)])
+def test_corners_sag_by_the_arm_of_the_bench_that_turns_in_the_frame_of_the_other(other, arm_m):
+    benches = [SimpleNamespace(arm_m=arm_m) for arm_m in (7.0, 2.0, 3.0, 11.0, 5.0, 13.0)]
+    seen = SimpleNamespace(_benches=benches, _lead=1, _length=2.0, _middles=lambda n, other: 0.25,
+                           _turning=lambda n: Turning(arb(0.5 * n), arb(4.0 * n)))
+    bend = 0.25 + arm_m * hypot(1.5**2, 12.0)
+    assert Interval._sag(seen, 3, other) == pytest.approx(bend * 2.0**2 / 8, rel=1e-12)
+
+
+def test_a_handle_is_wide_from_where_twice_the_radius_of_its_bend_exceeds_its_link():
+    segment, link = first_link()
+    wide = segment.chord(link).wide
+    assert segment.is_wide(wide * 1.001, link)
+    assert not any(segment.is_wide(wide * share, link) for share in (1, 0.999, 0.5, 0))
+    ratios = [float(abs(segment.curvature(u)) * link.length) for u in (wide, (wide - 0.25) / 1.125)]
+    assert ratios[0] < 2 <= ratios[1]
 
 
 @pytest.mark.parametrize(('kind', 'start'), [('to the centre', 30.0), ('sway', 14.0), ('coils', 22.0)])
