@@ -219,6 +219,19 @@ def test_what_is_a_hair_before_the_start_or_after_the_claimed_time_does_not_occu
         assert PROOF._occurring(lead, (inside, (0.0, 9e9), PROOF._scale, *links)) is not None
 
 
+def test_the_head_is_nowhere_near_its_place_at_0_s_when_its_run_starts_later():
+    box = (around(8 * pi, 1e-3), (0.0, 9e9), PROOF._scale, PROOF._head, PROOF._body)
+    assert PROOF._occurring(0, box) is None
+
+
+def test_each_box_that_is_examined_counts():
+    proof, seen = proof_of(until_s=3.5), []
+    proof._occurring = lambda lead, box: seen.append(box) or _Proof._occurring(proof, lead, box)
+    lead, box = next(row for row in proof._first() if row[0])
+    assert proof._clear(lead, box, 0) == len(seen) > 1
+    assert proof._clear(lead, (box[0], (0.0, 1e-9), *box[2:]), 5) == 1
+
+
 def test_the_head_has_passed_no_place_further_in_by_the_claimed_time():
     assert 0 <= head_at(UNTIL_S, PROOF._scale[1]) - PROOF._innermost() < 1e-9
 
