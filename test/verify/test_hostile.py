@@ -2,7 +2,7 @@
 import copy
 import json
 import re
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from math import inf, nextafter
 from pathlib import Path
 
@@ -56,6 +56,14 @@ def test_a_strange_value_anywhere_is_refused_or_harmless(proof, share, strange):
     target[last] = strange
     with suppress(Refused):
         check(json.dumps(changed).encode())
+
+
+@pytest.mark.parametrize(('share', 'refused'), [(0.0, False), (0.1, True), (0.9, True), (1.1, False)])
+def test_links_too_short_to_have_a_direction_are_refused_but_holes_may_coincide(share, refused):
+    values = {'kind': 'equal', 'benches': 3, 'head_length_m': 1.0, 'body_length_m': 1.0, 'width_m': 0.1,
+              'hole_inset_m': 0.5 - 0.5 * share * reading._LEAST_LINK}
+    with pytest.raises(Refused, match='too short to have a direction') if refused else nullcontext():
+        assert reading._dragon(values)[0] == (1.0, 1.0, 1.0)
 
 
 @pytest.mark.parametrize('key', ['t_s', 'start_m', 'stop_m', 'lead'])
