@@ -83,7 +83,7 @@ def _edges(markers: Markers, marker: int) -> tuple[Complexes, Complexes]:
         raise MessageError(f'venue: marker {int(markers.id[marker])} has a point that is not finite, or beyond '
                            f'{FARTHEST_M:g} m')
     shift, turn = plane_pose_of(markers.poses[marker], 'venue: pose')
-    z: Complexes = np.ascontiguousarray(points[:, :2], dtype=np.float64).view(np.complex128)[:, 0]
+    z: Complexes = np.ascontiguousarray(points[:, :2], dtype=np.float64).view(np.complex128).ravel()
     z = z if (shift, turn) == (0, 1) else shift + z * turn
     return (z[:-1], z[1:]) if markers.type[marker] == LINE_STRIP else (z[:len(z) // 2 * 2:2], z[1::2])
 

@@ -201,6 +201,7 @@ def test_beyond_lost_messages_a_stamp_tells_its_publisher_to_a_quarter_of_a_step
     for k in range(1, 6):
         streams.take(k, k * step, alone=True)
     streams.adopt(5 * step)
+    assert streams.take(9, 9 * step, alone=False)       # three were lost
     assert streams.take(5000, round((5000 + off) * step), alone=False) == known
 
 

@@ -106,6 +106,17 @@ def test_it_comes_near_an_end_that_it_is_sent_to():
     assert 10 - 2 * SHORT_M < gone < 10 - SHORT_M
 
 
+@pytest.mark.parametrize('sense', [1, -1])
+@pytest.mark.parametrize(('speed', 'left_m'), [(1.0, 0.27), (0.6, 0.1), (0.0, SHORT_M + 0.0012)])
+def test_while_it_brakes_its_speed_leaves_exactly_the_distance_that_it_needs_to_stop(sense, speed, left_m):
+    step_s, rate = 0.02, LED.max_acceleration_m_s2
+    room = (inf, left_m) if sense > 0 else (left_m, inf)
+    then = sense * next_speed_m_s(LED, sense * speed, 1.5 * sense, step_s, room)
+    assert 0 < then < speed + rate * step_s
+    needed = 0.5 * (speed + then) * step_s + then**2 / (2 * rate)
+    assert needed == pytest.approx(left_m - SHORT_M - rate * step_s**2, abs=1e-12)
+
+
 @pytest.mark.parametrize('lead', ['head', 'tail'])
 def test_a_led_tick_has_the_bits_of_a_profile_of_what_was_walked(lead):
     scene = replace(SCENE, head=replace(LED, lead=lead))

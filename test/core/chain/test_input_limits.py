@@ -1,4 +1,5 @@
 """The largest and smallest inputs are accepted; the next value beyond each is rejected with the name of its field."""
+from contextlib import nullcontext
 from math import inf, nextafter
 
 import pytest
@@ -8,6 +9,7 @@ from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.verify.reading import _LEAST_LINK
 
 
 def piece(kind, **values):
@@ -61,3 +63,14 @@ def test_as_many_as_the_limit_are_accepted_and_one_more_or_none_is_refused(name)
         make(count)
         with pytest.raises(FieldError):
             make(beyond)
+
+
+@pytest.mark.parametrize(('share', 'refused'), [(0.0, False), (0.1, True), (0.9, True), (1.1, False)])
+def test_the_shortest_link_is_that_of_the_checker_and_holes_may_coincide(share, refused):
+    inset_m = 0.5 - 0.5 * share * _LEAST_LINK
+    with pytest.raises(FieldError, match='too short') if refused else nullcontext():
+        assert Dragon(3, 1.0, 1.0, 0.1, inset_m).link_lengths_m == pytest.approx(share * _LEAST_LINK, rel=1e-5)
+
+
+def test_the_default_dragon_is_that_of_the_problem():
+    assert Dragon() == Dragon(benches=223, head_length_m=3.41, body_length_m=2.20, width_m=0.30, hole_inset_m=0.275)

@@ -25,14 +25,15 @@ def test_led_by_the_tail_the_head_begins_at_the_very_end_of_its_track(length_m):
 
 
 @pytest.mark.parametrize(('benches', 'turns'), [(223, 16.0), (40, 4.0), (3, 4.0), (600, 5.0)])
-def test_on_a_spiral_no_handle_is_further_out_than_the_bound_which_is_within_a_turn(benches, turns):
+def test_on_a_spiral_no_handle_is_further_out_than_the_bound_which_is_within_a_radian(benches, turns):
     simulation = compile_scene(Scene(Dragon(benches), Spiral(0.55, turns), run=Run(0, 1)))
     leader = simulation.model.leader
     for gone_m in (0.0, 5.0):
         far_m = np.max(np.hypot(*simulation.model.march((gone_m, 0.0)).p.T))
-        assert far_m <= leader.size_m((gone_m, 5.0)) <= far_m + 0.2
+        assert far_m <= leader.size_m((gone_m, 5.0)) <= far_m + 0.55 / (2 * pi)
+    assert leader.size_m((0.0, 5.0)) == leader.size_m((0.0, 0.0))       # the tail is furthest out at the start
     back_m = np.max(np.hypot(*simulation.model.march((-20.0, 0.0)).p.T))
-    assert back_m <= leader.size_m((-20.0, 5.0)) <= back_m + 0.2
+    assert back_m <= leader.size_m((-20.0, 5.0)) <= back_m + 0.55 / (2 * pi)
 
 
 @pytest.mark.parametrize('lead', ['head', 'tail'])

@@ -7,6 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from dragon_ros.core.batches import states
+from dragon_ros.core.chain import lock
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.chain.lock import follower, head_lock_angle, lock_angle, turning_places, turns
@@ -34,6 +35,12 @@ def test_a_lock_is_where_the_first_peak_meets_the_link(chord):
     assert chord_of(angle, first_peak(angle, pi)[0]) == pytest.approx(chord, rel=1e-13)
     assert follower(angle * (1 + 1e-9), chord) < inf
     assert follower(angle * (1 - 1e-9), chord) == inf
+
+
+def test_the_chord_has_a_first_peak_exactly_beyond_the_angle_from_which_links_can_lock():
+    angle = lock._first_with_peak()
+    assert first_peak(angle * (1 - 1e-9), pi)[0] == inf
+    assert first_peak(angle * (1 + 1e-9), pi)[0] < inf
 
 
 @given(st.floats(0.01, 5))
