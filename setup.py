@@ -7,12 +7,12 @@ NAME = 'dragon_ros'
 
 
 def files(folder: str, pattern: str = '*') -> list[str]:
-    """Return the files of a folder, sorted, as paths relative to this one."""
+    """Return the files of a folder, sorted, as paths relative to the folder of this file."""
     return sorted(path.as_posix() for path in Path(folder).glob(pattern) if path.is_file() and path.suffix != '.py')
 
 
 def configuration() -> list[tuple[str, list[str]]]:
-    """Return every folder below msg_configs with its files, for share/."""
+    """Return every folder below msg_configs with its files, for installation in share/."""
     folders = [Path('msg_configs'), *sorted(path for path in Path('msg_configs').rglob('*') if path.is_dir())]
     return [(f'share/{NAME}/{folder.as_posix()}', files(folder.as_posix())) for folder in folders]
 
@@ -36,10 +36,10 @@ setup(
         (f'share/{NAME}/launch', ['launch/dragon.launch.py']),
         *configuration(),
     ],
-    # The only name for pip's bin/; colcon puts it beside the executables.
+    # The only name that pip installs in its bin/; colcon puts it beside the executables.
     entry_points={'console_scripts': ['dragon = dragon_ros.__main__:dragon']},
     python_requires='>=3.10',
-    # ROS packages come with ROS (or from requirements.txt). They are not listed here, since that would break an
+    # ROS packages come with ROS (or from requirements.txt). ROS packages are not listed here, since that would break an
     # ordinary install.
     install_requires=['argcomplete>=3.1', 'lz4>=4.0', 'matplotlib>=3.6', 'mcap>=1.1', 'numpy>=1.26', 'PyYAML>=6.0',
                       'regex>=2022.10', 'shapely>=2.0', 'tqdm>=4.64', 'zstandard>=0.22'],

@@ -1,6 +1,6 @@
-"""Write the tables of the documents from the code, between <!-- table NAME --> and <!-- end --> in each of them.
+"""Write the tables of the documents from the code, between the marks <!-- table NAME --> and <!-- end -->.
 
-``./dragon docs`` renews all of them; with ``--check`` it changes nothing and fails if one is stale.
+``./dragon docs`` renews all of them; with ``--check`` it changes nothing and fails if a table is stale.
 """
 import argparse
 import dataclasses
@@ -141,7 +141,7 @@ def _parts(one: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _kind_row(one: dict[str, Any]) -> tuple[str, str, str]:
-    """Return (kind, keys with defaults, what) of a section or of a single key."""
+    """Return (kind, keys with defaults, meaning) of a section or of a single key."""
     what = one['description'].replace('``', '`')
     if 'properties' not in one:
         return '', _default(one), what
@@ -229,7 +229,7 @@ def _bare(annotation: Any) -> Any:
 
 
 class _Text(str):
-    """A text shown without quotes."""
+    """A string whose repr has no quotes."""
 
     __slots__ = ()
 

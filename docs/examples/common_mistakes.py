@@ -48,7 +48,7 @@ QUESTIONS: dict[str, Callable[[], Rows]] = {
 
 
 def table(lines: Rows) -> str:
-    """Return rows as a Markdown table; the first one is its head."""
+    """Return rows as a Markdown table; the first row is its head."""
     out = [f'| {" | ".join(row)} |' for row in lines]
     return '\n'.join([out[0], '|---' * out[0].count(' | ') + '|---|', *out[1:]])
 

@@ -12,7 +12,7 @@ DISTANCE_M, TOP_SPEED_M_S = 2.0, 1.5
 
 
 class Follower(Node):
-    """Moves towards the head, in simulation time, while the head is more than DISTANCE_M away."""
+    """A robot that moves towards the head, in simulation time, while the head is more than DISTANCE_M away."""
 
     def __init__(self) -> None:
         """Start at the first received position of the head."""
@@ -36,7 +36,7 @@ class Follower(Node):
         self.out.publish(pose)
 
 
-rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two callbacks, not inside rclpy
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C takes effect between two callbacks
 with contextlib.suppress(KeyboardInterrupt):
     node = Follower()
     while True:

@@ -7,7 +7,7 @@ from geometry_msgs.msg import TwistStamped
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two callbacks, not inside rclpy
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C takes effect between two callbacks
 node = Node('lead', namespace='/dragon')
 commands = node.create_publisher(TwistStamped, 'cmd_vel', 10)
 began = time.monotonic()

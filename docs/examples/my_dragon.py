@@ -1,6 +1,6 @@
 """Monitor your own dragon: from its handles (PoseArray, head to tail), make the benches that the monitor reads.
 
-Publish the handles on /mine/handles, start this and `./dragon monitor --ros-args -r __ns:=/mine`.
+Publish the handles on /mine/handles, then start this program and `./dragon monitor --ros-args -r __ns:=/mine`.
 """
 import contextlib
 
@@ -13,7 +13,7 @@ from visualization_msgs.msg import MarkerArray
 
 from dragon_ros.messages.observation import BenchesFromHandles
 
-rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two callbacks, not inside rclpy
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C takes effect between two callbacks
 node = Node('my_dragon', namespace='/mine')
 builder = BenchesFromHandles(width_m=0.3, hole_inset_m=0.275)
 benches = node.create_publisher(MarkerArray, 'benches', QoSProfile(depth=1000))

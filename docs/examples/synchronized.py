@@ -8,14 +8,14 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from visualization_msgs.msg import MarkerArray
 
-KEEP = 100      # largest number of ticks that wait for their other half
+KEEP = 100      # largest number of ticks of which only one message has arrived
 
 
 class Pairs(Node):
-    """Pairs the two topics by their stamps, like message_filters.TimeSynchronizer, which may not be installed."""
+    """A node that pairs two topics by stamp, like message_filters.TimeSynchronizer, which may not be installed."""
 
     def __init__(self) -> None:
-        """Subscribe to both."""
+        """Subscribe to both topics."""
         super().__init__('pairs', namespace='/dragon')
         self.waiting: dict[tuple[int, int], dict[str, PoseArray | MarkerArray]] = {}
         for kind, name in ((PoseArray, 'handles'), (MarkerArray, 'benches')):
@@ -23,7 +23,7 @@ class Pairs(Node):
                                      QoSProfile(depth=1000))
 
     def take(self, name: str, message: PoseArray | MarkerArray) -> None:
-        """Keep one half, or use both if they are complete."""
+        """Keep a message until the other one of the same tick arrives, then use both."""
         stamp = (message if name == 'handles' else message.markers[0]).header.stamp
         pair = self.waiting.setdefault((stamp.sec, stamp.nanosec), {})
         pair[name] = message
@@ -41,7 +41,7 @@ class Pairs(Node):
         print(f'{stamp.sec + 1e-9 * stamp.nanosec:.2f} s: {off ** 0.5:.1e} m', flush=True)
 
 
-rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two callbacks, not inside rclpy
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C takes effect between two callbacks
 with contextlib.suppress(KeyboardInterrupt):
     node = Pairs()
     while True:

@@ -1,4 +1,4 @@
-"""An example subscriber: prints the speed of the tail once per second of simulation."""
+"""An example subscriber that prints the speed of the tail once per second of simulation."""
 import signal
 import threading
 
@@ -10,7 +10,7 @@ from rclpy.signals import SignalHandlerOptions
 
 
 class TailSpeed(Node):
-    """Divides the distance of the tail between two messages by the time between their stamps."""
+    """A node that divides the distance between two positions of the tail by the time between their stamps."""
 
     def __init__(self) -> None:
         """Subscribe to the handles."""
@@ -21,7 +21,7 @@ class TailSpeed(Node):
         self.create_subscription(PoseArray, 'handles', self.on_handles, QoSProfile(depth=1000))
 
     def on_handles(self, message: PoseArray) -> None:
-        """Print the speed when a new second has begun."""
+        """Print the speed whenever a new second has begun."""
         stamp, tail = message.header.stamp, message.poses[-1].position
         now = stamp.sec + 1e-9 * stamp.nanosec, tail.x, tail.y
         if self.before and now[0] > self.before[0] and stamp.sec != self.printed_s:
