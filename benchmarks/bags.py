@@ -27,7 +27,7 @@ _Row = tuple[str, bytes, int, int]
 
 @dataclass(frozen=True)
 class Written:
-    """One writer with one compression: time for all ticks, and bytes before and after."""
+    """One writer with one compression: the time for all ticks, and the bytes before and after compression."""
 
     writer: str
     compression: str
@@ -127,7 +127,7 @@ def picture(rows: list[Written]) -> Figure:
     for row in rows:
         own = row.writer == _OWN
         axes.plot(100 * row.share, row.mb_s, 'o' if own else 's', color='#0072B2' if own else '#E69F00', markersize=9)
-        on_left = own and row.compression == 'zstd'         # lz4 is to its right and nearly as high
+        on_left = own and row.compression == 'zstd'         # lz4 is to the right of it, at nearly the same height
         axes.annotate(f'{row.writer}, {row.compression}', (100 * row.share, row.mb_s), textcoords='offset points',
                       xytext=(-8 if on_left else 8, 4 if own else -12), ha='right' if on_left else 'left',
                       fontsize=TEXT_PT)

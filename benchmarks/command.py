@@ -1,4 +1,4 @@
-"""``./dragon cost PAGE``: measures the pages of ``docs/cost``."""
+"""``./dragon cost PAGE``: measure the pages of ``docs/cost``."""
 import subprocess
 import sys
 from argparse import Namespace
@@ -23,7 +23,7 @@ ALL = 'all'
 _CHECKOUT = Path(__file__).parents[1]
 _CHAINS = 1000
 _BUDGET_S, _MINUTES = 0.3, 10.0
-_EFFORTS = {'memory': 'minutes', 'promises': 'chains'}      # the option of these pages; all others have --budget
+_EFFORTS = {'memory': 'minutes', 'promises': 'chains'}      # the options of these pages; all other pages have --budget
 _RANGES = {'budget': (_BUDGET_S, 1e-6, 1e6), 'minutes': (_MINUTES, 0.05, 1e4), 'chains': (_CHAINS, 1, 1e9)}
 _END = '<!-- end -->'
 
@@ -130,7 +130,7 @@ def _effort(name: str, arguments: Namespace) -> float:
 
 
 def write(name: str, rows: Any, folder: Path) -> list[Path]:
-    """Write a page, its CSV and its pictures into a folder and return their paths. An existing page keeps its text."""
+    """Write a page, its CSV and its pictures into a folder; return their paths. An existing page's text is kept."""
     page, text, data = import_module(PAGES[name]), folder / f'{name}.md', folder / f'{name}.csv'
     folder.mkdir(parents=True, exist_ok=True)
     if not (text.is_file() and _mark(name) in text.read_text(encoding='utf-8')):

@@ -23,9 +23,9 @@ from dragon_ros.core.step import state
 from dragon_ros.cost.measure import TIMES, circumstances, timed
 
 T_STAR_S = 412.473837682115         # first contact of the classic run, to the last digit
-WIDER_S = 409.775927737801          # first contact with benches 1 mm wider; it lasts 0.11 s and is 2 s before the next
+WIDER_S = 409.775927737801          # first contact with benches 1 mm wider; it lasts 0.11 s
 _KNOWN_S = 1e-12                    # times closer than this count as equal
-_WRONG_S = 5e-7                     # a time without a stated bound that is off by more is marked WRONG
+_WRONG_S = 5e-7                     # if no bound is requested, a time with a larger error is marked WRONG
 _STEPS_S = (1.0, 0.1, 0.01)
 _WANTED_S = (1e-3, 1e-6, 1e-9, 1e-12)
 _WIDER = ', benches 1 mm wider'
@@ -34,7 +34,7 @@ _OWN = 'first_contact'
 
 @dataclass(frozen=True)
 class Search:
-    """One method of finding a contact: its answer, the requested error, the overlap then, its work, and the truth."""
+    """One method of finding a contact: its answer, the requested error, the overlap at that time, and the truth."""
 
     solver: str
     wanted_s: float | None
@@ -46,12 +46,12 @@ class Search:
 
     @property
     def late_s(self) -> float:
-        """The delay of the reported time after the contact."""
+        """How much later than the contact the reported time is."""
         return self.t_s - self.true_s
 
     @property
     def verdict(self) -> str:
-        """'WRONG' if the answer misses the requested error or, without one, its sixth decimal."""
+        """'WRONG' if the answer misses the requested error or, if none was requested, its sixth decimal."""
         return 'WRONG' if abs(self.late_s) > max(self.wanted_s or _WRONG_S, _KNOWN_S) else 'right'
 
 
@@ -131,7 +131,7 @@ def _search_table(rows: Measured) -> str:
 
 
 def csv_text(rows: Measured) -> str:
-    """Return the rows as CSV, times in seconds; a search has its answer and a check its number of benches."""
+    """Return the rows as CSV, times in seconds; a row has the answer of a search, or the benches of a check."""
     searches = [(row.solver, Scene().dragon.benches, row.t_s, row.late_s, row.depth_m, row.verdict, row.states, '',
                  row.spent_s, '', '', '') for row in rows.searches]
     checks = [(check.method, check.benches, '', '', '', 'right' if check.right else 'WRONG', 1, check.pairs,

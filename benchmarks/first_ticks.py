@@ -17,7 +17,7 @@ from dragon_ros.scenes.load import load_scene
 from hard_cases.dances import dances
 
 _NAMED = ('winding', 'long')
-_TICKS = 50             # ticks whose mean is the time of a later tick
+_TICKS = 50             # number of ticks over which the time of a later tick is averaged
 _FIRST, _LATER, _FIRST_MARCHED, _MARCHED = 'first', 'later', 'first, marched', 'later, marched'
 CALLS = (_FIRST, _LATER, _FIRST_MARCHED, _MARCHED)
 _STYLES = {_FIRST: ('#0072B2', 'o'), _LATER: ('#0072B2', '.'), _FIRST_MARCHED: ('#D55E00', 's'),
@@ -35,7 +35,7 @@ class Row:
 
     @property
     def pays_from(self) -> float:
-        """The tick from which on the march has taken longer in total than the map; inf if never."""
+        """The first tick at which the march has taken longer in total than the map; inf if there is none."""
         first, later, first_marched, marched = (self.timings[name].median_s for name in CALLS)
         if first <= first_marched:
             return 1

@@ -1,4 +1,4 @@
-"""The growth of one contact check with the number of benches: three methods, and the whole monitor."""
+"""How the time of one contact check grows with the number of benches, for three methods and the whole monitor."""
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -32,7 +32,7 @@ METHODS = tuple(_COLOURS)
 
 @dataclass(frozen=True)
 class Check:
-    """One check of all benches of a dragon: candidates and gaps. ``right``: the smallest gap is correct."""
+    """One check of all benches of a dragon: candidates and gaps. ``right`` is true if the smallest gap is correct."""
 
     method: str
     benches: int
@@ -42,7 +42,7 @@ class Check:
 
 
 def checks_of(size: int, budget_s: float) -> list[Check]:
-    """Check a dragon with this many benches at one time by each method; compare first, then time."""
+    """Check a dragon with this many benches at one time by each method: compare the results, then measure the times."""
     scene = Scene(dragon=Dragon(size))
     chain = state(scene, _AT_S)
     benches = benches_of(chain, scene.dragon, axes_of(chain))
@@ -88,7 +88,7 @@ def _smallest_of(benches: Benches, i: Ints, j: Ints) -> tuple[int, float]:
 
 
 def exponent(checks: list[Check], method: str) -> float:
-    """Return the exponent of the time's growth with N, fitted to all sizes from 1000 benches."""
+    """Return the exponent with which the time grows with N, fitted to all sizes of at least 1000 benches."""
     mine = [check for check in checks if check.method == method and check.benches >= 1000]
     size: Floats = np.array([check.benches for check in mine], dtype=np.float64)
     return float(np.polyfit(np.log(size), np.log([check.timing.median_s for check in mine]), 1)[0])

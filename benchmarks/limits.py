@@ -2,7 +2,7 @@
 
 Each stage is compared with the machine's rates, measured in the same run on one thread: multiplications and additions
 in a product, bytes copied within the cache or through memory, bytes compressed by zstd alone, and bytes written to a
-file. A stage's limit is the longest time that any of its amounts needs at its rate, whatever the code.
+file. The limit of a stage is the longest time that any of its amounts takes at the machine's rate, in any code.
 """
 import tempfile
 from collections.abc import Callable
@@ -44,7 +44,7 @@ _RATES = {'product': 'multiplications and additions in a product', 'cache': 'byt
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage: its time per call, and the amounts that it requires, by the rate that bounds them."""
+    """A stage: its time per call, and the amounts that it must process, by the rate that bounds them."""
 
     name: str
     timing: Timing

@@ -28,7 +28,7 @@ _OVERRUNS, _SEEN = re.compile(r'; (\d+) overruns'), re.compile(r'saw (\d+) ticks
 
 @dataclass(frozen=True)
 class Usage:
-    """CPU use of one process in cores and the growth of its memory, from the first to the last sample."""
+    """The CPU use of one process in cores, and the growth of its memory, from the first to the last sample."""
 
     cores: float
     rss_mb: float
@@ -86,7 +86,7 @@ def run(benches: int, rate_hz: float, ticks: int, markers: str = 'cubes') -> Liv
 
 
 def highest(benches: int, seconds: float, guess_hz: float) -> list[Live]:
-    """Return runs at rates from about ``guess_hz`` up to the first rate that is not sustained."""
+    """Return runs at increasing rates, from about ``guess_hz`` up to the first rate that is not sustained."""
     below = [n for n, rate in enumerate(RATES_HZ) if rate <= guess_hz]
     at = below[-1] if below else 0
     tried: dict[int, Live] = {}
@@ -117,7 +117,7 @@ class Start:
 
 @contextmanager
 def processes(folder: Path) -> Iterator[Start]:
-    """Start processes, and end them with the block."""
+    """Start processes, and end them when the block ends."""
     start = Start(folder)
     try:
         yield start
@@ -162,7 +162,7 @@ def alive(start: Start, deadline: float) -> None:
 
 
 def ended(process: 'subprocess.Popen[bytes]') -> None:
-    """Wait for the end of a process. Raises DragonError if it hangs."""
+    """Wait for the end of a process. Raises DragonError if the process hangs."""
     try:
         process.wait(timeout=_LONGEST_S)
     except subprocess.TimeoutExpired:
@@ -170,6 +170,6 @@ def ended(process: 'subprocess.Popen[bytes]') -> None:
 
 
 def _number(pattern: 're.Pattern[str]', text: str) -> int:
-    """Return the number that a log contains, 0 if there is none."""
+    """Return the number that a pattern finds in a log, or 0 if it finds none."""
     found = pattern.search(text)
     return int(found[1]) if found else 0

@@ -20,13 +20,13 @@ from dragon_ros.cost.measure import circumstances
 _BENCHES, _RATE_HZ, _TOPICS = 223, 100, ('handles', 'benches', 'velocities')
 _WAY_M = 400.0          # distance of the head: fixed, so that the size of a tick does not depend on the duration
 _EACH_S = 5.0
-_SETTLED_S = 60.0       # growth is fitted from here, or from a tenth of the run if it is shorter
+_SETTLED_S = 60.0       # growth is fitted from this time on, or from a tenth of a shorter run
 _STEP_MB = 0.1          # smallest change between samples that counts as a step (a backlog)
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """A recording: its resident memory (MB) at times (s), the number of messages that it missed, and its bag."""
+    """A recording: the recorder's resident memory (MB) at times (s), the number of missed messages, and the bag."""
 
     seconds: float
     samples: tuple[tuple[float, float], ...]
@@ -43,7 +43,7 @@ class Recorded:
 
     @property
     def fit(self) -> tuple[float, float]:
-        """Growth in MB per second, and MB at time 0."""
+        """The growth in MB per second, and the memory in MB at time 0."""
         times_s, resident_mb = np.array(self.settled).T
         slope, start = np.polyfit(times_s, resident_mb, 1)
         return float(slope), float(start)
@@ -55,7 +55,7 @@ class Recorded:
 
     @property
     def steps_mb(self) -> float:
-        """Growth in steps, when the recorder was delayed and messages were queued."""
+        """Growth in steps, which occur if the recorder is delayed and messages are queued."""
         changes = np.diff([mb for _, mb in self.settled])
         return float(np.sum(changes[np.abs(changes) >= _STEP_MB]))
 
@@ -98,7 +98,7 @@ def _recorded(bag: Path, run_s: float, ticks: int, samples: list[tuple[float, fl
 
 
 def _watched(start: Start, process: psutil.Process, run_s: float) -> list[tuple[float, float]]:
-    """Return (seconds since the first tick, resident MB) until sim has run."""
+    """Return samples (seconds since the first tick, resident MB) until the end of the sim."""
     deadline, out = time.monotonic() + 2 * run_s + 60.0, []
     while 'starts ' not in start.text():
         alive(start, deadline)

@@ -27,7 +27,7 @@ _SIZE, _ROOMS = 4000, 400       # size of the map in cells, and its walls
 
 
 def walled(gap_m: float, corners: int = 1000) -> Scene:
-    """Return 223 benches between two uneven walls along the whole track, at about a given distance from the benches."""
+    """Return a scene of 223 benches between two uneven walls along the whole track, at about a given distance."""
     scene = replace(town(8, 300.0, 223), venue=None)
     line, rng, walls = shapely.LineString(compile_scene(scene).track_line(0.1)), np.random.default_rng(1), []
     for side in (1, -1):
@@ -53,7 +53,7 @@ def looks_s(scene: Scene) -> tuple[float, float]:
 
 
 def _look(data: list[tuple[bytes, bytes]], around: Surroundings | None) -> float:
-    """Return the processor time of checks at these ticks."""
+    """Return the processor time of the checks at the given ticks."""
     reader, tracker = BenchReader(), ContactTracker()
     tracker.surround(around)
     began = time.process_time()

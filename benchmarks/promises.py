@@ -2,8 +2,8 @@
 
 The number n alone determines scene n: 2 to 60 links, equal behind a different head or in groups, on a spiral, an S-turn
 or a composite track, led by head or tail, with or without a shift map, at one of the tiers. Chains are taken at the
-start, at two random times, and at two times close to the end of the model, which is often a lock. Each is compared with
-forward placement at the exact tier, which ``cost accuracy`` compares with 50 digits.
+start, at two random times, and at two times close to the end of the model, which is often a lock. Each chain is
+compared with forward placement at the exact tier, which ``cost accuracy`` compares with a 50-digit reference.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -42,7 +42,7 @@ _COLOURS = {'preview': '#56B4E9', 'standard': '#009E73', 'fine': '#E69F00', 'exa
 def shares(scene: Scene, times_s: Sequence[float]) -> Floats:
     """Return errors divided by promises, (times, 3, 2): of ``state``, ``states``, ``tick``; of positions, of speeds.
 
-    Times are whole nanoseconds, as ticks require. The promise is that of the scene's own tier.
+    Times are whole nanoseconds, as ticks require. The promise is that of the tier of the scene.
     """
     known, scene = replace(scene, accuracy='exact', solver='march'), replace(scene, effects=Effect.VELOCITY)
     many = states(scene, times_s)
@@ -119,7 +119,7 @@ class Measured:
 def measure(chains: float = 1000) -> Measured:
     """Measure a number of chains; progress goes to standard error.
 
-    An interrupt ends it early and keeps the chains measured so far.
+    An interrupt ends the measurement early and keeps the chains measured so far.
     """
     parts, done = list[Measured](), 0
     try:
@@ -137,7 +137,7 @@ def measure(chains: float = 1000) -> Measured:
 
 
 def _measured(number: int) -> Measured:
-    """Measure the chains of one scene; none if the model rejects it."""
+    """Measure the chains of one scene; there are none if the model rejects the scene."""
     drawn = random_scene(number)
     found = shares(*drawn) if drawn else np.empty((0, len(WAYS), len(WHAT)))
     tier = PROMISING.index(str(drawn[0].accuracy)) if drawn else 0
@@ -176,7 +176,7 @@ def summary(found: Measured) -> str:
 
 
 def picture(found: Measured) -> Figure:
-    """Return a figure of the share of chains with a larger error, by error over promise, for positions and speeds."""
+    """Return a figure of the share of chains whose error over promise exceeds a value, for positions and speeds."""
     figure = Figure(figsize=(PAGE_IN, 5), layout='constrained')
     for k, (axes, what) in enumerate(zip(figure.subplots(1, 2, sharey=True), WHAT, strict=True)):
         for n, tier in enumerate(PROMISING):

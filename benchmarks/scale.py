@@ -24,7 +24,7 @@ SIZES = (10, 30, 100, 223, 1000, 3000, 10_000, 30_000, 100_000)
 LIVE = (223, 2000, 20_000)
 USUAL = (223, 50)        # benches and ticks per second of most runs
 _AT_S = 300.0
-_FITTED = 1000          # exponents are fitted from this size
+_FITTED = 1000          # smallest size to which exponents are fitted
 _LIVE_TIMES = 10        # length of a live run, in timing budgets
 _COLOURS = dict(zip(STAGES, ('#999999', '#0072B2', '#56B4E9', '#009E73', '#E69F00', '#D55E00'), strict=True))
 
@@ -95,7 +95,7 @@ def build(scene: Scene) -> Build | None:
     """Return the cost of the first tile of a scene's shift map, the faster of two builds; None without a map."""
     spent, tiles, gone_m = [], list[Tile](), scene.head.travelled_m(scene.run.start_s)
     for _ in range(2):
-        model = replace(compile_scene(scene).model)     # a model keeps its tiles
+        model = replace(compile_scene(scene).model)     # a new model, without tiles
         leader = model.leader.place(gone_m)
         start = perf_counter()
         model.placement.place(leader)
@@ -108,7 +108,7 @@ def build(scene: Scene) -> Build | None:
 
 
 def exponent(rows: list[Stage], value: Callable[[Stage], float]) -> float:
-    """Return the exponent of a value's growth with N, fitted to all sizes from 1000 benches."""
+    """Return the exponent with which a value grows with N, fitted to all sizes of at least 1000 benches."""
     mine = [row for row in rows if row.benches >= _FITTED]
     return float(np.polyfit(np.log([row.benches for row in mine]), np.log([value(row) for row in mine]), 1)[0])
 
@@ -150,7 +150,7 @@ def _build_table(rows: list[Build]) -> str:
 
 
 def _live_table(rows: Measured) -> str:
-    """Return the runs of processes: free ones, then at rates up to the first that is not sustained."""
+    """Return the runs of processes: free runs, then runs at increasing rates up to the first that is not sustained."""
     lines = ['| benches | rate (Hz) | reached (Hz) | times real time | overruns | lost | held | '
              + ' | '.join(f'{role} (cores)' for role in ROLES) + ' | record grew (MB) |',
              '|---:|---:|---:|---:|---:|---:|---|' + '---:|' * (len(ROLES) + 1)]

@@ -16,14 +16,14 @@ from dragon_ros.cli.progress import Progress
 from dragon_ros.cost.measure import circumstances
 
 _LENGTHS = 1400         # seconds of the run for each second of a timing's budget
-_LONGEST_S = 432.0      # length of the run: all of its winding in
+_LONGEST_S = 432.0      # length of the run: the whole way in
 _REPEATS = 3            # runs of which the fastest counts, since other load can only slow a run down
 _PINNED = 0             # means one worker that may use only one core
 
 
 @dataclass(frozen=True)
 class Written:
-    """The bag of a run, written by a number of workers (``_PINNED``: one worker on a single core), or copied (None).
+    """The bag of a run, written by a number of workers (``_PINNED``: one worker on a single core) or copied (None).
 
     ``memory_mb`` is the peak resident memory of the largest process, ``cpu_s`` the CPU seconds of all processes.
     """
@@ -96,7 +96,7 @@ def csv_text(rows: list[Written]) -> str:
 
 
 def picture(rows: list[Written]) -> Figure:
-    """Return the speed relative to real time by workers; copying, which would hide differences, is left out."""
+    """Return a figure of the speed relative to real time; the copy is left out, since it would hide differences."""
     rows = [row for row in rows if row.workers is not None]
     figure = Figure(figsize=(PAGE_IN, 4.4), layout='constrained')
     axes = figure.subplots()

@@ -30,7 +30,7 @@ def _plain(scene: Scene, head: Place) -> Chain:
 
 @dataclass(frozen=True, eq=False)
 class PlainChain(Chain):
-    """A chain of plain floats."""
+    """A chain whose numbers are plain floats."""
 
     theta: tuple[float, ...]
 

@@ -72,11 +72,11 @@ def _first_frame(*words: str | Path) -> None:
         for name in ('run.json', 'frames/0'):
             with urlopen(address + name) as answer:
                 answer.read()
-        view.kill()         # it runs until it is killed
+        view.kill()         # view runs until it is killed
 
 
 def _environment() -> dict[str, str]:
-    """Return this environment, in which modules are compiled only once, as for a user."""
+    """Return the environment without the variable that keeps compiled modules from being stored, as for a user."""
     return {name: value for name, value in os.environ.items() if name != 'PYTHONDONTWRITEBYTECODE'}
 
 
@@ -104,7 +104,7 @@ def csv_text(rows: list[Start]) -> str:
 
 
 def picture(rows: list[Start]) -> Figure:
-    """Return bars of all starts: Python itself in grey, help in blue, uses in orange."""
+    """Return a figure with a bar for each start: Python itself in grey, help in blue, uses in orange."""
     figure = Figure(figsize=(PAGE_IN, 0.28 * len(rows) + 1.2), layout='constrained')
     axes = figure.subplots()
     for n, row in enumerate(rows):

@@ -109,7 +109,7 @@ def _complete(client: Client, folder: Path, study: Study) -> float:
 
 
 def _cpu_s(client: Client) -> float:
-    """Return the CPU seconds of all processes so far; the scheduler runs in this one."""
+    """Return the CPU seconds of all processes so far; the scheduler runs in this process."""
     return time.process_time() + float(sum(client.run(time.process_time).values()))
 
 
@@ -152,7 +152,7 @@ def csv_text(rows: list[Row]) -> str:
 
 
 def picture(rows: list[Row]) -> Figure:
-    """Return the rows per second over the number of workers, with a panel for each study."""
+    """Return a figure of the rows per second over the number of workers, with a panel for each study."""
     figure = Figure(figsize=(PAGE_IN, 4.4), layout='constrained')
     for axes, name in zip(figure.subplots(1, len(TASKS)), TASKS, strict=True):
         own = [row for row in rows if row.task == name]

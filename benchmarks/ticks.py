@@ -43,12 +43,12 @@ class Row:
 
     @property
     def name(self) -> str:
-        """The label of its bar."""
+        """The label of the row's bar."""
         return f'{self.solver}, {self.tier}, {self.messages}'
 
 
 def measure(budget_s: float = 0.3) -> list[Row]:
-    """Measure everything; progress goes to standard error. In the first row, messages are objects."""
+    """Measure everything; progress goes to standard error. In the first row, messages are built as objects."""
     messages = _messages(budget_s)
     ways = [(solver, name) for solver in CHAIN_SOLVERS for name, tier in TIERS.items()
             if tier is EXACT or (tier is not PAPER and solver != 'plain')]
@@ -111,7 +111,7 @@ def csv_text(rows: list[Row]) -> str:
 
 
 def picture(rows: list[Row]) -> Figure:
-    """Return a figure of stacked bars: before and after, and the latter again on its own scale."""
+    """Return a figure of stacked bars: a tick before and after, and the tick after again on a larger scale."""
     figure = Figure(figsize=(PAGE_IN, 0.8 * len(rows) + 3.2), layout='constrained')
     before, after = figure.subplots(2, 1)
     _bars(before, rows)

@@ -26,7 +26,7 @@ from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 _BENCHES, _WAY_M, _CORNERS = 61, 300.0, 2000
 _LADDERS: dict[str, tuple[float, ...]] = {
     'corners': (200, 2000, 20_000), 'distance (m)': (100, 300, 1000), 'benches': (20, 61, 223)}
-_STEP_M, _HALF_M, _CLEAR_M = 14.0, 4.0, 3.0     # step of the grid, half a house, free beside the track
+_STEP_M, _HALF_M, _CLEAR_M = 14.0, 4.0, 3.0     # grid step, half the side of a house, free space beside the track
 _FIT, _CONTACT, _ALONE = 'design fit', 'contact', 'contact without the venue'
 CALLS: dict[str, Callable[[Scene], object]] = {
     _FIT: venue_fit, _CONTACT: first_contact, _ALONE: lambda scene: first_contact(replace(scene, venue=None))}
@@ -115,7 +115,7 @@ def picture(rows: list[Row]) -> Figure:
         axes.set(xscale='log', yscale='log', xlabel=varied)
         axes.grid(True, linewidth=0.4)
     panels[0].set_ylabel('time (s)')
-    # A legend of the middle panel would take width from all of them.
+    # A legend of the middle panel would make all panels narrower.
     figure.legend(*panels[1].get_legend_handles_labels(), loc='outside upper center', ncols=len(CALLS),
                   title='Answers in a town')
     figure.supxlabel(circumstances(), fontsize=TEXT_PT)

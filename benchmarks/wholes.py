@@ -19,7 +19,7 @@ ALL = ~Effect.NONE
 
 @dataclass(frozen=True)
 class Whole:
-    """A whole tick of the classic scene, computed and encoded, and its time relative to another one, timed in turn."""
+    """A whole tick of the classic scene, computed and encoded, and its time relative to that of another tick."""
 
     name: str
     timing: Timing
@@ -28,7 +28,7 @@ class Whole:
 
 
 def wholes(budget_s: float) -> list[Whole]:
-    """Return whole ticks: all effects, the defaults, none, and a program without effects."""
+    """Return whole ticks: with all effects, with the default effects, with none, and by a program without effects."""
     scene = load_scene('minimal')
     everything, defaults = (replace(scene, effects=effects) for effects in (ALL, Scene().effects))
     rows = [('everything on', worker(everything), 'minimal', worker(scene)),
@@ -53,7 +53,7 @@ def worker(scene: Scene) -> Call:
 
 
 def bare(scene: Scene) -> Call:
-    """Return a call that does the same for handles only, without any code for effects."""
+    """Return a call that computes and encodes only the handles of the next tick, without any code for effects."""
     template = PoseArrayTemplate(scene.dragon.benches + 1, 'dragon')
     numbers = cycle(followed(compile_scene(scene).last_tick))
 
@@ -65,7 +65,7 @@ def bare(scene: Scene) -> Call:
 
 
 def paired(first: Call, second: Call, budget_s: float) -> tuple[Timing, Timing]:
-    """Time two calls in turn."""
+    """Measure two calls in turn."""
     first(), second()
     spent: list[tuple[float, float]] = []
     while len(spent) < LEAST or (sum(map(sum, spent)) < budget_s and len(spent) < MOST):

@@ -33,7 +33,7 @@ _LABELS = {'plain Newton 1e-3 rad': ('right', -7, -3), 'preview, marched': ('cen
            'preview': ('center', 0, -13), 'paper': ('right', -9, -3),
            'exact, 301 at once': ('center', 0, 9), 'exact, 1,000 at once': ('center', 0, -13)}
 Way = tuple[str, str]   # tier and solver
-_WRONG_M = 0.01         # a solver without a promise is marked above this error
+_WRONG_M = 0.01         # without a promise, a solver with a larger error is marked WRONG
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Row:
 
     @property
     def verdict(self) -> str:
-        """'kept' or 'BROKEN' for a promise; '' or 'WRONG' without one; 'FAILS' without an answer."""
+        """'kept' or 'BROKEN' if there is a promise, otherwise '' or 'WRONG'; 'FAILS' if there is no answer."""
         if not np.isfinite(self.error_m):
             return 'FAILS'
         if self.promise_m is None:
@@ -70,7 +70,7 @@ def measure(budget_s: float = 0.3) -> list[Row]:
 def _jobs(budget_s: float) -> Iterator[Callable[[], list[Row]]]:
     for problem in hard_cases():
         yield partial(_tiers, problem, tuple(_ways(problem)), budget_s)
-        if problem.name != 'long' and _is_one_spiral(problem.scene):     # the other solvers support no other track
+        if problem.name != 'long' and _is_one_spiral(problem.scene):     # the only track that the other solvers support
             for name in SOLVERS:
                 yield partial(_baseline, problem, name, budget_s)
         if problem.name == 'classic':
@@ -141,7 +141,7 @@ def _tier(problem: Problem, tier: str, solver: str) -> Row:
 
 
 def _batch(problem: Problem, ticks: int, budget_s: float) -> list[Row]:
-    """The exact tier for a whole table, from 0 to 300 s, in one call."""
+    """Measure the exact tier for a whole table, from 0 to 300 s, in one call."""
     scene, table_s = problem.scene, np.linspace(0, 300, ticks).tolist()
     chains = states(scene, problem.times_s)
     error = max(float(np.max(truth(problem).distance(number, p))) for number, p in enumerate(chains.p))
@@ -153,7 +153,7 @@ def _batch(problem: Problem, ticks: int, budget_s: float) -> list[Row]:
 
 
 def _timed_all(solve: Callable[[float], object], times: Sequence[float], budget_s: float) -> Timing:
-    """Time one tick, over all times of the problem."""
+    """Measure the time of one tick, over all times of the problem."""
     def run() -> None:
         for t_s in times:
             solve(t_s)
@@ -263,7 +263,7 @@ def picture(rows: list[Row]) -> Figure:
 
 
 def _labels(rows: list[Row]) -> dict[str, str]:
-    """Return the labels of solvers; tiers with equal errors, each with its table or each marched, share a label."""
+    """Return the labels of solvers; tiers with equal errors share a label if all use tables or all are marched."""
     labels = {row.solver: f'{row.solver} (wrong)' if row.verdict == 'WRONG' else row.solver for row in rows}
     for error_m in {row.error_m for row in rows}:
         for way in ('', _MARCHED):

@@ -1,6 +1,6 @@
 """The hard cases: a list of named scenes with ladders towards each singularity, shared by tests and benchmarks.
 
-``truth`` has a reference for each, to 50 digits, from JSON files that the scripts in this package compute.
+``truth`` has a reference for each case, to 50 digits, from JSON files that the scripts in this package compute.
 """
 from hard_cases.dances import dances
 from hard_cases.problems import Problem, problems

@@ -1,7 +1,7 @@
 """The named hard cases with composite tracks, head laws or a leading tail; ``problems`` has the others.
 
-They are hard at the joints: a link across one or several joints, a handle exactly on a joint, a track that returns to
-itself so that a chord has several roots, a bend almost too tight to follow.
+These cases are hard at the joints: a link across one or several joints, a handle exactly on a joint, a track that
+returns to itself so that a chord has several roots, a bend almost too tight to follow.
 """
 from dataclasses import replace
 from functools import lru_cache
@@ -56,7 +56,7 @@ def dances() -> tuple[Problem, ...]:
             _SHORT),
         _on('hairpin', 'a half turn almost too tight to follow', (Line(5.0), Arc(1.45, 180.0), Line(9.0)),
             (6.0, 8.0, 9.5, 9.6, 12.0)),
-        _on('spirals', 'out on one spiral and in on another, left and right',
+        _on('spirals', 'outwards on one spiral and inwards on another, then a spiral to the left',
             (Line(4.0), SpiralArc(1.0, 2.0, 4.0, 'right'), SpiralArc(2.0, 2.0, 1.0, 'right'),
              SpiralArc(3.0, 0.8, 2.0, 'left')),
             (4.5, 20.0, 60.0, 81.0, 92.5)),
@@ -77,7 +77,7 @@ def dances() -> tuple[Problem, ...]:
               Scene(dragon=Dragon(30), track=Composite(
                   (SpiralArc(0.62, 24.2, 297.8), Arc(1.6, 350.0), SpiralArc(1.1, 17.7, 12.2, 'right')),
                   start_m=171_580.0)), (0.0, 15.0, 300.0, 580.0)),
-        _like('mixed-by-the-tail', 'benches of six lengths behind their tail, links in reverse on a turn',
+        _like('mixed-by-the-tail', 'benches of six lengths on a turn, led by the tail',
               Scene(dragon=MIXED, track=STurn(2.2, 12.0, 1.0, -40.0), head=Head(1.0, 'tail')), (0.0, 10.0, 45.0), 40),
         _like('turn-by-the-tail', 'the tail leads back through a turn that the head has left',
               replace(_TURNING, dragon=Dragon(30), track=STurn(before_m=-20.0), head=Head(0.7, 'tail')),

@@ -2,10 +2,10 @@
 
     ./dragon python -m hard_cases.make_dances
 
-It needs mpmath and takes a few minutes. It shares no numerical code with the package: it reads the scene's floats as
-exact numbers and constructs the track independently. The next handle is found by steps that cannot pass it: if a
-position is g metres short of the chord, there is no root within g metres of track. Everything is computed twice, the
-second time with more digits, and compared.
+The script needs mpmath and takes a few minutes. The script shares no numerical code with the package: it reads the
+scene's floats as exact numbers and constructs the track independently. The next handle is found by steps that cannot
+pass it: if a position is g metres short of the chord, there is no root within g metres of track. Everything is computed
+twice, the second time with more digits, and compared.
 """
 import json
 from collections.abc import Iterator
@@ -118,7 +118,7 @@ def arc(u: Number) -> Number:
 
 @dataclass
 class Track:
-    """Pieces, and the distance along the track at u = anchor of each."""
+    """Pieces, and for each piece the distance along the track at u = anchor."""
 
     pieces: list[Any]
     origins: list[Number]
@@ -129,7 +129,7 @@ class Track:
         return k, self.pieces[k].after(metres - self.origins[k])
 
     def next(self, k: int, u: Number, chord: Number, way: int) -> tuple[int, Number]:
-        """Return the first position behind, or ahead, at the chord's length."""
+        """Return the first position behind, or ahead, at a distance of the chord's length."""
         if chord == 0:
             return k, u
         here, start = self.pieces[k].at(u), u
@@ -142,7 +142,7 @@ class Track:
 
     @staticmethod
     def _on(piece: Any, here: Number, u: Number, chord: Number, way: int) -> Number | None:
-        """Return the first u on a piece at the chord's length; None if the piece ends before."""
+        """Return the first u on a piece at a distance of the chord's length; None if the piece ends before."""
         end = piece.first if way == BACK else piece.last
         sense = way * (getattr(piece, 'way', 1))
         for _ in range(10_000):
@@ -198,7 +198,7 @@ def turn_of(turn: STurn) -> Track:
 
 
 def laid(track: Composite) -> Track:
-    """Return joined pieces in the plane; the first is unlimited backwards."""
+    """Return joined pieces in the plane; the first piece extends backwards without limit."""
     pieces: list[Any] = []
     origins, point, direction = [mp.zero], mpc(0), mpc(1)
     for spec in track.pieces:
@@ -278,14 +278,14 @@ def followed(track: Track, leader: tuple[int, Number], links: list[Number], way:
 
 
 def handles_at(problem: Problem, t_s: float, digits: int) -> list[Handle]:
-    """Return the wanted handles at one time, computed with ``digits`` digits; ``speed`` is the velocity, x + iy."""
+    """Return the requested handles at one time, computed with ``digits`` digits; ``speed`` is the velocity, x + iy."""
     mp.dps = digits
     chain = chain_at(problem.scene, t_s)
     return [Handle(chain[n][0].real, chain[n][0].imag, chain[n][1]) for n in problem.handles]
 
 
 def reference(problem: Problem) -> list[list[Handle]]:
-    """Return the wanted handles at each time, checked against a finer computation."""
+    """Return the requested handles at each time, checked against a finer computation."""
     states = []
     for t_s in problem.times_s:
         note(f'{problem.name} at {t_s!r} s')

@@ -2,11 +2,11 @@
 
     ./dragon python -m hard_cases.make_reference
 
-It needs mpmath (gmpy2 makes it faster, with the same result) and up to a few minutes. It shares no numerical code with
-the package: it reads the scene's floats as exact binary numbers. Lengths are in units of b = pitch / 2 pi, angles in
-rad. A chord between theta and theta + delta obeys the law of cosines, and velocities are projected from the link and
-the tangents as vectors; guard digits compensate for cancellation. Everything is computed twice, the second time with
-more digits, and compared.
+The script needs mpmath (gmpy2 makes it faster, with the same result) and takes up to a few minutes. The script shares
+no numerical code with the package: it reads the scene's floats as exact binary numbers. Lengths are in units of b =
+pitch / 2 pi, angles in rad. A chord between theta and theta + delta obeys the law of cosines, and velocities are
+projected from the link and the tangents as vectors; guard digits compensate for cancellation. Everything is computed
+twice, the second time with more digits, and compared.
 """
 import json
 import sys
@@ -20,7 +20,7 @@ from mpmath import iv, mp
 from dragon_ros.core.scene import Scene
 from hard_cases.problems import Problem, problems
 
-DIGITS = 50                     # of every result, relative to the distance from the centre
+DIGITS = 50                     # digits of every result, relative to the distance from the centre
 GUARD = 40                      # additional digits of the computation: the law of cosines loses up to 20
 AGREED = 40                     # digits that two computations must have in common
 MORE = 20                       # additional digits of the second computation
@@ -54,7 +54,7 @@ def main() -> None:
 
 
 def reference(problem: Problem) -> list[list[Handle]]:
-    """Return the wanted handles of a problem at each of its times, checked against a finer computation."""
+    """Return the requested handles of a problem at each of its times, checked against a finer computation."""
     states = []
     for t_s in problem.times_s:
         note(f'{problem.name} at {t_s!r} s')
@@ -65,7 +65,7 @@ def reference(problem: Problem) -> list[list[Handle]]:
 
 
 def handles_at(problem: Problem, t_s: float, digits: int) -> list[Handle]:
-    """Return the wanted handles at one time, computed with ``digits`` digits."""
+    """Return the requested handles at one time, computed with ``digits`` digits."""
     mp.dps = digits
     wanted = set(problem.handles)
     scene = problem.scene

@@ -21,7 +21,7 @@ class Problem:
 
 
 _CLASSIC = Scene()
-_LOCK_S = 432.91792422838296     # of the classic dragon, to the nearest float; a test compares the model's time with it
+_LOCK_S = 432.91792422838296     # lock of the classic dragon, to the nearest float; a test compares it with the model
 _ALL = tuple(range(224))
 MIXED = Mixed((Group(3.41), Group(2.2, 10), Group(1.1), Group(4.0, 2), Group(0.55), Group(0.9, 15), Group(2.2, 10)))
 _LONG_FOURTH, _FOURTH_LOCKS_S = Mixed((Group(1.1, 3), Group(3.9), Group(1.6, 6))), 430.61003584845963
