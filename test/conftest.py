@@ -1,4 +1,4 @@
-"""Shared by all tests: floating-point errors raise, properties are repeatable, and the longest tests run first."""
+"""Set-up of all tests: floating-point errors raise, properties are repeatable, and the longest tests run first."""
 import gc
 import os
 import re
@@ -73,8 +73,8 @@ def pytest_collection_modifyitems(config, items):
 def pytest_collection_finish():
     """Collect garbage less often, because thousands of tests and the libraries stay in memory until the end.
 
-    They are not frozen, because Hypothesis searches for the referrers of random generators and does not find frozen
-    ones.
+    These objects are not frozen, because Hypothesis searches for the referrers of random generators and does not find
+    frozen referrers.
     """
     gc.collect()
     gc.set_threshold(50_000, 20, 100)

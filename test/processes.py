@@ -1,4 +1,4 @@
-"""Processes of the package that start quickly, because a process that has imported what they need forks them.
+"""Processes of the package that start quickly, forked from a process that has already imported their libraries.
 
 An executable needs a second to import its libraries, and the tests start hundreds. Tests whose claim concerns starting
 and ending (signals during imports, exit codes, security, the shell) run ``python -m dragon_ros`` instead.
@@ -28,7 +28,7 @@ class Started(subprocess.Popen):
 
 
 class Forked:
-    """A running executable with the needed part of ``subprocess.Popen``; errors include its output."""
+    """A running executable with the required part of ``subprocess.Popen``'s interface; errors include its output."""
 
     def __init__(self, arguments, env, cwd):
         output, inside = _FORKS.Pipe(duplex=False)
@@ -61,7 +61,7 @@ class Forked:
 
 
 def _run(arguments, environment, cwd, output):
-    """In the new process, run what ``python -m dragon_ros`` runs, without the first process's environment."""
+    """In the new process, run the same as ``python -m dragon_ros``, without the environment of the first process."""
     from dragon_ros.__main__ import run
     os.environ.clear()
     os.environ.update(environment)

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
-USUAL = 100         # default number of examples of a property; explicit numbers are relative to it
+USUAL = 100         # default number of examples of a property, to which explicit numbers are relative
 PIECES = st.lists(st.one_of(
     st.builds(Line, st.floats(0.1, 9)),
     st.builds(lambda radius, angle, left: Arc(radius, angle if left else -angle), st.floats(1.8, 9), st.floats(5, 300),
@@ -17,7 +17,7 @@ TRACKS = st.one_of(st.builds(Spiral, st.floats(0.3, 4), st.floats(0.5, 6)), PIEC
 
 
 def thinned(cases, kept):
-    """Return the parameters of a test; parameters for which ``kept`` is false run only with ``--long``."""
+    """Return the parameters of a test; those for which ``kept`` is false run only with ``--long``."""
     out = [case if kept(case) else pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.long)
            for case in cases]
     assert any(kept(case) for case in cases)

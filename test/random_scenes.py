@@ -2,11 +2,11 @@
 
 Tests and comparisons of two versions of the code draw their scenes from here. So that a seed gives the same scene on
 every machine and for every version, this module imports nothing from the package, takes all random numbers from
-``Random.random`` (the only method whose numbers Python guarantees) and keeps six figures of every number. It draws once
-and never consults the code under test: a few scenes in a hundred are rejected (bends that are too tight, chains that
-are locked from the start, accuracies beyond floats), as some users' scenes are.
+``Random.random`` (the only method whose numbers Python guarantees) and keeps six figures of every number. This module
+draws each scene once and never consults the code under test: a few scenes in a hundred are rejected (bends that are too
+tight, chains that are locked from the start, accuracies beyond floats), as some users' scenes are.
 
-A scene is drawn in its natural order:
+The parts of a scene are drawn in this order:
 
 1. the benches: equal, a longer or shorter head, or mixed; 1 to 300; insets from none to half a bench, which leaves
    links of zero length; occasionally benches that are wide, or long for their track;
@@ -63,7 +63,7 @@ class Dice:
         return choices[int(self._random.random() * len(choices))]
 
     def one_by_parts(self, parts: dict[Any, float]) -> Any:
-        """One of several choices, according to their weights."""
+        """One of several choices, drawn according to their weights."""
         left = self._random.random() * sum(parts.values())
         for choice, part in parts.items():
             left -= part
@@ -105,10 +105,10 @@ class Way(NamedTuple):
     """A track, and the leader's possible motion on it."""
 
     section: dict[str, Any]
-    onwards_m: float                # a useful distance, relative to ``sense``; positive is inwards or onwards
+    onwards_m: float                # a useful distance along ``sense``; positive is inwards or onwards
     lead: str = 'head'
     sense: int = 1
-    has_end: bool = False           # whether the model ends there
+    has_end: bool = False           # whether the model ends after this distance
 
 
 def random_scene(seed: int) -> dict[str, Any]:
@@ -154,7 +154,7 @@ def _benches(dice: Dice, kind: str, unit_m: float) -> Benches:
     head = {'longer head': body * dice.one(1.55, dice.between(1, 3)), 'equal': body,
             'shorter head': max(least, body * dice.between(0.3, 1))}[how]
     head = head if how == 'equal' else figures(head)
-    head = max(head, 2 * inset)     # rounding must leave space for the holes
+    head = max(head, 2 * inset)     # after rounding, the holes must still fit
     section = {'benches': count, 'head_length_m': head, 'body_length_m': body, **one}
     return Benches(section if dice.chance(50) else {'kind': 'equal', **section}, [head] + [body] * (count - 1), inset,
                    width)
@@ -187,7 +187,7 @@ def _pitch(dice: Dice, benches: Benches, radius_m: float) -> float:
 
 
 def _inwards(dice: Dice, benches: Benches) -> Way:
-    """A single spiral, from several links' lengths away to the centre or as far as the chain extends."""
+    """A single spiral, walked from several lengths of a link away to the centre, or as far as the chain extends."""
     wound_m = benches.chain_m * dice.between(0.3, 1) / (2 * pi)     # the dragon winds round at least once
     start_m = max(benches.longest_link_m, dice.one(benches.longest_link_m * dice.between(1, 8), wound_m, wound_m))
     pitch = _pitch(dice, benches, start_m * dice.scaled(0.25, 0.9))
@@ -225,7 +225,7 @@ def _far(dice: Dice, benches: Benches) -> Way:
 def _turn(dice: Dice, benches: Benches) -> Way:
     """An S-turn whose tighter arc is drawn; with b = pitch / 2 pi, the radii add up to hypot(diameter / 2, b).
 
-    Its two spirals interleave, half a pitch apart.
+    The two spirals of the turn interleave, half a pitch apart.
     """
     ratio = dice.one(1.0, 2.0, dice.scaled(0.4, 2.5))
     tighter_m = benches.least_radius_m * dice.one_by_parts({dice.between(0.97, 1.02): 5, dice.between(1.02, 1.6): 65,

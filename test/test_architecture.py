@@ -23,7 +23,7 @@ BELOW_NODES = ('core', 'version', 'configuration', 'scenes', 'messages', 'bags',
 ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
          'studies': BELOW_NODES, 'commands': (*BELOW_NODES, 'studies'), 'nodes': BELOW_NODES,
          'cost': BELOW_NODES, 'api': (*BELOW_NODES, 'commands', 'studies'), 'verify': ()}
-STARTS = {'commands': {'verify', 'nodes.one_path'}}     # these are started as processes
+STARTS = {'commands': {'verify', 'nodes.one_path'}}     # these modules are started as processes
 # The rooms and single modules of the core, and what each may import besides itself.
 VALUES = ('errors', 'checks', 'flags')
 CHAIN = ('errors', 'checks', 'numerics', 'tracks', 'chain')
@@ -154,7 +154,7 @@ PLANTED = ['import {}', 'from {} import anything', 'def later():\n    import {}'
 
 
 def not_found(folder, other, upward_of):
-    """Return those forms of an import of a module, each planted in a file, that are not detected."""
+    """Return the forms of an import of a module that are not detected, each planted in a file."""
     files = {folder / f'planted_{number}.py': how.format(f'dragon_ros.{other}') for number, how in enumerate(PLANTED)}
     for path, code in files.items():
         path.write_text(code)
@@ -189,7 +189,7 @@ def test_what_the_core_may_import_has_no_circle():
 def mentioned(path, known):
     """Return the modules that a module names in imports or strings, anywhere in its code.
 
-    A string that ends in a dot, such as a prefix for ``import_module``, names all modules with this prefix.
+    A string that ends in a dot, such as a prefix for ``import_module``, stands for all modules with this prefix.
     """
     found = named(path)
     return {name for one in found if one.endswith('.') for name in known if name.startswith(one)} | found & known
@@ -247,7 +247,7 @@ def test_package_xml_setup_py_and_code_agree():
     assert f'## {dragon_ros.__version__}' in (ROOT / 'CHANGELOG.md').read_text()
     (address,) = (node.attrib['email'] for node in tree.findall('maintainer'))
     assert f"maintainer_email='{address}'" in (ROOT / 'setup.py').read_text()
-    assert address.endswith('.example.org')     # until there is a real address
+    assert address.endswith('.example.org')     # until the project has a real address
     declared = {node.text for node in tree if node.tag.endswith('depend')}
     used = {name.split('.')[0] for path in PACKAGE.rglob('*.py') for name in imports(path)}
     ros = {name for name in used if name == 'rclpy' or name.endswith(('_msgs', '_srvs', '_interfaces'))}

@@ -26,8 +26,8 @@ LONGEST_S = 50
 CONTEST_ROWS = {0: 'head', 1: 'section 1', 51: 'section 51', 101: 'section 101', 151: 'section 151', 201: 'section 201',
                 223: 'tail, rear'}
 
-# The beginning of a document's command, the command that runs instead (None if nothing runs), and the reason. Longer
-# beginnings come first.
+# The beginning of a document's command, the command that runs instead (None if nothing runs), and the reason. The first
+# beginning that fits is used, so longer beginnings come first.
 SUBSTITUTES = {
     './dragon demo': (None, 'ten seconds and four processes; test/nodes/test_graph.py runs it'),
     './dragon python test/bags/crash.py': (None, 'twenty minutes; test/bags/test_crash.py kills some'),
@@ -175,7 +175,7 @@ def test_every_command_of_a_document_runs_and_says_what_is_shown(path, tmp_path,
 
 
 def _steady(text):
-    """Return a text without durations and with single blanks."""
+    """Return a text without durations, and with single blanks between words."""
     return re.sub(r'\s+', ' ', re.sub(r'in \d+\.\d+ s', 'in S', text))
 
 
@@ -191,12 +191,12 @@ def venue_page(tmp_path_factory):
     return folder
 
 
-MOVED_M = (100, 20)     # the page states this shift of the street
+MOVED_M = (100, 20)     # the page states that the street is shifted by this distance
 
 
 def test_the_drawing_and_the_walls_of_the_venue_page_are_the_scene_street(venue_page):
     shipped, walled, way = map(dr.scene, ('street', venue_page / 'walled.yaml', venue_page / 'way.yaml'))
-    times = [0.0, 20.0, 45.0, 70.0, 90.0]       # times in all pieces
+    times = [0.0, 20.0, 45.0, 70.0, 90.0]       # the time in all pieces together
     expected = dr.compile(shipped).states(times).handles_m
     for drawn in (walled, way):
         moved = dr.compile(drawn).states(times).handles_m - MOVED_M
@@ -263,7 +263,7 @@ def test_every_document_can_be_reached_from_the_readme():
 
 
 def loaded(path):
-    """Return a program of the documents as a module."""
+    """Return a program from the documents as a module."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

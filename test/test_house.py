@@ -68,6 +68,6 @@ def test_a_file_whose_library_is_missing_is_left_out_by_name(request, source, li
 
 
 def test_no_two_files_of_tests_have_one_name():
-    """Pytest imports files by their names and would reject the second one."""
+    """Pytest imports files by name, and would reject the second of two files with the same name."""
     names = [path.name for path in (ROOT / 'test').rglob('*.py') if path.name != 'conftest.py']
     assert sorted({name for name in names if names.count(name) > 1}) == []

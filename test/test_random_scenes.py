@@ -16,7 +16,7 @@ from dragon_ros.scenes.yaml import Document
 
 SEEDS = range(400)
 SCENES = [random_scene(seed) for seed in SEEDS]
-FOR_GOOD = '3bb0ffa7ae26006c8a948bd43e88a3b3bf272cf56e6856709fdff5841d137b1a'    # digest of the scenes of SEEDS
+FOR_GOOD = '3bb0ffa7ae26006c8a948bd43e88a3b3bf272cf56e6856709fdff5841d137b1a'    # the digest of all scenes of SEEDS
 
 
 def test_a_seed_is_one_scene_for_good():
@@ -56,7 +56,7 @@ def pieces_of(scene):
     return scene['track'].get('pieces', [])
 
 
-FEATURES = {        # smallest number of SCENES that have the feature
+FEATURES = {        # the smallest number of SCENES that must have the feature
     'a tail that leads': (40, lambda scene: scene['head'].get('lead') == 'tail'),
     'a leader that goes back': (40, lambda scene: min(speeds_of(scene['head'])) < 0),
     'a profile': (60, lambda scene: 'knots' in scene['head']),

@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[1]
 ENGLISH = {ROOT / 'README.zh.md': ROOT / 'README.md',
            **{path: ROOT / 'docs' / path.name for path in sorted((ROOT / 'docs' / 'zh').glob('*.md'))}}
 _CODE = re.compile(r'^```\w*\n.*?^```$|^(?:    [^\n]*\n)+', re.DOTALL | re.MULTILINE)
-# Only the English page contains tables written by a tool.
+# Only the English page contains generated tables.
 _MADE = re.compile(r'<!-- (?:cost|table) .*?<!-- end -->', re.DOTALL)
 _FIGURE = re.compile(r'(?<![A-Za-z0-9_.])\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?')
 

@@ -34,7 +34,7 @@ AROUND = ((-60.0, -60.0), (60.0, -60.0), (60.0, 60.0), (-60.0, 60.0))
 
 
 def random_venue(scene, seed, largest_m=2.0):
-    """Return obstacles near the dragon's path; some are on it, but none covers the middle of the head at the start."""
+    """Return obstacles near or on the dragon's path, none of which covers the middle of the head at the start."""
     rng = np.random.default_rng(seed)
     line, obstacles = compile_scene(scene).track_line(0.05), []
     start = shapely.Point(corners_at(scene, [scene.run.start_s])[0, 0].mean(axis=0))

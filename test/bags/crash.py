@@ -1,9 +1,9 @@
 """A crash oracle: kill a bag writer at any moment, and compare the recovered messages with the written ones.
 
-A child process writes numbered messages through the recorder's writer thread and prints, after each flush, how many are
-in the file. After SIGKILL, ``--repair`` must save every flushed message of the bag and every later one that is complete
-in the files. It must save nothing else, nothing twice and nothing out of order. The library's own stream reader is an
-independent check: all messages that it finds in the files must also be saved.
+A child process writes numbered messages through the recorder's writer thread and prints, after each flush, how many
+messages are in the file. After SIGKILL, ``--repair`` must save every flushed message of the bag and every later one
+that is complete in the files. The repair must save nothing else, nothing twice and nothing out of order. The library's
+own stream reader is an independent check: all messages that it finds in the files must also be saved.
 
 To try any number of kills by hand: ``./dragon python test/bags/crash.py --kills 1000``
 """
@@ -40,7 +40,7 @@ _BEGINS, _FLUSH_EVERY, _SIZES = 'begins', 7, (40, 1200, 70_000)
 
 
 class Kill(NamedTuple):
-    """The result of a kill: messages flushed, saved and found by the library; the files; whether all are complete."""
+    """The result of a kill: the messages flushed, saved and found by the library, and whether files are complete."""
 
     flushed: int
     saved: int
@@ -111,7 +111,7 @@ def readable(bag: Path) -> bool:
 
 
 def examined(bag: Path) -> int:
-    """Return how many problems ``inspect`` counts."""
+    """Return the number of problems that ``inspect`` reports."""
     try:
         return examine(bag).problems.count
     except InputError:

@@ -75,7 +75,7 @@ def test_without_a_scene_the_numbers_tell_what_came_before():
     assert account.lines(ended=True) == [
         '/d/handles: the beginning is missing: 3 messages were published before the first one received']
     assert not account.complete(ended=True)
-    whole = account_of(range(3, 9), scene=None)             # as from a replay that starts later
+    whole = account_of(range(3, 9), scene=None)             # as if a replay starts later
     assert whole.complete(ended=True)
 
 

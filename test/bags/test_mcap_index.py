@@ -97,7 +97,7 @@ def test_a_long_recording_holds_less_than_100_bytes_for_each_of_its_chunks(tmp_p
     recording = Recording(tmp_path / 'a.mcap')
     tracemalloc.start()
     try:
-        before = recording.go_on(2100)      # fills the bounded buffers
+        before = recording.go_on(2100)      # until the bounded buffers are full
         grown = recording.go_on(2000) - before
     finally:
         tracemalloc.stop()

@@ -1,4 +1,4 @@
-"""Page-cache requests for a growing file block nobody."""
+"""Page-cache requests for a growing file do not block the caller."""
 import errno
 import os
 import threading
@@ -61,7 +61,7 @@ def test_a_slow_disk_delays_the_requests_and_not_the_writer(monkeypatch):
     assert parts == [(0, KEPT_BYTES)]
     cache.grown(20 * STEP_BYTES)
     cache.close()
-    assert parts[1:] == [(0, 20 * STEP_BYTES)]      # no part was omitted
+    assert parts[1:] == [(0, 20 * STEP_BYTES)]      # no part of the file was omitted
 
 
 @pytest.mark.parametrize('error', [errno.ESPIPE, errno.EINVAL, errno.ENOSYS])

@@ -73,7 +73,7 @@ def test_obstacles_count_from_the_tick_of_their_stamp_on_and_replace_those_of_th
     assert gaps[8:] == pytest.approx([20.4 - x for x in front[8:]], abs=1e-9)
     assert min(gaps[:3] + gaps[6:8]) > 1        # the gap between a bench and the next but one
     touch = dragon_in(bag).first_touch(iter)
-    # It is used from then on, regardless of earlier obstacles.
+    # From this message on, the post is used, regardless of earlier obstacles.
     assert (touch.obstacle, touch.t_s) == ('post', 0.16)
 
 

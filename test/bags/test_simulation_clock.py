@@ -7,13 +7,13 @@ from dragon_ros.core.limits import HELD_BYTES
 def test_messages_without_a_stamp_get_the_tick_that_was_published_before_them():
     out = []
     clock = SimulationClock(lambda *row: out.append(row[0:3:2]))
-    clock.unstamped('v', b'early', 5, 0)        # belongs to a tick before the first one seen
+    clock.unstamped('v', b'early', 5, 0)        # belongs to a tick before the first received one
     clock.mark(10, 100)
     clock.mark(20, 200)
     clock.unstamped('v', b'1', 12, 1)           # overtaken by the next handles
     clock.unstamped('v', b'2', 22, 2)           # must wait for the next handles
     assert out == [('v', 100)]
-    clock.unstamped('v', b'3', 32, 3)           # arrived before its own handles
+    clock.unstamped('v', b'3', 32, 3)           # arrives before the handles of its tick
     clock.mark(30, 300)
     clock.flush()
     assert out == [('v', 100), ('v', 200), ('v', 300)]

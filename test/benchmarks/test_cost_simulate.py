@@ -1,4 +1,4 @@
-"""``./dragon cost simulate``: each number of workers is measured, and copying the bag's bytes is measured."""
+"""``./dragon cost simulate``: each number of workers is measured, and so is copying the bag's bytes."""
 from benchmarks import simulate
 from dragon_ros.cli.pool import workers_of
 

@@ -1,4 +1,4 @@
-"""A free domain has no remaining participant, regardless of which one came first."""
+"""A free domain has no remaining participant, whichever participant joined first."""
 import os
 import socket
 import subprocess
@@ -12,7 +12,7 @@ from dragon_ros.cli.dds_domain import free_domain, give_up_domains
 
 BASE, GAIN = 7400, 250      # ports of a domain, by DDS-RTPS 9.6.1
 WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw')) % 7
-# Beyond the ports that Linux assigns to sockets without a given port.
+# The ports are beyond those that Linux assigns to sockets without a given port.
 DOMAIN, OTHER = 216 + 2 * WORKER, 217 + 2 * WORKER
 
 
@@ -23,7 +23,7 @@ def others_may_have_them():
 
 
 def chosen(times):
-    """Return which of two domains are free, found by repeated choices that reserve none."""
+    """Return which of two domains are free, by choosing domains repeatedly without reserving them."""
     out = set()
     for _ in range(times):
         out.add(free_domain([DOMAIN, OTHER]))

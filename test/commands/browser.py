@@ -25,7 +25,7 @@ _FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no
           '--renderer-process-limit=1', '--disable-site-isolation-trials', '--disable-features='
           'SpareRendererForSitePerProcess,BackForwardCache,ProactivelySwapBrowsingInstance,RenderDocument')
 _LONGEST_S = 60.0
-# Codes of keys in WebDriver.
+# The codes of keys in WebDriver.
 _KEYS = {'ArrowLeft': '\ue012', 'ArrowUp': '\ue013', 'ArrowRight': '\ue014', 'Home': '\ue011', 'End': '\ue010',
          'Tab': '\ue004'}
 
@@ -86,7 +86,7 @@ class Browser:
         self._devtools('Emulation.setEmulatedMedia', features=[scheme])
 
     def press(self, key):
-        """Press and release a key, which is given by the name that the page receives (' ', 'Home')."""
+        """Press and release a key, given by the name that the page receives (' ', 'Home')."""
         keys = [{'type': kind, 'value': _KEYS.get(key, key)} for kind in ('keyDown', 'keyUp')]
         self._call('/actions', {'actions': [{'type': 'key', 'id': 'keyboard', 'actions': keys}]})
 

@@ -106,7 +106,7 @@ def test_what_is_not_published_each_tick_is_not_missing(capsys, tmp_path):
         for name, every in (('handles', 1), ('clearance/marker', 5), ('clearance', 1)):
             bag.add_channel(f'/dragon/{name}', channels()[name])
             for k in range(0, 101, every):
-                t_ns = scene.run.time_ns(k + (name == 'clearance' and 30 < k < 50))     # guessed, since it has no stamp
+                t_ns = scene.run.time_ns(k + (name == 'clearance' and 30 < k < 50))     # guessed without a stamp
                 bag.write(f'/dragon/{name}', encoders(scene)['handles'](tick(scene, k)), t_ns, k + 1)
     _, out, _ = run(capsys, 'inspect', path, '--format', 'json', '--looks', '1')
     rows = {row['topic']: row for row in json.loads(out)['topics']}
@@ -212,7 +212,7 @@ def test_inspect_examines_no_more_ticks_than_requested(capsys, bag):
 
 
 def changed(bag, path, change):
-    """Rewrite a bag with the messages that ``change`` returns, and with unchanged metadata."""
+    """Rewrite a bag with the messages that ``change`` returns, but with unchanged metadata."""
     with BagReader(bag) as old, BagWriter(path) as new:
         new.describe('dragon_ros', old.metadata('dragon_ros'))
         from dragon_ros.messages.channels import channels
@@ -416,7 +416,7 @@ def test_a_check_counts_ticks_that_are_missing_without_walking_them(capsys, tmp_
     with BagReader(bag) as one:
         compare_with_model(one, scene_of_bag(one, trust=True), compared=lambda part, spans: (
             parts.extend(spans) or map(part, spans)))
-    assert len(parts) <= 2      # at most one part more than the bag has messages
+    assert len(parts) <= 2      # at most one more than the number of messages
 
 
 def test_the_first_contact_of_a_large_scene_is_searched_only_if_it_is_trusted(capsys, tmp_path):

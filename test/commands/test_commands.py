@@ -1,4 +1,4 @@
-"""The contract of the offline commands: output, exit codes, and one clear line for bad input."""
+"""The contract of the offline commands: their output, their exit codes, and one clear line for bad input."""
 import argparse
 import csv
 import io
@@ -150,7 +150,7 @@ def test_bad_input_exits_with_2_and_a_clear_line(capsys, arguments, says):
 
 @pytest.mark.parametrize('name', [*EXECUTABLES, *(f'plot {kind}' for kind in command._KINDS)])
 def test_the_example_in_the_help_of_every_executable_is_understood(capsys, monkeypatch, name):
-    """Do everything except the work itself, to show that the parsed command is accepted."""
+    """Do everything except the command's work, to show that the parsed command is accepted."""
     monkeypatch.setattr(command_line, 'guarded', lambda name, body: 0)
     if EXECUTABLES[name.split()[0]].module.startswith('dragon_ros.nodes'):
         pytest.importorskip('rclpy')
@@ -253,7 +253,7 @@ NEEDS = {
     'table BAG': (BAG, 'messages'),
     'export BAG --output OUT.csv': (BAG, 'messages'),
     'inspect BAG': (BAG, 'messages core.enclosures core.search'),
-    # Because it marks overlaps.
+    # This command imports shapely because it marks overlaps.
     'plot dragon --output OUT.png': ('numpy numpy.ma yaml shapely matplotlib subprocess', ''),
 }
 ROOMS = {'messages', 'core.enclosures', 'core.search', 'core.effects', 'nodes', 'studies'}

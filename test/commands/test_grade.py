@@ -273,7 +273,7 @@ def test_coarse_steps_on_the_turn_are_named(step, within_m, of_angle, shift_s, k
 
 
 def test_steps_on_the_turn_are_as_their_recipe_says():
-    """Each handle is a whole number of steps away: its chord reaches the link's length, and one step less does not."""
+    """Each handle is a whole number of steps from the previous one; with one step fewer the chord is too short."""
     angle, step = mistakes.TurnAngle(STurn()), 0.01
     metres = np.linspace(-300.0, 100.0, 401)
     np.testing.assert_allclose(angle.metres(angle.of(metres)), metres, atol=1e-11)

@@ -179,7 +179,7 @@ HOSTILE = {
 }
 
 
-# Most of these are rejected before a reader sees them.
+# Most of these files are rejected before a reader opens them.
 @pytest.mark.parametrize(('name', 'reader'), thinned(
     [(name, reader) for name in HOSTILE for reader in READERS],
     lambda case: case[1] == READERS[0] or case[0] in ('no sheets', 'no xml', 'no workbook')), indirect=['reader'])

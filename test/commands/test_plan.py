@@ -116,7 +116,7 @@ def test_a_geojson_of_a_scene_with_an_origin_is_in_degrees(capsys, tmp_path, sce
     features = {one['properties']['name']: shape(one['geometry']) for one in values['features']}
     head = features['swept by the head']
     square_m, _ = pyproj.Geod(ellps='WGS84').geometry_area_perimeter(head)
-    # Positive, since the outer ring is anticlockwise.
+    # The area is positive, since the outer ring is anticlockwise.
     assert square_m == pytest.approx(swept_area(scene).head.area, rel=1e-5)
     x, y = compile_scene(scene).track_line(1e-3)[-1]
     lon, lat, _ = pyproj.Geod(ellps='WGS84').fwd(*origin, np.degrees(np.arctan2(x, y)), np.hypot(x, y))
@@ -153,7 +153,7 @@ def test_options_are_checked(capsys, tmp_path, monkeypatch, arguments, says):
 
 
 def test_the_distances_of_marks_that_come_together_do_not_stand_on_each_other():
-    """For two adjacent ways and a single mark, labels are on different sides, and the first one is on the left."""
+    """The labels of two adjacent ways, and of a single mark, are on different sides; the first label is on the left."""
     places = np.array([(0.0, 0.0), (100.0, 50.0), (100.0, 54.0)])
     labels = ['10', '70', '150']
     found = mark_offsets(places, np.array([(1.0, 0.0)] * 3), labels)

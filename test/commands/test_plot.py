@@ -1,4 +1,4 @@
-"""Every kind of picture, from a scene and from a bag, has the same bytes each time, or there is a clear error."""
+"""Every kind of picture, from a scene or from a bag, has the same bytes each time, or there is a clear error."""
 import re
 import struct
 from pathlib import Path
@@ -97,7 +97,7 @@ def test_a_bag_shows_what_its_scene_shows(scene, bag):
 
 
 def test_a_bag_stamped_with_wall_time_shows_its_last_tick_too(tmp_path, scene):
-    now_s = 1_800_000_000       # so late that doubles are 2.4e-7 s apart
+    now_s = 1_800_000_000       # at this time, adjacent floats are 2.4e-7 s apart
     data = bytes(encoders(scene)['handles'](tick(scene, 0)))
     with BagWriter(tmp_path / 'a.mcap') as bag:
         bag.add_channel('/dragon/handles', channels()['handles'])
@@ -284,7 +284,7 @@ def test_a_picture_shows_the_whole_dragon_with_its_track_around_it_wherever_it_i
     low, high = window(source.track, [one])
     corners = one.benches.corners.reshape(-1, 2)
     assert np.all((corners > low) & (corners < high))
-    assert max(high - low) < 6 * max(np.ptp(corners, axis=0))       # the dragon is not tiny in a long street
+    assert max(high - low) < 6 * max(np.ptp(corners, axis=0))       # the dragon does not look tiny in a long street
     near = np.all(np.abs(source.track - corners.mean(axis=0)) < np.ptp(corners, axis=0).max(), axis=1)
     assert np.all((source.track[near] > low) & (source.track[near] < high))
 
@@ -347,7 +347,7 @@ def test_benches_that_overlap_are_marked_where_they_do():
 
 
 def test_a_frame_is_what_a_whole_drawing_shows():
-    """Moving parts are drawn onto the static background with the same pixels, for dragon, inset and curves."""
+    """Drawing the moving parts onto the static background gives the same pixels, for dragon, inset and curves."""
     source = SceneSource('winding', load_scene('winding', ['dragon.benches=20', 'run.start_s=405', 'run.stop_s=413',
                                                            'run.rate_hz=2']))
     times_s = np.array([405.0, 409.0, 412.9])

@@ -49,7 +49,7 @@ def test_a_track_that_plot_drew_is_read_again_within_the_tolerance(capsys, tmp_p
     assert code == 0, out
     drawn, again = (compile_scene(load_scene(name, ['dragon.benches=9'])).track_line(1e-4) for name in (
         'turning', 'again.yaml'))
-    again = again[np.hypot(*(again - drawn[-1]).T) > 1.5]       # except for the lead-in line
+    again = again[np.hypot(*(again - drawn[-1]).T) > 1.5]       # without the lead-in line
     with np.errstate(invalid='ignore'):     # GEOS 3.11 sets the flag needlessly
         assert hausdorff_distance(LineString(again), LineString(drawn)) < 1.6
     assert LineString(drawn).buffer(TOLERANCE_M * 1.01).contains(LineString(again))

@@ -26,7 +26,7 @@ def scene_options(link_m):
 
 
 def dragons(link_m):
-    """Dragons whose head, or one of whose benches, has such a link."""
+    """Dragons whose head, or one of whose other benches, has a link of almost zero length."""
     short_m = 2 * INSET_M + link_m
     return Dragon(20, short_m), Mixed((Group(3.41), Group(2.2, 5), Group(short_m), Group(2.2, 13)))
 

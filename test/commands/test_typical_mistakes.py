@@ -1,4 +1,4 @@
-"""Typical mistakes of newcomers, students, teachers and Jupyter users give one line with value, limit and cure."""
+"""Typical mistakes of newcomers, students, teachers and Jupyter users result in one line with value, limit and cure."""
 import re
 
 import pytest

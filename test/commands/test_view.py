@@ -400,12 +400,12 @@ def test_many_benches_are_drawn_where_they_are_at_every_zoom(big, big_server, pa
     assert 'draw calls per frame on a canvas' in page.run('return document.getElementById("scale").textContent')
     page.press('f')
     page.wait('return cost.calls < 20 && cost.drawn < 200')       # only visible benches are drawn
-    assert [said for level, said in page.log() if level != 'WARNING'] == []    # warnings are about reading pixels
+    assert [said for level, said in page.log() if level != 'WARNING'] == []    # warnings concern the reading of pixels
 
 
-# How WebGL pictures differ from the canvas if drawn at the same place, and a pixel to the right. Each value is the
-# share of pixels that differ by more than an eighth of all shades, in the whole picture and within 40 pixels of the
-# first handle.
+# The difference of WebGL pictures from those of the canvas, drawn at the same place and a pixel to the right. Each
+# value is the share of pixels that differ by more than an eighth of all shades, in the whole picture and within 40
+# pixels of the first handle.
 APART = """const plot = document.getElementById('scene'), {range, _length} = plot._fullLayout.xaxis;
   const pixels = (webgl, moved) => {
     drawBy(webgl);
@@ -434,7 +434,7 @@ APART = """const plot = document.getElementById('scene'), {range, _length} = plo
 
 def test_webgl_draws_the_picture_of_the_canvas_and_gives_way_to_it(big_server, page):
     page.open_view(big_server.url)
-    assert page.run('return cost.webgl') is False       # software would draw WebGL here, slower than the canvas
+    assert page.run('return cost.webgl') is False       # in software, WebGL would be slower than the canvas
     apart = [page.run(APART)]
     page.press('f')
     page.wait('return shownSpan() < 20')

@@ -29,7 +29,7 @@ from dragon_ros.scenes.load import load_scene
 DRAGON = [sys.executable, '-m', 'dragon_ros']
 COMMAND = [*DRAGON, 'simulate', '--scene', 'winding', '--workers', '2']
 RUN = ['run.start_s=380', 'run.stop_s=413.5']       # the last second contains the contact
-FEW = 'dragon.benches=120'      # enough for several parts
+FEW = 'dragon.benches=120'      # enough benches for several parts
 
 
 def squares(job):
@@ -91,7 +91,7 @@ for _ in range(3):
 
 
 def test_a_pool_closes_no_file_twice():
-    # about one pool in sixty did so by chance, when a process had ended just before the pool was shut down
+    # about one pool in sixty closed a file twice, if a process had ended just before the pool was shut down
     done = subprocess.run([sys.executable, '-c', _SLOW_TO_CLOSE], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (0, '')
 
@@ -123,7 +123,7 @@ for job, arrays in kept:
 
 
 def test_large_results_of_a_forked_process_keep_their_values():
-    """The fourth array does not fit into the shared memory with the third; small ones do not go there."""
+    """The fourth array does not fit into the shared memory beside the third; small arrays are not put there."""
     done = subprocess.run([sys.executable, '-c', _LARGE_RESULTS], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (0, '')
 
@@ -236,7 +236,7 @@ def long(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def whole(tmp_path_factory):
-    """The same with the whole dragon: commands work on it for a while, and can be ended meanwhile."""
+    """The bag of a run of the whole dragon, on which commands work long enough to be ended meanwhile."""
     return simulated(tmp_path_factory.mktemp('whole') / 'whole.mcap')
 
 
@@ -261,7 +261,7 @@ def damaged(name, t_ns, k):
 
 
 def late(name, t_ns, k):
-    """Log at wall time, like a recorder that logs each topic of a tick a little later."""
+    """Return log times in wall time, as of a recorder that logs each topic of a tick a little later."""
     return [t_ns + {'handles': 1, 'velocities': 1}.get(name, 4) * 10**6]
 
 
@@ -405,7 +405,7 @@ BROKEN_OFF = {'check': ['inspect', 'BAG', '--check'],
 def broken_off(folder, bag, what, end):
     """Start a command, call ``end`` once it has started a process, and return its exit code and errors.
 
-    The folder must contain only the original files afterwards.
+    Afterwards, the folder must contain only the original files.
     """
     command = [str(bag) if one == 'BAG' else one for one in BROKEN_OFF[what]]
     with subprocess.Popen([*DRAGON, *command, '--workers', '2'], cwd=folder, stdout=subprocess.PIPE,

@@ -1,7 +1,7 @@
 """Balls of ``ball_arithmetic`` in arb, at 200 bits: the same formulas yield references for enclosures in floats.
 
-An arb's radius is rounded outwards at each operation, so its enclosures are rigorous. It has 30 bits, so it exceeds the
-exact value by about a billionth, which is less than the amount that ``Ball`` adds for its own rounding.
+An arb's radius is rounded outwards at each operation, so its enclosures are rigorous. The radius has 30 bits, so it
+exceeds the exact value by about a billionth, which is less than the amount that ``Ball`` adds for its own rounding.
 """
 from contextlib import contextmanager
 from functools import partial
@@ -15,7 +15,7 @@ BITS = 200
 
 @contextmanager
 def in_arb(*modules):
-    """Make modules compute exactly with these balls, except for bounds that they combine in floats."""
+    """Make modules compute with these balls, except for bounds that they combine in floats."""
     before, ctx.prec = ctx.prec, BITS
     names = {'Ball': ArbBall.of, 'between': between, 'side_by_side': side_by_side, 'ABOVE': 1.0}
     patches = [patch.object(module, name, new) for module in modules for name, new in names.items()

@@ -83,12 +83,12 @@ def test_exact_is_within_1e_12_m_of_the_reference_on_the_whole_classic_run():
 
 
 def test_links_that_are_solved_one_step_less_break_the_exact_promise(monkeypatch):
-    broken = []     # cases broken by Newton steps for a promise a thousand times looser
+    broken = []     # cases that break their promise if Newton's method stops as for a promise a thousand times looser
     for name, problem in SPIRALS.items():
         simulation = compile_scene(problem.scene)
         if 'lock' in name or simulation.size_m > 20 or simulation.size_m < 1e-2:
             continue
-        assert simulation.end       # found with the requested step
+        assert simulation.end       # found with the unchanged step
         loose = sqrt(0.5 * 1e3 * EXACT.promise_m / simulation.model.length_m)
         for module in (spiral, forward):
             monkeypatch.setattr(module, 'TIGHT', loose)
@@ -203,7 +203,7 @@ def test_velocities_are_the_derivative_of_the_positions_in_high_precision(name):
 
 
 def high_precision(scene, t_s, links):
-    """Return the first handles, computed with mpmath's own root finder."""
+    """Return the first handles, computed with the root finder of mpmath."""
     mp = mpmath.mp
     b = mp.mpf(scene.track.pitch_m) / (2 * mp.pi)
     theta0 = 2 * mp.pi * mp.mpf(scene.track.start_turns)

@@ -93,7 +93,7 @@ def test_metres_choose_the_tier_that_keeps_them_as_far_out_as_the_run_goes():
 def test_what_only_a_track_in_the_plane_can_tell_is_refused_when_the_scene_is_compiled(scene, error, says):
     with pytest.raises(error, match=says):
         compile_scene(scene)
-    with pytest.raises(error, match=says):      # and again: no incomplete model is cached
+    with pytest.raises(error, match=says):      # raised again, since no incomplete model is cached
         compile_scene(scene)
 
 

@@ -38,7 +38,7 @@ def test_chains_whose_last_links_once_followed_unchecked_keep_their_promise(accu
 def test_a_head_with_a_short_link_leaves_all_speeds_as_exact_as_the_others_do(number):
     scene, times_s = promises.random_scene(number)
     assert scene.dragon.link_lengths_m[0] < 0.2 * scene.dragon.link_lengths_m[1]
-    assert np.max(shares(scene, times_s)) < 0.3     # 0.75 if the leader's motion were cut for a link of its length
+    assert np.max(shares(scene, times_s)) < 0.3     # 0.75 if truncated for the link of the head
 
 
 lengths = st.floats(0.05, 6)

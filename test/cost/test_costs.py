@@ -86,7 +86,7 @@ def test_the_priced_work_of_an_effect_is_what_the_tick_does_for_it(effect):
 
 
 def effects_needed_by(some):
-    """Return everything that some effects need."""
+    """Return all effects that the given effects need."""
     return reduce(or_, (NEEDS.get(one, Effect.NONE) for one in some), Effect.NONE)
 
 

@@ -57,8 +57,8 @@ def topics_in(lines: list[str]) -> Counter[str]:
 def hold_lines(path: Path, folder: Path, wanted: list[Row], ended: bool, model: dict[tuple[str, int], bytes]) -> Said:
     """Compare the lines of all commands with the messages ``wanted`` and with each other; return those of ``inspect``.
 
-    ``ended`` means that the stream reader reached the end of the file, so nothing else is in the file. ``model`` has
-    the messages of the run, by topic and log time. Raises AssertionError.
+    ``ended`` means that the stream reader reached the end of the file, so that the file contains nothing else.
+    ``model`` has the messages of the run, by topic and log time. Raises AssertionError.
     """
     told = said('inspect', path, '--namespace', 'dragon')
     if not told.lines:
@@ -136,7 +136,7 @@ def ticks_of(text: str) -> dict[int, list[tuple[float, float]]]:
     out: dict[int, list[tuple[float, float]]] = {}
     for row in csv.DictReader(io.StringIO(text)):
         places = out.setdefault(round(float(row['t_s']) * 1e9), [])
-        if int(row['handle']) < len(places):        # the tick is repeated, and only its last rows count
+        if int(row['handle']) < len(places):        # the tick is repeated, and only the last rows of it count
             places.clear()
         places.append((float(row['x_m']), float(row['y_m'])))
     return out

@@ -30,7 +30,7 @@ from dragon_ros.messages.schemas import schema_text
 from dragon_ros.scenes.provenance import RECORD, run_metadata
 
 SCENE = Scene(dragon=Dragon(3), run=Run(412, 412.1))
-_SCENE_TEXT = 'dragon: {benches: 3}\nrun: {start_s: 412, stop_s: 412.1}'     # a short run, since it is read many times
+_SCENE_TEXT = 'dragon: {benches: 3}\nrun: {start_s: 412, stop_s: 412.1}'     # a short run, which is read many times
 TICKS = 6
 NAMES = tuple(encoders(SCENE))
 MAGIC = b'\x89MCAP0\r\n'
@@ -54,7 +54,7 @@ def record(opcode: int, content: bytes) -> bytes:
 
 
 def text(value: str) -> bytes:
-    """Return a string as records contain it."""
+    """Return a string in the form in which records contain it."""
     return struct.pack('<I', len(value)) + value.encode()
 
 
@@ -173,7 +173,7 @@ class Mix:
                              + struct.pack('<QQ', len(packed), len(data)))
 
     def finish(self) -> bytes:
-        """Return the file, with no summary, a correct one, one without the indexes, or one with wrong counts."""
+        """Return the file without a summary, or with one that is correct, lacks the indexes, or has wrong counts."""
         self.end_chunk(0)
         self.out += record(15, bytes(4))
         start, counts = len(self.out), self._counts

@@ -164,7 +164,7 @@ _YAML = (b'[', b'{', b'? ', b'- ', b'!!int ""', b'!!binary x', b'&a ', b'*a', b'
 
 
 def override(folder: Path) -> Target:
-    """Texts of --set and of the parameter set, one per line."""
+    """Texts of the option --set and of the parameter ``set``, one per line."""
     def run(data: bytes) -> None:
         with suppress(DragonError):
             load_scene('winding', data.decode(errors='replace').split('\n')[:8])
@@ -486,7 +486,7 @@ TARGETS: dict[str, Callable[[Path], Target]] = {
 
 @contextlib.contextmanager
 def opened(name: str, folder: Path) -> Iterator[Target]:
-    """Make a target, and close everything that it opened."""
+    """Yield a target, and close everything that it opened afterwards."""
     target = TARGETS[name](folder)
     try:
         yield target

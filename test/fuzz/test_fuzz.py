@@ -19,7 +19,7 @@ from targets import TARGETS, Target, opened
 
 CORPUS = Path(__file__).with_name('corpus')
 _SHORT, _ROUND = 40, 500        # number of inputs in the short form, and in one round of the long form
-_STUCK_S = 60               # an input that takes so long is a finding
+_STUCK_S = 60               # s; an input that takes this long is a finding
 
 
 class StuckError(Exception):
@@ -35,7 +35,7 @@ def mutated(target: Target) -> st.SearchStrategy[bytes]:
 
 
 def changed(data: bytes, changes: list[tuple[str, float, bytes]]) -> bytes:
-    """Return bytes with changes at positions that are given as shares of their length."""
+    """Return bytes with changes at positions that are given as shares of the length."""
     for what, share, word in changes:
         at, size = int(share * len(data)), len(word)
         before, after = data[:at], data[at:]

@@ -1,4 +1,4 @@
-"""Benches read by comparison with the previous message equal those that a parser finds, regardless of changes."""
+"""Benches that are read by comparison with the previous message equal those that a parser finds, whatever changed."""
 import numpy as np
 import pytest
 from hypothesis import given

@@ -110,7 +110,7 @@ def test_turns_that_are_kept_are_those_of_the_axis_asked_for():
     assert turns_of(left) is turns_of(left)
     assert turns_of(ahead).tolist() == [1j]
     ahead[:] = -1.0, 0.0
-    assert turns_of(ahead).tolist() == [1.0]        # the array is writable, so it must not be cached
+    assert turns_of(ahead).tolist() == [1.0]        # the array is writable, so the message must not be cached
     assert turns_of(left).tolist() == pytest.approx([np.sqrt(0.5) * (1 + 1j)])
 
 

@@ -95,7 +95,7 @@ def encoded(fields, values, order, out):
     """Append values, by field, in either byte order, as another machine may send them."""
     def put(kind, value):
         size = struct.calcsize(kind)
-        out.extend(b'\xee' * (-(len(out) - 4) % size))      # rmw leaves padding uninitialised
+        out.extend(b'\xee' * (-(len(out) - 4) % size))      # the rmw leaves padding bytes uninitialised
         out.extend(struct.pack(order + kind, value))
 
     def one(field, value):
@@ -148,7 +148,7 @@ def test_the_monitor_sees_the_same_in_either_byte_order(style, frame_id):
 @pytest.mark.parametrize('text', ['', 'x', 'xx', 'xxxx', 'xxxxxxxx'])
 @pytest.mark.parametrize('ns', ['bench', 'be'])
 def test_cubes_with_any_string_lengths_are_viewed_in_one_or_two_runs(text, ns):
-    """A layout that is not a multiple of 8 bytes shifts the second marker; all later markers are alike."""
+    """A layout whose size is not a multiple of 8 bytes shifts the second marker; all later markers are alike."""
     serialization = pytest.importorskip('rclpy.serialization')
     from visualization_msgs.msg import MarkerArray
     scene = Scene(dragon=Dragon(40), run=Run(400, 413))
@@ -163,7 +163,7 @@ def test_cubes_with_any_string_lengths_are_viewed_in_one_or_two_runs(text, ns):
 
 
 class Marking(decoder.Reader):
-    """Notes which bytes are read, since all others are padding."""
+    """A buffer that notes which of its bytes are read; all others are padding."""
 
     def skip(self, kind, count=1):
         start = super().skip(kind, count)

@@ -33,7 +33,7 @@ def test_a_tick_is_kept_on_all_topics_or_on_none(messages):
     skips, said = EvenSkips(), {}
     for t_ns, topic, fill in messages:
         keeps, ahead = skips.keeps(topic, t_ns, fill), said.setdefault(t_ns, {})
-        if topic in ahead:      # the run has restarted
+        if topic in ahead:      # the run has been restarted
             ahead.clear()
         ahead[topic] = keeps
         assert len(set(ahead.values())) == 1

@@ -173,7 +173,7 @@ def test_fields_of_a_point_of_the_cloud_are_aligned_and_apart(read):
         assert one.offset % size[one.datatype] == 0
         assert one.offset >= ends[-1]
         ends.append(one.offset + size[one.datatype])
-    assert cloud.point_step == -(-ends[-1] // 8) * 8       # no larger than required, and the next point is also aligned
+    assert cloud.point_step == -(-ends[-1] // 8) * 8       # no larger than required; the next point is aligned, too
 
 
 def markers_of(message):

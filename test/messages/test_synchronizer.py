@@ -97,7 +97,7 @@ def test_waiting_for_partners_is_bounded_in_bytes_over_both_topics():
         assert pairs.held_bytes <= MONITOR_BYTES
     dropped = pairs.take_unmatched()
     assert len(dropped) > room
-    assert dropped[:2] == [('handles', 0), ('benches', 10**6)]      # the messages that have waited longest
+    assert dropped[:2] == [('handles', 0), ('benches', 10**6)]      # the messages that have waited longest are dropped
     assert pairs.add_benches(shown(2 * room - 1), 1e3) is not None   # the newest messages are kept
 
 
@@ -169,7 +169,7 @@ def test_a_known_publisher_that_seeks_stays_known_until_it_is_forgotten():
         streams.take(k, 10**9 + k, alone=True)
     streams.adopt(10**9 + 9)
     assert not streams.take(500_000, 5, alone=False)
-    assert streams.take(10, 7 * 10**9, alone=False)      # the publisher moved to another time
+    assert streams.take(10, 7 * 10**9, alone=False)      # the publisher has gone to another time
     assert streams.take(11, 7 * 10**9 + 1, alone=False)
     assert not streams.take(500_001, 6, alone=False)
     streams.forget()

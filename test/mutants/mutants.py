@@ -3,7 +3,7 @@
 Cosmic Ray generates the mutants: another operator, another number, another branch. Each mutant is written into a copy
 of the checkout, where the tests that reach its line run, the fastest first, until one fails. The tests run in a fork of
 this process, which has loaded the libraries, so a mutant takes a second plus its tests. A mutant that cannot be
-imported is not counted, since any test finds it. Tests marked ``snapshot``, which compare with earlier output, are
+imported is not counted, since any test would find it. Tests marked ``snapshot``, which compare with earlier output, are
 excluded: only a property, a reference, a bound or an independent decoder counts.
 
 Results are stored immediately in ``.venv/mutants``: after Ctrl-C, which loses one mutant, the same command continues.
@@ -57,7 +57,8 @@ ROOMS = {
                  'test/nodes/test_monitor_topics.py', 'test/nodes/test_overload.py',
                  'test/messages/test_monitor_markers.py']),
 }
-# Replacements of operators that resemble a programming slip. Any test finds others, such as a shift instead of a sum.
+# Replacements of operators that resemble a programming slip. Any test finds other replacements, such as a shift instead
+# of a sum.
 _SLIPS = {'Add_Sub', 'Sub_Add', 'Mul_Div', 'Div_Mul', 'FloorDiv_Mul', 'Mod_FloorDiv', 'Pow_Mul', 'BitAnd_BitOr',
           'BitOr_BitAnd'}
 _IGNORED = ('core/VariableInserter', 'core/VariableReplacer', 'core/NoOp', 'core/RemoveDecorator', 'core/AddNot',
@@ -65,7 +66,7 @@ _IGNORED = ('core/VariableInserter', 'core/VariableReplacer', 'core/NoOp', 'core
 _BOTH_WAYS = (('min', 'max'), ('minimum', 'maximum'), ('floor', 'ceil'), ('any', 'all'), ('sin', 'cos'),
               ('AHEAD', 'BEHIND'), ('first', 'last'), ('low', 'high'))
 _OTHER = {**dict(_BOTH_WAYS), **{b: a for a, b in _BOTH_WAYS}, 'inf': '0.0', 'abs': 'float'}
-# Libraries loaded before the forks. None of them imports the package.
+# Libraries that are loaded before the forks. None of these libraries imports the package.
 _LOADED = ('numpy', 'shapely', 'hypothesis.extra.numpy', 'mpmath', 'flint', 'scipy.optimize', 'scipy.integrate', 'yaml',
            'matplotlib.figure', 'coverage')
 _UNUSED = ('xdist', 'cov', 'cacheprovider', 'stepwise', 'launch_testing', 'launch_pytest', 'ament_copyright')
@@ -77,7 +78,7 @@ _ALIVE = ('survived', 'unreached')
 
 
 class Swapped(Operator):
-    """Swap names that differ in a side, a sense or a sign."""
+    """Swap pairs of names that differ in a side, a sense or a sign."""
 
     def mutation_positions(self, node):
         if isinstance(node, parso.python.tree.Name) and node.value in _OTHER and not node.is_definition():
@@ -232,7 +233,7 @@ class Lines:
 
 
 def forked(tree: Path, work: Callable[[], object], seconds: float = 1000.0) -> tuple[bool, object]:
-    """Do work in a fork of this process that uses the tree's package; return whether it ended, and its answer."""
+    """Do work in a fork of this process with the package of a tree; return whether it ended, and its answer."""
     answer = tree / 'answer.json'
     answer.unlink(missing_ok=True)
     child = os.fork()
@@ -329,7 +330,7 @@ def files(root: Path, part: str) -> list[Path]:
 
 def chosen(mutant: Mutant, lines: dict[str, dict[int, list[str]]], times: dict[str, float],
            found: dict[str, int], most_s: float) -> dict[str, float]:
-    """Return the tests that reach a mutant and their times in s without it, together at most ``most_s``.
+    """Return the tests that reach a mutant, with their times in s without the mutant, at most ``most_s`` in total.
 
     Tests that have already found a mutant of this file come first, followed by the fastest ones and by all other tests
     of the same test files, which may share results with them.

@@ -52,7 +52,7 @@ class Process:
         return self.end()
 
     def end(self):
-        """Wait for the end and return the exit code."""
+        """Wait for the end of the process and return its exit code."""
         code = self._child.wait(timeout=PATIENCE_S)
         self._reader.join(timeout=PATIENCE_S)
         return code
@@ -80,7 +80,7 @@ class Process:
 
 @pytest.fixture
 def domain(monkeypatch):
-    """A domain for the test, including nodes in this process; parallel tests choose from different domains."""
+    """A domain for the test and for nodes in this process; parallel tests choose from different domains."""
     worker, workers = os.environ.get('PYTEST_XDIST_WORKER', 'gw0'), os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1')
     number = free_domain(range(1 + int(worker.removeprefix('gw')), 102, int(workers)))
     for key, value in local_environment(number).items():
@@ -108,7 +108,7 @@ def start(domain, tmp_path):
 
 @pytest.fixture
 def launched(start):
-    """Start the executables that ``ros2 launch`` would start, in the same way."""
+    """A function that starts the executables of a launch plan, as ``ros2 launch`` would."""
     def text(value):
         return str(value).lower() if isinstance(value, bool) else str(value) or '""'
 

@@ -1,7 +1,7 @@
 """Calls to a running sim, drawn from a seed: services, and live parameters with valid and invalid values.
 
-Each answer is compared with the table of parameters. A value is accepted if its type fits, it is within the limits and
-it is one of the choices; otherwise the reason is one line and the old value is kept. To start it by hand beside a sim
+Each answer is compared with the table of parameters. A value is accepted if it has the right type, is within the limits
+and is one of the choices; otherwise the reason is one line, and the old value is kept. To start it by hand beside a sim
 that is in the same ROS domain and does not end: ``./dragon python test/nodes/controls.py --calls 10000``. The soak test
 runs it in the background, with only those calls that skip no tick.
 """
@@ -51,10 +51,10 @@ def fits(parameter: Parameter, value: Any) -> bool:
 
 
 class Caller:
-    """Calls a sim and counts the calls; ``faults`` lists deviations from the table."""
+    """A client that calls a sim and counts the calls; ``faults`` lists deviations from the table."""
 
     def __init__(self, seed: int, name: str = '/dragon/sim') -> None:
-        """Open the clients in a separate context and wait for the sim."""
+        """Open the clients in a separate context, and wait for the sim."""
         self._rng = random.Random(seed)
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
@@ -89,7 +89,7 @@ class Caller:
         return future.result()
 
     def serve(self, name: str) -> tuple[bool, str]:
-        """Call a service, whose answer must be one line."""
+        """Call a service, and check that its answer is one line."""
         answer = self._ask(name, Trigger.Request())
         if '\n' in answer.message or not answer.message:
             self.faults.append(f'{name}: {answer.message!r} is not one line')
@@ -118,7 +118,7 @@ class Caller:
         return bool(result.successful)
 
     def get(self, name: str) -> Any:
-        """Return the value of a parameter, None if it has none."""
+        """Return the value of a parameter, or None if it has no value."""
         for value in self._ask('get_parameters', GetParameters.Request(names=[name])).values:
             return next((getattr(value, member) for kind, member in _KINDS.values() if member and kind == value.type),
                         None)

@@ -1,4 +1,4 @@
-"""The frames of a run: the first one is computed in advance, and no frame depends on that."""
+"""The frames of a run: the first frame is computed in advance, and no frame depends on this."""
 import sys
 from dataclasses import replace
 from threading import Event

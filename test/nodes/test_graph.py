@@ -1,4 +1,4 @@
-"""All nodes work together, and each node does its part."""
+"""All nodes run together, and each node does its part."""
 import os
 import shutil
 import signal
@@ -59,7 +59,7 @@ def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, no
                 '-p', f'time_scale:={scale}', anew=True)
     assert sim.end() == 0, sim.text
     monitor.wait_for('contact of benches 0 and 8')
-    node.until(lambda: events and node.count_subscribers('collision') == 2)     # the recorder also subscribes to it
+    node.until(lambda: events and node.count_subscribers('collision') == 2)     # the recorder also subscribes
     assert record.stop() == 0, record.text
     assert monitor.stop() == 0, monitor.text
     with BagReader(bag) as run:

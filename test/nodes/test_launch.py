@@ -45,7 +45,7 @@ def prefix(tmp_path):
 
 @pytest.fixture
 def launch(domain, prefix, tmp_path):
-    """Launch with arguments; everything launched ends with the test."""
+    """Launch the nodes with arguments; everything that was launched ends with the test."""
     running = []
     search = os.pathsep.join([str(prefix), *filter(None, [os.environ.get('AMENT_PREFIX_PATH')])])
     environment = {**os.environ, 'AMENT_PREFIX_PATH': search, 'ROS_LOG_DIR': str(tmp_path / 'log'),

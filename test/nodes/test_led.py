@@ -1,4 +1,4 @@
-"""A dragon that is led over cmd_vel, and the later use of its bag."""
+"""A dragon that is led by commands on cmd_vel, and the later use of its bag."""
 import itertools
 import json
 import signal
@@ -16,7 +16,7 @@ READERS = 'wait_subscribers:=[handles=1,leader=2,velocities=1,benches=1,scene=1]
 
 
 class Leader:
-    """Publishes speeds, ten per timeout of a command, and receives the motion of the leading handle."""
+    """A node that publishes ten speeds per timeout of a command, and receives the motion of the leading handle."""
 
     def __init__(self, node, stamped=True):
         from geometry_msgs.msg import Twist, TwistStamped
@@ -121,7 +121,7 @@ def test_a_led_dragon_has_a_pace_and_no_other_ticks(start, node):
     node.until(lambda: leader.speeds)
     client = node.create_client(Trigger, 'sim/seek')
     node.until(client.service_is_ready)
-    done = client.call_async(Trigger.Request())      # by default a seek to the start, for which reset exists
+    done = client.call_async(Trigger.Request())      # by default, seek goes to the start, for which reset exists
     node.until(done.done)
     assert not done.result().success
     assert 'seek_s: -1' in done.result().message

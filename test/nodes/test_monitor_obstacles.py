@@ -88,10 +88,10 @@ def test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_a
     assert float(first.values['t_before_s']) < found.t_s <= float(first.values['t_after_s'])
     assert float(first.values['t_contact_s']) == pytest.approx(found.t_s, abs=1e-8)
     assert reported['obstacle'] == found.obstacle.name == 'post'
-    assert seen == again_seen       # computed from the benches in the bag, from scratch, to the last bit
+    assert seen == again_seen       # computed from the benches in the bag, with no earlier state, to the last bit
     model = {t_ns: tick(scene, scene.run.tick_at(t_ns)).closeness.clearance_m for t_ns in seen}
     assert len(seen) == compile_scene(scene).last_tick + 1
-    assert seen == pytest.approx(model, abs=1e-14)      # quaternions lose the last bits of poses
+    assert seen == pytest.approx(model, abs=1e-14)      # in quaternions, poses lose their last bits
     assert main(['inspect', str(bag), '--check']) == 0, capsys.readouterr().out
 
     assert '/dragon/collision/obstacles' not in names
@@ -145,7 +145,7 @@ class Map:
 
 
 class Dragon:
-    """Publishes ticks of a scene to several monitors, each in its own namespace, and receives their messages."""
+    """A node that publishes ticks of a scene to monitors, each in its own namespace, and receives their messages."""
 
     def __init__(self, node, scene, *monitors):
         from diagnostic_msgs.msg import DiagnosticArray
@@ -212,7 +212,7 @@ def test_a_map_is_turned_by_its_origin_moved_by_the_declared_pose_and_never_over
     dragon.wait('moved', "contact of bench 0 and obstacle 'map' at")
     (begin,) = [{pair.key: pair.value for pair in status.values} for status in dragon.events['moved'][:1]]
     assert float(begin['x_m']) == pytest.approx(26, abs=0.01)
-    # The front is ahead of the handle.
+    # The front of the head is ahead of its handle.
     assert float(begin['t_contact_s']) == pytest.approx(26 - 20 - 0.275, abs=1e-6)
     dragon.wait('unknown', "contact of bench 0 and obstacle 'map' at")
     (first,) = [{pair.key: pair.value for pair in status.values} for status in dragon.events['unknown'][:1]]

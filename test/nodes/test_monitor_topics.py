@@ -16,7 +16,7 @@ T_STAR_NS = 412_473_837_682
 
 
 class Listener:
-    """Collects the messages of topics; types and QoS are those of topics.yaml."""
+    """A node that collects the messages of topics, with the types and QoS of topics.yaml."""
 
     def __init__(self, node, *names):
         from dragon_ros.nodes import qos
@@ -31,7 +31,7 @@ class Listener:
 
 
 class Publisher:
-    """Publishes single frames of the classic dragon or another one, as any publisher would."""
+    """A node that publishes single frames of the classic dragon or another one, as any publisher would."""
 
     def __init__(self, node, start_s=412.0, *overrides):
         from dragon_ros.nodes import qos
@@ -71,7 +71,7 @@ def test_a_contact_is_reported_from_start_to_end_on_every_topic(start, node):
     assert {(round(m.color.r, 2), round(m.color.g, 2), m.color.b) for m in touched} == {(0.84, 0.37, 0.0)}
     assert (dot.type, label.type) == (Marker.SPHERE, Marker.TEXT_VIEW_FACING)
     assert label.text == '0 x 8: -0.16 mm'
-    # It is deleted at once.
+    # The marker is deleted at once.
     node.until(lambda: [m.action for m in heard.got['clearance/marker']] == [Marker.ADD, Marker.DELETE])
     source.show(413.76, 415.0, 415.02)
     node.until(lambda: len(heard.statuses()) == 2 and len(heard.got['clearance']) == 6)
@@ -171,7 +171,7 @@ def test_of_two_dragons_on_one_topic_the_monitor_keeps_the_one_it_knows_and_name
     def taken():
         second.show(430 + 0.02 * next(shown))
         return len(heard.got['clearance']) > before
-    node.until(taken)       # the known publisher has left, and the other one is now the known one
+    node.until(taken)       # the known publisher has left, and the other publisher has become the known one
     assert 'several publish on one topic: /dragon/handles: /dragon/observer and /dragon/stranger' in monitor.text
 
 
@@ -274,7 +274,7 @@ def test_a_recorder_keeps_every_topic_at_simulation_time(start, tmp_path):
     assert counts['/dragon/clearance'] >= 1
     assert (counts['/dragon/collision'], counts['/dragon/collision/point']) == (1, 1)
     assert counts['/dragon/collision/active'] == 2   # includes the latched message from before the run
-    # One per tick in contact, of which only the last one is kept for long.
+    # There is one message per tick in contact; only the last one is kept for late readers.
     assert 1 <= counts['/dragon/collision/markers'] <= 27
 
 

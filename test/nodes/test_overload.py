@@ -118,7 +118,7 @@ def test_ticks_that_are_not_seen_are_known_by_the_numbers_of_their_handles():
     assert not pace.see(20, 8, 0.0)
     assert pace.text() == ''
     assert pace.see(50, 11, 0.0)        # reported at once
-    assert not pace.see(80, 14, 0.5)        # and every second after that
+    assert not pace.see(80, 14, 0.5)        # and reported every second afterwards
     assert pace.see(90, 16, 1.6)
     assert not pace.see(5, 17, 9.9)     # a restarted run
     assert not pace.see(9, 1, 9.9)      # another publisher

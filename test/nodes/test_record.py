@@ -74,7 +74,7 @@ def test_recorders_killed_at_random_moments_lose_at_most_the_flush_interval_and_
     scene = load_scene('first_contact', ['run.start_s=400', 'run.stop_s=405'])
     for n, record in enumerate(records):
         assert record.end() == -signal.SIGKILL, record.text
-        check_killed(tmp_path / f'{n}.mcap', heard_ns[n] - 10**9)     # half a second, plus the same for a busy machine
+        check_killed(tmp_path / f'{n}.mcap', heard_ns[n] - 10**9)     # half a second, doubled for a busy machine
         check_repaired(tmp_path / f'{n}.mcap', tmp_path / f'whole{n}.mcap', scene, capsys)
 
 
@@ -107,7 +107,7 @@ def test_a_bag_alone_makes_its_run_again(start, tmp_path):
     assert record.end() == 0, record.text
     last = record.lines[-1]
     assert f'run: {3 * 26 + 2} messages of 5 topics, nothing is missing; the queue was ' in last, record.text
-    assert not re.search(r'/dragon/\w+ 0\b', record.text), record.text      # no topic without messages
+    assert not re.search(r'/dragon/\w+ 0\b', record.text), record.text      # topics without messages are left out
     bag = tmp_path / 'run' / 'run_0.mcap'
     told = received(bag)
     scene = strangers_scene('told', told['dragon_ros']['scene'])
@@ -184,7 +184,7 @@ def test_lost_and_missing_ticks_are_reported_in_the_bag_on_the_terminal_and_by_t
     record = start('record', '--output', tmp_path / 'a.mcap', '--keep-going')
     node.until(lambda: handles.get_subscription_count() and scene.get_subscription_count())
     bag = tmp_path / 'a.mcap'
-    node.until(lambda: b'scene.yaml' in bag.read_bytes())       # the recorder knows the run
+    node.until(lambda: b'scene.yaml' in bag.read_bytes())       # the recorder has the scene of the run
     for k in (3, 4, 7, 8, 12):
         handles.publish(poses(run.time_ns(k)))
     node.until(lambda: len([row for row in streamed(bag) if row[0] == '/dragon/handles']) == 5)
@@ -198,7 +198,7 @@ def test_lost_and_missing_ticks_are_reported_in_the_bag_on_the_terminal_and_by_t
 
 @pytest.mark.parametrize('first', ['record', 'sim'])
 def test_a_live_recording_is_complete_whoever_starts_first(start, node, tmp_path, first):
-    """As in the tutorial, no subscribers are named, and the sim waits for those that discovery finds."""
+    """As in the tutorial, no subscribers are named, and the sim waits for the subscribers that discovery finds."""
     short = 'run.start_s=412.2', 'run.stop_s=412.7'
     changes = [part for pair in short for part in ('--set', pair)]
     record, names = None, node.get_node_names_and_namespaces
@@ -297,7 +297,7 @@ def test_no_scene_on_the_topic_ends_or_blinds_a_recorder(start, node, tmp_path):
     node.until(lambda: len([row for row in streamed(bag) if row[0] == '/dragon/handles']) == 4)
     assert record.stop() == 3, record.text
     assert 'Traceback' not in record.text
-    assert '1 ticks are missing: 3' in record.text      # the last scene counts, regardless of earlier ones
+    assert '1 ticks are missing: 3' in record.text      # only the last scene counts
     with bag.open('rb') as file:
         assert 1 <= len(list(make_reader(file).iter_attachments())) <= RECORDED_SCENES
 

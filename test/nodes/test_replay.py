@@ -166,7 +166,7 @@ def test_typed_keys_are_distinguished():
 
 
 def test_keys_of_a_terminal_control_the_replay(domain, recorded, tmp_path):
-    """The terminal is real: it is the other end of a pty."""
+    """The terminal is a real one, at the other end of a pty."""
     import os
     import pty
     import sys

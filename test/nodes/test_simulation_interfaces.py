@@ -17,7 +17,7 @@ needs_standard = pytest.mark.skipif(find_spec('simulation_interfaces') is None,
 
 
 class Simulator:
-    """A client of the standard that has no information about dragons."""
+    """A client of the standard services that has no information about dragons."""
 
     def __init__(self, node, name):
         from simulation_interfaces import action, msg, srv
@@ -45,7 +45,7 @@ class Simulator:
                     if getattr(self.msg.SimulationState, f'STATE_{name}') == number)
 
     def offered(self):
-        """Return the services of the standard that the simulator offers."""
+        """Return the standard services that the simulator offers."""
         namespace, _, name = self.name.rpartition('/')
         self.node.until(lambda: (name, namespace) in self.node.get_node_names_and_namespaces())
         return {service.rpartition('/')[2] for service, kinds in self.node.get_service_names_and_types_by_node(
@@ -283,7 +283,7 @@ def test_without_the_package_nothing_is_offered_and_nothing_loaded(domain, monke
     import rclpy
 
     from dragon_ros.nodes.sim import Sim
-    monkeypatch.setitem(sys.modules, 'simulation_interfaces', None)      # marks a missing package for the import system
+    monkeypatch.setitem(sys.modules, 'simulation_interfaces', None)      # makes the import of the package fail
     monkeypatch.delitem(sys.modules, 'dragon_ros.nodes.simulation_interfaces', raising=False)
     rclpy.init()
     try:

@@ -1,4 +1,4 @@
-"""A spinner handles what an rclpy executor handles: messages, timers, requests, events and later additions."""
+"""A spinner handles all that an rclpy executor handles: messages, timers, requests, events and later additions."""
 import gc
 import threading
 import time
@@ -29,7 +29,7 @@ STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 
 @pytest.fixture
 def served(domain):
-    """A node, and a function that serves the node by a spinner until a condition holds."""
+    """A node, and a function that spins the node with a spinner until a condition holds."""
     rclpy.init()
     node = rclpy.create_node('served')
     spinner = Spinner(node)
@@ -47,7 +47,7 @@ def served(domain):
 
 @contextmanager
 def beats(node, take=lambda data, info: None):
-    """Keep the node busy with a separate raw topic, with a message every two milliseconds."""
+    """Keep the node busy with a message every two milliseconds on a separate raw topic."""
     raw_subscription.subscribe_raw(node, Float64, 'busy', take, QoSProfile(depth=10))
     publisher = node.create_publisher(Float64, 'busy', 10)
     timer = node.create_timer(0.002, lambda: publisher.publish(Float64(data=1.0)), clock=STEADY)
@@ -161,7 +161,7 @@ def test_a_wait_that_lasts_for_hours_because_the_system_clock_was_set_back_is_en
     rclpy.init()
     node, late = rclpy.create_node('waiting'), []
     with closing(Spinner(node)) as spinner:
-        spinner.once()      # only collects the entities to wait for
+        spinner.once()      # this function only collects the entities to wait for
         rescue = threading.Timer(PATIENCE_S, lambda: (late.append(True), spinner._overdue._condition.trigger()))
         rescue.start()
         spinner.once()
@@ -222,7 +222,7 @@ def test_a_guard_condition_and_an_action_wake_it_without_a_look_at_all_else(serv
 
 
 def action_server(node, take):
-    """Return a server of the only action that may be installed here, or None; ROS wheels contain no action."""
+    """Return a server of the only action type that may be installed, or None, since the ROS wheels contain none."""
     if find_spec('simulation_interfaces') is None:
         return None
     from rclpy.action import ActionServer

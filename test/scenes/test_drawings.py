@@ -65,7 +65,7 @@ def test_an_arc_keeps_its_ends_and_its_side_under_any_transform(tmp_path, flags,
     assert isinstance(arc, EllipseArc)
     points = arc.stretch(1e-4).points
     close(points[-1], line[0])
-    # In the drawing's coordinates: the half axes of an ellipse, a long or a short arc, and its side.
+    # Half axes of an ellipse in the drawing's coordinates, whether the arc is the long one, and its side.
     move = {'': np.eye(2), 'rotate(30)': _turn(30), 'scale(-1,1)': np.diag((-1.0, 1.0)),
             'skewX(25)': np.array(((1, np.tan(radians(25))), (0, 1)))}.get(transform, np.array(((1, -0.5), (2, 1.5))))
     moved = points / 0.1 - 200j - (3 - 4j) * transform.startswith('matrix')

@@ -1,8 +1,8 @@
 """Show that a recorder's memory grows only with the longest time for which it is stopped.
 
-Start it by hand: ``./dragon python test/soak/backlog.py``. A sim at 100 Hz runs alongside. The recorder is stopped for
-increasing durations, three times each, and then runs for three minutes. ``in use`` is the memory that malloc has given
-to Python and the middleware; ``free`` is the memory that malloc keeps.
+Start this program by hand: ``./dragon python test/soak/backlog.py``. A sim runs at 100 Hz meanwhile. The recorder is
+stopped for increasing durations, three times each, and then runs for three minutes. ``in use`` is the memory that
+malloc has given to Python and the middleware; ``free`` is the memory that malloc keeps.
 """
 import argparse
 import ctypes

@@ -1,8 +1,8 @@
 """Record, watch and replay a run while the system clock of its processes is set forwards and back by hours.
 
-Start it by hand: ``./dragon python test/soak/moved_clock.py --times 8``. No real clock is set: a preloaded library,
-which a C compiler builds from ``moved_clock.c``, moves the clock of these processes and the waits that follow it. Both
-bags must equal the model each time, and all processes must end; otherwise the exit code is 1.
+Start this program by hand: ``./dragon python test/soak/moved_clock.py --times 8``. No real clock is set: a preloaded
+library, which a C compiler builds from ``moved_clock.c``, moves the clock of these processes and the waits that follow
+it. In each run both bags must equal the model, and all processes must end; otherwise the exit code is 1.
 """
 import argparse
 import os
@@ -29,10 +29,10 @@ def library(folder: Path) -> Path:
 
 
 class Moved:
-    """Processes of one domain whose clock moves."""
+    """Processes in one domain whose clock moves."""
 
     def __init__(self, folder: Path, preloaded: Path, rng: random.Random) -> None:
-        """The clock starts to move a few seconds from now, perhaps while nodes discover each other."""
+        """The clock will start to move in a few seconds, perhaps while nodes discover each other."""
         self._file, self._over = folder / 'moved', threading.Event()
         self._file.unlink(missing_ok=True)
         self._environment = {**local_environment(free_domain()), 'LD_PRELOAD': str(preloaded),
@@ -95,7 +95,7 @@ def once(folder: Path, preloaded: Path, rng: random.Random) -> list[str]:
 
 
 def main(argv: list[str]) -> int:
-    """Try several times, and print the faults."""
+    """Run several times, and print the faults."""
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
     options.add_argument('--times', type=int, default=8, help='runs (8)')
     options.add_argument('--seed', type=int, default=1, help='of the moments at which the clock is set (1)')

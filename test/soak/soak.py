@@ -1,9 +1,10 @@
 """A long test of a live dragon, in which recorders are killed and stalled, monitors restarted and bags replayed.
 
-Start it by hand, since the tests never do: ``./dragon python test/soak/soak.py --minutes 60 --controls 2``. It reports
-its progress every minute, and at the end the losses, the differences from the model, the drift of stamps against the
-clock, and the growth of memory; the exit code is 1 if a tick was lost or differs. With controls, the dragon is paused,
-stepped and moved back by a few seconds, and its speed is changed: ticks repeat, but none is skipped.
+Start this test by hand, since the other tests never start it: ``./dragon python test/soak/soak.py --minutes 60
+--controls 2``. The test reports its progress every minute, and at the end the losses, the differences from the model,
+the drift of stamps against the clock, and the growth of memory; the exit code is 1 if a tick was lost or differs. With
+controls, the dragon is paused, stepped and moved back by a few seconds, and its speed is changed: ticks repeat, but
+none is skipped.
 """
 import argparse
 import json
@@ -29,7 +30,7 @@ RATE_HZ = 100
 _EVERY_S = 5.0          # time between two actions, and between two checks of the memory
 _SETTLED_S = 120.0      # time from which growth of memory is counted
 _BEGUN_S = 60.0         # time by which a recorder has data on disk
-_BEGUN_BYTES = 200_000  # size of that data
+_BEGUN_BYTES = 200_000  # size of that data in bytes
 _NS = 10**9
 Stamps = np.ndarray[tuple[int], np.dtype[np.int64]]
 
@@ -87,7 +88,7 @@ def ended(process: subprocess.Popen[bytes], number: int = signal.SIGINT) -> int:
 
 
 def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
-    """Run a soak; without controls, it ends with the dragon, which lags behind the clock on a busy machine."""
+    """Run a soak; without controls, the soak ends with the dragon, which lags behind the clock on a busy machine."""
     folder, rng = run.folder, random.Random(seed)
     whole = run.start('record', '--output', folder / 'whole', '--split-duration-s', 300)
     monitor, extra = run.start('monitor'), run.start('record', '--output', folder / 'extra_0.mcap')
@@ -247,7 +248,7 @@ def results(run: Soak, options: list[str]) -> dict[str, object]:
 
 
 def main(argv: list[str]) -> int:
-    """Soak, and print the results as JSON."""
+    """Run the soak test, and print the results as JSON."""
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
     options.add_argument('--minutes', type=float, default=60.0, help='how long (60)')
     options.add_argument('--folder', type=Path, default=Path('soak'), help='for bags and logs; it must not exist')

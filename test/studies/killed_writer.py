@@ -1,7 +1,7 @@
 """Write a study in a child that is killed before its n-th change of a file, and continue in another child, for every n.
 
-``python killed_writer.py FOLDER STEP`` uses every STEP-th n. It prints the number of changes, and ends with an error if
-a row is lost or duplicated.
+``python killed_writer.py FOLDER STEP`` uses every STEP-th n. The script prints the number of changes, and ends with an
+error if a row is lost or duplicated.
 """
 import os
 import signal
@@ -69,7 +69,7 @@ def ended(act, *arguments) -> int:
 
 
 def killed(number: int, folder: Path) -> None:
-    """Write until the change ``number``."""
+    """Write until change number ``number`` kills the process."""
     kill_at(number, folder)
     write(folder)
 

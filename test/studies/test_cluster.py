@@ -28,7 +28,7 @@ from dragon_ros.studies.rows import rows_of  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
 LONGEST_S = 120
-# One of the rows kills its worker, as the system does when memory runs out.
+# One row kills its worker, as the system does when memory runs out.
 DEADLY = """
 import os, signal
 from dragon_ros.studies.questions import QUESTIONS
@@ -216,7 +216,7 @@ def test_ctrl_c_ends_a_study_in_order_and_says_how_to_go_on(tmp_path):
                                start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     while process.poll() is None and not list(tmp_path.glob('data/rows/*.parquet')):
         Event().wait(0.01)
-    os.killpg(process.pid, signal.SIGINT)       # as a terminal does, to all processes
+    os.killpg(process.pid, signal.SIGINT)       # to all processes, as a terminal does
     out, err = process.communicate(timeout=LONGEST_S)
     assert process.returncode == 1, err
     assert 'to continue: ./dragon study study.yaml --output data --workers 1' in err

@@ -1,4 +1,4 @@
-"""A row has the answers of the searches, or the reason why one is missing; it is the same alone and in any batch."""
+"""A row has the answers of the searches, or the reason for a missing answer; it is the same alone and in any batch."""
 import pytest
 
 from dragon_ros.core.chain.dragon import Dragon

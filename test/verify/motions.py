@@ -60,7 +60,7 @@ def compiled(dragon, track, tail_leads=False):
 
 
 def centred(dragon, pitch_m=0.9, turns=3.4, side=1):
-    """Return the same for a spiral to its centre, turning to either side."""
+    """Return the track, the benches and the largest curvature for a spiral to its centre, turning to either side."""
     precise(1e3)
     start = 2 * half_turn() * exact(turns)
     b = exact(pitch_m) / (2 * half_turn())
@@ -91,7 +91,7 @@ def made_with_reach(kind, dragon):
     assume(bend is None or bend * max(benches.longest_links) < 1.98)
     try:
         low, high = reach_m(track, benches)
-    except Refused:     # the chain is locked or off the track
+    except Refused:     # the chain is locked, or is off the track
         assume(False)
     assume(low < high)
     return made_of, low, high
@@ -110,7 +110,7 @@ def interval(made_of, start, stop):
 
 
 def around(track, benches, metres, by_metres):
-    """Return the dragon at a position and a step before and after it, in the leading coordinate or in metres."""
+    """Return the dragon at a position, and one step before and after it, in the leading coordinate or in metres."""
     here = track.place_at(arb(metres))
     return [Posture(track, benches, 0, track.place_at(arb(metres) + STEP * k) if by_metres
                     else Place(here.segment, here.u + STEP * k)) for k in (-1, 0, 1)]

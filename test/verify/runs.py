@@ -1,6 +1,6 @@
 """Random runs of every kind: tracks, laws, leaders, mixes of benches, sizes from millimetres to kilometres.
 
-Run by hand, with any number of runs,
+Run this program by hand, with any number of runs:
 
     python test/verify/runs.py SEED COUNT
 

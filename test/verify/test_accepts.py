@@ -17,7 +17,7 @@ from dragon_ros.scenes import certificate
 from dragon_ros.scenes.load import load_scene, scene_of, scene_values
 from dragon_ros.scenes.yaml import Document
 
-CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # at 4.28 turns, between two positions at which its body touches
+CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # at 4.28 turns, it is between two positions at which its body touches
 LOOP = Composite((Line(5.0), Arc(3.0, 720.0)))
 OUT_AND_IN = Profile(((0.0, 0.0), (5.0, -1.0), (15.0, -1.0), (25.0, 1.0), (60.0, 1.0)), 'smooth')
 SCENES = {
@@ -115,7 +115,7 @@ def test_a_certificate_that_0_2_0_wrote_is_proved_and_its_contact_found_again(na
 
 @pytest.mark.parametrize('seed', range(4))
 def test_random_honest_certificates_are_accepted(seed):
-    """More can be checked by hand: ``python test/verify/runs.py SEED COUNT``."""
+    """More certificates can be checked by hand: ``python test/verify/runs.py SEED COUNT``."""
     for _, _, values in islice(certificates(f'suite {seed}'), 8):
         proved(values)
 

@@ -44,7 +44,7 @@ def claim(head, t_s=None, stop_s=None, start_s=0.0, grazing=False):
 
 
 def there_and_back(beyond_m):
-    """Return a head that turns back this far beyond the contact, rests for an hour and returns, and both times."""
+    """Return a head law that turns back this far beyond the contact, rests for an hour and returns, with both times."""
     turn_s = THERE_M + beyond_m
     back_s = turn_s + BACK_S
     again_s = back_s + HOUR

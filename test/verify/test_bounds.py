@@ -1,4 +1,4 @@
-"""The checker's bounds hold on whole intervals: no corner deviates more and no point moves further."""
+"""The checker's bounds hold on whole intervals: no corner deviates more than bounded, and no point moves further."""
 from contextlib import suppress
 
 import pytest
@@ -30,7 +30,7 @@ def bends(postures, n):
 
 
 def check(track, benches, bend, start, stop, count=3):
-    """Compare all bounds of an interval with samples inside it."""
+    """Compare all bounds of an interval with samples inside the interval."""
     ends = tuple(Posture(track, benches, 0, track.place_at(arb(place))) for place in (start, stop))
     interval = Interval(track, benches, 0, ends, bend)
     inside = [start + (stop - start) * (k + 0.37) / count for k in range(count)]

@@ -49,7 +49,7 @@ HALVES = 150        # halvings of an interval of a radian: enough to find a turn
 
 
 def turning(segment, low, high, link):
-    """Return the front handle's position when the next handle turns back (the chord's slope is 0), and the latter's."""
+    """Return the positions of the front handle and the next one when the latter turns back (the chord's slope is 0)."""
     low, high = arb(low), arb(high)
     for _ in range(HALVES):
         middle = ((low + high) / 2).mid()
@@ -158,7 +158,7 @@ def test_links_that_are_out_of_reach_are_further_out_than_all_of_the_leading_ben
 @pytest.mark.parametrize(('kind', 'start', 'length'), [
     ('to the centre', 2.0, 4.0), ('to the centre', 14.0, 3.0), ('turn', 12.0, 1.5), ('turn', 12.5, 1.0)])
 def test_benches_that_are_out_of_reach_are_so_while_the_leading_bench_goes_in_or_out(kind, start, length):
-    """This also holds beyond the end of their spiral."""
+    """This also holds for handles beyond the end of their spiral."""
     dragon = Dragon(60, 0.8, 0.8, 2e-4, 1e-4)
     made_of = centred(dragon, 0.9, 3.4) if kind == 'to the centre' else compiled(dragon, STurn(1.7, 5.0, 1.5))
     track, benches, _ = made_of
@@ -195,7 +195,7 @@ def test_benches_are_apart_wherever_the_track_bends_so_little_that_links_lead_aw
     (Composite((Arc(40.0, 300.0),), 60.0), 40.0), (Composite((Arc(40.0, -300.0),), 60.0), 40.0),
     (Composite((SpiralArc(0.3, 40.0, 20.0, 'left'), Arc(0.9, 5.0)), 0.0), None)], ids=['left', 'right', 'spiral'])
 def test_links_lead_away_by_their_lengths_but_for_what_the_tightest_bend_turns_them_by(track, radius_m, n):
-    """On a circle they turn by exactly that; on a spiral, by the curvature at the innermost leading position."""
+    """On a circle, links turn by exactly the bound; on a spiral, it is that of the innermost leading position."""
     def piece(width_m):
         dragon = Mixed((Group(0.9), *(Group(0.5 + 0.1 * k) for k in range(8))), width_m, 0.2)
         return interval(compiled(dragon, track), start, start + 1.0)[0]
@@ -278,7 +278,7 @@ def test_the_range_of_a_handle_holds_where_it_turns_back_and_hardly_more(share):
 
 @pytest.mark.parametrize('ends', [(14.76, 14.84), (14.9, 15.5)])
 def test_the_range_of_a_handle_that_moves_one_way_is_that_between_its_places_at_the_ends(ends):
-    """Between the lock and its turning point it moves against the handle in front; further out, with it."""
+    """Between the lock and its turning point, a handle moves against the one in front; further out, with it."""
     segment, link = first_link()
     low, high = map(arb, ends)
     begin, end = _image(segment, low, high, link)
@@ -345,7 +345,7 @@ def test_a_place_that_may_be_on_either_side_of_a_joint_holds_the_points_of_both(
 
 
 def test_beyond_a_joint_points_and_directions_stray_from_the_curve_continued_as_far_as_is_said_and_no_further():
-    """They deviate most if the curvature jumps from one end of its range to the other, as a millimetre shows."""
+    """Handles deviate most if the curvature jumps from one end of its range to the other, as a millimetre shows."""
     track, _, _ = compiled(THIN, Composite((Arc(2.0, 90.0), Arc(2.0, -90.0)), 1.0))
     way, first = exact(1e-3), track.segments[0]
     place, beyond = Place(0, first.last + way / first.radius, 1e-3), Place(1, way / first.radius)
@@ -382,7 +382,7 @@ def test_curvatures_next_to_a_joint_hold_that_of_a_spiral_a_hair_beyond_it(turns
     (Composite((SpiralArc(1.0, 1.0, 3.0, 'left'),), 0.0), 2.9, 1.2),
     (Composite((Line(2.0), Arc(2.0, 350.0)), 0.0), 1.9, 2.9)], ids=['on a spiral', 'beyond a joint'])
 def test_a_place_that_is_not_the_nearest_one_is_refused_though_it_is_a_link_away(monkeypatch, track, place, far):
-    """The float solver is made to find it more than half a tightest turn away, where the chord shrinks."""
+    """The float solver is made to find a root more than half a tightest turn away, where the chord shrinks."""
     placed, _, _ = compiled(THIN, track)
     segment = placed.segments[-1]
     if isinstance(segment, SpiralSegment):

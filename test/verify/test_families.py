@@ -1,4 +1,4 @@
-"""The checker confirms the solver's proof for a family, and rejects any other claim."""
+"""The checker confirms the solver's proof for a family, and rejects every other claim."""
 import json
 import random
 from dataclasses import replace

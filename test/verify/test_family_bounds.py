@@ -157,7 +157,7 @@ def test_what_links_span_in_a_box_is_what_they_do_at_its_ends():
 
 
 def held(lead, box, ahead):
-    """Return 'held' if the remaining box contains another bench, else how the box misses it."""
+    """Return 'held' if the remaining box contains another bench, otherwise how the box misses the bench."""
     left = PROOF._occurring(lead, box)
     if left is None:
         return 'nothing'
@@ -181,7 +181,7 @@ def around(value, wide):
 
 @pytest.mark.parametrize('wide', [1e-9, 0.02])
 def test_all_pairs_of_all_dragons_up_to_the_claimed_time_are_in_the_boxes_and_none_is_left_out(wide):
-    """This includes the start and the claimed time. Pairs that are treated as out of reach do not touch."""
+    """The start and the claimed time are included. Pairs that are treated as out of reach do not touch."""
     draw, first, seen = random.Random(9), PROOF._first(), {'held': 0, 'beyond': 0}
     for _ in range(12):
         scale, links = dragon(draw)
@@ -249,7 +249,7 @@ def test_where_some_link_might_lock_no_head_is_said_to_go():
 
 @pytest.mark.parametrize('benches', [3, 4, 5, 24, 60])
 def test_boxes_reach_out_to_the_last_bench_with_two_behind_it_and_no_further(benches):
-    """This holds when the head starts, with the longest links on the narrowest spiral."""
+    """This is required when the head starts, with the longest links on the narrowest spiral."""
     scene = replace(SCENE, dragon=Dragon(benches, 1.5, 1.2, 0.2, 0.1), run=Run())
     proof = proof_of(scene=scene)
     last = handles(0.0, PROOF._scale[1], [PROOF._head[1], *[PROOF._body[1]] * benches])[benches - 3]

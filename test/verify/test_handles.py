@@ -14,7 +14,7 @@ from dragon_ros.verify.motion import _turning, furthest
 from dragon_ros.verify.track import Place
 
 TURN_M = 432.7581345      # travel of the head at which handle 1 of the classic dragon turns back
-NEVER_LESS = 1 - 1e-12      # relative to a bound: rounding of balls and floats if both are equal
+NEVER_LESS = 1 - 1e-12      # relative to a bound: the rounding of balls and floats if both sides are equal
 
 
 def gone_m(track, one, two):
@@ -48,7 +48,7 @@ def held(kind, dragon, begin, length, shares):
     try:
         start = low + begin * (high - low)
         hold(made_of, start, min(start + length, high - 1e-9 * max(high, 1.0)), shares)
-    except Refused:     # the chain is locked or off the track
+    except Refused:     # the chain is locked, or is off the track
         assume(False)
 
 

@@ -1,4 +1,4 @@
-"""Untrusted certificates, whatever they contain, are soon rejected with one clear error."""
+"""Untrusted certificates, whatever they contain, are quickly rejected with one clear error."""
 import copy
 import json
 import re

@@ -74,7 +74,7 @@ def test_derivatives_stay_within_their_bounds(kind, dragon, begin, length, share
     try:
         start = low + begin * 0.97 * (high - low)
         hold(made_of, start, min(start + length, low + 0.98 * (high - low)), shares)
-    except Refused:     # the chain is locked or off the track
+    except Refused:     # the chain is locked, or is off the track
         assume(False)
 
 

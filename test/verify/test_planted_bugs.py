@@ -90,7 +90,7 @@ def order_of_groups(patch):
 
 
 def side_of_an_arc(patch):
-    """Arcs that turn to the other side."""
+    """Arcs that turn to the wrong side."""
     true = composite.arc_from
     patch.setattr(composite, 'arc_from', lambda start, direction, radius_m, side, angle_rad: true(
         start, direction, radius_m, -side, angle_rad))
@@ -160,7 +160,7 @@ BUGS = [(lock, LOCKING), (start, SHORT), (end, SHORT), (end, TURN), (stop, LOCKI
 
 
 def again(run):
-    """Return the same run, with nothing cached."""
+    """Return the same run with empty caches."""
     return replace(run, dragon=replace(run.dragon), track=replace(run.track), head=replace(run.head))
 
 

@@ -46,7 +46,7 @@ def tampered(values, path, change):
     if change is REMOVED:
         del target[last]
     else:
-        target[last] = change(target[last]) if callable(change) else change     # an absent key is added
+        target[last] = change(target[last]) if callable(change) else change     # a missing key is added
     return out
 
 
@@ -65,7 +65,7 @@ def scene(section, key):
 
 FALSE = 'overlap|do not|beyond|after the|exceeds the track'       # rejected by the proof
 TAMPERINGS = [
-    # The contact: another time, other benches, or none
+    # The contact: another time, other benches, or no contact
     ('contact', T, more(3e-9), FALSE), ('contact', T, more(-3e-9), FALSE), ('contact', T, more(0.1), FALSE),
     ('contact', T, more(-0.5), FALSE), ('contact', T, 411.5, 'do not overlap'), ('contact', T, 413.0, 'overlap'),
     ('contact', T, 500.0, 'after the run stops'), ('contact', T, 411.0, 'not between'),

@@ -137,7 +137,7 @@ def test_a_run_without_a_venue_touches_no_obstacle_and_a_family_has_none():
 
 
 def test_an_obstacle_that_the_last_bench_alone_comes_to_is_not_missed():
-    """The dragon moves backwards, so the first bench of that length never reaches the position of the last."""
+    """The dragon moves backwards, so the first bench of this length never reaches the position of the last one."""
     behind = LineObstacle('behind', ((5.0, -1.0), (5.0, 1.0)))
     back = Profile(((0.0, -1.0),))
     values = written(Scene(ALONG.dragon, ALONG.track, back, Run(stop_s=10.0), venue=Venue((behind,))))
@@ -179,7 +179,7 @@ def corners(pose):
 @pytest.mark.parametrize(('low', 'high', 'tight'), [
     (16.0, 16.2, 0.52), (14.0, 14.05, 0.52), (13.5, 14.1, 0.1), (11.0, 12.5, 0.01), (5.0, 6.0, 0)])
 def test_corners_leave_straight_lines_by_no_more_than_the_sag(low, high, tight):
-    """This is tested in, into and before the first bend of the street, in the frames of an edge and of the bench."""
+    """The bound is tested before, at the beginning of and in the first bend of the street, in both frames."""
     scene = Scene(SCENES['street'].dragon, SCENES['street'].track, run=Run(stop_s=1.0))
     interval, between = swept(scene, 0, low, high)
     poses = [between(share) for share in np.linspace(0, 1, 21).tolist()]
@@ -297,7 +297,7 @@ def _ball(z):
 
 
 def test_a_courtyard_is_outside_of_its_house():
-    """A polygon with a hole: the dragon starts in the hole."""
+    """The obstacle is a polygon with a hole, in which the dragon starts."""
     house = PolygonObstacle('house', ((-50.0, -50.0), (250.0, -50.0), (250.0, 50.0), (-50.0, 50.0)),
                             (((-30.0, -9.0), (230.0, -9.0), (230.0, 9.0), (-30.0, 9.0)),))
     assert proved(written(Scene(ALONG.dragon, ALONG.track, run=Run(stop_s=9.0), venue=Venue((house,)))))

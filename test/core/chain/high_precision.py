@@ -70,13 +70,13 @@ class Guess:
         self.track, self.leader = chain.track, chain.leader
         self.starts = [mpf(float(u)) + mpf(float(lo)) for u, lo in zip(chain.u, chain.u_lo, strict=True)]
         for i, k in enumerate(segments):
-            if k != chain.segment[i]:     # the handle is at the joint between them
+            if k != chain.segment[i]:     # the handle is at the joint between both segments
                 self.starts[i] = mpf(float(chain.track.segments[k].first if k > chain.segment[i] else
                                            chain.track.segments[k].last))
 
 
 def rates(scene, t_s, segments=None):
-    """Return velocities and accelerations (N+1, 2) of a scene's handles, on the given segments or on their own."""
+    """Return velocities and accelerations (N+1, 2) of a scene's handles, on given segments or on the actual ones."""
     with mp.workdps(DIGITS):
         model = compile_scene(scene).model
         chain = model.march(scene.head.travelled_m(t_s))

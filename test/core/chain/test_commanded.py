@@ -79,7 +79,7 @@ def test_a_leader_says_which_end_it_brakes_before_while_it_does(wanted, end):
     first = seen.index(end)
     assert seen == [0] * first + [end] * (300 - first)
     assert float(law.reached_m[-1]) == pytest.approx(end * 2.0, abs=2 * SHORT_M)
-    assert next_law(law, 301 / 50, -wanted, (-2.0, 2.0))[1] == 0        # it may still move back
+    assert next_law(law, 301 / 50, -wanted, (-2.0, 2.0))[1] == 0        # the leader may still move back
 
 
 def test_a_leader_that_is_called_back_brakes_before_the_end_that_it_still_moves_to():
@@ -123,7 +123,7 @@ def test_a_led_tick_has_the_bits_of_a_profile_of_what_was_walked(lead):
     wishes = np.repeat([0.0, 1.2, 0.4, -0.9, 2.0, 0.0], 40).tolist()
     rows, laws = walk(scene, wishes)
     offline = replace(scene, head=profile_of(scene.head, rows), run=replace(scene.run, stop_s=rows[-1][0]))
-    assert len(offline.head.knots) < len(rows)      # periods of constant speed take two knots
+    assert len(offline.head.knots) < len(rows)      # a period of constant speed takes only two knots
     for k, law in [*enumerate(laws)][::3]:
         led, other = led_tick(compile_scene(scene), law, k), tick(offline, k)
         assert led.chain.p.tobytes() == other.chain.p.tobytes()

@@ -37,7 +37,7 @@ def accelerations(scene, t_s):
 def allowed(v, a, scene):
     """Return the allowed error of accelerations: each link turns by the errors of its handles over its length.
 
-    Position errors are at most 2e-12 m. They add up along the chain, and near a lock they grow like speeds.
+    Position errors are at most 2e-12 m. The errors add up along the chain, and near a lock they grow like speeds.
     """
     links = scene.dragon.link_lengths_m
     angle = 4e-12 / np.min(links[links > 0], initial=1.0)
@@ -98,7 +98,7 @@ def test_accelerations_agree_with_40_digits_anywhere(dragon, track, law, t_s):
     except DragonError:
         assume(False)
     speeds = state(scene, t_s).velocities(1.0)
-    assume(np.max(np.hypot(*speeds.T)) < 50)            # closer to a lock the reference finds no roots
+    assume(np.max(np.hypot(*speeds.T)) < 50)            # nearer to a lock, the reference finds no roots
     along, joints = chain.track.distances(chain.segment, chain.u), np.array(chain.track.joints_m)
     assume(not joints.size or np.min(np.abs(along[:, None] - joints)) > 1e-6)       # joints have tests of their own
     v, a = rates(scene, t_s)
@@ -123,7 +123,7 @@ def test_at_a_joint_accelerations_are_those_of_the_segment_being_entered(lead, s
         chain = model.march(law.travelled_m(t_s))
         assert abs(track.distances(chain.segment, chain.u)[handle] - track.joints_m[0]) < 1e-12
         at, before, after = (accelerations(scene, t_s + off) for off in (0.0, -1e-7, 1e-7))
-        assert np.max(np.abs(at - after)) < 1e-6        # they change by a few m/s^2 per second
+        assert np.max(np.abs(at - after)) < 1e-6        # accelerations change by a few m/s^2 per second
         assert np.hypot(*(at - before)[handle]) > 0.1   # the curvature jumps by 0.5/m
 
 
@@ -133,7 +133,7 @@ def test_a_handle_on_a_joint_is_on_the_segment_that_it_moves_into_whoever_leads(
     track = track_of(Composite((Line(10.0), Arc(2.0, 90.0), Line(9.0)), start_m=10.0))
     onwards = speed if lead == 'head' else -speed
     joint_m = track.joints_m[0]
-    for k, u in ((0, track.segments[0].last), (1, track.segments[1].first)):      # two descriptions of one position
+    for k, u in ((0, track.segments[0].last), (1, track.segments[1].first)):      # both are the same position
         place = np.array([k]), np.array([u])
         assert track.distances(*place) == joint_m
         found = entered_curvatures(track, *place, np.array([onwards]), 0.0)

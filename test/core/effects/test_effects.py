@@ -49,7 +49,7 @@ def subsets():
 
 
 def _subsets():
-    every = [effect for effect in known().values() if effect != Effect.PATH]     # not part of a tick
+    every = [effect for effect in known().values() if effect != Effect.PATH]     # the path is not part of a tick
     for size in range(len(every) + 1):
         for chosen in combinations(every, size):
             effects = Effect.NONE

@@ -13,7 +13,7 @@ from dragon_ros.core.tracks.spec import Spiral
 
 UNIT = track_of(Spiral(2 * np.pi))
 DRAGONS = [Dragon(12), Dragon(12, 6.0, 2.2), Mixed((Group(3.4), Group(1.2, 3), Group(2.2, 5)))]
-STEP = 2e-3     # relative to the variable: differences have errors of its square, and of 1e-13 divided by it
+STEP = 2e-3     # relative to the variable: differences have errors of STEP^2 and of 1e-13 / STEP
 
 
 def placed(links, theta):

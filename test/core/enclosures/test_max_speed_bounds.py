@@ -86,7 +86,7 @@ def test_between_the_places_where_a_handle_turns_back_every_handle_goes_one_way(
     for low, high in pairwise(ends):
         along = np.diff(states(leader, np.linspace(low, high, 400)).links.along_m, axis=0)
         assert np.all((np.min(along, axis=0) >= -1e-12) | (np.max(along, axis=0) <= 1e-12))
-    for turn in turning:    # a handle turns back at each of them
+    for turn in turning:    # a handle turns back at each of these positions
         before, here, after = states(leader, turn + np.array([-1e-4, 0.0, 1e-4])).links.along_m
         assert np.any((here - before) * (after - here) < 0)
 

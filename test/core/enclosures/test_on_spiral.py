@@ -36,7 +36,7 @@ def placed(dragon, theta):
 
 
 def corners(dragon, theta):
-    """Return corners of benches from 2 on in bench 0's frame, and of bench 0 in theirs, in units of b (pitch 2 pi)."""
+    """Return corners of benches 2 and later in bench 0's frame, and of bench 0 in theirs, for a pitch of 2 pi."""
     chain = placed(dragon, theta)
     z = chain.p @ [1, 1j]
     angle = chain.u[:-1]
@@ -236,7 +236,7 @@ def nearly_straight(at_rad, links_rad, head, width, inset, length_rad):
 
 @given(st.floats(-2, 5), st.floats(1e-3, 0.07), st.floats(0.3, 3), st.floats(-2, 1), st.floats(0, 0.4),
        st.floats(0, 0.3))
-@example(-2, 0.06, 1.0, -2, 0.0, 0.0)       # next to the centre directions turn by two radians per radian
+@example(-2, 0.06, 1.0, -2, 0.0, 0.0)       # near the centre, directions turn by two radians per radian
 @example(3, 0.05, 1.0, 1, 0.0, 0.0)         # corners of wide benches turn forwards
 @example(3, 0.001, 1.0, -2, 0.4, 0.0)       # nearly a line, where only insets matter
 def test_benches_of_a_nearly_straight_chain_stay_behind_by_the_links_between_them(out, links_rad, head, width, inset,
@@ -251,7 +251,7 @@ def test_the_links_of_a_nearly_straight_chain_are_all_that_its_bound_loses(out):
     bound, true, link = nearly_straight(10**out, 1e-4, 1.4, 0.01, 0.2, 0.0)
     assert np.all(true - bound < 2e-5 * link)
     bound, true, link = nearly_straight(10**out, 0.05, 1.4, 1.0, 0.2, 0.0)
-    counts = np.arange(1, 8)        # numbers of links in between, each of which adds a twentieth of a radian
+    counts = np.arange(1, 8)        # numbers of links in between; each link adds a twentieth of a radian
     turn = 2 * 0.05 * (counts + 2.6)
     assert np.all(np.isfinite(bound) == (turn <= 1.0)[:len(bound)])
     lost = link * (counts * (1 - np.cos(turn)) + 0.5 * turn)
@@ -264,6 +264,6 @@ def test_far_behind_a_leader_benches_move_around_it_by_the_changes_of_all_spans_
     a, b = (watch.sample(np.array([theta])) for theta in (1000.0, 1001.0))
     way = _way(a, b, watch.sizes.of(a.lead))[0]
     one, two = (each.theta[0] * np.exp(1j * np.concatenate(([0.0], np.cumsum(each.delta[0])))) for each in (a, b))
-    moved = np.abs(two - one)       # of each handle, in a frame that turns with the leading one
+    moved = np.abs(two - one)       # the travel of each handle, in a frame that turns with the leading handle
     assert np.all(moved[0] + moved[2:-1] <= way)
     assert np.all(way < 1.5 * (moved[0] + moved[3:]))

@@ -58,7 +58,7 @@ def test_every_mean_rate_in_between_is_in_the_enclosure_of_the_rate(name, apart_
     chain, states, along_m = sampled(leader, places.ravel())
     first, last = np.arange(30), np.arange(30) + 30 * (COUNT - 1)
     moving = kinematics(states.rows(first), states.rows(last), LINKS, track.bends, chain.leader, 2e-12)
-    step, sign = apart_m / (COUNT - 1), 1.0 if way == BEHIND else -1.0      # the sign of a prime with a leading tail
+    step, sign = apart_m / (COUNT - 1), 1.0 if way == BEHIND else -1.0      # a leading tail reverses derivatives
     axis = axes_of(chain)
     yaw = np.unwrap(np.arctan2(axis[..., 1], axis[..., 0]).reshape(COUNT, 30, -1), axis=0)
     speed = np.abs(np.diff(along_m.reshape(COUNT, 30, -1), axis=0)) / step
@@ -180,7 +180,7 @@ def test_schurs_bound_says_nothing_of_a_link_that_is_longer_than_the_tightest_ci
     ends = [LinkStates(along_m + way, np.zeros((1, 2), dtype=np.int64), bend, np.array([[0.1]]), np.array([[-0.1]]))
             for way in (0.0, 5.0)]
     moving = enclosed(*ends, np.array([1.65]), (np.array([[2.0]]), np.array([[2.0]])), passes=0)
-    for ball in (*moving.near, *moving.far):    # the track turns by 10 rad, the link by at most 6
+    for ball in (*moving.near, *moving.far):    # the track turns by 10 rad, and the link by at most 6 rad
         assert ball.rad[0, 0] > 0.5 * 8.0**2
 
 
@@ -230,5 +230,5 @@ def test_a_middle_that_goes_half_round_a_bench_stays_in_its_enclosure_which_is_n
 def test_a_middle_is_no_further_off_than_told_at_either_state_and_nearly_so_far(ways_m):
     turned, error_m = 1e-6, 1e-7
     off_m = _off_m(*(seen_at(way_m * np.exp(0.3j)) for way_m in ways_m), np.array([turned]), error_m)[0]
-    most = max(abs(way_m * np.expm1(1j * turned)) + 2 * error_m for way_m in ways_m)     # both benches have errors
+    most = max(abs(way_m * np.expm1(1j * turned)) + 2 * error_m for way_m in ways_m)     # the error of both benches
     assert most <= off_m <= 1.01 * most

@@ -96,7 +96,7 @@ def test_slopes_are_those_of_differences_and_spreads_hold_them(theta, ahead, row
     found = separations(low, high, HALF_WIDTH_M, OVERHANG_M)
     middle, small = 0.5 * (low + high), 1e-7 * np.eye(5)[row][:, None]
     one, other = (separations(place, place, HALF_WIDTH_M, OVERHANG_M) for place in (middle - small, middle + small))
-    if abs(one.middle[0] - other.middle[0]) < 1e-3:     # the best edge is the same
+    if abs(one.middle[0] - other.middle[0]) < 1e-3:     # the best edge does not change
         slope = (other.middle[0] - one.middle[0]) / 2e-7
         reach = (high - low)[row, 0] / 2
         assert abs(slope) * reach <= found.spread[row, 0] * (1 + 1e-3) + 1e-7

@@ -60,7 +60,7 @@ def falls_back(p, benches):
 @given(st.floats(0.05, 3), st.floats(1.2, 20), st.floats(0.01, 1), st.floats(0.6, 5), st.floats(0.6, 5),
        st.floats(0, 1), st.sampled_from([None, 0.0, 0.1, 1.0]))
 @example(0.55, 16, 0.3, 3.41, 2.2, 0.95, None)      # the classic dragon near its contact
-@example(0.1, 60, 0.3, 3.41, 2.2, 0.0, None)        # a bench lies over many layers
+@example(0.1, 60, 0.3, 3.41, 2.2, 0.0, None)        # a bench crosses many layers
 @example(0.55, 1.2, 0.3, 0.7, 0.65, 1.0, None)      # the innermost turn
 @example(1.0, 2.0, 0.05, 5.0, 5.0, 0.0, None)       # links of nearly half a turn
 @examples(100)
@@ -129,7 +129,7 @@ def test_a_bench_over_more_layers_than_turns_are_tried_is_left_to_boxes():
 
 
 def outside_windows(scene, t_s, reach_m):
-    """Return the pairs within reach that are more than three benches apart, and those that the paper's windows omit."""
+    """Return the pairs within reach that are over three benches apart, and those outside the paper's windows."""
     p, benches = placed(scene, t_s=t_s)
     first, last = adjacent_layer_windows(state(replace(scene, solver='march'), t_s).u)
     i, j = candidates(p, benches, reach_m)

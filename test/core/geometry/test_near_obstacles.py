@@ -121,7 +121,7 @@ def test_few_pairs_are_computed_while_a_dragon_walks_along_a_wall(monkeypatch):
 
 
 def test_a_bench_that_walks_into_an_obstacle_and_out_of_it_stays_in_contact_while_it_is_inside():
-    """One list is valid for all samples, since the other bench is long."""
+    """One list of near edges is valid for all samples, since the other bench is long."""
     around = surroundings_of(Venue((PolygonObstacle('house', square(0, 0, 0.5)),)))
     near, touched = NearObstacles(around), []
     for k in range(32):

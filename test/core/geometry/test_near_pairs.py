@@ -56,7 +56,7 @@ def poses(centre, yaw_rad, half_length, half_width):
 def layouts(draw):
     """Draw sequences of layouts: benches shaken, moved together, moved singly, moved elsewhere, or replaced."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
-    spread = draw(st.sampled_from([0.3, 3.0, 10.0, 40.0]))      # from deep overlaps to few close pairs
+    spread = draw(st.sampled_from([0.3, 3.0, 10.0, 40.0]))      # from deep overlaps to a few close pairs
 
     def fresh():
         count = int(rng.integers(1, 25))

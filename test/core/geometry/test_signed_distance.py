@@ -32,8 +32,8 @@ def rectangles(*rows):
 def by_shapely(benches, i=0, j=1):
     """Return the signed gap from the Minkowski difference of the corners: the distance of the origin from its boundary.
 
-    It is computed relative to bench i, so that large coordinates do not enter twice; rectangles of zero size yield
-    lines and points.
+    The difference is computed relative to bench i, so that large coordinates do not enter twice; rectangles of zero
+    size yield lines and points.
     """
     own = benches.centre[i]
     one, two = ((Benches(benches.centre[[n]] - own, benches.axis[[n]], benches.half_length[[n]],
@@ -84,7 +84,7 @@ def test_the_shortest_vector_is_as_long_as_the_gap_and_brings_or_parts_the_bench
 @given(bench, bench, st.sampled_from([1e-6, 1.0, 1e3]), st.sampled_from([0.0, 1e4, 1e8]))
 @example((0, 0, 0, 2, 1), (0, 1.0000001, 1e-9, 2, 1), 1.0, 0.0)         # near-parallel edges
 @example((0, 0, 0.3, 4, 0.05), (0.1, 0, 0.3, 4, 0.05), 1.0, 1e8)        # parallel, nested
-@example((0, 0, 0, 4, 0.1), (0, 0, np.pi / 2, 4, 0.1), 1e-6, 0.0)       # crossing: no corner inside
+@example((0, 0, 0, 4, 0.1), (0, 0, np.pi / 2, 4, 0.1), 1e-6, 0.0)       # rectangles that cross, no corner inside
 @example((0, 0, 0, 4, 0), (1, 0, 0, 4, 0), 1.0, 0.0)                    # coinciding lines
 @example((0, 0, 0, 4, 0), (0, 0, 1.0, 4, 0), 1.0, 0.0)                  # lines that cross
 @example((0, 0, 0, 0, 0), (3, 4, 1.0, 0, 0), 1.0, 1e8)                  # points

@@ -135,7 +135,7 @@ def test_begin_and_end_times_and_the_approach_speed_are_those_of_a_known_motion(
 
 def test_a_contact_between_ticks_of_another_is_interpolated_through_all_of_them():
     t = np.array([0.0, 1.0, 2.0, 3.0])
-    rows = reports_of(zip(t, -0.1 * (t - 0.7) * (t - 1.4) * (t - 2.6), strict=True))        # a cubic through four ticks
+    rows = reports_of(zip(t, -0.1 * (t - 0.7) * (t - 1.4) * (t - 2.6), strict=True))        # fits four ticks by a cubic
     assert [event.t_contact_s for report in rows for event in report.begins][-1] == pytest.approx(2.6, abs=1e-12)
 
 
@@ -297,7 +297,7 @@ def test_an_open_episode_goes_on_where_the_pair_is_neither_the_closest_nor_near_
     tracker.add(crossed_)
     b = crossed_.benches
     centre = b.centre.copy()
-    centre[1] = centre[-1]      # another pair is now the deepest
+    centre[1] = centre[-1]      # another pair now has the deepest overlap
     (report,) = tracker.add(Observation(2 * 10**9, crossed_.p, Benches(centre, b.axis, b.half_length, b.half_width)))
     assert (0, 3) in report.touching
     assert report.closest != (0, 3)

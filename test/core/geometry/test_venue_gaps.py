@@ -48,7 +48,7 @@ def test_the_nearest_edge_is_as_far_as_shapely_says(rows):
 @examples(60)
 @given(ROWS)
 def test_a_bench_moved_by_its_overlap_only_touches(rows):
-    """The signed gap of an overlap is minus the length of the shortest move that ends it; no shorter move does so."""
+    """The signed gap of an overlap is minus the length of the shortest move that ends the overlap."""
     around, some = surroundings_of(VENUE), benches(rows[:1])
     near = around.nearest(some)
     if near.gap_m < -1e-9:

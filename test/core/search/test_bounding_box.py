@@ -191,7 +191,7 @@ def test_of_a_bench_on_a_line_the_bound_ahead_is_where_its_front_comes_to():
     bench = SweptBench(track_of(Composite((Line(30.0),))), 2.0, 1.0, 1e-9)
     low, high = bench.states(np.array([5.0])), bench.states(np.array([7.5]))
     assert bench.bounds(low, high)[0, :, 0] == pytest.approx(high.value[0, :, 0], abs=1e-8)
-    assert bench.slopes(low, high)[1] == pytest.approx(2.5, abs=1e-8)       # no corner moves further than a handle
+    assert bench.slopes(low, high)[1] == pytest.approx(2.5, abs=1e-8)       # no corner moves further than the handles
 
 
 def test_a_long_way_is_searched_all_the_same():

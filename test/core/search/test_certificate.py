@@ -78,7 +78,7 @@ def test_bounds_hold_for_other_dragons_too(pitch, turns, length, first, body):
     scene = Scene(dragon=Dragon(60, body_length_m=0.55 + body, width_m=0.2), track=Spiral(pitch, turns))
     try:
         low, least = inside(first, scene, 2 * np.pi * turns, 2 * np.pi * turns + length)
-    except ChainLockError:      # covered by another property
+    except ChainLockError:      # another property covers this case
         return
     assert np.isneginf(low) or low <= least + 1e-12
 

@@ -92,7 +92,7 @@ def test_no_gap_between_two_looks_is_below_the_bound(benches, head, body, width,
     try:
         scene = Scene(Dragon(benches, 0.4 + head, 0.4 + body, width, 0.2), track, law, Run(0, 25))
         end_s = compile_scene(scene).end.t_s
-    except DragonError:     # does not fit the track
+    except DragonError:     # the dragon does not fit the track
         assume(False)
     found = first_contact(scene)
     last_s = found.t_s - 1e-6 if isinstance(found, Contact) else end_s
@@ -218,7 +218,7 @@ RIGID = Scene(Dragon(4, 4.119728142305396, 4.119728142305396, 0.3, 1.05986407115
 
 
 def test_a_contact_that_closes_by_millimetres_a_metre_is_found_in_few_states():
-    """Steps that depended only on the gap never ended here: at a fixed point their bound was just too small."""
+    """A search with steps that depend only on the gap would never end: at a fixed point, its bound is too small."""
     found = first_contact(SLOW)
     assert found.benches == (1, 3)
     assert found.approach_m_s / SLOW.head.speed_m_s < 8e-3
@@ -249,7 +249,7 @@ def test_no_corner_leaves_a_line_by_more_than_the_bound(benches, head, body, wid
         travel = RangeOfTravel(scene.head, 0.0, compile_scene(scene).end.t_s)
         domain = SearchDomain(scene, travel, 1, lambda states: None)
         assume(gone_m + way_m < domain.stop_m)
-    except DragonError:     # does not fit the track
+    except DragonError:     # the dragon does not fit the track
         assume(False)
     i, j = np.triu_indices(benches, 2)
     most = np.stack(bounds_of(domain, gone_m, way_m, i, j))
@@ -274,7 +274,7 @@ def bounds_of(domain, gone_m, way_m, i, j):
 
 
 def seen(domain, gone_m, i, j):
-    """Return corners (2, 2, K, 4) of the second benches in the first's frames and vice versa, along and across."""
+    """Return corners (2, 2, K, 4) of second benches in the frames of first benches and vice versa, along and across."""
     benches = domain.benches(gone_m)
     out = []
     for one, two in ((i, j), (j, i)):
@@ -312,7 +312,7 @@ def test_no_corner_goes_further_than_the_bound_on_its_way(benches, head, body, w
     try:
         domain = domain_of(Dragon(benches, 0.4 + head, 0.4 + body, width, 0.2), track, lead)
         assume(gone_m + way_m < domain.stop_m)
-    except DragonError:     # does not fit the track
+    except DragonError:     # the dragon does not fit the track
         assume(False)
     most, true = ways_of(domain, gone_m, way_m)
     assert np.all(true <= most + 1e-10)

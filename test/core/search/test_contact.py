@@ -32,7 +32,7 @@ def rectangles(*rows):
     ((3, 0, 0, 2, 1), 1.0),                         # side by side
     ((2, 0, 0, 2, 1), 0.0),                         # touching
     ((1.5, 0, 0, 2, 1), -0.5),                      # overlapping ends
-    ((0, 0, np.pi / 2, 2, 1), -1.5),                # crossing: no corner inside the other
+    ((0, 0, np.pi / 2, 2, 1), -1.5),                # the rectangles cross, and no corner is inside the other one
     ((0, 0, 0, 0.2, 0.1), -0.55),                   # nested
     ((5, 4, 0, 2, 1), np.hypot(3, 3)),              # corner to corner
     ((0, 1.5, np.pi / 4, 1, 1), 1.0 - np.sqrt(0.5)),    # corner to edge
@@ -102,7 +102,7 @@ def test_the_adjacent_layer_finds_the_closest_pair_that_all_pairs_find(pitch, tu
     scene = Scene(dragon=Dragon(60, head, body, min(width, 0.6 * pitch)), track=Spiral(pitch, turns))
     try:
         chain, benches, every = all_pairs(scene, 0.0)
-    except ChainLockError:   # the chain is locked there, which another property covers
+    except ChainLockError:   # the chain is locked at this time, which another property covers
         return
     gap = gaps(benches, *every)
     if np.min(gap) < 0.1 * pitch:

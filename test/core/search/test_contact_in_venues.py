@@ -26,7 +26,7 @@ from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.spec import Composite, Line
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
 
-TELL = 1e-9         # s: this close to a contact, shapely may already find a touch
+TELL = 1e-9         # s before a contact within which shapely may already find a touch
 ALONG = Scene(Dragon(5), Composite((Line(200.0),), 20.0), run=Run(stop_s=60.0))
 TENT = PolygonObstacle('tent', ((-9.0, -9.0), (99.0, -9.0), (99.0, 9.0), (-9.0, 9.0)))
 TRACK = 'track={kind: joined, pieces: [{kind: line, length_m: 200}], start_m: 20}'
@@ -67,7 +67,7 @@ def test_the_first_contact_is_the_one_that_shapely_sees_every_millimetre(request
 
 def test_a_wall_across_the_track_is_met_by_the_head_where_it_is():
     found = first_contact(replace(ALONG, venue=Venue((WALL,))))
-    front_m = 20.0 + 0.275      # front end of the head, beyond its front handle
+    front_m = 20.0 + 0.275      # the front end of the head, beyond the front handle
     assert found.t_s == pytest.approx(60.0 - front_m, abs=1e-11)
     assert (found.benches, found.obstacle.name, found.obstacle.corner_m) == ((0,), 'wall', None)
     assert found.obstacle.edge_m == WALL.points_m
@@ -81,7 +81,7 @@ def test_a_corner_that_pokes_at_a_bench_is_named_as_the_obstacle_s():
     found = first_contact(replace(ALONG, venue=Venue((post,))))
     assert found.obstacle.corner_m == (60.0, 0.0)
     assert (found.witness.owner, found.witness.other, found.witness.edge) == (OBSTACLE, 0, 'front')
-    assert [name for _, name in found.simultaneous] == []       # both edges at that corner belong to one obstacle
+    assert [name for _, name in found.simultaneous] == []       # both edges at the corner belong to the same obstacle
 
 
 def test_the_tail_meets_first_what_lies_behind_it_when_the_dragon_goes_back():
@@ -145,7 +145,7 @@ def test_windows_hold_every_place_of_every_bench_once(name):
 
 
 def test_bounds_leave_room_for_what_positions_and_roundings_may_err():
-    """Bounds hold for benches displaced by the error: none increases, and one decreases by over a tenth of it."""
+    """Bounds hold for benches displaced by the error: none increases, and one decreases by a tenth of the error."""
     scene = with_venue(SCENES['street'], 3)
     domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 20.0), 1, lambda states: None)
     bench, edge = swept_bench(domain, 1), np.arange(domain.around.owner.size)

@@ -25,7 +25,7 @@ from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
 from dragon_ros.scenes import certificate
 
-CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # at 4.28 turns, between two positions at which its body touches
+CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # at 4.28 turns, it is between two positions at which its body touches
 
 
 @examples(15)
@@ -90,7 +90,7 @@ def meeting_time(head_length_m, pair):
 
 
 def test_two_pairs_that_meet_at_the_same_time_are_one_set():
-    """With a short head the body touches first, with a longer one the head; in between, both touch at once."""
+    """With a short head the body touches first, and with a longer head the head; in between, both touch at once."""
     def lead(head_length_m):
         return meeting_time(head_length_m, (0, 7)) - meeting_time(head_length_m, (1, 8))
     length = illinois(lead, 1.8, 1.9, lead(1.8), lead(1.9))
@@ -171,7 +171,7 @@ def test_benches_whose_links_have_no_length_touch_at_once():
 
 
 def test_the_speed_of_approach_stands_far_out_where_a_float_is_coarser_than_its_step():
-    """For the classic dragon, a thousand times smaller, the speed after 17,000 km equals that after a near start."""
+    """For a classic dragon a thousand times smaller, the speed after 17,000 km equals that after a near start."""
     scale, d = 1e-3, Dragon()
     dragon = Dragon(223, d.head_length_m * scale, d.body_length_m * scale, d.width_m * scale, d.hole_inset_m * scale)
     near, far = (Scene(effects=Effect(0), dragon=dragon, track=Spiral(0.55 * scale, turns)) for turns in (16.0, 1e5))

@@ -23,7 +23,7 @@ from dragon_ros.scenes import certificate
 from dragon_ros.scenes.load import load_scene
 
 OUT_AND_IN = Profile(((0.0, 0.0), (5.0, -1.0), (15.0, -1.0), (25.0, 1.0), (60.0, 1.0)), 'smooth')
-CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # at 4.28 turns, between two positions at which its body touches
+CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # at 4.28 turns, it is between two positions at which its body touches
 SCENES = {
     'steady': Scene(run=Run(405, 413), head=Profile(((0.0, 1.0),))),
     'out and in': Scene(track=Spiral(0.55, 5.0), head=OUT_AND_IN, run=Run(2, 200)),
@@ -77,7 +77,7 @@ def test_nothing_touches_before_the_contact_whatever_the_law(benches, head, body
         scene = Scene(Dragon(benches, 0.4 + head, 0.4 + body, width, 0.2), Spiral(pitch, turns), law,
                       Run(start_s, start_s + 12.0))
         end_s = compile_scene(scene).end.t_s
-    except DragonError:      # does not fit the track
+    except DragonError:      # the dragon does not fit the track
         assume(False)
     found = first_contact(scene)
     before_s = found.t_s - 1e-6 if isinstance(found, Contact) else end_s - 1e-6

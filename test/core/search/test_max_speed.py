@@ -71,7 +71,7 @@ def fastest_seen(scene, count):
 
 
 def check(scene, found, count=200):
-    """Compare an answer with many states: none is faster, and the named handle has the speed at the named time."""
+    """Compare an answer with many states: no handle is faster, and the named handle is as fast at the named time."""
     seen, leader = fastest_seen(scene, count)
     top = _top(scene) or 1.0
     assert seen <= found.bound * top * (1 + 1e-9)       # batched states are accurate but not bit-identical
@@ -84,7 +84,7 @@ def check(scene, found, count=200):
 
 
 def _top(scene):
-    """Return the leader's largest speed in a run, including its end, on both sides of each break of the law."""
+    """Return the leader's largest speed in a run, including its end and both sides of each break of the law."""
     if isinstance(scene.head, Head):
         return abs(scene.head.speed_m_s)
     end_s = compile_scene(scene).end.t_s
@@ -131,7 +131,7 @@ SCENES = {
 def test_no_handle_is_faster_on_any_track_under_any_law_behind_head_or_tail(name):
     found = max_speed(SCENES[name])
     check(SCENES[name], found, 400)
-    rounding = 1e-11 * found.ratio**2       # position error relative to a link of 1 m, times the square of the ratio
+    rounding = 1e-11 * found.ratio**2       # position error over a link of 1 m, times the square of the ratio
     assert found.bound / found.ratio - 1 < rounding
 
 
@@ -166,7 +166,7 @@ def test_a_law_that_slows_down_where_handles_are_fast_may_be_scaled_further():
     slow = Profile(((0.0, 1.0), (9.0, 1.0), (10.0, 0.25), (80.0, 0.25)))
     scene = Scene(Dragon(30), STurn(before_m=10.0), slow, Run(0, 80))
     found, steady = max_speed(scene), max_speed(replace(scene, head=Head(), run=Run(0, 30)))
-    assert found.ratio == 1.0       # the head, before the turn
+    assert found.ratio == 1.0       # the head is the fastest, before the turn
     assert steady.ratio > 1.6
 
 
@@ -228,7 +228,7 @@ def test_the_leaders_largest_speed_is_that_of_its_law_with_both_sides_of_each_ju
 
 
 def test_a_leader_that_all_but_rests_is_asked_once():
-    # Cutting an interval in which it hardly moves yields no further information.
+    # Cutting an interval in which the leader hardly moves yields no further information.
     dragon = Mixed((Group(1.3, 2), Group(3.41, 2), Group(1.9, 2)))
     for speed_m_s in (-1e-308, 1e-170, 1e-18):
         found = max_speed(Scene(dragon, STurn(1.98, 10.0, 0.95, -17.0), Profile(((0.0, speed_m_s),)), Run(0.0, 3.0)))

@@ -141,7 +141,7 @@ def test_a_bench_that_turns_back_before_a_wall_misses_it_there():
     law = Profile(((0.0, 1.0), (9.0, 1.0), (11.0, -1.0)))
     scene = Scene(Dragon(3), Composite((Line(60.0),), 20.0), law, Run(stop_s=15.0),
                   venue=Venue((LineObstacle('wall', ((29.875, -1.0), (29.875, 1.0))),)))
-    (miss,) = near_misses(scene, first_contact(scene), 0.2).nearest     # the head's front reaches 29.775 m
+    (miss,) = near_misses(scene, first_contact(scene), 0.2).nearest     # the front of the head reaches x = 29.775 m
     assert (miss.benches, miss.obstacle, miss.bench) == ((0,), 'wall', 0)
     assert (miss.t_s, miss.gap_m) == (pytest.approx(10.0), pytest.approx(0.1))
 

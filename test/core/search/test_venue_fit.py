@@ -55,7 +55,7 @@ def test_gaps_are_those_of_shapely_in_many_venues(request):
 
 
 def test_bounds_hold_between_the_ends_of_cells():
-    """Each bound is below all sampled gaps in between; with half the corners' travel it would not be."""
+    """Each bound is below all sampled gaps in between; computed with half of the corners' travel, it would not be."""
     for name, scene in SCENES.items():
         around, ranges = surroundings_of(random_venue(scene, 3)), HandleRanges(scene)
         for benches in by_length(scene.dragon.bench_lengths_m):

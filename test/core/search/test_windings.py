@@ -39,7 +39,7 @@ def bounds(radii, scales, dragon, first):
 
 
 def corners(radius_m, scale, dragon, first):
-    """Return corners (M, K-2, 2, 4): those of benches 2 onwards in the leading bench's frame, and its own in theirs."""
+    """Return corners (M, K-2, 2, 4) of benches 2 onwards in the leading bench's frame, and of that bench in theirs."""
     chain, scale = winding(radius_m, scale, dragon, first), np.broadcast_to(scale, np.shape(radius_m))
     middle, axis = chain.centre, chain.axis
     half = 0.5 * dragon.bench_lengths_m[first:first + COUNT] * scale[:, None]

@@ -70,7 +70,7 @@ def dance(pieces, lead):
 def agree(scene, t_s):
     """Compare the chain and its velocities, alone and in a batch, with the march, within the promise."""
     one, other, many = state(scene, t_s), state(march(scene), t_s), states(scene, [t_s, t_s])
-    atol = 0.5 * compile_scene(scene).promise_m        # the error of each may be a quarter
+    atol = 0.5 * compile_scene(scene).promise_m        # the error of each may be a quarter of the promise
     v = velocity_of(march(scene), other, t_s)
     fast = max(1.0, float(np.max(np.hypot(*v.T)))) ** 2
     np.testing.assert_allclose(one.p, other.p, rtol=0, atol=atol)
@@ -336,7 +336,7 @@ def test_benches_whose_links_have_no_length_keep_their_heading_where_handles_bef
     t_s = compile_scene(scene).end.t_s - 0.05
     chain, marched = state(scene, t_s), state(march(scene), t_s)
     assert chain.solver == 'table'
-    assert np.min(np.sum(marched.velocities(1.0) * marched.tangents, axis=1)[1:]) > 1     # outwards, unlike the head
+    assert np.min(np.sum(marched.velocities(1.0) * marched.tangents, axis=1)[1:]) > 1     # the body moves outwards
     for tangents in (chain.tangents, states(scene, [t_s]).tangents[0]):
         np.testing.assert_allclose(tangents, marched.tangents, rtol=0, atol=1e-11)
     np.testing.assert_allclose(axes_of(chain), axes_of(marched), rtol=0, atol=1e-11)
@@ -345,7 +345,7 @@ def test_benches_whose_links_have_no_length_keep_their_heading_where_handles_bef
 @pytest.mark.parametrize('track', [Spiral(), STurn(before_m=100.0)])
 def test_what_tables_serve_whole_takes_no_evaluation(track):
     scene, times = Scene(Dragon(60, 2.2, 2.2), track), [50.0, 60.0, 70.0]
-    states(scene, times)        # this builds the tables
+    states(scene, times)        # this call builds the tables
     assert states(scene, times).evaluations == 0
     assert state(scene, 60.0).evaluations == 0
     assert states(replace(scene, solver='march'), times).evaluations >= 3 * 60

@@ -1,6 +1,6 @@
 """The shift map of a spiral gives all handles at once, as exactly as forward placement.
 
-Its promises are tested against the 50-digit reference in test_accuracy.
+test_accuracy tests the promises against the 50-digit reference.
 """
 from dataclasses import replace
 from itertools import product
@@ -30,7 +30,7 @@ from hard_cases.dances import dances
 from hard_cases.problems import problems
 
 CLASSIC, MARCHED = Scene(), Scene(solver='march')
-# Their blocks have fewer than 8 links, or links so short that a tile would be shorter than the dragon.
+# The blocks of these dragons have fewer than 8 links, or links so short that a tile is shorter than the dragon.
 MARCHED_CASES = {'centre', 'joined-handles', 'almost-joined', 'mixed-lock'}
 
 
@@ -306,7 +306,7 @@ def test_a_mistake_in_looking_up_a_cell_is_not_taken_for_a_place_without_a_table
         for link_m in lengths_with_maps(model.links_m)})
     assert 'table' in placement.place(model.leader.place((0.0, 0.0))).solver
     monkeypatch.setattr(Entrance, '_cell', mistaken)
-    with pytest.raises(error, match='planted'):     # on the same stretch, in another cell
+    with pytest.raises(error, match='planted'):     # the leader is on the same stretch, in another cell
         placement.place(model.leader.place((3.0, 0.0)))
 
 

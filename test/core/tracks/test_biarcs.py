@@ -1,4 +1,4 @@
-"""Biarcs: they join the given points and directions, and return the distances of points from them."""
+"""Biarcs join the given points and directions, and return the distances of points from the curve."""
 import cmath
 from math import pi
 
@@ -72,7 +72,7 @@ def test_a_curve_is_fitted_with_few_arcs_within_the_tolerance():
         bows = [bow for pair in found.biarcs for bow in pair]
         assert strays_m(tuple(bows), points) <= tolerance_m
         counts.append(len(bows))
-    assert counts[0] < counts[1] < counts[2] < 120        # the error falls with the third power of the length
+    assert counts[0] < counts[1] < counts[2] < 120        # the error is proportional to the cube of the length
     assert counts[2] / counts[1] == pytest.approx(10 ** (1 / 3), rel=0.3)
 
 

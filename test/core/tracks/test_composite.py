@@ -135,7 +135,7 @@ def test_where_a_float_tells_a_joint_less_exactly_than_the_promise_a_link_across
 
 
 def test_where_a_piece_is_shorter_than_places_can_be_told_apart_links_are_marched():
-    """The table would merge joints 6 nm apart, 24 km along the track, and speeds would err by millionths."""
+    """A table would merge joints that are 6 nm apart, 24 km along the track, and speeds would be off by millionths."""
     link_m = 0.00165
     track = Composite((SpiralArc(3.317378948186499e-05, 559.5, 15357.25, 'right'),
                        Arc(link_m, -360.0), Line(6e-9), Arc(link_m, -180.0)))

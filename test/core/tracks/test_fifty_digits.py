@@ -61,14 +61,14 @@ def test_on_any_joined_track_every_handle_is_where_sixty_digits_put_it(walk, par
         try:
             scene = scene_of(seed)
             end_s = min(compile_scene(scene).end.t_s, LATEST_S)
-        except FieldError:          # bends that are too tight, a start before the track
+        except FieldError:          # bends too tight, or starts too early
             continue
         times_s = [end_s * share for share in (0.0, 0.37, 1.0)]
         for t_s, at_once in zip(times_s, states(scene, times_s).p, strict=True):
             with walk.mp.workdps(60):
                 try:
                     points = [point for point, _ in walk.chain_at(scene, t_s)]
-                except (AssertionError, IndexError):      # the walk supports neither ends of tracks nor double roots
+                except (AssertionError, IndexError):      # unsupported: ends of tracks, double roots
                     continue
                 off_m = [float(abs(walk.mpc(*p.tolist()) - point)) for handles in (state(scene, t_s).p, at_once)
                          for p, point in zip(handles, points, strict=True)]

@@ -43,7 +43,7 @@ def test_the_contests_turn_has_the_contests_places():
     np.testing.assert_allclose(state(TURNING, 100.0).p[0], (-2.711856, -3.591078), atol=5e-7)
 
 
-NARROW = STurn(0.1, 39.9, before_m=30.0)     # its spirals are entered after 199.5 turns
+NARROW = STurn(0.1, 39.9, before_m=30.0)     # the turn begins after 199.5 turns of the spiral
 
 
 @pytest.mark.parametrize('after', [0, 1])
