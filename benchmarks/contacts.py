@@ -46,7 +46,7 @@ class Search:
 
     @property
     def late_s(self) -> float:
-        """How much later than the contact the reported time is."""
+        """The delay of the reported time relative to the contact."""
         return self.t_s - self.true_s
 
     @property

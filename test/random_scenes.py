@@ -187,7 +187,7 @@ def _pitch(dice: Dice, benches: Benches, radius_m: float) -> float:
 
 
 def _inwards(dice: Dice, benches: Benches) -> Way:
-    """A single spiral, walked from several lengths of a link away to the centre, or as far as the chain extends."""
+    """A single spiral, walked towards the centre from a distance of several links, or as far as the chain extends."""
     wound_m = benches.chain_m * dice.between(0.3, 1) / (2 * pi)     # the dragon winds round at least once
     start_m = max(benches.longest_link_m, dice.one(benches.longest_link_m * dice.between(1, 8), wound_m, wound_m))
     pitch = _pitch(dice, benches, start_m * dice.scaled(0.25, 0.9))
@@ -314,7 +314,7 @@ _TRACKS = {'in': _inwards, 'out': _outwards, 'far': _far, 'turn': _turn, 'circle
 
 
 def _head(dice: Dice, way: Way, speed_m_s: float) -> tuple[dict[str, Any], float, bool]:
-    """Draw the leader's law, the time at which it has covered about the useful distance, and whether it never ends."""
+    """Draw the head law, the time by which the leader covers about the useful distance, and whether it never ends."""
     lead = {'lead': way.lead} if way.lead == 'tail' or dice.chance(20) else {}
     time_s = figures(way.onwards_m / speed_m_s)
     if dice.chance(2):

@@ -85,7 +85,7 @@ def unlist_last(folder):
 def test_a_part_that_is_not_listed_belongs_to_the_bag_and_inspect_names_it(tmp_path, compression):
     written = write(tmp_path / 'run', range(26), BagOptions(compression, split_duration_s=0.1))
     last = unlist_last(tmp_path / 'run')
-    repair(tmp_path / 'run', tmp_path / 'run' / 'whole.mcap')       # not a part, although the file is in the folder
+    repair(tmp_path / 'run', tmp_path / 'run' / 'whole.mcap')       # this file in the folder is not a part
     assert read(tmp_path / 'run') == read(tmp_path / 'run' / 'whole.mcap') == written
     (problem,) = examine(tmp_path / 'run').problems.lines
     assert problem.startswith(f'{last}: is not listed in metadata.yaml')

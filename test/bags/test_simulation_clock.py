@@ -10,8 +10,8 @@ def test_messages_without_a_stamp_get_the_tick_that_was_published_before_them():
     clock.unstamped('v', b'early', 5, 0)        # belongs to a tick before the first received one
     clock.mark(10, 100)
     clock.mark(20, 200)
-    clock.unstamped('v', b'1', 12, 1)           # overtaken by the next handles
-    clock.unstamped('v', b'2', 22, 2)           # must wait for the next handles
+    clock.unstamped('v', b'1', 12, 1)           # the next handles arrive before this message
+    clock.unstamped('v', b'2', 22, 2)           # this message must wait for the next handles
     assert out == [('v', 100)]
     clock.unstamped('v', b'3', 32, 3)           # arrives before the handles of its tick
     clock.mark(30, 300)

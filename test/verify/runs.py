@@ -4,7 +4,8 @@ Run this program by hand, with any number of runs:
 
     python test/verify/runs.py SEED COUNT
 
-writes the certificate of each run for which the solver finds an answer, checks it, and prints the rejected ones.
+This command writes the certificate of each run for which the solver finds an answer, checks it, and prints rejected
+certificates.
 """
 import random
 import sys

@@ -179,7 +179,7 @@ def corners(pose):
 @pytest.mark.parametrize(('low', 'high', 'tight'), [
     (16.0, 16.2, 0.52), (14.0, 14.05, 0.52), (13.5, 14.1, 0.1), (11.0, 12.5, 0.01), (5.0, 6.0, 0)])
 def test_corners_leave_straight_lines_by_no_more_than_the_sag(low, high, tight):
-    """The bound is tested before, at the beginning of and in the first bend of the street, in both frames."""
+    """The bound is tested before the first bend of the street, where it begins, and inside it, in both frames."""
     scene = Scene(SCENES['street'].dragon, SCENES['street'].track, run=Run(stop_s=1.0))
     interval, between = swept(scene, 0, low, high)
     poses = [between(share) for share in np.linspace(0, 1, 21).tolist()]
