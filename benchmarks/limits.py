@@ -2,7 +2,7 @@
 
 Each stage is compared with the machine's rates, measured in the same run on one thread: multiplications and additions
 in a product, bytes copied within the cache or through memory, bytes compressed by zstd alone, and bytes written to a
-file. The limit of a stage is the longest time that any of its amounts takes at the machine's rate, in any code.
+file. The limit of a stage is the longest time that any of its amounts takes at the machine's rate.
 """
 import tempfile
 from collections.abc import Callable

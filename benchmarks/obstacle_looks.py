@@ -40,7 +40,7 @@ def walled(gap_m: float, corners: int = 1000) -> Scene:
 
 
 def looks_s(scene: Scene) -> tuple[float, float]:
-    """Return the shortest processor time in s of a check without and with obstacles: from the bytes to the report."""
+    """Return the shortest processor times in s of a check, from the bytes to the report, without and with obstacles."""
     encode = encoders(scene)
     data = [(encode['handles'](frame), encode['benches'](frame))
             for frame in (tick(scene, _FIRST + k) for k in range(_TICKS))]

@@ -15,7 +15,7 @@ from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.cost.baselines import by_newton
 
 ChainSolver = Callable[[Scene, Place], Chain]
-_TOLERANCE_RAD = 1e-9       # tolerance of plain Newton
+_TOLERANCE_RAD = 1e-9       # tolerance of the plain Newton method
 
 
 def _plain(scene: Scene, head: Place) -> Chain:

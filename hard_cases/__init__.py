@@ -1,4 +1,4 @@
-"""The hard cases: a list of named scenes with ladders towards each singularity, shared by tests and benchmarks.
+"""The hard cases: named scenes, in series that approach each singularity, shared by tests and benchmarks.
 
 ``truth`` has a reference for each case, to 50 digits, from JSON files that the scripts in this package compute.
 """

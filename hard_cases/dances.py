@@ -39,7 +39,7 @@ def dances() -> tuple[Problem, ...]:
                    (93.0, 1.0)), 'smooth')
     return (
         Problem('turning', _TURNING, (0.0, 50.0, 100.0, 100.5, 102.86, 109.0, _EXIT_S, 114.47997, 150.0, 200.0),
-                tuple(range(224)), 'the contest scene of the turn, all handles; the head on both ends of it'),
+                tuple(range(224)), 'the contest scene of the turn, all handles, also with the head at its ends'),
         _like('tight', 'the second arc almost too tight for the head link', replace(_TURNING, track=STurn(
             ratio=2.12, before_m=10.0)), (0.0, 20.0, 22.0, 23.62, 25.0, 26.0)),
         _like('equal-arcs', 'two arcs of equal radius', replace(_TURNING, track=STurn(ratio=1.0)), (3.0, 8.0, 14.0)),

@@ -1,4 +1,4 @@
-"""The hard cases on one spiral, with ladders towards each singularity; ``dances`` has the others."""
+"""The hard cases on one spiral, in series that approach each singularity; ``dances`` has the others."""
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import pi

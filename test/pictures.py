@@ -11,7 +11,7 @@ _HAIR = 0.75        # tolerance in pixels at 100 dots per inch
 
 
 class Picture:
-    """A figure after its layout."""
+    """A figure whose layout has been computed."""
 
     def __init__(self, figure):
         figure.draw_without_rendering()
@@ -46,7 +46,7 @@ class Picture:
 
 
 def _texts(figure):
-    """Every drawn text of a figure with its box in pixels, rotated like the text."""
+    """Every drawn text of a figure, with its box in pixels, which is rotated like the text."""
     return ((text.get_text(), _box(text)) for text in _drawn(figure))
 
 

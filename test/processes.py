@@ -1,7 +1,7 @@
 """Processes of the package that start quickly, forked from a process that has already imported their libraries.
 
-An executable needs a second to import its libraries, and the tests start hundreds. Tests whose claim concerns starting
-and ending (signals during imports, exit codes, security, the shell) run ``python -m dragon_ros`` instead.
+An executable needs a second to import its libraries, and the tests start hundreds of executables. Tests of the start
+and the end of processes (signals during imports, exit codes, security, the shell) run ``python -m dragon_ros`` instead.
 """
 import multiprocessing
 import os
@@ -53,7 +53,7 @@ class Forked:
 
     def send_signal(self, number):
         if self.poll() is None:
-            with suppress(ProcessLookupError):      # the process has ended, and its exit code is about to arrive
+            with suppress(ProcessLookupError):      # the process has ended, and its exit code will arrive soon
                 os.kill(self.pid, number)
 
     def kill(self):

@@ -29,8 +29,8 @@ from math import exp, log, pi
 from random import Random
 from typing import Any, NamedTuple
 
-KINDS = {'in': 34, 'out': 7, 'far': 4, 'turn': 20, 'composite': 27, 'circle': 8}     # kinds of tracks, in parts of 100
-TIGHTEST = 1.98         # largest curvature times longest link on a composite track, by the contract of scene files
+KINDS = {'in': 34, 'out': 7, 'far': 4, 'turn': 20, 'composite': 27, 'circle': 8}     # kinds of tracks, in percent
+TIGHTEST = 1.98         # the limit of scene files for curvature times longest link on a composite track
 _NEEDS = {'clearance': 'benches', 'contact': 'clearance', 'markers': 'contact', 'forces': 'accelerations'}
 _EFFECTS = ('velocity', 'benches', 'clearance', 'contact', 'markers', 'accelerations', 'forces', 'noise', 'trails',
             'clock', 'diagnostics')
@@ -55,7 +55,7 @@ class Dice:
         return min(high, int(exp(log(low) + log((high + 1) / low) * self._random.random())))
 
     def chance(self, parts: float) -> bool:
-        """True in a given number of 100 cases."""
+        """Return True in a given percentage of cases."""
         return self._random.random() * 100 < parts
 
     def one(self, *choices: Any) -> Any:
@@ -73,7 +73,7 @@ class Dice:
 
 
 def figures(x: float) -> float:
-    """Six figures of a number."""
+    """A number rounded to six figures."""
     return float(f'{x:.6g}')
 
 
@@ -175,7 +175,7 @@ def _groups(dice: Dice, count: int, least_m: float, body_m: float) -> list[dict[
 
 
 def _pitch(dice: Dice, benches: Benches, radius_m: float) -> float:
-    """Draw a pitch that, for the longest benches at a radius, is about sufficient, too small, or ample.
+    """Draw a pitch that is about sufficient, too small, or ample for the longest benches at a radius.
 
     The middle of a bench of length L on a circle of radius r lies L^2 / (8 r) inside the circle.
     """
@@ -328,7 +328,7 @@ def _head(dice: Dice, way: Way, speed_m_s: float) -> tuple[dict[str, Any], float
 
 
 def _knots(dice: Dice, speed_m_s: float, time_s: float) -> tuple[list[list[float]], float]:
-    """Draw a profile, and the time at which it has covered about the distance of a constant speed."""
+    """Draw a profile, and the time at which the leader has covered about the distance of a constant speed."""
     knots = [[0.0, dice.one(0.0, speed_m_s)]]
     for _ in range(dice.whole(1, 7)):
         t_s, before = knots[-1]

@@ -36,7 +36,7 @@ CORE_ROOMS = {
     'enclosures': (*CHAIN, 'geometry'), 'frame': (*CHAIN, 'geometry'), 'search': (*MODEL, 'geometry', 'enclosures'),
     'effects': (*MODEL, 'geometry', 'frame'), 'step': (*MODEL, 'geometry', 'frame', 'effects'),
     'batches': (*MODEL, 'geometry', 'frame', 'effects', 'step')}
-# From the rooms that it may import, a scene sees only value types.
+# A scene may import only value types from these rooms.
 OF_SCENE = {'chain': {'commanded', 'dragon', 'head_law'}, 'tracks': {'spec'}}
 LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': set(),
              'scenes': {'numpy', 'yaml', 'shapely', 'pyproj', 'svgelements'}, 'messages': {'numpy'},
@@ -265,7 +265,7 @@ def copy_source(target):
     return target
 
 
-NO_BYTECODE = {'PYTHONDONTWRITEBYTECODE': '1'}      # environment of a copy that is used once
+NO_BYTECODE = {'PYTHONDONTWRITEBYTECODE': '1'}      # the environment of a copy that is used only once
 
 
 def installed_names(prefix):

@@ -34,7 +34,7 @@ def links(path, text):
 
 
 def terms(text):
-    """Return the English words of the glossary's tables, from the first column or, in Chinese, from the second."""
+    """Return the English words of the glossary's tables: the first column or, on the Chinese page, the second."""
     rows = [[cell.strip() for cell in line.split('|')[1:-1]] for line in text.splitlines() if line.startswith('| ')]
     return [row[:2] for row in rows]
 

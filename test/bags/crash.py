@@ -5,7 +5,7 @@ messages are in the file. After SIGKILL, ``--repair`` must save every flushed me
 that is complete in the files. The repair must save nothing else, nothing twice and nothing out of order. The library's
 own stream reader is an independent check: all messages that it finds in the files must also be saved.
 
-To try any number of kills by hand: ``./dragon python test/bags/crash.py --kills 1000``
+``./dragon python test/bags/crash.py --kills 1000`` tries any number of kills by hand.
 """
 import argparse
 import os

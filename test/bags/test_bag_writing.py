@@ -1,4 +1,4 @@
-"""Other software can read bags; they are overwritten only on request, and complete even if the disk is full."""
+"""Bags can be read by other software, are overwritten only on request, and are complete even if the disk is full."""
 import shutil
 from contextlib import suppress
 
@@ -283,7 +283,7 @@ def begun_in_parts(folder, parts=3):
 
 
 def ended(bag):
-    """Act like a recorder after an error, and return the error texts."""
+    """Do what a recorder does after an error, and return the error texts."""
     errors = []
     for act in (lambda: bag.describe('account', {'complete': 'false'}), lambda: bag.attach('a', 'text/plain', b'a'),
                 bag.flush, bag.close, bag.close):

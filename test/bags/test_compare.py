@@ -1,4 +1,4 @@
-"""A bag is compared with the model tick by tick, including the contact frame if a run ends in a contact."""
+"""A bag is compared with the model tick by tick, including the frame of the contact if a run ends at a contact."""
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""The packed parts of a file are returned unchanged, locate their messages, and take little memory."""
+"""The packed index of a file returns its parts unchanged, locates messages, and takes little memory."""
 import gc
 import io
 import threading

@@ -10,7 +10,7 @@ from properties import thinned
 from dragon_ros.cli import dds_domain
 from dragon_ros.cli.dds_domain import free_domain, give_up_domains
 
-BASE, GAIN = 7400, 250      # ports of a domain, by DDS-RTPS 9.6.1
+BASE, GAIN = 7400, 250      # ports of a domain, according to DDS-RTPS 9.6.1
 WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw')) % 7
 # The ports are beyond those that Linux assigns to sockets without a given port.
 DOMAIN, OTHER = 216 + 2 * WORKER, 217 + 2 * WORKER

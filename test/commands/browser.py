@@ -21,7 +21,8 @@ ABSENT = 'no chromium with chromedriver on this machine; on Debian: apt install 
 _FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-sync',
           '--disable-background-networking', '--disable-component-update', '--window-size=1400,860',
           '--use-angle=swiftshader', '--enable-unsafe-swiftshader',     # WebGL in software
-          # One process serves all pages, which are trusted: starting one for each would take as long as its test.
+          # One process serves all pages, which are trusted: starting a process for each page would take as long as its
+          # test.
           '--renderer-process-limit=1', '--disable-site-isolation-trials', '--disable-features='
           'SpareRendererForSitePerProcess,BackForwardCache,ProactivelySwapBrowsingInstance,RenderDocument')
 _LONGEST_S = 60.0

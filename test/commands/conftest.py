@@ -49,7 +49,7 @@ def bag(tmp_path_factory, write_bag):
 
 @pytest.fixture(scope='session')
 def chromium(tmp_path_factory):
-    """The only browser of this process, since starting one takes seconds."""
+    """The only browser of this process, since starting a browser takes seconds."""
     if not (browser.CHROMIUM and browser.DRIVER):
         pytest.skip(browser.ABSENT)
     with browser.browser(tmp_path_factory.mktemp('chromium')) as one:

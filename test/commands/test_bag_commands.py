@@ -73,7 +73,7 @@ def test_a_simulated_bag_is_the_same_file_again(capsys, tmp_path, bag):
 
 @pytest.fixture
 def of_rosbag2(tmp_path):
-    """A sim as rosbag2 records it: wall times, topics that overtake each other, and the scene only as a message."""
+    """The bag of a sim as recorded by rosbag2: with wall times, out of order, and with the scene only as a message."""
     scene = Scene(run=Run(412.2, 412.7))
     encode, path, wall_ns = encoders(scene, 'sea'), tmp_path / 'rosbag2.mcap', 1_800_000_000 * 10**9
     with BagWriter(path) as bag:

@@ -60,7 +60,7 @@ def test_values_are_the_known_ones(folder):
 
 
 def test_books_have_the_same_numbers_under_the_same_names_as_the_text_files(folder, books, request):
-    step = 1 if request.config.getoption('--long') else 10      # step between the checked columns
+    step = 1 if request.config.getoption('--long') else 10      # every so many columns are checked
     for name, sheets in {'result1': {'位置': '_positions', '速度': '_speeds'}, 'result2': {'Sheet1': ''}}.items():
         assert list(books[name]) == list(sheets)
         for title, file in sheets.items():

@@ -1,4 +1,4 @@
-"""A run that ends in its contact is checked without a search if its bag has a certificate that verifies."""
+"""A run that ends at its contact is checked without a search if its bag has a certificate that can be proved."""
 import json
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ def unsearched(monkeypatch):
 
 
 def bag_of(path, scene, claim):
-    """The bag of a run that ends in its contact, as `sim` and `record` make it, with a claim unless it is None."""
+    """The bag of a run that ends at its contact, as `sim` and `record` write it, with a claim unless this is None."""
     found = FOUND[scene]
     if found:
         frames = [*(tick(scene, k) for k in range(ticks_before(scene, found.t_s))), contact_frame(scene, found.t_s)]

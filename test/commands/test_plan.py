@@ -153,7 +153,7 @@ def test_options_are_checked(capsys, tmp_path, monkeypatch, arguments, says):
 
 
 def test_the_distances_of_marks_that_come_together_do_not_stand_on_each_other():
-    """The labels of two adjacent ways, and of a single mark, are on different sides; the first label is on the left."""
+    """The labels of two marks that are close to each other are on different sides; a single label is on the left."""
     places = np.array([(0.0, 0.0), (100.0, 50.0), (100.0, 54.0)])
     labels = ['10', '70', '150']
     found = mark_offsets(places, np.array([(1.0, 0.0)] * 3), labels)

@@ -1,4 +1,4 @@
-"""``study`` computes, continues, summarises and draws; it reports a mistake in one line."""
+"""``study`` computes, continues, summarises and draws studies, and reports mistakes in one line."""
 import json
 import subprocess
 import sys

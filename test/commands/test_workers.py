@@ -43,7 +43,7 @@ def end_at_300(job):
 
 
 class KilledElsewhere:
-    """Ends every process except the one that created it."""
+    """An object that ends every process except the one that created it."""
 
     def __init__(self):
         self.parent = os.getpid()
@@ -241,7 +241,7 @@ def whole(tmp_path_factory):
 
 
 def changed(path, long, change):
-    """A copy of a bag, in which a message of a tick is written at the log times that ``change`` returns."""
+    """Copy a bag, and write each message of a tick at the log times that ``change`` returns."""
     with BagReader(long) as bag, BagWriter(path) as out:
         for topic in bag.topics:
             out.add_channel(topic.name, channels()[topic.name.removeprefix('/dragon/')])
@@ -252,7 +252,7 @@ def changed(path, long, change):
 
 
 def damaged(name, t_ns, k):
-    """Drop ticks of one topic and of several, at the ends and in between; duplicate some and move others."""
+    """Drop ticks of one and of several topics, at the ends and in between; duplicate some others and move others."""
     if name in ('scene', 'track') or k is None:
         return [t_ns]
     if k < 2 or 100 <= k < 400 or (name == 'handles' and k % 5 == 0) or k > 1670:

@@ -3,7 +3,7 @@ import mpmath
 
 
 def errors_of(iterates, root):
-    """Return log10 errors of the iterates while they shrink and are not yet at the last digits."""
+    """Return the log10 errors of the iterates as long as they shrink and have not reached the last digits."""
     logs = [float(mpmath.log10(abs(x - root))) for x in iterates if x != root]
     return [e for e in logs if e > -300]
 

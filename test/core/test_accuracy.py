@@ -173,7 +173,7 @@ def test_the_last_representable_tick_before_the_lock_is_computed():
     assert np.all(np.isfinite(state(scene, scene.run.time_ns(compile_scene(scene).last_tick) / 1e9).p))
 
 
-@pytest.mark.parametrize('name', [name for name in CASES if name != 'long'])    # its tile takes a while to build
+@pytest.mark.parametrize('name', [name for name in CASES if name != 'long'])    # this tile takes a while to build
 def test_many_states_at_once_keep_the_promise_too(name, request):
     problem = CASES[name]
     conditions = [conditioning(state(problem.scene, t_s)) for t_s in problem.times_s]

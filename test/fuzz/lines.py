@@ -89,7 +89,7 @@ def hold_saved(path: Path, output: Path, wanted: list[Row]) -> None:
 
 
 def hold_ticks(path: Path, folder: Path, wanted: list[Row], ended: bool, model: dict[tuple[str, int], bytes]) -> Said:
-    """Compare table, export and the data of pictures and the view with the bag's handles and with each other."""
+    """Compare the table, the export and the data of pictures and view with the bag's handles and with each other."""
     output = folder / 'printed.csv'
     handles = [row for row in wanted if row[0] == HANDLES]
     exported = said('export', path, '--namespace', 'dragon', '--output', output, '--force')

@@ -81,7 +81,7 @@ def recorded_scene() -> bytes:
 
 
 class Mix:
-    """A file built step by step."""
+    """A bag file that is built step by step."""
 
     def __init__(self, summary: int) -> None:
         """``summary`` selects the summary that ends the file, and whether the bag has its scene."""
@@ -151,7 +151,7 @@ class Mix:
             self.put(number, t_ns, model()[f'/dragon/{name}', t_ns])
 
     def end_chunk(self, how: int) -> None:
-        """Write the open chunk, compressed as ``how`` states, and its indexes, which one value in eight omits."""
+        """Write the open chunk, compressed as ``how`` states, and its indexes, but for one value in eight."""
         rows, self._inside = self._inside, None
         if not rows:
             return

@@ -188,7 +188,7 @@ def study(folder: Path) -> Target:
 
 
 def certificate(folder: Path) -> Target:
-    """Certificates, for the separate checker."""
+    """Certificates for the separate checker."""
     from dragon_ros.core.search.first_contact import first_contact
     from dragon_ros.scenes.certificate import as_values
     from dragon_ros.verify.errors import Refused
@@ -420,7 +420,7 @@ def drawing(folder: Path) -> Target:
 
 
 def command(folder: Path) -> Target:
-    """Speeds for a led dragon on cmd_vel, as messages with and without a stamp; each speed is walked for a tick."""
+    """Speeds for a led dragon on cmd_vel, as messages with and without a stamp, each of which lasts for a tick."""
     import rclpy
     from geometry_msgs.msg import Twist, TwistStamped
     from rclpy.serialization import deserialize_message, serialize_message

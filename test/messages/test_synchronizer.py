@@ -181,7 +181,7 @@ def test_a_known_publisher_that_seeks_stays_known_until_it_is_forgotten():
 def test_all_publishers_are_taken_until_one_is_adopted_by_its_stamp():
     streams = Streams()
     for k in range(1, 5):
-        assert streams.take(k, k * 10**9, alone=False)              # the publisher may have only handles and no dragon
+        assert streams.take(k, k * 10**9, alone=False)              # the publisher may have only handles
         assert streams.take(100 + k, (50 + k) * 10**9, alone=False)
     streams.adopt(54 * 10**9)
     assert not streams.take(5, 5 * 10**9, alone=False)

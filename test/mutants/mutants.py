@@ -6,7 +6,7 @@ this process, which has loaded the libraries, so a mutant takes a second plus it
 imported is not counted, since any test would find it. Tests marked ``snapshot``, which compare with earlier output, are
 excluded: only a property, a reference, a bound or an independent decoder counts.
 
-Results are stored immediately in ``.venv/mutants``: after Ctrl-C, which loses one mutant, the same command continues.
+Results are stored immediately in ``.venv/mutants``: after Ctrl-C, which loses one mutant, the same command resumes.
 ``--again`` retries survivors after a test has been added.
 """
 import argparse
@@ -93,7 +93,7 @@ class Swapped(Operator):
 
 
 class Scaled(Operator):
-    """Double or halve a number, like a factor that was forgotten or taken twice."""
+    """Double or halve a number, as if a factor had been forgotten or applied twice."""
 
     def mutation_positions(self, node):
         if isinstance(node, parso.python.tree.Number) and node.value not in ('0', '0.0'):
@@ -112,7 +112,7 @@ class Scaled(Operator):
 
 @dataclass(frozen=True, order=True)
 class Mutant:
-    """One change: the file, the operator, which occurrence of it in the file, and the line."""
+    """One change: the file, the operator, the number of its occurrence in the file, and the line."""
 
     path: str
     operator: str
@@ -159,7 +159,7 @@ def _unused(node: parso.tree.NodeOrLeaf) -> Iterator[parso.tree.NodeOrLeaf]:
 
 
 def copied(room: str) -> Path:
-    """Return a fresh copy of the checkout's files."""
+    """Copy the files of the checkout, and return the folder of the copy."""
     tree = ROOT / '.venv' / 'mutants' / f'tree-{room}'
     listed = subprocess.run(['git', 'ls-files', '--cached', '--others', '--exclude-standard'], cwd=ROOT, check=True,
                             capture_output=True, text=True).stdout.splitlines()
@@ -351,7 +351,7 @@ def chosen(mutant: Mutant, lines: dict[str, dict[int, list[str]]], times: dict[s
 
 @contextmanager
 def written(tree: Path, mutant: Mutant, known: dict[str, Operator]) -> Iterator[None]:
-    """Write a mutant into a copy for the duration of the block."""
+    """Keep a mutant in a copy for the duration of the block."""
     path = tree / mutant.path
     source = path.read_text()
     cached = Path(importlib.util.cache_from_source(str(path)))

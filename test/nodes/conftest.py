@@ -1,4 +1,4 @@
-"""Run real nodes in real processes over real DDS, in one domain per test; wait for conditions, and never sleep."""
+"""Real nodes run in real processes over real DDS, in one domain per test; tests wait for conditions, never sleep."""
 import os
 import signal
 import sys

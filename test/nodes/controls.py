@@ -1,9 +1,9 @@
 """Calls to a running sim, drawn from a seed: services, and live parameters with valid and invalid values.
 
 Each answer is compared with the table of parameters. A value is accepted if it has the right type, is within the limits
-and is one of the choices; otherwise the reason is one line, and the old value is kept. To start it by hand beside a sim
-that is in the same ROS domain and does not end: ``./dragon python test/nodes/controls.py --calls 10000``. The soak test
-runs it in the background, with only those calls that skip no tick.
+and is one of the choices; otherwise the reason is one line, and the old value is kept. To start it by hand, beside a
+sim in the same ROS domain that does not end: ``./dragon python test/nodes/controls.py --calls 10000``. The soak test
+runs this program in the background, with only those calls that skip no tick.
 """
 import argparse
 import json

@@ -30,7 +30,7 @@ FIELD = {bool: 'bool_value', int: 'integer_value', float: 'double_value', str: '
 
 
 class Remote:
-    """A user's control of a running sim from another process."""
+    """The control of a running sim by a user in another process."""
 
     def __init__(self, node, name='/dragon/sim'):
         from geometry_msgs.msg import PoseArray
@@ -62,7 +62,7 @@ class Remote:
         return self._ask(DescribeParameters, 'describe_parameters', DescribeParameters.Request(names=names)).descriptors
 
     def shown(self, *ticks):
-        """Wait until exactly these ticks have been heard since the last check."""
+        """Wait until exactly these ticks have been received since the last check."""
         wanted = [START_NS + TICK_NS * k for k in ticks]
         self._node.until(lambda: len(self.stamps) >= len(wanted))
         assert self.stamps == wanted

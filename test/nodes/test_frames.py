@@ -44,7 +44,7 @@ def test_the_tables_of_the_first_frame_are_built_before_it_is_due(led):
 
 @pytest.fixture
 def nothing_built(monkeypatch):
-    """No model of other tests is cached."""
+    """Begin without models that other tests have cached."""
     monkeypatch.setattr(model, '_COMPILED', model._Compiled())
 
 

@@ -31,7 +31,7 @@ def events_of(path):
 
 
 def heard_events(node):
-    """Return a list that fills with the events that a late subscriber hears."""
+    """Return a list to which the events that a late subscriber receives are added."""
     from diagnostic_msgs.msg import DiagnosticArray
 
     from dragon_ros.nodes import qos

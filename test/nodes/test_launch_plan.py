@@ -59,7 +59,7 @@ def test_a_replayed_bag_moves_to_the_namespace_waits_for_the_monitor_and_leads_t
     assert ran['monitor'].stop() == 0
     assert 'saw 26 ticks' in ran['monitor'].text
     assert set(times) <= {SCENE.run.time_ns(k) for k in range(26)}
-    assert -1.0 not in gaps         # -1.0 is the value in the bag, but only the live monitor publishes
+    assert -1.0 not in gaps         # -1.0 is in the bag, and only the live monitor publishes
 
 
 def test_without_a_monitor_its_topics_are_replayed(watched):

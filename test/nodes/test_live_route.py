@@ -31,7 +31,7 @@ def plan(frame_id, points):
 
 def routed(start, node, quality, message, *options):
     """Start ``route`` while a path is published (only once if it is latched); return the ended process."""
-    # The defaults would warn of readers that request more.
+    # With the default QoS, warnings about readers that request more would appear.
     silent = PublisherEventCallbacks(use_default_callbacks=False)
     publisher = node.create_publisher(Path, '/plan', QUALITY[quality], event_callbacks=silent)
     publisher.publish(message)

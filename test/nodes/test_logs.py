@@ -1,4 +1,4 @@
-"""The log of the nodes: the named caller is the line that logs, not the package's logger."""
+"""The log of the nodes: the caller named in a message is the line that logs it, not the package's logger."""
 from pathlib import Path
 
 from dragon_ros.nodes.logs import logger

@@ -91,7 +91,7 @@ def test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_a
     assert seen == again_seen       # computed from the benches in the bag, with no earlier state, to the last bit
     model = {t_ns: tick(scene, scene.run.tick_at(t_ns)).closeness.clearance_m for t_ns in seen}
     assert len(seen) == compile_scene(scene).last_tick + 1
-    assert seen == pytest.approx(model, abs=1e-14)      # in quaternions, poses lose their last bits
+    assert seen == pytest.approx(model, abs=1e-14)      # quaternions lose the last bits
     assert main(['inspect', str(bag), '--check']) == 0, capsys.readouterr().out
 
     assert '/dragon/collision/obstacles' not in names
@@ -122,7 +122,7 @@ def test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_a
 
 
 class Map:
-    """A map server in the test's node: latched grids on a topic, like Nav2's."""
+    """A map server in the test's node, which publishes latched grids on a topic as that of Nav2 does."""
 
     def __init__(self, node, topic='/map'):
         from nav_msgs.msg import OccupancyGrid
@@ -318,7 +318,7 @@ def test_a_map_is_moved_by_static_and_other_transforms_where_there_are_some(star
     show('/tf', 'hall', 'dragon', -1, 0)
     monitor.wait_for('moved to (31, 0) m, 180 deg')
     dragon.show(*range(260, 300, 2))
-    dragon.wait('dragon', "contact of bench 0 and obstacle 'map' at 5.725000 s")      # at 26 m in the dragon's frame
+    dragon.wait('dragon', "contact of bench 0 and obstacle 'map' at 5.725000 s")      # a wall at x = 26 m
     show('/tf', 'hall', 'dragon', -3, 0)
     monitor.wait_for('moved to (33, 0) m, 180 deg')
     dragon.show(300)

@@ -93,7 +93,7 @@ def test_health_goes_from_ok_over_warn_to_error_and_back(start, node):
     heard = Listener(node, '/diagnostics')
     node.until(lambda: heard.got['/diagnostics'])
     source = Publisher(node, 404)
-    node.until(lambda: heard.got['/diagnostics'])       # the monitor now listens; earlier messages were not kept for it
+    node.until(lambda: heard.got['/diagnostics'])       # the monitor now listens; it does not receive earlier messages
     source.show(404, 412.44, 412.48, 404)
 
     def levels():
@@ -160,7 +160,7 @@ def test_of_two_dragons_on_one_topic_the_monitor_keeps_the_one_it_knows_and_name
     assert warned.level == b'\x01'
     assert values(warned) == dict.fromkeys(('/dragon/handles', '/dragon/benches'), '/dragon/observer, /dragon/stranger')
     assert len(heard.got['clearance']) == 22        # nothing from the second publisher
-    # The monitor never restarted its run.
+    # The monitor never began again.
     assert [values(status)['phase'] for status in heard.statuses()] == ['begin']
     for out in known.out.values():
         node.destroy_publisher(out)
@@ -273,7 +273,7 @@ def test_a_recorder_keeps_every_topic_at_simulation_time(start, tmp_path):
     assert counts['/diagnostics'] >= 1
     assert counts['/dragon/clearance'] >= 1
     assert (counts['/dragon/collision'], counts['/dragon/collision/point']) == (1, 1)
-    assert counts['/dragon/collision/active'] == 2   # includes the latched message from before the run
+    assert counts['/dragon/collision/active'] == 2   # the latched message from before the run is included
     # There is one message per tick in contact; only the last one is kept for late readers.
     assert 1 <= counts['/dragon/collision/markers'] <= 27
 

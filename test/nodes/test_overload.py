@@ -71,7 +71,7 @@ def test_a_monitor_that_cannot_follow_skips_whole_ticks_and_says_so_and_what_it_
         if monitor._inbox.skipped == 1 and name == 'handles':      # reported at once, before anything has been read
             node.until(lambda: any('pace' in row.name for message in health for row in message.status))
         if n % 6 == 0 and n > 60:
-            # The monitor meanwhile reads a sixth of the messages.
+            # Meanwhile the monitor reads a sixth of the messages.
             monitor._inbox._read(*monitor._inbox._waiting.popleft())
     while monitor._inbox._waiting:
         monitor._inbox.work()

@@ -121,7 +121,7 @@ def test_a_bag_alone_makes_its_run_again(start, tmp_path):
     with BagReader(bag) as run:
         assert compare_with_model(run, scene).faults == []
     info = yaml.safe_load((tmp_path / 'run' / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
-    assert info['message_count'] == 3 * 26 + 2      # plus track and scene
+    assert info['message_count'] == 3 * 26 + 2      # and the messages of track and scene
 
 
 @pytest.mark.parametrize('on_contact', ['stop', 'hold'])
@@ -138,7 +138,7 @@ def test_a_bag_of_a_run_that_ends_in_its_contact_is_checked_to_its_last_frame(st
     assert main(['inspect', str(tmp_path / 'a.mcap'), '--check']) == 0
     assert f'{3 * 10} messages are bit-identical to the model, 0 are not' in capsys.readouterr().out
     monkeypatch.setattr(contacts_in_bag, 'SEARCHED_BENCHES', 222)
-    assert main(['inspect', str(tmp_path / 'a.mcap'), '--check']) == 0      # checked by its certificate
+    assert main(['inspect', str(tmp_path / 'a.mcap'), '--check']) == 0      # checked by the certificate in the bag
     assert 'the contact at 412.47383768211' in capsys.readouterr().out
 
 

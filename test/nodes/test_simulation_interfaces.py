@@ -1,4 +1,4 @@
-"""The standard services of simulators, called in a sim and a replay over real DDS, if their package is installed."""
+"""The standard services of simulators in a sim and a replay, called over real DDS, if their package is installed."""
 import sys
 from importlib.util import find_spec
 

@@ -1,6 +1,6 @@
 """Show that a recorder's memory grows only with the longest time for which it is stopped.
 
-Start this program by hand: ``./dragon python test/soak/backlog.py``. A sim runs at 100 Hz meanwhile. The recorder is
+Start this program by hand: ``./dragon python test/soak/backlog.py``. Meanwhile a sim runs at 100 Hz. The recorder is
 stopped for increasing durations, three times each, and then runs for three minutes. ``in use`` is the memory that
 malloc has given to Python and the middleware; ``free`` is the memory that malloc keeps.
 """

@@ -17,7 +17,7 @@ from pathlib import Path
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 
 _PATIENCE_S = 180
-_MOVES_S = (3600, -3600, 0, -7200)      # successive settings of the clock
+_MOVES_S = (3600, -3600, 0, -7200)      # the offsets to which the clock is set in turn
 _MILLION = 1_000_000
 
 

@@ -37,7 +37,7 @@ Stamps = np.ndarray[tuple[int], np.dtype[np.int64]]
 
 @dataclass
 class Soak:
-    """One soak: its processes and its observations."""
+    """A run of the soak test: its processes and its observations."""
 
     folder: Path
     domain: int = field(default_factory=free_domain)
@@ -95,7 +95,7 @@ def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
     stop_s = 60 * minutes
     sim = run.start('sim', *set_of(minutes, controls_s), '--ros-args', '-p',
                     'wait_subscribers:=[handles=3,benches=3,scene=2]')
-    if controls_s and not waited_for(folder / 'extra_0.mcap'):     # no subscriber sees a step before the start
+    if controls_s and not waited_for(folder / 'extra_0.mcap'):     # subscribers do not receive a step before the start
         run.faults.append('the run did not start')
     controls = controls_s and run.run('controls', [str(Path(__file__).parents[1] / 'nodes/controls.py'), '--harmless',
                                                    '--each-s', str(controls_s), '--seed', str(seed)])
@@ -154,7 +154,7 @@ def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
 
 
 def set_of(minutes: float, controls_s: float) -> list[str]:
-    """Return the scene as options; with controls, a signal ends the run, which must be long enough."""
+    """Return the scene as options; with controls, the run must be so long that only a signal ends it."""
     return ['--scene', 'unwinding', '--set', f'run.stop_s={60 * minutes * (2 if controls_s else 1)}',
             '--set', f'run.rate_hz={RATE_HZ}']
 

@@ -43,7 +43,7 @@ QUESTIONS['lock'].answer = deadly
 
 @contextmanager
 def started(*arguments, **environment):
-    """Start a program of Dask, and end it afterwards."""
+    """Run a program of Dask for the duration of the block."""
     process = subprocess.Popen([sys.executable, '-m', 'dask', *map(str, arguments)], start_new_session=True,
                                env={**os.environ, 'PYTHONPATH': str(ROOT), **environment},
                                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -216,7 +216,7 @@ def test_ctrl_c_ends_a_study_in_order_and_says_how_to_go_on(tmp_path):
                                start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     while process.poll() is None and not list(tmp_path.glob('data/rows/*.parquet')):
         Event().wait(0.01)
-    os.killpg(process.pid, signal.SIGINT)       # to all processes, as a terminal does
+    os.killpg(process.pid, signal.SIGINT)       # sent to all processes, as a terminal does
     out, err = process.communicate(timeout=LONGEST_S)
     assert process.returncode == 1, err
     assert 'to continue: ./dragon study study.yaml --output data --workers 1' in err

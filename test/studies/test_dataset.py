@@ -1,4 +1,4 @@
-"""Each part of a data set is complete or absent, whatever kills its writer, and the data set can be continued."""
+"""Each part of a data set is complete or absent, however its writer is killed, and the data set can be continued."""
 import os
 import subprocess
 import sys

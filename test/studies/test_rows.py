@@ -121,7 +121,7 @@ def test_the_smallest_pitch_of_mixed_benches_is_a_bracket_that_is_not_proved_abo
     row = row_of(one, 0)
     assert row['reason'] is None
     assert row['min_pitch_proved'] is False
-    assert row['min_pitch_inner'] == inner      # a short head passes freely where the body touches itself
+    assert row['min_pitch_inner'] == inner      # a short head passes freely at a place where the body touches itself
     if inner == 0:
         known = min_pitch(changed_scene('winding', {'dragon': {'benches': 30}}).dragon, 4, 5, 0.9, 1e-4)
         assert row['min_pitch_low_m'] <= known.high_m <= row['min_pitch_high_m'] + 1e-3

@@ -1,4 +1,4 @@
-"""The slack in a contact's position excuses no wrong time: only the leader's first arrival at it is proved."""
+"""The slack in a contact's position does not permit a wrong time: only the leader's first arrival is proved."""
 from dataclasses import replace
 
 import pytest
@@ -17,7 +17,7 @@ from dragon_ros.verify.posture import overlap
 
 BODY, TRACK = Dragon(30, 0.9, 2.9, 0.2), Spiral(0.55, 4.28)
 HOUR = 3600.0
-BACK_S = 0.1        # further back, other benches touch
+BACK_S = 0.1        # further back on the track, other benches touch
 FOUND = written(Scene(dragon=BODY, track=TRACK, run=Run(0, 5)))['contact']
 PAIR = FOUND['benches']
 

@@ -72,7 +72,7 @@ def test_a_strange_number_of_the_proof_is_refused(proof, key, strange):
     changed = copy.deepcopy(proof)
     (changed['contact'] if key == 't_s' else changed['intervals'][0])[key] = strange
     if (key, strange) == ('t_s', None) or (key.endswith('_m') and type(strange) in (int, float) and abs(strange) < 3):
-        return      # no contact is also a valid claim, and a position is only a hint where to cut
+        return      # no contact is also a valid claim, and a position is only a hint about where to cut
     with pytest.raises(Refused):
         check(json.dumps(changed).encode())
 

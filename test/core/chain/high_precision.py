@@ -76,7 +76,7 @@ class Guess:
 
 
 def rates(scene, t_s, segments=None):
-    """Return velocities and accelerations (N+1, 2) of a scene's handles, on given segments or on the actual ones."""
+    """Return velocities and accelerations (N+1, 2) of a scene's handles, on given segments or on their actual ones."""
     with mp.workdps(DIGITS):
         model = compile_scene(scene).model
         chain = model.march(scene.head.travelled_m(t_s))

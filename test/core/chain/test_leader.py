@@ -93,7 +93,7 @@ def test_led_by_the_tail_out_and_back_the_dragon_lies_as_before_and_goes_no_furt
 @pytest.mark.parametrize('turns', [3.6e3, 6.4e3, 1.6e4])
 @pytest.mark.parametrize('start', [0.91, 0.957, 0.99])
 def test_led_by_the_tail_from_far_off_there_is_a_state_at_the_very_end(turns, start):
-    """The track back is 10,000 to 500,000 km long, and rounding may move its end beyond the track's start at 0 m."""
+    """The way back is 10,000 to 500,000 km long, and rounding may move its end beyond the track's start at 0 m."""
     track = Composite((SpiralArc(0.41, 4.07, turns), Line(5.3)))
     led = [Scene(dragon=Dragon(5), track=replace(track, start_m=start * track_of(track).end_m),
                  head=Head(speed, 'tail')) for speed in (0.7, 1.0, 2.4815)]

@@ -1,4 +1,4 @@
-"""Derivatives by the scale of a dragon equal the differences of marched chains, within their accuracy."""
+"""Derivatives by the scale of a dragon equal finite differences of marched chains, within the accuracy of these."""
 import numpy as np
 import pytest
 

@@ -238,7 +238,7 @@ def nearly_straight(at_rad, links_rad, head, width, inset, length_rad):
        st.floats(0, 0.3))
 @example(-2, 0.06, 1.0, -2, 0.0, 0.0)       # near the centre, directions turn by two radians per radian
 @example(3, 0.05, 1.0, 1, 0.0, 0.0)         # corners of wide benches turn forwards
-@example(3, 0.001, 1.0, -2, 0.4, 0.0)       # nearly a line, where only insets matter
+@example(3, 0.001, 1.0, -2, 0.4, 0.0)       # on a curve that is nearly a line, only insets matter
 def test_benches_of_a_nearly_straight_chain_stay_behind_by_the_links_between_them(out, links_rad, head, width, inset,
                                                                                   length_rad):
     bound, true, link = nearly_straight(10**out, links_rad, head, 10**width, inset, length_rad)

@@ -1,4 +1,4 @@
-"""Bounds that exclude contacts are rounded outwards: on random boxes, all are on the safe side of arb's balls.
+"""Bounds that exclude contacts are rounded outwards: on random boxes, all bounds are on the safe side of arb's balls.
 
 Each formula is evaluated twice, in floats and in arb at 200 bits (``arb_balls``), on the same boxes.
 """

@@ -160,7 +160,7 @@ def lying(centre, half=1.0, side=0.1):
 
 
 def both_sides(step):
-    """Return a layout with benches 0 and 2 a step closer; 4 and 6 are closest until these meet; 5 does not move."""
+    """Return a layout with benches 0 and 2 a step closer; until they meet, 4 and 6 are closest; 5 does not move."""
     return lying(np.array([-1.3 + step, 20j, 1.3 - step, -20j, 10j, -10.65j, 10.25j]))
 
 

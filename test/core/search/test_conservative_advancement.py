@@ -171,7 +171,7 @@ def test_benches_that_touch_while_the_leader_still_rests_touch_from_the_start(kn
 
 
 def passing(width):
-    """Return a scene in which the head passes through a turn, and its nearest miss."""
+    """Return a scene in which the head passes through a turn, and the nearest miss of the scene."""
     scene = Scene(dragon=Dragon(24, width_m=width), track=STurn(1.2, before_m=100.0), run=Run(112, 118))
     none = NoContact(compile_scene(scene).end, 0, Certificate((Interval(ALL, 12.0, 18.0, 23, 0.0),)))
     return scene, near_misses(scene, none, 1.0).nearest[0]

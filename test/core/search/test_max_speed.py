@@ -1,4 +1,4 @@
-"""The largest speed of any handle, and hence of the leader, on every track, under every law, with both leaders."""
+"""The largest speed of any handle, and hence of the leader, for every track, law and leader."""
 from dataclasses import replace
 from itertools import pairwise
 from math import inf, nextafter
@@ -94,7 +94,7 @@ def _top(scene):
 
 
 def _when(scene, gone_m):
-    """Return a time of the run at which the leader has travelled this far."""
+    """Return a time of the run at which the leader has travelled the given distance."""
     times = np.linspace(scene.run.start_s, compile_scene(scene).end.t_s, 401)
     gone = np.array([scene.head.travelled_m(t)[0] for t in times.tolist()])
     n = int(np.argmin(np.abs(gone - gone_m)))

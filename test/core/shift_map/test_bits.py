@@ -22,7 +22,7 @@ from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
 from hard_cases.dances import dances
 
 TURNING = Scene(track=STurn(before_m=100.0), run=Run(0, 200))
-# Its joints lie within a link of the end of the first tile, 448 links from the track's beginning.
+# The joints of this track lie within a link of the end of the first tile, 448 links from the track's beginning.
 BESIDE = Scene(dragon=Dragon(20), track=Composite((Line(730.0), Arc(10.0, 49.848), Arc(9.0, 300.0)), start_m=600.0))
 
 

@@ -32,7 +32,7 @@ from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc,
 from hard_cases.dances import dances
 
 CASES = {problem.name: problem for problem in dances()}
-MARCHED = {'turn-joined-handles', 'far-joined'}        # links of zero length; coordinates of 16 km
+MARCHED = {'turn-joined-handles', 'far-joined'}        # these have links of zero length, or coordinates of 16 km
 TURNING, UNWINDING = CASES['turning'].scene, CASES['unwinding'].scene
 SHORT = Dragon(12, 2.2, 1.6)
 

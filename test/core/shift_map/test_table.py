@@ -1,6 +1,6 @@
 """The shift map of a spiral gives all handles at once, as exactly as forward placement.
 
-test_accuracy tests the promises against the 50-digit reference.
+The promises are tested against the 50-digit reference in test_accuracy.
 """
 from dataclasses import replace
 from itertools import product

@@ -104,7 +104,7 @@ def test_just_past_an_arc_the_next_handle_is_at_the_very_end_of_its_reach_and_as
 
 
 def test_a_link_across_a_joint_just_passed_keeps_its_length():
-    """Newton's steps leave the bracket, whose end is next to the root, and bisection alone is not exact."""
+    """Newton's steps leave the bracket, one end of which is next to the root, and bisection alone is not exact."""
     turn = STurn(1.3739674042962116, 8.25888768959588, 1.5403046253142452)
     dragon = Dragon(7, 2.2060197130833377, 1.0938917775107062, hole_inset_m=0.2)
     scene = Scene(dragon=dragon, track=turn, run=Run(0, 25))

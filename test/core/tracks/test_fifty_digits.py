@@ -1,4 +1,4 @@
-"""Random composite tracks, long and short, near and far, against the 60-digit code of the reference data."""
+"""Random composite tracks, long and short, near and far, against the code for the reference data with 60 digits."""
 import importlib
 from dataclasses import replace
 from math import exp, log
