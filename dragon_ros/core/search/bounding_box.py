@@ -1,26 +1,28 @@
 """The space that a run requires: bounds on the largest x, -x, y and -y of any corner of any bench.
 
-The pose of a bench depends only on its length and on the position of its front handle, and not on the time, the leader,
-or the index of the bench. Branch and bound therefore searches only a few intervals of the track: one for the head's
-front handle, and those that the front handles of all other benches of one length pass together. Intervals whose bound
-exceeds the largest value found so far are cut.
+The pose of a bench depends only on its length and on the position of its front handle, not on the time, the leader, or
+the index of the bench. Branch and bound therefore searches only a few intervals of the track: one interval for the
+head's front handle, and, for each length of the other benches, the intervals that their front handles pass. Intervals
+whose bound exceeds the largest value found so far are cut.
 
-The bound of an interval: let s and t be the distances of a bench's front and rear handle, q and r their positions, and
-h and l the distances that they move from one end to the other. A corner at the complex lever a from the bench's middle
-(a is real along the link) is A q + B r with A = 1/2 + a / link, B = 1/2 - a / link. The derivative of its coordinates
-by s is
+The bound on an interval is derived as follows. Let s and t be the distances of a bench's front and rear handles along
+the track, q and r the positions of the two handles, and h and l the distances that they move over the interval. A
+corner at the complex offset a from the bench's middle (a is real along the link) lies at A q + B r, where A = 1/2 + a /
+link and B = 1/2 - a / link. The derivative of this position with respect to s is
 
     g' = (A q') + (B r') cos alpha / cos beta,
 
 where alpha and beta are the link's angles with the track's tangents. A value that changes from x0 to x1 with a total
-variation of at most X is never further than X / 2 from their mean. With k the largest curvature at a handle, its
-tangent turns by at most k h, or k l, and ``enclosures.on_track`` bounds the ratio of the cosines. All factors of g'
-therefore lie in balls, and so does g': |g'| <= G. The coordinate changes by at most V = min(G h, |A| h + |B| l), and
-nowhere exceeds the mean of its values at the two ends plus V / 2. As intervals shrink, the excess decreases with the
-square of their length, or with the length itself if a handle passes a joint, where the curvature jumps. The rear handle
-must move in one direction.
+variation of at most X is never further than X / 2 from the mean of x0 and x1. If the curvature at the handles is at
+most k, the tangent at the front handle turns by at most k h and the tangent at the rear handle by at most k l;
+``enclosures.on_track`` bounds the ratio of the cosines. All factors of g' therefore lie in known balls, so g' also lies
+in a ball, which gives a bound |g'| <= G. Each coordinate of the corner changes by at most V = min(G h, |A| h + |B| l),
+and never exceeds the mean of its values at the two ends by more than V / 2. As intervals shrink, the excess of the
+bound decreases with the square of their length, or with the length itself if a handle passes a joint, where the
+curvature jumps. The bound holds only if the rear handle moves in one direction.
 
-A link of zero length lies along the track: the corner is q + a q', and g' = q' + i a kappa q'.
+A bench with a link of zero length points along the track: its corner lies at q + a q', and g' = q' + i a kappa q',
+where kappa is the curvature.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -48,10 +50,10 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 SIDES = ('x', '-x', 'y', '-y')
 _TOWARDS = np.array([1, -1, 1j, -1j])
-_AT_ONCE = 512      # intervals that are bounded together
-_FIRST, _PARTS = 32, 6      # numbers of parts of the first intervals and of later ones: fewer parts take more rounds
-_SAME = 1e-13       # relative to a distance along the track: closer positions count as equal
-_MOST = 200_000     # limit for the benches placed
+_AT_ONCE = 512      # number of intervals that are bounded together
+_FIRST, _PARTS = 32, 6      # numbers of parts of first and of later intervals; fewer parts take more rounds
+_SAME = 1e-13       # positions closer than this, relative to the distance along the track, count as equal
+_MOST = 200_000     # maximum number of benches that are placed
 
 
 @dataclass(frozen=True)
@@ -76,12 +78,12 @@ class BoundingBox:
 
     @property
     def centred_m(self) -> tuple[float, float]:
-        """Bounds on the side of the smallest axis-aligned square about the origin that contains the run."""
+        """Bounds on the side length of the smallest axis-aligned square about the origin that contains the run."""
         return 2 * max(reach.low_m for reach in self.reaches), 2 * max(reach.high_m for reach in self.reaches)
 
     @property
     def free_m(self) -> tuple[float, float]:
-        """Bounds on the side of the smallest axis-aligned square anywhere that contains the run."""
+        """Bounds on the side length of the smallest axis-aligned square, centred anywhere, that contains the run."""
         low, high = ([getattr(reach, name) for reach in self.reaches] for name in ('low_m', 'high_m'))
         return max(low[0] + low[1], low[2] + low[3]), max(high[0] + high[1], high[2] + high[3])
 
@@ -92,7 +94,7 @@ class BoundingBox:
 
 
 def fits(bounds_m: tuple[float, float], side_m: float) -> bool | None:
-    """Return whether a square with a side between bounds fits into another; None if the bounds cannot decide."""
+    """Return whether a square whose side lies within bounds fits into one of side ``side_m``; None if undecided."""
     return True if bounds_m[1] <= side_m else False if bounds_m[0] > side_m else None
 
 
@@ -100,7 +102,7 @@ def bounding_box(scene: Scene, within_m: float = 1e-10,
                  progress: Callable[[int], object] = lambda looks: None) -> BoundingBox:
     """Return the space that the scene's run requires; its bounds differ by ``within_m`` plus the position error.
 
-    They differ by more if floats are too coarse for that, or if placing ``_MOST`` benches does not suffice.
+    The bounds differ by more if floats are too coarse, or if placing ``_MOST`` benches does not suffice.
     ``progress(looks)`` is called with the number of benches placed since the last call.
     """
     ranges = HandleRanges(scene)
@@ -112,23 +114,23 @@ def bounding_box(scene: Scene, within_m: float = 1e-10,
 
 
 def by_length(lengths_m: Floats) -> list[Ints]:
-    """Return the indices of the benches, grouped by length: the head alone first, then the benches behind it."""
+    """Return the indices of the benches, grouped by length: first the head alone, then the benches behind it."""
     behind = dict.fromkeys(lengths_m[1:].tolist())
     return [np.array([0]), *(1 + np.flatnonzero(lengths_m[1:] == length) for length in behind)]
 
 
 def bench_of(ranges: 'HandleRanges', number: int) -> 'SweptBench':
-    """Return the bench with an index as a bench that moves along the track."""
+    """Return the bench with the given number as a ``SweptBench``."""
     dragon = ranges.scene.dragon
     return SweptBench(ranges.track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
                       0.5 * dragon.width_m)
 
 
 def intervals_of(ranges: 'HandleRanges', benches: Ints) -> Floats:
-    """Return the intervals (2, M) of distances that the front handles of benches pass, merged if they overlap.
+    """Return the intervals (2, M) of the track, in m, that the front handles of benches pass, merged if they overlap.
 
-    They are cut where the rear handle turns back. If the track begins with laps of a circle, the last lap stands for
-    all.
+    The intervals are cut where the rear handle turns back. If the track begins with laps of a circle, the last lap
+    represents all of them.
     """
     low, high = ranges.ranges_m[:, benches]
     order = np.argsort(low)
@@ -155,7 +157,7 @@ def turning_m(track: Track, link_m: float) -> list[float]:
 
 
 class _Reaching(InOrder):
-    """A search for the farthest corner on each side: the best so far, its position, and bounds for the rest."""
+    """A search for the farthest corner on each side: best values so far, their positions, and bounds for the rest."""
 
     at_once = _AT_ONCE
 
@@ -173,7 +175,7 @@ class _Reaching(InOrder):
         run(self, Boxes(*intervals[:, None]).cut(_FIRST))
 
     def judge(self, boxes: Boxes) -> Boxes:
-        """Bound intervals, set aside those that cannot exceed the best, and cut the others."""
+        """Bound intervals, record the bounds of those that cannot exceed the best value, and cut the others."""
         assert self._bench
         ends = np.stack((boxes.low[0], boxes.high[0]))
         places, index = np.unique(ends, return_inverse=True)
@@ -195,7 +197,7 @@ class _Reaching(InOrder):
 
 
 def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Reaching, side: int) -> Reach:
-    """Return the result on a side, with a bench that reaches it, and the time."""
+    """Return the result for one side, with the bench that reaches farthest there and the time when it does."""
     kind, along_m, corner = search.where[side]
     low, high = ranges.ranges_m[:, kinds[kind]]
     bench = int(kinds[kind][np.argmax(np.minimum(along_m - low, high - along_m))])
@@ -210,10 +212,10 @@ def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Reaching, side: i
 
 @dataclass(frozen=True)
 class BenchStates:
-    """A bench at M positions: its link, behind its front handle, for ``on_track``, and the values of its corners.
+    """A bench at M positions: the states of its link for ``on_track``, and the coordinates of its corners.
 
-    ``value`` (M, 4, 4) are the coordinates of the corners towards SIDES; ``front`` and ``rear`` are the two terms of
-    their derivative, without the ratio cos alpha / cos beta.
+    ``value`` (M, 4, 4) holds the coordinates of the corners along SIDES; ``front`` and ``rear`` hold the two terms of
+    the derivatives of these coordinates, without the factor cos alpha / cos beta.
     """
 
     link: LinkStates
@@ -228,7 +230,7 @@ class BenchStates:
 
 @dataclass(frozen=True)
 class SweptBench:
-    """A bench that moves along a track: its corners, and bounds on them between two of its positions."""
+    """A bench that moves along a track: its corners, and bounds on the corners between two positions of the bench."""
 
     track: Track
     link_m: float
@@ -237,19 +239,19 @@ class SweptBench:
 
     @cached_property
     def _lever(self) -> Array:
-        """Vectors from the middle to the corners, in order."""
+        """The vectors from the middle of the bench to its corners as complex numbers, in the order of CORNERS."""
         along, aside = self.half_length_m, 1j * self.half_width_m
         return np.array([along + aside, -along + aside, -along - aside, along - aside])
 
     @cached_property
     def _shares(self) -> tuple[Array, Array]:
-        """The factors A and B of the corners; for a link of zero length B is the factor of the tangent."""
+        """The factors A and B of the corners; for a link of zero length, B is the factor of the tangent."""
         if not self.link_m:
             return np.ones(4, dtype=np.complex128), self._lever
         return 0.5 + self._lever / self.link_m, 0.5 - self._lever / self.link_m
 
     def states(self, along_m: Floats) -> BenchStates:
-        """Return the bench with its front handle at distances along the track."""
+        """Return the states of the bench when its front handle is at the given distances along the track."""
         track, link = self.track, self.link_m
         fronts = track.places_at(along_m, np.zeros_like(along_m))
         rears = self._rears(fronts) if link else fronts
@@ -265,7 +267,7 @@ class SweptBench:
                            _sides(two * (to_rear if link else 1j * to)[:, None]))
 
     def _rears(self, fronts: Places) -> Places:
-        """Return the rear handles, at a lock one by one, because only the scalar solver accepts the longest chord."""
+        """Return the rear handles; solve one by one at a lock, as only the scalar solver accepts the longest chord."""
         try:
             return next_places(self.track, fronts, self.link_m, BEHIND)[0]
         except ChainLockError:
@@ -274,7 +276,7 @@ class SweptBench:
             return np.array([place.segment for place in rears]), u[:, 0], u[:, 1]
 
     def bounds(self, a: BenchStates, b: BenchStates) -> Floats:
-        """Return bounds (M, 4, 4) on the corners' coordinates between states a and b, where b is further along."""
+        """Return upper bounds (M, 4, 4) on the corners' coordinates from state a to state b further along the track."""
         slope, crude = self.slopes(a, b)
         with np.errstate(all='ignore'):
             goes = np.fmin(crude, slope.most * _each(np.abs(b.link.along_m - a.link.along_m)[:, 0]))
@@ -282,7 +284,7 @@ class SweptBench:
         return out
 
     def slopes(self, a: BenchStates, b: BenchStates) -> tuple[Ball, Floats]:
-        """Return enclosures of the coordinates' derivatives by the front handle's distance, and the largest changes."""
+        """Enclose the coordinates' derivatives by the front handle's distance, and bound the coordinates' changes."""
         with np.errstate(all='ignore'):
             moving = enclosed(a.link, b.link, np.array([self.link_m]), self.track.bends, passes=0)
             front_m, rear_m = np.abs(b.link.along_m - a.link.along_m).T
@@ -301,7 +303,7 @@ def _complex(points: Floats) -> Array:
 
 
 def _sides(z: Array) -> Floats:
-    """Return the coordinates of complex numbers (M, 4) towards SIDES."""
+    """Return the coordinates (M, 4, 4) of complex numbers (M, 4) along the directions SIDES."""
     out: Floats = (z[..., None] * _TOWARDS.conj()).real
     return out
 
@@ -312,7 +314,7 @@ def _each(value: Floats) -> Floats:
 
 
 def _mean(a: Floats, b: Floats, gone: Floats) -> Ball:
-    """Return the ball of a value that changes from a to b with a total variation of at most ``gone``."""
+    """Return a ball that contains a value while it changes from a to b with a total variation of at most ``gone``."""
     return Ball(0.5 * (a + b), 0.5 * gone)
 
 
@@ -320,12 +322,12 @@ class HandleRanges:
     """The ranges of a dragon's front handles along the track during a run, and the time when a handle is at a position.
 
     Each handle moves in one direction while the leader goes from one of ``_stops_m`` to the next. The stops are the
-    leader's smallest and largest distances and those in between at which a handle turns back. Each handle therefore
-    has its smallest and largest distance at a stop.
+    smallest and the largest distance travelled by the leader, and the distances in between at which a handle turns
+    back. Each handle therefore reaches its smallest and its largest distance along the track at a stop.
     """
 
     def __init__(self, scene: Scene) -> None:
-        """Compile a scene at the accuracy of the exact tier."""
+        """Compile a scene at the exact tier."""
         self.scene = replace(scene, accuracy='exact', solver='march')
         run, law = scene.run, scene.head
         inside = [t_s for t_s in law.breaks_s if run.start_s < t_s < compile_scene(scene).end.t_s]
@@ -348,13 +350,13 @@ class HandleRanges:
 
     @cached_property
     def _at_stops_m(self) -> Floats:
-        """Distances (S, N) of the front handles along the track at the stops."""
+        """The distances (S, N) of the front handles along the track at the stops."""
         chains = [self.chain(gone) for gone in self._stops_m]
         return np.array([self.track.distances(chain.segment, chain.u)[:-1] for chain in chains])
 
     @cached_property
     def ranges_m(self) -> Floats:
-        """Smallest and largest distance (2, N) of the front handles along the track."""
+        """The smallest and the largest distance (2, N) of each front handle along the track, in m."""
         return np.stack((np.min(self._at_stops_m, axis=0), np.max(self._at_stops_m, axis=0)))
 
     def chain(self, gone_m: tuple[float, float]) -> Chain:
@@ -362,7 +364,7 @@ class HandleRanges:
         return self._model.march(gone_m)
 
     def when_s(self, handle: int, along_m: float) -> float:
-        """Return a time at which a handle is at a distance along the track."""
+        """Return a time at which a handle is at a given distance along the track."""
         gone = self._leader_m(handle, along_m)
         pairs = zip(pairwise(self._times_s), pairwise(one for one, _ in self._gone_m), strict=True)
         times, ways = min(pairs, key=lambda pair: max(min(pair[1]) - gone, gone - max(pair[1])))
@@ -372,7 +374,7 @@ class HandleRanges:
         return illinois(lambda t_s: float(self.scene.head.travelled_m(t_s)[0]) - gone, *times, low, high)
 
     def _leader_m(self, handle: int, along_m: float) -> float:
-        """Return the distance travelled by the leader when a handle is at a distance along the track."""
+        """Return the distance travelled by the leader when a handle is at a given distance along the track."""
         stops = self._stops_m
         over, same = (self._at_stops_m[:, handle] - along_m).tolist(), _SAME * (1 + abs(along_m))
         nearest = min(range(len(stops)), key=lambda n: abs(over[n]))
@@ -389,7 +391,7 @@ class HandleRanges:
         return stops[nearest][0]
 
     def _handle_m(self, handle: int, gone_m: tuple[float, float]) -> float:
-        """Return the distance of a handle along the track at a distance travelled by the leader."""
+        """Return a handle's distance along the track when the leader has travelled a given distance."""
         leader = self._model.leader
         links, index = (leader.links_m[:handle], -1) if leader.direction == BEHIND else (leader.links_m[handle:], 0)
         chain = marched(leader.track, links, leader.place(gone_m), leader.direction)

@@ -5,17 +5,17 @@ from dragon_ros.core.geometry.contacts import ObstacleTouch
 from dragon_ros.core.geometry.signed_distance import Witness
 from dragon_ros.core.model import End
 
-ALL = -1        # the lead of an interval that covers every bench
+ALL = -1        # value of ``lead`` for an interval that covers every bench
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A cleared part of a run, and a lower bound in metres on its gaps.
+    """A cleared part of a run, with a lower bound in metres on the gaps in it.
 
-    ``start_m`` and ``stop_m`` are distances along the track of the front handle of bench ``lead``, in the order of the
+    ``start_m`` and ``stop_m`` are distances of the front handle of bench ``lead`` along the track, in the order of the
     leader's motion. The bound applies to the gaps between that bench and the next ``behind`` benches except the one
-    directly behind it. It also applies to every other bench with the same remaining link sequence, while its own front
-    handle is in this part.
+    directly behind it. The bound also applies to every other bench with the same remaining link sequence while the
+    front handle of that bench is in this part.
 
     If ``lead`` is ``ALL``, the distances are those of the head, and the bound applies to all pairs of benches whose
     inner bench no other interval covers.
@@ -30,13 +30,13 @@ class Interval:
 
 @dataclass(frozen=True)
 class Certificate:
-    """Proof that nothing touched: intervals that cover the run up to the contact, or up to its end.
+    """Proof that nothing touches: cleared intervals that cover the run up to its first contact, or up to its end.
 
-    They cover pairs of benches; cleared intervals for obstacles are not kept.
+    The intervals cover pairs of benches; cleared intervals for obstacles are not kept.
 
-    ``complete`` is False if the intervals end more than a nanometre of leader travel, and more than the position error,
-    before the contact. It is also False if the benches meet so slowly that they do not provably overlap that far after
-    it.
+    ``complete`` is False if the intervals end before the contact by more than a nanometre of leader travel and by more
+    than the position error. ``complete`` is also False if the benches approach so slowly that they do not provably
+    overlap at the same distance after the contact.
     """
 
     intervals: tuple[Interval, ...] = ()
@@ -55,11 +55,11 @@ class Certificate:
 class Contact:
     """A first contact: its time, the benches (the inner one first), the corner and edge that meet, and its uncertainty.
 
-    For a contact with an obstacle, ``benches`` has one element, and ``obstacle`` describes the obstacle's side.
-    ``grazing_m`` bounds the smallest gap if this gap is zero to within the position error, so that contact is
-    undecided; otherwise it is None. ``simultaneous`` lists the other pairs, of two benches or of a bench and an
-    obstacle's name, that touch within the uncertainty, which is the position error of the exact tier divided by the
-    approach speed. ``states`` is the number of states evaluated.
+    For a contact with an obstacle, ``benches`` has one element, and ``obstacle`` describes the obstacle's side. If the
+    smallest gap is zero to within the position error, contact is undecided and ``grazing_m`` bounds this gap; otherwise
+    ``grazing_m`` is None. ``simultaneous`` lists the other pairs that touch within the uncertainty; each pair consists
+    of two benches, or of a bench and the name of an obstacle. The uncertainty is the position error of the exact tier
+    divided by the approach speed. ``states`` is the number of states evaluated.
     """
 
     t_s: float
@@ -75,7 +75,7 @@ class Contact:
 
     @property
     def between(self) -> str:
-        """Description of the benches, or the bench and obstacle, that touch."""
+        """A description of the two benches, or of the bench and the obstacle, that touch."""
         if self.obstacle:
             return f'bench {self.benches[0]} and obstacle {self.obstacle.name!r}'
         return f'benches {self.benches[0]} and {self.benches[1]}'
@@ -95,5 +95,5 @@ class NoContact:
     certificate: Certificate
 
     def __bool__(self) -> bool:
-        """Return False, whereas a Contact is true."""
+        """Return False; a Contact is true."""
         return False

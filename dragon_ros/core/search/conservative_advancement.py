@@ -1,16 +1,16 @@
-"""How close any two benches of the whole chain can come over a step of the leader: the larger of two lower bounds.
+"""Lower bounds on the gap between any two benches of the whole chain while the leader moves over a step.
 
-Both hold if no link can lock. The handles then move only in the direction of the leader, so between two states handle i
-moves by exactly the distance D_i between its positions. A point of a bench at a fraction t of the way between its
-handles moves by at most (1 - t) D_i + t D_(i+1). A point at a distance e beside or beyond them moves further by at most
-e times the bench's rotation, which is at most (D_i + D_(i+1)) / 2 times the track's largest curvature. If two benches
-met in between, the two points that meet would be at least the gap apart at each state, so they would have moved by at
-least the sum of both gaps.
+The larger of two bounds is used. Both bounds hold if no link can lock. The handles then move only in the direction of
+the leader, so between two states handle i moves by exactly the distance D_i between its positions. A point of a bench
+at a fraction t of the way between its handles moves by at most (1 - t) D_i + t D_(i+1). A point at a distance e beside
+or beyond them moves further by at most e times the bench's rotation, which is at most (D_i + D_(i+1)) / 2 times the
+track's largest curvature. If two benches met between the two states, the points that meet would be at least the gap
+apart at each state, so together they would have to move by at least the sum of both gaps.
 
-This bound loosens with the motion of benches, even if they move together. The other bound is used for pairs that the
-first does not clear. It loosens with the square of the step, and only with the motion of benches relative to each
-other: over a step h no corner deviates from the line between its positions at both ends by more than B h^2 / 8, with B
-from ``on_track``. docs/contact.md has the proofs. Everything is rounded outwards: gaps and separations by
+This first bound loosens with the motion of benches, even if they move together. The second bound is used for pairs that
+the first bound does not clear. The second bound loosens with the square of the step, and only with the relative motion
+of benches: over a step h no corner deviates from the line between its positions at both ends by more than B h^2 / 8,
+with B from ``on_track``. docs/contact.md has the proofs. All bounds are rounded outwards: gaps and separations by
 ``signed_distance.rounding_m``, motions by the factor ABOVE.
 """
 from collections.abc import Iterator
@@ -28,19 +28,19 @@ from dragon_ros.core.search.driver import Judgement, clear, parts_for
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
-_TOLERANCE = 4          # times the position error, for two benches at two states
-_SPACING = 0.3          # relative to the longest bench, between the first states: pairs two benches apart allow no more
-_LEAST_SPACING = 0.05   # smallest fraction of it: intervals are cut later, and short roots have few pairs within reach
-_PARTS_OF_ROOT = 1.05  # desired parts per root: from block to block the length of roots is adapted to it,
-_FINER = 0.25           # by a factor between this and its inverse
-_MOST = 2_000_000       # limit for the first intervals; so many take a few hours
-_FINEST = 1e-3, 1e-8    # times 1 m, or the longest bench if it is shorter: near a contact, and near a grazing point
-_REACH = 1.25           # times the motion of benches on a root: pairs further apart retain a fifth of their gap
-_SHORTEST = 0.1    # relative to the error that a gap must exceed: gaps before a contact are larger
-_FAR = 0.05             # relative to the longest bench: added so that benches at rest also have a positive bound
-_AT_ONCE = 2**17        # limit for the benches that are sampled together, to save memory
+_TOLERANCE = 4          # multiple of the position error, for two benches at two states
+_SPACING = 0.3          # spacing of the first states in longest benches; pairs two benches apart do not allow more
+_LEAST_SPACING = 0.05   # smallest fraction of this spacing; intervals are cut later, and short roots reach few pairs
+_PARTS_OF_ROOT = 1.05  # desired number of parts per root, to which the length of roots is adapted from block to block
+_FINER = 0.25           # smallest factor for such an adaptation; the largest factor is the inverse
+_MOST = 2_000_000       # maximum number of first intervals; a search with so many takes a few hours
+_FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, times min(1 m, longest bench)
+_REACH = 1.25           # reach of a root, relative to the motion of two benches; other pairs keep a fifth of their gap
+_SHORTEST = 0.1    # shortest interval of ``prove``, relative to the tolerance; gaps before a contact are larger
+_FAR = 0.05             # added to the reach, in longest benches, so that benches at rest also have a positive bound
+_AT_ONCE = 2**17        # maximum number of benches that are sampled together, to save memory
 _FEW = 8                # number of roots in the first block; each later block has twice as many
-_SETTLED = 0.5          # relative to a gap: a bound this close to it is not recomputed for the parts of its interval
+_SETTLED = 0.5          # a bound above this fraction of the gap is not recomputed for the parts of its interval
 _STILL_M = 1e-200       # avoids a division by zero if two states round to the same position
 
 
@@ -70,11 +70,11 @@ _FIELDS = tuple(each.name for each in fields(ChainSamples))
 
 
 class _ChainIntervals:
-    """The space of leader positions for ``clear``: pairs are found for each root; its parts examine those that remain.
+    """The space of leader positions for ``clear``; pairs are found once per root, and its parts examine the rest.
 
-    A group is a set of pairs, with a bound on the gaps of all other pairs in an interval. A root's group holds the
-    pairs within reach. If a pair's bound on an interval is not far below its gaps at the ends, the pair is cleared on
-    all parts of the interval and left out of their groups.
+    A group is a set of pairs, with a bound on the gaps of all other pairs in an interval. The group of a root holds the
+    pairs within reach. If the bound on a pair's gap in an interval is not far below the gaps at both ends, the pair
+    counts as cleared on all parts of the interval and is left out of the groups of these parts.
     """
 
     def __init__(self, domain: SearchDomain, only_beyond: bool, heads_m: dict[float, float]) -> None:
@@ -87,9 +87,9 @@ class _ChainIntervals:
         self._rounding_m = float(rounding_m(domain.simulation.size_m, 0.5 * float(np.max(
             dragon.bench_lengths_m + dragon.width_m))))
         self._pairs: tuple[Ints, Ints] = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
-        self._first: Ints = np.empty(0, dtype=np.int64)     # index of each group's first pair
+        self._first: Ints = np.empty(0, dtype=np.int64)     # the index of each group's first pair
         self._count: Ints = np.empty(0, dtype=np.int64)
-        self._others_m: Floats                              # bounds on the gaps of each group's other pairs
+        self._others_m: Floats                              # bounds on the gaps of the pairs outside each group
 
     def sample(self, places: Floats, _: Ints) -> ChainSamples:
         """Return the samples at leader positions."""
@@ -111,7 +111,7 @@ class _ChainIntervals:
         return ChainSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in _FIELDS))
 
     def begin(self, samples: ChainSamples, pairs: Ints, _: Ints) -> None:
-        """Receive the roots, and find the pairs that come close on each."""
+        """Receive the roots, and find the pairs that come close on each root."""
         moved_m = np.max(self._moved(samples.rows(pairs[0]), samples.rows(pairs[1])), axis=1)
         reach_m = _REACH * 2 * moved_m + self._far_m
         found = [*self._near(samples, pairs, reach_m)]
@@ -137,7 +137,7 @@ class _ChainIntervals:
         return ABOVE * out
 
     def judge(self, a: ChainSamples, b: ChainSamples, group: Ints) -> Judgement:
-        """Judge intervals by gaps minus the benches' motion or second-order deviation; cut them as their room suggests.
+        """Judge intervals: bound the gaps on each interval, and choose the number of its parts from its room.
 
         The room is the fraction of its length to which an interval would have to shrink to be cleared.
         """
@@ -163,7 +163,7 @@ class _ChainIntervals:
         return Judgement(bound_m, touching, parts_for(least), rest)
 
     def _without(self, settled: Array, at: Ints, row: Ints, low_m: Floats, group: Ints, which: Ints) -> Ints:
-        """Return groups (M,), replaced for the intervals ``which`` by new ones without their settled pairs."""
+        """Return the groups (M,); the intervals ``which`` have new groups without their settled pairs."""
         out: Ints = group.copy()
         others_m = self._others_m[group]
         np.minimum.at(others_m, row[settled], low_m[settled])
@@ -178,7 +178,7 @@ class _ChainIntervals:
         return out
 
     def _bent(self, a: ChainSamples, b: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[Floats, Floats]:
-        """Return second-order bounds on the gaps of pairs, and the room."""
+        """Return second-order lower bounds on the gaps of pairs, and the room of each pair."""
         # Imported here because dragons that wind in on one spiral need only ``leading_benches``.
         from dragon_ros.core.enclosures.on_track import kinematics, link_states, second_derivatives, views
         domain = self._domain
@@ -200,7 +200,7 @@ class _ChainIntervals:
         return gaps(*self._rectangles(samples, row, i, j))
 
     def _rectangles(self, samples: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[Benches, Ints, Ints]:
-        """Return the benches of all states as one set, and pairs of its indices."""
+        """Return the benches of all states as one ``Benches``, and the two indices of each pair in it."""
         states, count = samples.places.size, self._domain.dragon.benches
         half_length, half_width = (np.tile(half, states) for half in self._half)
         benches = Benches(samples.centre.reshape(-1, 2), samples.axis.reshape(-1, 2), half_length, half_width)
@@ -212,7 +212,7 @@ class _ChainIntervals:
 
 
 class WholeChain:
-    """All pairs of a domain, or those not covered by ``LeadingBenches``, with the cleared part and its end."""
+    """All pairs of a domain, or those not covered by ``LeadingBenches``, with the part cleared so far."""
 
     def __init__(self, domain: SearchDomain, only_beyond: bool) -> None:
         """Cover a domain; ``only_beyond`` limits it to pairs whose inner bench is beyond the track's first segment."""
@@ -225,7 +225,7 @@ class WholeChain:
 
     @property
     def searchable_m(self) -> float:
-        """The leader position up to which the search needs an acceptable number of first intervals."""
+        """The leader position up to which the number of first intervals is acceptable."""
         domain, most_m = self._domain, _MOST * self._spacing_m
         near = abs(domain.stop_m - domain.start_m) <= most_m
         return domain.stop_m if near else domain.start_m + domain.sense * most_m
@@ -253,13 +253,13 @@ class WholeChain:
             yield Interval(ALL, self._head_m(start), self._head_m(stop), self._domain.dragon.benches - 1, bound_m)
 
     def _head_m(self, place: float) -> float:
-        """Return the head's distance along the track."""
+        """Return the head's distance along the track at a leader position."""
         if place not in self._heads_m:
             self._heads_m[place] = float(self._domain.along_m(place)[0])
         return self._heads_m[place]
 
     def _go_on(self, start_m: float, stop_m: float, finest_m: tuple[float, ...] | None = None) -> None:
-        """Clear from one position to another, block by block, until a position is not clear."""
+        """Clear from one position to another, block by block, until a position cannot be cleared."""
         here_m, stop_m = (self._within(place) for place in (start_m, stop_m))
         most, spacing_m = max(1, _AT_ONCE // self._domain.dragon.benches), self._spacing_m
         size = min(_FEW, most)
@@ -277,7 +277,7 @@ class WholeChain:
             here_m, size = end_m, min(2 * size, most)
 
     def _within(self, place_m: float) -> float:
-        """Return the position, or the nearest one with a bench beyond the first segment if only those count."""
+        """Return the position or, if only benches beyond the first segment count, the nearest one with such a bench."""
         domain = self._domain
         if not self._only_beyond:
             return place_m

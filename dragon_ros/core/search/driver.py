@@ -1,17 +1,19 @@
 """The loop shared by all searches: it judges cells of a space in batches and subdivides them until all are settled.
 
 ``run`` takes the search as a parameter. A ``Search`` selects the cells that may still matter, orders and judges them,
-keeps the settled ones and returns the parts of the others. The loop holds the waiting cells and limits the number of
-cells that are judged together; if there are too many, it takes the first in order, with all their parts. Four searches
-use it. ``clear`` advances through positions up to the first that is not clear; ``min_pitch`` does the same in the plane
-of radius and pitch; ``bounding_box`` and ``max_speed`` search for maxima. Every search terminates: a cell is cut into
-parts at most half as long, until it is as short as requested or as floats allow.
+keeps the settled ones and returns the parts of the others. The loop stores the waiting cells and limits the number of
+cells that are judged together. If too many cells are waiting, the loop settles the first ones with all their parts
+before it continues with the rest. Five searches use ``run``. ``clear`` advances through positions up to the first
+position that is not clear, and ``min_pitch`` does the same in the plane of radius and pitch; ``bounding_box``,
+``max_speed`` and ``venue_fit`` search for extreme values. Every search terminates: a cell is cut into parts at most
+half as long, until it is as short as requested or as floats allow.
 
-``clear`` clears intervals of the search domain of a contact. A domain is sampled at positions. Between two of them a
-bound (``on_spiral`` for a bench on a spiral segment, ``conservative_advancement`` for the whole chain) limits how close
-benches can come. If its bound does not exceed the position error, an interval is cut at once into as many parts as the
-bound suggests, and so on until each part is cleared or as short as requested. An interval of length L thus takes at
-most log2(L / finest) rounds. Adjacent intervals share the samples at their ends, because states are expensive.
+``clear`` clears intervals of the search domain of a contact. The domain is sampled at positions. A bound (``on_spiral``
+for a bench on a spiral segment, ``conservative_advancement`` for the whole chain) limits how close benches can come
+between two adjacent positions. An interval whose bound does not exceed the position error is cut into as many parts as
+the bound suggests, and each part is cut in turn until it is cleared or as short as requested. An interval of length L
+thus takes at most log2(L / finest) rounds. Adjacent intervals share the samples at their ends, because states are
+expensive.
 """
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar
@@ -21,10 +23,10 @@ from numpy.typing import NDArray
 
 from dragon_ros.core.numerics.types import Floats, Ints
 
-_SHARE = 0.9        # relative to the length for which there is room: gaps shrink within an interval
-_MOST_PARTS = 3     # limit per cut of an interval: shorter intervals have more room than a long one suggests
-_AT_ONCE = 4096     # intervals that are bounded together; the others wait, which limits the memory of a long search
-_FINEST = 1e-14     # relative to a time or a distance: shorter intervals are not cut
+_SHARE = 0.9        # length of a part, relative to its room; below 1 because gaps shrink within an interval
+_MOST_PARTS = 3     # maximum number of parts per cut; shorter intervals have more room than a long one suggests
+_AT_ONCE = 4096     # number of intervals that are bounded together; the others wait, which limits memory
+_FINEST = 1e-14     # intervals shorter than this, relative to their times or distances, are not cut
 Bools = NDArray[np.bool_]
 
 
@@ -49,7 +51,7 @@ class Search(Protocol[C]):
 
     @property
     def at_once(self) -> int:
-        """The number of cells that are judged together."""
+        """The largest number of cells that are judged together."""
         ...
 
     def ahead(self, cells: C) -> Bools:
@@ -57,7 +59,7 @@ class Search(Protocol[C]):
         ...
 
     def order(self, cells: C) -> Floats:
-        """Return sort keys of the cells, the smallest first."""
+        """Return sort keys of the cells; the cells with the smallest keys are judged first."""
         ...
 
     def judge(self, cells: C) -> C:
@@ -110,7 +112,7 @@ class Boxes:
         return Boxes(self.low[:, which], self.high[:, which])
 
     def cut(self, parts: int, axis: Ints | int = 0) -> 'Boxes':
-        """Cut each box into equal parts along one axis, or along one axis per box."""
+        """Cut each box into equal parts along one axis, which may differ from box to box."""
         axis, each = np.broadcast_to(axis, self.size), np.arange(self.size)
         ends = np.linspace(self.low[axis, each], self.high[axis, each], parts + 1, axis=1)
         low, high = (np.repeat(one, parts, axis=1) for one in (self.low, self.high))
@@ -134,9 +136,10 @@ class Samples(Protocol):
 
 @dataclass(frozen=True)
 class Judgement:
-    """For M intervals: lower bounds on the gaps, whether benches touch at each end (2, M), and the numbers of parts.
+    """A judgement of M intervals: lower bounds on gaps, whether benches touch at each end (2, M), numbers of parts.
 
-    ``group`` (M,) is the group for which the parts are judged: a space may omit pairs settled for the whole interval.
+    ``group`` (M,) holds the groups for which the parts are judged; a space may omit pairs that are settled for the
+    whole interval.
     """
 
     bound_m: Floats
@@ -148,8 +151,8 @@ class Judgement:
 class Space(Protocol):
     """The space of a search: it samples positions and bounds the gaps between two of them.
 
-    The first intervals are the ``roots``, which are their own groups; all others are parts of them. Windows are
-    identified by their index in the list passed to ``clear``.
+    The first intervals are the roots: each root is its own group, and every other interval is part of a root. Windows
+    are identified by their index in the list passed to ``clear``.
     """
 
     @property
@@ -166,11 +169,11 @@ class Space(Protocol):
         ...
 
     def begin(self, samples: Any, pairs: Ints, window: Ints) -> None:
-        """Receive the roots: ``pairs`` (2, R) of rows of the samples, and the indices (R,) of their windows."""
+        """Receive the roots as ``pairs`` (2, R) of rows of the samples, with the indices (R,) of their windows."""
         ...
 
     def judge(self, a: Any, b: Any, group: Ints) -> Judgement:
-        """Judge the intervals between samples a and b; ``group`` is the index of a root or comes from a judgement."""
+        """Judge the intervals between samples a and b; a ``group`` is the index of a root or comes from a judgement."""
         ...
 
     def lengths_m(self, start: Floats, stop: Floats) -> Floats:
@@ -192,7 +195,7 @@ class Cleared:
 
 
 def parts_for(room: Floats) -> Ints:
-    """Return how many parts to cut each interval into, if it would be cleared at a fraction ``room`` of its length."""
+    """Return the number of parts for each interval, which would be cleared at a fraction ``room`` of its length."""
     parts = np.ceil(1 / (_SHARE * np.maximum(room, 0.5 / _MOST_PARTS)))
     return np.clip(parts, 2, _MOST_PARTS).astype(np.int64)
 
@@ -200,8 +203,8 @@ def parts_for(room: Floats) -> Ints:
 def clear(space: Space, windows: list[Floats], finest_m: tuple[float, ...]) -> list[Cleared]:
     """Clear windows, given as monotone positions, each up to the first position that cannot be cleared.
 
-    Intervals are cut down to the first length of ``finest_m``. If such an interval is neither cleared nor touching, the
-    rest of its window is searched again from there, with intervals down to the next length.
+    Intervals are cut down to the first length of ``finest_m``. If an interval of this length is neither cleared nor
+    touching, the rest of its window is searched again from there, with intervals down to the next length.
     """
     out, left = [Cleared([], None, False) for _ in windows], dict(enumerate(windows))
     for finest in finest_m:
@@ -228,7 +231,7 @@ def _cleared(space: Space, windows: dict[int, Floats], finest_m: float) -> dict[
 
 @dataclass(frozen=True)
 class _Intervals:
-    """Intervals: ``pairs`` (2, M) of rows of samples, with their windows (M,) and groups (M,)."""
+    """Intervals as ``pairs`` (2, M) of rows of samples, with their windows (M,) and groups (M,)."""
 
     samples: Any
     pairs: Ints
@@ -256,8 +259,8 @@ class _Clearing:
         of = np.repeat([*windows], [window.size for window in windows.values()])
         self._sign = np.ones(size)
         self._sign[[*windows]] = [1.0 if window[-1] >= window[0] else -1.0 for window in windows.values()]
-        self._touch: Floats = np.full(size, np.inf)      # progress to the first touching position
-        self._limit: Floats = np.full(size, np.inf)      # progress to the first position that cannot be cleared
+        self._touch: Floats = np.full(size, np.inf)      # progress at the first touching position
+        self._limit: Floats = np.full(size, np.inf)      # progress at the first position that cannot be cleared
         self._done: list[tuple[Floats, Ints]] = []
         self._stuck: list[tuple[Floats, Ints]] = []
         samples, first = space.sample(np.concatenate([*windows.values()]), of), np.flatnonzero(np.diff(of) == 0)
@@ -271,7 +274,7 @@ class _Clearing:
         return out
 
     def order(self, batch: _Intervals) -> Floats:
-        """Return the progress at which intervals begin."""
+        """Return the progress at which each interval begins."""
         out: Floats = self._sign[batch.window] * batch.samples.places[batch.pairs[0]]
         return out
 
@@ -296,14 +299,14 @@ class _Clearing:
         return self._cut(left, judged.parts[rest]) if np.any(rest) else left
 
     def _cut(self, batch: _Intervals, parts: Ints) -> _Intervals:
-        """Cut intervals, each into its number of equal parts."""
+        """Cut each interval into its own number of equal parts."""
         count, (start, stop) = batch.window.size, batch.samples.places[batch.pairs]
         of, nth = np.repeat(np.arange(count), parts - 1), _counted(parts - 1) + 1
         share = nth / parts[of]
         places = np.where(parts[of] == 2, 0.5 * (start + stop)[of], start[of] + share * (stop - start)[of])
         new = batch.samples.places.size + np.arange(of.size)
         samples = self._space.joined([batch.samples, self._space.sample(places, batch.window[of])])
-        # The rows of each interval in order: start, new rows, stop.
+        # Order the rows of each interval: start, new rows, stop.
         fronts, owner = np.empty(of.size + count, dtype=np.int64), np.repeat(np.arange(count), parts)
         heads = np.cumsum(parts) - parts
         inner = np.ones(fronts.size, dtype=bool)
@@ -346,6 +349,6 @@ def divisible(starts: Floats, stops: Floats) -> Bools:
 
 
 def _counted(sizes: Ints) -> Ints:
-    """Return the numbers 0, 1, ... below each size, concatenated."""
+    """Return the numbers from 0 to size - 1 for each size, concatenated."""
     out: Ints = np.arange(int(np.sum(sizes))) - np.repeat(np.cumsum(sizes) - sizes, sizes)
     return out

@@ -1,13 +1,13 @@
-"""The time until which no dragon of a family touches itself: dragons on one spiral that differ within tolerances.
+"""The time until which no dragon of a family touches itself; the dragons of a family differ within tolerances.
 
-Every bench of a dragon may have its own width, length and hole inset within the tolerances around the scene's values;
-the pitch of the track is common to all. Larger rectangles contain smaller ones, so the largest width and overhang are
-used; a link may have any length between its shortest and its longest. The chain behind a bench depends only on that
-bench's position. The search therefore covers the positions of the inner and the other bench of a pair, their two links,
-and the pitches (``enclosures.sliding_pair``). Since the lengths of the links between the two benches are bounded, the
-other bench's position lies in a strip for each number of benches in between, and everything outside all strips is left
-out. The search has two parts: the head with all benches behind it, and any other bench with all benches behind it
-(docs/contact.md).
+The track is a single spiral. Every bench of a dragon may have its own width, length and hole inset within the
+tolerances around the scene's values; the pitch of the track is the same for all benches. Larger rectangles contain
+smaller ones, so the search uses the largest width and overhang. A link may have any length from the smallest to the
+largest. The chain behind a bench depends only on that bench's position. The search therefore covers the positions of
+the inner and the other bench of a pair, their two links, and the pitches (``enclosures.sliding_pair``). The lengths of
+the links between the two benches are bounded; for each number of benches in between, the other bench's position
+therefore lies in a strip. The search leaves out everything outside all strips. The search has two parts: the head with
+all benches behind it, and any other bench with all benches behind it (docs/contact.md).
 
 Boxes are cleared, left out or halved, in the order in which the leader could reach them. The leader's travel up to the
 first remaining box is thus proved clear.
@@ -44,25 +44,25 @@ from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve, arc_between
 
 TOLERANCES = ('dragon.width_m', 'dragon.head_length_m', 'dragon.body_length_m', 'dragon.hole_inset_m', 'track.pitch_m')
-_WITHIN = 0.01          # times 1 m, or the longest link if it is shorter: the leader travel before a dragon that
-                        # touches at which a proof ends
-_AT_ONCE, _MOST = 1000, 200_000     # numbers of boxes
-_FIRST_RAD = 2.0        # turn of the inner bench about the centre in a first box
-_MOST_FIRST = 10_000    # first boxes
-_DOWN, _UP = 1 - 2.0**-51, 1 + 2.0**-51     # exceed the rounding of a sum of two positive numbers
-_OUT = 1 + 2.0**-40     # exceeds the rounding of a dozen sums and products of positive numbers
+_WITHIN = 0.01          # leader travel before a touching dragon at which a proof ends, times min(1 m, longest link)
+_AT_ONCE, _MOST = 1000, 200_000     # numbers of boxes: judged together, and in all
+_FIRST_RAD = 2.0        # angle by which the inner bench moves about the centre in a first box
+_MOST_FIRST = 10_000    # maximum number of first boxes
+_DOWN, _UP = 1 - 2.0**-51, 1 + 2.0**-51     # factors that exceed the rounding of a sum of two positive numbers
+_OUT = 1 + 2.0**-40     # factor that exceeds the rounding of a dozen sums and products of positive numbers
 _BENT = 1.09            # the curvature of any spiral is at most 1.09 / r (``min_pitch``)
-_INNER_STEPS = 6        # iterations to bound the position of the head, given that of the next bench
+_INNER_STEPS = 6        # number of iterations that bound the head's position, given the position of the next bench
 _HEAD, _BODY = 0, 1     # kinds of the inner bench of a pair
 
 
 @dataclass(frozen=True)
 class FamilyProof:
-    """No dragon of the family touches itself from the start of the run to ``proved_s``.
+    """Proof that no dragon of a family touches itself from the start of the run to ``proved_s``.
 
-    ``why`` is the reason why the proof ends: 'contact' (some dragons may touch from ``limit_s`` on, for example at
-    ``benches``), 'run' (the run of the nominal dragon ends), 'bend' (closer to the centre the order of handles is not
-    proved) or 'effort'. ``nominal`` is the first contact of the scene itself; ``states`` is the number of boxes.
+    ``why`` is the reason for the end of the proof: 'contact' (some dragons may touch from ``limit_s`` on, for example
+    at ``benches``), 'run' (the run of the nominal dragon ends), 'bend' (the order of handles is not proved closer to
+    the centre) or 'effort' (the limit for the number of boxes is reached). ``nominal`` is the result for the scene
+    itself; ``states`` is the number of boxes examined.
     """
 
     within: tuple[tuple[str, float], ...]
@@ -76,7 +76,7 @@ class FamilyProof:
 
 @dataclass(frozen=True)
 class Family:
-    """The common ranges of the dragons of a family, from smallest to largest, in metres; ``scale`` is 1 / b in 1/m."""
+    """The dimensions of a family's dragons as ranges (smallest, largest) in metres; ``scale`` is 1 / b in 1/m."""
 
     benches: int
     turns: float
@@ -88,7 +88,7 @@ class Family:
 
     @cached_property
     def scale(self) -> tuple[float, float]:
-        """The smallest and largest 1 / b in 1/m."""
+        """The smallest and the largest value of 1 / b, in 1/m."""
         least_m, most_m = self.pitch_m
         return 2 * pi / most_m / _OUT, 2 * pi / least_m * _OUT
 
@@ -99,38 +99,38 @@ class Family:
 
     @property
     def within_m(self) -> float:
-        """The distance before the position of a touching dragon at which a proof may end."""
+        """The leader travel, before the position of a touching dragon, at which a proof may end."""
         return _WITHIN * min(1.0, self.head_link_m[1], self.body_link_m[1])
 
     @property
     def innermost_rad(self) -> float:
-        """The polar angle beyond which the curvature times each link is below 2."""
+        """The polar angle beyond which the curvature times the link length is below 2 for every link."""
         return 0.5 * _BENT * self.scale[1] * max(self.head_link_m[1], self.body_link_m[1]) * _OUT
 
     def gone_m(self, theta: Floats | float, scale: Floats | float) -> Floats:
-        """Return the least distance that the head travels to reach polar angles, for scales up to the given ones."""
+        """Return the shortest distances that the head travels to reach polar angles at scales up to the given ones."""
         start = self.start_rad
         out: Floats = np.maximum(arc_between(start, np.maximum(start - np.asarray(theta), 0.0)) / scale / _OUT - (
             (_OUT - 1) * start**2 / self.scale[0]), 0.0)
         return out
 
     def inward_rad(self, gone_m: float) -> float:
-        """Return a polar angle that no head has passed after this distance."""
+        """Return a polar angle that no head of the family has passed after travelling a given distance."""
         low_m = self.pitch_m[0]
         return SpiralCurve(low_m, from_turns(self.turns)).inward(gone_m * _OUT).hi / _OUT
 
     def outward_rad(self, gone_m: float) -> float:
-        """Return a polar angle that every head has passed after this distance."""
+        """Return a polar angle that every head of the family has passed after travelling a given distance."""
         return min(self.start_rad, SpiralCurve(self.pitch_m[1], from_turns(self.turns)).inward(gone_m / _OUT).hi * _OUT)
 
 
 def first_contact_within(scene: Scene, within: Mapping[str, float],
                          progress: Callable[[int], object] = lambda states: None) -> FamilyProof:
-    """Return the time until which no dragon with benches and track pitch within tolerances touches itself.
+    """Return a proof of the time until which no dragon with benches and track pitch within tolerances touches itself.
 
     ``within`` maps some of ``TOLERANCES`` to values in metres, each allowed in both directions. ``progress(boxes)`` is
     called with the number of boxes examined since the last call. Raises FieldError for unknown tolerances and for
-    scenes that are not supported, and DragonError, which names the tolerance to blame, if nothing can be proved.
+    unsupported scenes. Raises DragonError if nothing can be proved; the error names the tolerance to blame.
     """
     family = family_of(scene, within)
     nominal = first_contact(scene)
@@ -168,11 +168,11 @@ def _covered(scene: Scene) -> tuple[Dragon, Spiral]:
     """Return the dragon and the track of a scene. Raises FieldError if families of this scene are not supported."""
     dragon, track, law = scene.dragon, scene.track, scene.head
     if scene.venue is not None:
-        raise FieldError('venue', scene.venue, 'families are proved for contacts between benches only',
-                         'omit the venue (--set venue=null) to search only for those')
+        raise FieldError('venue', scene.venue, 'families are searched only for contacts between benches',
+                         'omit the venue (--set venue=null) to search for these contacts only')
     if not isinstance(dragon, Dragon):
         raise FieldError('dragon.groups', f'{dragon.benches} mixed benches', 'families need benches that '
-                         'are equal behind the head', 'make them equal, and give a tolerance for each dimension '
+                         'are equal behind the head', 'make the benches equal, and give a tolerance for each dimension '
                          'that differs')
     if dragon.benches < 3:
         raise FieldError('dragon.benches', dragon.benches, 'only benches that are not neighbours can touch',
@@ -188,7 +188,7 @@ def _covered(scene: Scene) -> tuple[Dragon, Spiral]:
 
 
 def _around(key: str, value: float, within: Mapping[str, float], zero: bool = False) -> tuple[float, float]:
-    """Return the interval of a value. Raises FieldError if it contains 0 (or, with ``zero``, negative numbers)."""
+    """Return the interval of a value. Raises FieldError if it contains 0 (with ``zero``: negative numbers)."""
     tolerance = within.get(key, 0.0)
     if tolerance and (tolerance > value if zero else tolerance >= value):
         raise FieldError(f'--within {key}', tolerance, f'the value itself is {value:g} m', 'give a smaller tolerance')
@@ -196,7 +196,7 @@ def _around(key: str, value: float, within: Mapping[str, float], zero: bool = Fa
 
 
 def _link(key: str, length_m: float, within: Mapping[str, float], inset: tuple[float, float]) -> tuple[float, float]:
-    """Return the interval of a link."""
+    """Return the interval of a link's length."""
     low, high = _around(key, length_m, within)
     link = (low - 2 * inset[1]) / _OUT, (high - 2 * inset[0]) * _OUT
     if link[0] <= 0:
@@ -212,7 +212,7 @@ def _travel(scene: Scene, nominal: Contact | NoContact) -> RangeOfTravel:
 
 
 def _time_to(travel: RangeOfTravel, gone_m: float) -> float:
-    """Return a time by which the leader has not travelled further than a distance."""
+    """Return a time at which the leader has travelled at most a given distance."""
     t_s = travel.arrival_s(gone_m, 1)
     while travel.gone_m(t_s) > gone_m:
         t_s = nextafter(t_s, -np.inf)
@@ -236,7 +236,7 @@ def _search(scene: Scene, family: Family, nominal: Contact | NoContact,
 
 
 def _blame(scene: Scene, within: Mapping[str, float], nominal: Contact | NoContact) -> str:
-    """Return a sentence about the tolerance to blame: the one whose removal extends the proof most."""
+    """Return a sentence that names the tolerance to blame, whose removal extends the proof the most."""
     best: tuple[float, str] | None = None
     for key in within:
         family = family_of(scene, {**within, key: 0.0})
@@ -245,7 +245,7 @@ def _blame(scene: Scene, within: Mapping[str, float], nominal: Contact | NoConta
         if proved_m > search.begin_m and (best is None or proved_m > best[0]):
             best = proved_m, key
     if best is None:
-        return '; each tolerance alone is too wide, or some benches always touch: give smaller ones'
+        return '; each tolerance alone is too wide, or some benches always touch: give smaller tolerances'
     until_s = _time_to(_travel(scene, nominal), best[0])
     return (f'; the tolerance of {best[1]}, {within[best[1]]:g} m, is too wide: without it the proof would hold up to '
             f'{until_s:.6g} s')
@@ -253,9 +253,9 @@ def _blame(scene: Scene, within: Mapping[str, float], nominal: Contact | NoConta
 
 @dataclass(frozen=True)
 class _PairBoxes:
-    """Boxes (5, n) of the variables of ``sliding_pair``, the kinds of their inner benches (n,), and ``gone_m`` (n,).
+    """Boxes (5, n) in the variables of ``sliding_pair``, the kinds (n,) of their inner benches, and ``gone_m`` (n,).
 
-    ``gone_m`` is the smallest distance travelled by the leader at which a pair of the box can occur.
+    ``gone_m`` holds, for each box, the smallest distance travelled by the leader at which a pair of the box can occur.
     """
 
     low: Floats
@@ -277,8 +277,8 @@ class _PairBoxes:
 class _FamilySearch:
     """Branch and bound over boxes, in the order in which the leader can reach them.
 
-    ``frontier_m`` is the distance that the leader can travel before it reaches a box that is not clear; at ``limit_m``
-    it reaches a pair of ``benches`` that overlap.
+    ``frontier_m`` is the distance that the leader can travel before it reaches a box that is not clear. At the distance
+    ``limit_m`` the leader reaches a position at which the two ``benches`` overlap.
     """
 
     def __init__(self, family: Family, begin_m: float, end_m: float, progress: Callable[[int], object]) -> None:
@@ -287,7 +287,7 @@ class _FamilySearch:
         self.benches: tuple[int, int] | None = None
 
     def run(self) -> None:
-        """Clear boxes until the first remaining one is near a pair that overlaps."""
+        """Clear boxes until the first remaining box is near a pair that overlaps."""
         boxes = self._first()
         while boxes.gone_m.size:
             boxes = boxes.some(np.argsort(boxes.gone_m, kind='stable'))
@@ -303,7 +303,7 @@ class _FamilySearch:
         self.frontier_m = min(self.limit_m, self._end_m)
 
     def _first(self) -> _PairBoxes:
-        """Return boxes that contain all pairs up to the end, in steps of the inner bench's position."""
+        """Return boxes that together contain all pairs up to the end, in steps of the inner bench's position."""
         family, scale = self.family, self.family.scale
         inner = max(family.inward_rad(self._end_m), family.innermost_rad)
         outer = family.outward_rad(self.begin_m)
@@ -311,9 +311,10 @@ class _FamilySearch:
         rear = (inner + float(least_span(np.array([inner]), chord)[0])) * _DOWN
         tail = sqrt(outer**2 + pi * scale[1] * (family.head_link_m[1] + family.benches * family.body_link_m[1])) * _OUT
         if tail - inner > _FIRST_RAD * _MOST_FIRST:
-            raise FieldError('track.start_turns', family.turns, f'the dragon lies {tail / (2 * pi):.6g} turns out, and '
-                             f'families are searched up to {int(_FIRST_RAD * _MOST_FIRST / (2 * pi))} turns',
-                             'start further in, or give fewer benches')
+            raise FieldError('track.start_turns', family.turns, f'the tail lies {tail / (2 * pi):.6g} turns from '
+                             f'the centre, and families are searched up to '
+                             f'{int(_FIRST_RAD * _MOST_FIRST / (2 * pi))} turns',
+                             'start closer to the centre, or give fewer benches')
         parts = [self._row(_HEAD, inner, outer, family.head_link_m), self._row(_BODY, rear, tail, family.body_link_m)]
         return parts[0] + parts[1]
 
@@ -325,10 +326,11 @@ class _FamilySearch:
         return self._reached(low, high, np.full(ends.size - 1, inner))
 
     def _reached(self, low: Floats, high: Floats, inner: Ints) -> _PairBoxes:
-        """Return boxes with the smallest distance that the leader has travelled when the inner bench is in them.
+        """Return boxes with the smallest distance that the leader has travelled when an inner bench reaches each box.
 
-        Of the body benches, bench 1 reaches them first. The head is further in by at least the shortest link, whose
-        span is smallest when the head is furthest out; each iteration moves the bound further in.
+        Among the body benches, bench 1 reaches each box first. The head is closer to the centre by at least the span of
+        the shortest link, which is smallest when the head is furthest out; each iteration moves the bound closer to the
+        centre.
         """
         body = inner == _BODY
         rear, chord = high[THETA, body], low[SCALE, body] * self.family.head_link_m[0] / _OUT
@@ -353,7 +355,7 @@ class _FamilySearch:
             return near
         kept = Separations(found.low[unclear], found.middle[unclear], found.slope[:, unclear], found.spread[:, unclear])
         self._note(near, kept)
-        wide = near.high - near.low     # selects the axis if a box is too wide for derivatives
+        wide = near.high - near.low     # selects the axis to cut if a box is too wide for derivatives
         return self._cut(near, np.where(np.all(np.isfinite(kept.spread), axis=0), np.argmax(kept.spread, axis=0),
                                         np.argmax(wide[[THETA, AHEAD]], axis=0)))
 
@@ -365,10 +367,11 @@ class _FamilySearch:
         return lower + self._reached(low, boxes.high, boxes.inner)
 
     def _near(self, boxes: _PairBoxes) -> _PairBoxes:
-        """Return boxes restricted to the positions of the other bench that are possible and close enough to touch.
+        """Restrict boxes to the positions of the other bench that are possible and close enough for a contact.
 
-        If the front handle of its link is at theta, the link comes no nearer to the centre than sqrt(theta^2 - c^2 / 4)
-        (docs/contact.md). All of the inner bench is within the radius of its rear handle, and both benches overhang.
+        A link with chord c whose front handle is at theta comes no closer to the centre than sqrt(theta^2 - c^2 / 4)
+        (docs/contact.md). The link of the inner bench lies within the radius of its rear handle, and the rectangles of
+        both benches overhang their links.
         """
         family, low, high = self.family, boxes.low, boxes.high
         most = high[SCALE] * _OUT
@@ -383,10 +386,11 @@ class _FamilySearch:
         return _PairBoxes(low, high, boxes.inner, boxes.gone_m).some(which)
 
     def _strips(self, low: Floats, high: Floats, inner: Ints) -> tuple[Floats, Floats, Ints]:
-        """Return the range of the angle AHEAD of the other bench within a box, and the nearest such bench.
+        """Return the range of the angle AHEAD of the other bench within each box, and the nearest bench in that range.
 
-        Like every span (lemma 1), the angle from a handle to the handle a given number of links behind decreases as
-        theta increases, and increases with each link. In an empty range the first end is larger than the last.
+        By lemma 1 of docs/contact.md, the angle from a handle to the handle a given number of links behind decreases as
+        theta increases, and increases with the length of each link. The first end of an empty range is larger than its
+        last end.
         """
         family, out = self.family, _OUT
         last_bench = np.where(inner == _HEAD, family.benches - 1, family.benches - 2)
@@ -408,9 +412,10 @@ class _FamilySearch:
         return first, last, nearest
 
     def _note(self, boxes: _PairBoxes, found: Separations) -> None:
-        """Record the first leader position at which a pair overlaps, tested at the worst corner of each box.
+        """Record the first leader position at which a pair overlaps; each box is tested at its worst corner.
 
-        This only limits how far a proof can reach; no proof depends on it, so plain floats suffice.
+        This position only limits how far a proof can reach; no proof depends on it, so ordinary float arithmetic
+        suffices.
         """
         worst = np.where(found.slope > 0, boxes.low, boxes.high)
         places = 0.5 * (boxes.low + boxes.high)

@@ -1,10 +1,10 @@
-"""The first contact of a run, located exactly, with a certificate that there is none before it.
+"""The first contact of a run, located exactly, with a certificate that no contact occurs before it.
 
-The leader's range of travel is searched in each direction. ``leading_benches`` clears pairs whose inner bench lies on a
-spiral first segment, once along the track for all benches with identical remaining link sequences; ``WholeChain``
-clears all others, state by state. ``obstacle_contact`` clears the obstacles of a venue, once along the track for all
-benches of one length. In the first interval that cannot be cleared, the search solves for the zero of the gap, and
-everything is cleared up to this position.
+The leader's range of travel is searched in each direction. ``leading_benches`` clears the pairs whose inner bench lies
+on a spiral first segment; all benches with identical remaining link sequences are cleared together along the track.
+``WholeChain`` clears all other pairs, state by state. ``obstacle_contact`` clears the obstacles of a venue; all benches
+of one length are cleared together along the track. In the first interval that cannot be cleared, the search solves for
+the zero of the gap, and everything is cleared up to this position.
 """
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -33,15 +33,15 @@ from dragon_ros.core.search.leading_benches import (
 from dragon_ros.core.search.search_domain import Bracket, RangeOfTravel, SearchDomain
 from dragon_ros.core.tiers import EXACT
 
-_BEFORE_M = 1e-9        # times 1 m, or the longest bench if it is shorter: clearing stops this far before a contact
-_TOLD_APART = 4         # gaps there are at least this multiple of the error that a bound must exceed
+_BEFORE_M = 1e-9        # clearing stops this far before a contact, times min(1 m, longest bench)
+_TOLD_APART = 4         # where clearing stops, gaps are at least this multiple of the error that a bound must exceed
 _AHEAD_M = 1e-8         # first step of the search for a contact just beyond a position that cannot be cleared
 _AHEAD = 24             # number of doublings of this step, up to 8 cm
-_STEADY = 4             # times the closing distance at the final rate: a gap that takes longer is a separate approach
-_ASIDE = 1e3            # times ``_BEFORE_M``, to either side of a contact: the checker's step for the closing rate
-_LAST_PLACES = 4        # ulps of a contact's time, times the leader's speed: the rounding error of the position
-_WIDEST_M = 1e-6        # times 1 m, or the longest bench if it is shorter: the largest slack
-_GRAZING_M = 1e-7       # likewise: grazing benches come this close to each other
+_STEADY = 4             # a gap that takes longer than this multiple of its closing distance is a separate approach
+_ASIDE = 1e3            # the checker's step to either side of a contact for the closing rate, in units of ``_BEFORE_M``
+_LAST_PLACES = 4        # rounding error of a contact's time, in ulps, from which the error of the position follows
+_WIDEST_M = 1e-6        # largest slack, times min(1 m, longest bench)
+_GRAZING_M = 1e-7       # largest gap of grazing benches, times min(1 m, longest bench)
 _HARDLY = 0.99          # fraction of the clear distance before a grazing that is proved; the rest allows for rounding
 _TOO_FAR = 'the leader goes too far to be searched'
 
@@ -49,7 +49,7 @@ Pair = tuple[int, int]
 
 
 class BenchPairs(Protocol):
-    """Part of the pairs of a domain, which one kind of bound clears."""
+    """Some of the pairs of a domain, which are cleared by one kind of bound."""
 
     @property
     def tolerance_m(self) -> float:
@@ -70,12 +70,12 @@ class BenchPairs(Protocol):
 
 
 def first_contact(scene: Scene, progress: Callable[[int], object] = lambda states: None) -> Contact | NoContact:
-    """Return the first contact of the scene's run, at the exact tier, or how the run ended without one.
+    """Return the first contact of the scene's run, at the exact tier, or NoContact if the run ends without a contact.
 
-    ``progress(states)`` is called with the number of states evaluated since the last call. In a venue the first touch
-    of an obstacle is also a contact. Raises FieldError, with the latest possible stop, if no contact occurs before the
-    position beyond which contacts cannot be ruled out (docs/contact.md, limits of the search), or if the dragon does
-    not start inside its venue and clear of obstacles.
+    ``progress(states)`` is called with the number of states evaluated since the last call. In a venue, touching an
+    obstacle also counts as a contact. Raises FieldError, with the latest possible stop, if no contact occurs before the
+    position beyond which contacts cannot be ruled out (docs/contact.md, limits of the search). Also raises FieldError
+    if the dragon does not start inside its venue and clear of obstacles.
     """
     if scene.venue is not None:
         from dragon_ros.core.search.venue import check_sides
@@ -88,7 +88,7 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
         return NoContact(compile_scene(scene).end, sum(search.states for search in searches.values()), proof)
     sense = min(hits, key=lambda sense: hits[sense].t_s)
     hit, before = hits[sense], travel.until(hits[sense].t_s)
-    # The distance travelled in the other direction by then is proved separately.
+    # The travel in the other direction before this contact is proved clear separately.
     rest = [_ContactSearch(SearchDomain(scene, before, other, progress)) for other in before.senses if other != sense]
     proof = _together([hit.certificate, *(search.cleared() for search in rest)])
     return replace(hit, certificate=proof, states=sum(search.states for search in (*searches.values(), *rest)))
@@ -125,7 +125,7 @@ class _ContactSearch:
         return self._contact(hit) if hit else None
 
     def bracket(self) -> Bracket | None:
-        """Return the first bracket that is not clear, which is at the start if benches touch there."""
+        """Return the first bracket that is not clear; this bracket is at the start if benches touch there."""
         domain = self._domain
         least = 0.0 if domain.start_m != domain.stop_m else self._error_m
         if np.min(domain.near(domain.start_m)[1], initial=inf) <= least:
@@ -142,7 +142,7 @@ class _ContactSearch:
         return Certificate(tuple(each for part in self._parts for each in part.intervals()), self._complete)
 
     def _clear(self) -> Bracket | None:
-        """Clear the domain up to the first bracket that is not clear. Raises FieldError if the proof ends earlier."""
+        """Clear up to the first bracket that is not clear. Raises FieldError if contacts cannot be ruled out so far."""
         domain, hit = self._domain, None
         last_m, why = self._last()
         if why is not _TOO_FAR and (last_m == domain.stop_m or last_m != domain.start_m):
@@ -171,7 +171,7 @@ class _ContactSearch:
         gone_m, pair = claim.gone_m, claim.pair
         cleared_m, earlier = self._prove(bracket.clear_m, claim, _HARDLY * claim.near_m if grazing_m else inf)
         if earlier and domain.sense * earlier.clear_m < domain.sense * bracket.clear_m:
-            return self._contact(earlier)       # the proof found an earlier one
+            return self._contact(earlier)       # the proof found an earlier contact
         self._complete = claim.grazes(cleared_m) if grazing_m else claim.touches(cleared_m, earlier is None)
         speed = claim.slope * domain.speed_m_s(claim.t_s)
         unsure = EXACT.promise_for_m(domain.simulation.size_m) / speed if speed > 0 else inf
@@ -183,7 +183,7 @@ class _ContactSearch:
                        domain.states, self.certificate(), obstacle)
 
     def _named(self, pair: Pair) -> tuple[int, int | str]:
-        """Return a pair with the name of the obstacle instead of an edge."""
+        """Return a pair, with the name of the obstacle instead of the number of an edge."""
         edge, around = self._domain.edge_of(pair), self._domain.around
         return pair if edge is None or around is None else (pair[0], around.names[around.owner[edge]])
 
@@ -195,10 +195,11 @@ class _ContactSearch:
         return around.touch(benches, pair[0], edge)
 
     def _touching(self, bracket: Bracket) -> tuple['_Claim', list[tuple[float, Pair]], tuple[float, float] | None]:
-        """Return the first contact in a bracket, later touches of other pairs, and None; or a grazing and its bounds.
+        """Return the first contact in a bracket, later touches and None; or a grazing, no touches and gap bounds.
 
-        If no pair touches at the bracket's other end, a pair may touch just beyond it. It counts if its gap closes
-        directly from there, about as fast as at its zero. A pair that touches where the leader turns back is a grazing.
+        If no pair touches at the bracket's other end, a pair may touch just beyond that end. Such a touch counts if the
+        gap closes directly from the bracket's end, about as fast as at its zero. A touch where the leader turns back is
+        a grazing.
         """
         domain = self._domain
         roots = self._roots(bracket) or self._ahead(bracket)
@@ -211,7 +212,7 @@ class _ContactSearch:
         return _Claim(domain, pair, gone_m), [], gap_m
 
     def _ahead(self, bracket: Bracket) -> list[tuple[float, Pair]]:
-        """Return where pairs begin to touch just beyond a bracket, in order; none if far or by a separate approach."""
+        """Return where pairs begin to touch just beyond a bracket, in order; none if far or in a separate approach."""
         domain = self._domain
         for power in range(_AHEAD):
             ahead = bracket.other_m + domain.sense * _AHEAD_M * 2**power
@@ -226,9 +227,10 @@ class _ContactSearch:
         return []
 
     def _roots(self, bracket: Bracket) -> list[tuple[float, Pair]]:
-        """Return where the gap of each pair that touches at a bracket's other end becomes zero, in the leader's order.
+        """Return, in the leader's order, where the gaps of the pairs that touch at a bracket's other end become zero.
 
-        Pairs with the same zero, for example at the start of a run, are ordered by their benches.
+        Pairs whose gaps become zero at the same position, for example at the start of a run, are sorted by bench
+        number.
         """
         pairs, gap = self._domain.near(bracket.other_m)
         touching = sorted((i, j) for i, j in pairs[gap <= 0].tolist())
@@ -253,9 +255,10 @@ class _ContactSearch:
         return place, (i, j), (min(low, least) - error, least + error)
 
     def _prove(self, clear_m: float, claim: '_Claim', most_m: float) -> tuple[float, Bracket | None]:
-        """Clear up to a nanometre before a contact, or as far as its gap is distinct from zero, or up to a grazing.
+        """Clear up to a position just before a contact or a grazing.
 
-        Clearing ends at most ``most_m`` before the contact. Return the position up to which all is clear, and the first
+        Clearing stops a nanometre before the contact, or earlier if the gap would be too small to be distinct from zero
+        there, but at most ``most_m`` before the contact. Return the position up to which all is clear, and the first
         bracket that is not clear.
         """
         sense, slope = self._domain.sense, claim.slope
@@ -275,8 +278,9 @@ class _ContactSearch:
 class _Claim:
     """A claim that a pair of benches touches or grazes at a leader position, and whether it can be proved.
 
-    It is proved if no benches touch up to one slack before it, and if the pair overlaps one slack after it or, for a
-    grazing, is close together there (docs/contact.md, what the checker proves).
+    A contact is proved if no benches touch up to one slack before the position, and the pair overlaps one slack after
+    it. A grazing is proved if no benches touch up to ``near_m`` before the position, and the gap there is less than
+    ``near_m`` (docs/contact.md, what the checker proves).
     """
 
     domain: SearchDomain
@@ -290,7 +294,7 @@ class _Claim:
 
     @cached_property
     def slope(self) -> float:
-        """The closing of the gap per metre of leader travel."""
+        """The decrease of the gap per metre of leader travel."""
         return self.domain.slope(self.pair, self.gone_m)
 
     @cached_property
@@ -321,12 +325,12 @@ class _Claim:
 
     @cached_property
     def near_m(self) -> float:
-        """The distance to which grazing benches come close, and the leader travel before that which is clear."""
+        """The largest gap of a grazing, and the longest leader travel before it that need not be clear."""
         return _GRAZING_M * self.domain.unit * self._coarse
 
     @cached_property
     def _steepest(self) -> float:
-        """The largest closing of the gap per metre, as the checker measures it; infinite at an end of the model."""
+        """The largest decrease of the gap per metre, as the checker measures it; infinite at an end of the model."""
         step_m, wide_m = _ASIDE * _BEFORE_M * self.domain.unit, self.domain.step_m
         steepest = self._closing(step_m)
         if wide_m <= step_m or steepest == inf:
@@ -336,7 +340,7 @@ class _Claim:
         return steepest if wider == inf else min(steepest, wide + abs(wider - wide))
 
     def _closing(self, step_m: float) -> float:
-        """Return the largest closing of the gap per metre over a step to either side; infinite at a model limit."""
+        """Return the largest decrease of the gap per metre over a step to either side; infinite at the model's end."""
         domain = self.domain
         if min(domain.left_m(self._told_m, sense) for sense in (-1, 1)) <= step_m:
             return inf
@@ -345,7 +349,7 @@ class _Claim:
 
     @cached_property
     def onwards_m(self) -> float:
-        """The distance that the leader moves on from the position."""
+        """How far the leader moves on from the position."""
         return self.domain.onwards_m(self.t_s)
 
     @cached_property
@@ -355,7 +359,7 @@ class _Claim:
         return self.domain.gap(self.pair, self._told_m + self.domain.sense * after_m) < -self._rounding_m
 
     def touches(self, cleared_m: float, as_asked: bool) -> bool:
-        """Return whether clearance up to a position proves a contact; ``as_asked`` if it is the requested position."""
+        """Return whether a part that is clear up to a position proves a contact; ``as_asked`` if this was requested."""
         return self.overlaps and (as_asked or self._within(cleared_m, self.slack_m))
 
     def grazes(self, cleared_m: float) -> bool:
@@ -368,7 +372,7 @@ class _Claim:
 
 
 def _together(proofs: Iterable[Certificate]) -> Certificate:
-    """Merge the certificates of the search domains from one start."""
+    """Merge the certificates of search domains with the same start."""
     kept = list(proofs)
     return Certificate(tuple(each for proof in kept for each in proof.intervals), all(proof.complete for proof in kept))
 

@@ -1,10 +1,10 @@
-"""Pairs on a spiral first segment, cleared once for all benches with the same remaining link sequence.
+"""Pairs of benches on a spiral first segment, cleared once for all benches with the same remaining link sequence.
 
-If the first segment winds in from afar, the chain behind a bench on it depends only on the position of that bench and
-on the links behind it. Benches are therefore grouped into classes with identical remaining link sequences. The first
-bench of a class is its lead, and the whole class is cleared over the track that its front handles pass. If that fails,
-each bench is cleared over its own part of the track, which no other bench of its class has passed before. Mixed benches
-form many classes, and all classes behind the head are sampled and bounded together.
+If the first segment winds in from afar, the chain behind a bench on this segment depends only on the position of that
+bench and on the links behind it. Benches are therefore grouped into classes with identical remaining link sequences.
+The first bench of a class is its lead, and the whole class is cleared over the track that its front handles pass. If
+that fails, each bench is cleared over its own part of the track, which no other bench of its class has passed before.
+Mixed benches form many classes, and all classes behind the head are sampled and bounded together.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -21,21 +21,22 @@ from dragon_ros.core.search.driver import Cleared, Judgement, clear, parts_for
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 from dragon_ros.core.tracks.composite import Place
 
-_FIRST, _FIRST_RAD = 1.173, 2.0     # spacing of the first samples, in longest benches or in rad, whichever is
-                        # larger. The interaction of adjacent layers depends on the angle: far from a contact, 2 rad
-                        # are cleared at once
-_FINEST = 1e-3, 1e-8    # times 1 m, or the longest bench if it is shorter: near a contact, and near a grazing point
-_MOST_PLACES = 50_000   # limit for the first samples of one window, to save memory
-_MOST_RAD = 2e6         # limit for a domain: a million first samples
-_TOGETHER, _USUAL = 2**20, 256      # limit for the handles at the first samples of windows cleared together, to save
-                        # memory; and the most benches counted behind each lead, because more rarely matter
-_POINT = 1e-6           # relative to the longest link: both handles of a shorter link may round to the same position
+# The spacing of the first samples, in longest benches or in rad, whichever is larger. The interaction of adjacent
+# layers depends on the angle: far from a contact, 2 rad are cleared at once.
+_FIRST, _FIRST_RAD = 1.173, 2.0
+_FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, times min(1 m, longest bench)
+_MOST_PLACES = 50_000   # maximum number of first samples per window, to save memory
+_MOST_RAD = 2e6         # maximum length of a domain, which needs a million first samples
+# The maximum number of handles at the first samples of windows that are cleared together, to save memory, and the
+# maximum number of benches that are counted behind each lead, because benches further behind rarely matter.
+_TOGETHER, _USUAL = 2**20, 256
+_POINT = 1e-6           # fraction of the longest link; both handles of a shorter link may round to the same position
 _IN_CACHE = 2**14       # number of pairs that are bounded together
-_CLOSER = 20            # number of halvings of a domain, to a millionth, to find how far the proof can reach
+_CLOSER = 20            # number of halvings of a domain, down to a millionth, that find how far the proof can reach
 
 
 class _SpiralIntervals:
-    """The space of leading benches for ``clear``: each window has its own positions and number of benches behind."""
+    """The space of leading benches for ``clear``; each window has its own positions and its own number of followers."""
 
     def __init__(self, sampler: BenchSampler, windows: 'list[_ClassWindow]', tolerance_m: float) -> None:
         self.sampler, self.tolerance_m = sampler, tolerance_m
@@ -93,10 +94,10 @@ class _ClearedInterval:
 
 
 class LeadingBenches:
-    """One class of benches over a domain: the cleared part of its pairs with the benches behind, and its end."""
+    """One class of benches over a domain, with the cleared intervals of its pairs with the benches behind."""
 
     def __init__(self, domain: SearchDomain, benches: list[int]) -> None:
-        """Represent the class of ``benches``, which are in order from the head; the first one is its ``lead``."""
+        """Represent the class of ``benches``, which are in order from the head; the first bench is the ``lead``."""
         self._domain, self.benches, self.lead = domain, benches, benches[0]
         self._behind = domain.dragon.benches - 1 - self.lead
         assert domain.track.from_afar
@@ -114,7 +115,7 @@ class LeadingBenches:
 
     @property
     def _single(self) -> bool:
-        """Whether this is the head alone, moving in one direction, so that its positions are in the leader's order."""
+        """Whether this is the class of the head alone, whose positions are in the order of the leader's motion."""
         return self.benches == [0]
 
     def clear(self, stop_m: float) -> Bracket | None:
@@ -134,7 +135,7 @@ class LeadingBenches:
         yield from self._window(self.lead, outer, inner, self._behind)
 
     def clear_apart(self, stop_m: float, whole: Cleared) -> Bracket | None:
-        """Clear bench by bench the part that was not cleared as a whole; return the first bracket that is not clear."""
+        """Clear each bench's share of a window that was not cleared; return the first bracket that is not clear."""
         phases, ends = self.phases(stop_m)
         if self._single:
             self._hit = self._bracket(self.lead, whole.hit, (phases[0], phases[-1])) if whole.hit else None
@@ -149,7 +150,7 @@ class LeadingBenches:
         self._rows, self._hit = [], None
 
     def keep(self, cleared: Cleared, behind: int) -> None:
-        """Add cleared intervals, with the number of benches behind for which they were cleared."""
+        """Add cleared intervals, with the number of followers for which they were cleared."""
         self._rows += [_ClearedInterval(*row, behind) for row in cleared.rows]
 
     def prove(self, stop_m: float) -> Bracket | None:
@@ -170,7 +171,7 @@ class LeadingBenches:
             yield Interval(self.lead, start_m, stop_m, row.behind, row.bound_m)
 
     def _go_on(self, stop_m: float) -> None:
-        """Clear the head's track up to a position beyond its cleared part, or drop the cleared part beyond it."""
+        """Clear the rest of the head's track up to a position, or drop the cleared intervals beyond this position."""
         start, stop = (float(self._on_spiral(place)[0]) for place in (self._domain.start_m, stop_m))
         sign = 1.0 if stop > start else -1.0
         self._rows = [row for row in self._rows if sign * row.stop_rad <= sign * stop]
@@ -179,19 +180,19 @@ class LeadingBenches:
             self._hit = self._bracket(0, rest.hit, (self._domain.start_m, stop_m)) if rest.hit else None
 
     def _trim(self, stop_m: float) -> None:
-        """Drop the parts that the class has not reached when the leader is at a position."""
+        """Drop the cleared parts that the class has not reached when the leader is at a position."""
         outer, inner = self._track(self.phases(stop_m)[1])
         clipped = (replace(row, start_rad=min(max(row.start_rad, inner), outer),
                            stop_rad=min(max(row.stop_rad, inner), outer)) for row in self._rows)
         self._rows = [row for row in clipped if row.start_rad != row.stop_rad]
 
     def _on_spiral(self, gone_m: float) -> Floats:
-        """Return the polar angles of the handles (N+1,) on the spiral; for handles beyond it, the angle of its end."""
+        """Return the polar angles (N+1,) of the handles; handles beyond the spiral have the angle of its end."""
         chain = self._domain.chain(gone_m)
         return np.where(chain.segment == 0, chain.u, self._domain.track.segments[0].last)
 
     def phases(self, stop_m: float) -> tuple[list[float], list[Floats]]:
-        """Return the leader positions between which every handle moves in one direction, and all handles there."""
+        """Return the leader positions between which every handle moves in one direction, and all polar angles there."""
         start_m = self._domain.start_m
         ends = [self._on_spiral(place) for place in (start_m, stop_m)]
         turns = self._domain.leader.turning_m(start_m, stop_m, 2)[::1 if start_m < stop_m else -1]
@@ -207,7 +208,7 @@ class LeadingBenches:
         return True
 
     def _track(self, ends: list[Floats]) -> tuple[float, float]:
-        """Return the outermost and the innermost position of the class, given all handles at the ends of phases."""
+        """Return the outermost and innermost positions of the class, given all polar angles at the ends of phases."""
         return (max(float(theta[self.benches[-1]]) for theta in ends),
                 min(float(theta[self.lead]) for theta in ends))
 
@@ -284,7 +285,7 @@ class BodyBenches:
             yield from each.intervals()
 
     def _together(self, windows: list[_ClassWindow]) -> Iterator[list[_ClassWindow]]:
-        """Yield as many windows at a time as memory allows, or one at a time if links have zero length."""
+        """Yield groups of windows, each as large as memory allows, or single windows if links have zero length."""
         links_m = self._domain.dragon.link_lengths_m
         size, most, one_by_one = 0, list[_ClassWindow](), bool(np.min(links_m) <= _POINT * np.max(links_m))
         for window in windows:
@@ -319,7 +320,7 @@ def _cleared(domain: SearchDomain, windows: list[_ClassWindow]) -> list[Cleared]
 
 
 def classes_of(domain: SearchDomain) -> list[LeadingBenches]:
-    """Return the classes of benches with followers: the head, and body benches by their remaining link sequence.
+    """Return the classes of benches with followers: the head, and body benches grouped by remaining link sequence.
 
     The body is a single class if all its benches are equal.
     """
@@ -336,7 +337,7 @@ def classes_of(domain: SearchDomain) -> list[LeadingBenches]:
 
 
 def searchable_m(domain: SearchDomain) -> float:
-    """Return the leader position up to which a domain on the spiral needs an acceptable number of first samples."""
+    """Return the leader position up to which the number of first samples on the spiral is acceptable."""
     here, there = (domain.leader.place((gone_m, 0.0)) for gone_m in (domain.start_m, domain.stop_m))
     gone_rad = there.u.hi - here.u.hi
     if here.segment or there.segment or abs(gone_rad) <= _MOST_RAD:
@@ -346,11 +347,11 @@ def searchable_m(domain: SearchDomain) -> float:
 
 
 def provable_m(domain: SearchDomain) -> float:
-    """Return the leader position up to which no handle behind the third turns back and each moves in one direction.
+    """Return the leader position up to which every handle behind the third moves in one direction.
 
-    If links cannot lock or are equal, no such handle turns back, and the result is the end of the domain. Otherwise, if
-    a link spans at most half a turn and its rear handle moves inwards when its front handle is nearest to the centre,
-    this holds everywhere (docs/contact.md, lemmas 1 and 2).
+    If links cannot lock or are equal, no such handle turns back, and the result is the end of the domain. Otherwise it
+    suffices that each link spans at most half a turn, and that its rear handle moves inwards when its front handle is
+    nearest to the centre (docs/contact.md, lemmas 1 and 2).
     """
     if not domain.track.may_lock or is_even(domain.dragon.link_lengths_m):
         return domain.stop_m

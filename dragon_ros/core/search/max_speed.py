@@ -1,21 +1,22 @@
-"""The speed of the fastest handle over a whole run, and the leader's largest speed under a limit.
+"""The speed of the fastest handle over a whole run, and the largest leader speed that keeps all handles under a limit.
 
-Speeds relative to the leader's depend on the leader's position and not on time. Branch and bound therefore searches
+Speeds relative to the leader's speed depend on the leader's position, not on time. Branch and bound therefore searches
 intervals of time in which the leader moves in one direction, and cuts those whose bound exceeds the largest speed found
-so far. If handles are equally fast at many positions, as on a circle, this would never end, so the allowed excess of a
-bound grows with the number of intervals that would be cut.
+so far. If handles are equally fast at many positions, as on a circle, the search would never end; the allowed excess of
+a bound therefore grows with the number of intervals that would be cut.
 
-The bound of an interval: ``enclosures.on_track`` bounds the slope of log |v| of each handle by the leader's distance
-between two states. With slopes between a lowest and a highest value, log |v| lies below the two lines from its ends, so
-their intersection is a bound. The logarithm of the leader's own speed is added; its slope is the acceleration divided
-by the squared speed. If a slope is unbounded, because a handle turns back or the leader comes to rest, the product of
-the largest ratios bounds the speed. As intervals shrink, the excess of the bound decreases with the square of their
-length, or with the length itself if a handle passes a joint, where the curvature jumps.
+The bound on an interval is computed as follows. Between two states, ``enclosures.on_track`` bounds the slope of log |v|
+of each handle with respect to the leader's distance. If all slopes lie between a lowest and a highest value, log |v|
+lies below the two lines through its values at the ends, so the intersection of these lines is a bound. The logarithm of
+the leader's own speed is added; its slope is the acceleration divided by the squared speed. If a slope is unbounded,
+because a handle turns back or the leader comes to rest, the product of the largest speed ratios of the links bounds the
+speed. As intervals shrink, the excess of the bound decreases with the square of their length, or with the length itself
+if a handle passes a joint, where the curvature jumps.
 
-If the first segment winds in behind a leading head, no handle on it is faster than the preceding one: curvature
-increases towards the front, and of a chord's two angles with an arc that turns by less than pi, the angle at the more
-curved end is the larger (Vogt 1914). Only handles beyond the segment are therefore followed; on a single spiral, those
-beyond the point where a link's arc could turn by pi.
+If a leading head winds in on the first segment, no handle on this segment is faster than the preceding handle. The
+reason is that the curvature increases towards the front, and that a chord of an arc that turns by less than pi has its
+larger angle with the arc at the more curved end (Vogt 1914). The search therefore follows only the handles beyond the
+first segment; on a single spiral, it follows the handles beyond the point where a link's arc could turn by pi.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -40,27 +41,28 @@ from dragon_ros.core.tiers import best_m
 from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND
 
-_SPACING_M = 0.2        # leader's distance per first interval
+_SPACING_M = 0.2        # length of the first intervals, in leader travel
 _PARTS = 4              # number of parts into which an interval is cut
-_AT_ONCE = 256          # intervals that are bounded together
-_SAME = 1e-12           # relative to a speed: closer speeds are equal
-_APART_M = 1e-9         # distance before the end of the inward segment; at the end itself, rounding decides
-_MOST = 2_000_000       # limit for the first intervals
+_AT_ONCE = 256          # number of intervals that are bounded together
+_SAME = 1e-12           # speeds with a smaller relative difference count as equal
+_APART_M = 1e-9         # distance of a cut from the end of the inward segment; at the end itself, rounding would decide
+_MOST = 2_000_000       # maximum number of first intervals
 _BENT = 1.09            # the curvature of any spiral is at most 1.09 / r (see ``min_pitch``)
-_SURE = 1.98            # curvature times link below which a link's arc turns by less than pi (2 would suffice)
+_SURE = 1.98            # product of curvature and link below which a link's arc turns by less than pi (2 would suffice)
 
 
 @dataclass(frozen=True)
 class MaxSpeed:
-    """The ratio of the largest speed of any handle in a run to the leader's largest, with the handle and its position.
+    """The ratio of the largest speed of any handle in a run to the leader's largest speed, with handle and position.
 
-    ``gone_m`` is the leader's distance since t = 0 at that time, and ``along_m`` its distance along the track (for an
-    S-turn, from the entry). Of equally fast handles the first is given. No handle exceeds ``bound`` times the leader's
-    largest speed anywhere in the run; this is proved, including the rounding of speeds. ``looks`` is the number of
-    states evaluated.
+    ``gone_m`` is the distance that the leader has travelled since t = 0 when this speed occurs, and ``along_m`` is the
+    leader's distance along the track at the same time (for an S-turn, from the entry). If several handles are equally
+    fast, ``handle`` is the first of them. No handle exceeds ``bound`` times the leader's largest speed anywhere in the
+    run; this is proved, including the rounding of speeds. ``looks`` is the number of states evaluated.
 
-    A profile is scaled as a whole, all its speeds by one factor and all its times by the inverse, so that the leader
-    passes the same positions. If the leader rests for the whole run, the ratio is that at its position.
+    A speed profile is scaled as a whole: all its speeds by one factor and all its times by the inverse factor, so that
+    the leader passes the same positions. If the leader rests for the whole run, ``ratio`` is the speed ratio at the
+    leader's position.
     """
 
     ratio: float
@@ -71,7 +73,7 @@ class MaxSpeed:
     looks: int
 
     def leader_m_s(self, limit_m_s: float) -> tuple[float, float]:
-        """Return the leader's largest speed at which no handle exceeds a limit, and an upper bound on its excess.
+        """Return the largest leader speed at which no handle exceeds a limit, and by how much it may be too large.
 
         Raises FieldError if the limit is not positive.
         """
@@ -83,30 +85,30 @@ def max_speed(scene: Scene, progress: Callable[[int], object] = lambda looks: No
     """Return the fastest handle over the scene's run.
 
     ``progress(looks)`` is called with the number of states evaluated since the last call. Raises FieldError if the run
-    reaches a lock, where speeds are unbounded, or ends so close to one that rounding leaves no finite bound.
+    reaches a lock, where speeds are unbounded, or ends so close to a lock that rounding leaves no finite bound.
     """
     end = compile_scene(scene).end
     if end.reason == 'lock':
-        raise FieldError('run.stop_s', scene.run.stop_s, f'the run reaches a lock at {end.t_s:.6f} s, and near the '
-                         'lock speeds have no bound', 'stop earlier')
+        raise FieldError('run.stop_s', scene.run.stop_s, f'the run reaches a lock at {end.t_s:.6f} s, and speeds '
+                         'near a lock are unbounded', 'stop earlier')
     found = _Speeding(scene, progress).run()
     if not isfinite(found.bound):
-        raise FieldError('run.stop_s', scene.run.stop_s, 'the run ends so near to a lock that rounding leaves the '
-                         'speeds without a bound', 'stop earlier')
+        raise FieldError('run.stop_s', scene.run.stop_s, 'the run ends so close to a lock that rounding leaves no '
+                         'finite bound on the speeds', 'stop earlier')
     return found
 
 
 class _Speeding(InOrder):
-    """A search over times, with the best result so far: log of the largest speed, its time, and its handle."""
+    """A search over times, with the best result so far: the log of the largest speed, its time, and its handle."""
 
-    at_once = _MOST     # no limit: bounds exclude most once the best of all states is known
+    at_once = _MOST     # no limit; bounds exclude most intervals once the largest speed of all states is known
 
     def __init__(self, scene: Scene, progress: Callable[[int], object]) -> None:
         self._scene, self._leader, self._law = scene, compile_scene(scene).model.leader, _law_of(scene)
         self._looks, self._tell = 0, progress
         self._best, self._bound = (-inf, scene.run.start_s, 0), -inf
         leader = self._leader
-        self._behind_m = np.concatenate(([0.0], np.cumsum(leader.links_m)))    # lower bounds, behind the head
+        self._behind_m = np.concatenate(([0.0], np.cumsum(leader.links_m)))    # lower bounds on distances
         self._sure_m = _sure_m(leader.track, leader.links_m) if leader.direction == BEHIND else -inf
 
     def run(self) -> MaxSpeed:
@@ -121,7 +123,7 @@ class _Speeding(InOrder):
                         leader.track.distance_of(leader.place(gone))[0], bound, self._looks)
 
     def judge(self, boxes: Boxes) -> Boxes:
-        """Bound intervals, record the bounds of those that contain nothing faster, and cut the others."""
+        """Bound intervals, record the bounds of those that contain no faster handle, and cut the others."""
         intervals = np.stack((boxes.low[0], boxes.high[0]))
         tops, sure, *ways = np.concatenate([self._bounds(part) for part in np.array_split(
             intervals, ceil(boxes.size / _AT_ONCE), axis=1)], axis=1)
@@ -132,7 +134,7 @@ class _Speeding(InOrder):
         return boxes.some(higher).cut(_PARTS)
 
     def _first(self) -> Floats:
-        """Return the first intervals (2, M), short enough, and cut at the law's breaks and where handles turn back."""
+        """Return short first intervals (2, M) in s, cut at the law's breaks and where handles turn back."""
         start_s, stop_s = self._scene.run.start_s, compile_scene(self._scene).end.t_s
         times = [start_s, *(t_s for t_s in self._scene.head.breaks_s if start_s < t_s < stop_s), stop_s]
         gone = [self._gone_m(t_s) for t_s in times]
@@ -156,19 +158,19 @@ class _Speeding(InOrder):
     def _count(self, low_s: float, high_s: float) -> int:
         ends = [self._gone_m(t_s) for t_s in (low_s, high_s)]
         if not self._links(max(ends)):
-            return 1        # the leader is the fastest there
+            return 1        # the leader is the fastest handle there
         return max(1, ceil(abs(ends[1] - ends[0]) / _SPACING_M))
 
     def _gone_m(self, t_s: float) -> float:
         return float(self._scene.head.travelled_m(t_s)[0])
 
     def _when_s(self, gone_m: float, low_s: float, high_s: float) -> float:
-        """Return when the leader has travelled a distance within a period in which it moves in one direction."""
+        """Return when the leader has travelled a distance, in a period during which it moves in one direction."""
         return illinois(lambda t_s: self._gone_m(t_s) - gone_m, low_s, high_s, self._gone_m(low_s) - gone_m,
                         self._gone_m(high_s) - gone_m)
 
     def _links(self, gone_m: float) -> int:
-        """Return the number of links, from the leader on, whose rear handles may be faster than all before them."""
+        """Return the number of links behind the leader whose rear handles may be faster than all preceding handles."""
         if self._leader.direction != BEHIND:
             return self._leader.links_m.size
         beyond = self._leader.start_m + gone_m - self._sure_m
@@ -177,9 +179,9 @@ class _Speeding(InOrder):
     def _bounds(self, intervals: Floats) -> Floats:
         """Return bounds on log speeds in intervals (2, M), and the leader's distances at both ends; record the speeds.
 
-        The rows (4, M) are bounds without and with rounding, followed by the metres travelled at the starts and at the
-        stops. The promised relative error of a speed is the position error divided by the mean link, times the square
-        of its ratio to the leader's speed (docs/model.md).
+        The rows of the result (4, M) are the bounds without rounding, the bounds with rounding, and the leader's
+        distances in m at the starts and at the stops. The promised relative error of a speed is the position error
+        divided by the mean link, times the square of the ratio of this speed to the leader's speed (docs/model.md).
         """
         times, index = np.unique(intervals, return_inverse=True)
         states = self._states(times)
@@ -196,7 +198,7 @@ class _Speeding(InOrder):
         return np.stack((np.max(tops, axis=1), np.max(sure, axis=1), states.gone_m[starts], states.gone_m[stops]))
 
     def _relative(self, states: 'SpeedStates') -> Floats:
-        """Return the largest position error, over the mean link, of each handle (K+1,) and all nearer to the leader."""
+        """Return, for each handle (K+1,), the largest position error of the handles up to it, over the mean link."""
         mean_m = compile_scene(self._scene).model.length_m / self._scene.dragon.benches
         if not mean_m:      # all handles coincide
             return np.zeros(1)
@@ -221,7 +223,7 @@ def _sure_m(track: Track, links_m: Floats) -> float:
     """Return the distance along the track up to which no handle is faster than the preceding one; -inf if unknown."""
     if track.from_afar is None:
         return -inf
-    if not track.may_lock:       # every link turns by less than pi
+    if not track.may_lock:       # every link's arc turns by less than pi
         return track.end_of_first_m
     b_m = track.from_afar.curve.b_m
     inner = _BENT * float(np.max(links_m)) / (_SURE * b_m)
@@ -230,7 +232,7 @@ def _sure_m(track: Track, links_m: Floats) -> float:
 
 @dataclass(frozen=True)
 class LawBetween:
-    """For M intervals, the log of the leader's speed over its largest at start and stop, and its slope by distance."""
+    """The log of the leader's relative speed at both ends of M intervals, and bounds on its slope by distance."""
 
     start: Floats
     stop: Floats
@@ -253,15 +255,15 @@ class _Steady:
 
 @dataclass(frozen=True)
 class _Varying:
-    """The speeds of a profile over their largest in the run."""
+    """The speeds of a profile, relative to the largest speed in the run."""
 
     law: Profile
     largest_m_s: float
 
     def between(self, start_s: Floats, stop_s: Floats) -> LawBetween:
-        """Return speeds and slopes on intervals between the law's breaks; at a jump, the speed on the interval's side.
+        """Return logs and slopes on intervals between the law's breaks; at a jump, the speed is one-sided.
 
-        The slope of log |v| by distance is dv/dt / v^2. At rest it is unbounded, and log |v| is -inf.
+        The slope of log |v| by distance is dv/dt / v^2. At rest the slope is unbounded, and log |v| is -inf.
         """
         pairs = list(zip(start_s.tolist(), stop_s.tolist(), strict=True))
         at, before = self.law.speed_at_m_s, self.law.speed_before_m_s
@@ -277,12 +279,12 @@ class _Varying:
 
 
 def _law_of(scene: Scene) -> _Steady | _Varying:
-    """Return the leader's speed over its largest in the run; constant if it rests throughout."""
+    """Return the leader's law, relative to its largest speed in the run; a constant law if the leader always rests."""
     if isinstance(scene.head, Head):
         return _Steady()
     start_s, stop_s = scene.run.start_s, compile_scene(scene).end.t_s
     ends = [start_s, *(t_s for t_s in scene.head.breaks_s if start_s < t_s < stop_s), stop_s]
-    assert isinstance(scene.head, Profile)      # a commanded law has no breaks in advance
+    assert isinstance(scene.head, Profile)      # the breaks of a commanded law are not known in advance
     at, before = scene.head.speed_at_m_s, scene.head.speed_before_m_s
     largest = max(*(abs(at(t_s)) for t_s in ends), *(abs(before(t_s)) for t_s in ends[1:] if start_s < stop_s))
     return _Varying(scene.head, largest) if largest else _Steady()
@@ -290,11 +292,11 @@ def _law_of(scene: Scene) -> _Steady | _Varying:
 
 @dataclass(frozen=True)
 class SpeedStates:
-    """M states of a chain, with handles in order from the leader: K ``links_m``, their ``links``, and speeds.
+    """M states of a chain with K links, and the speeds of its handles in order from the leader.
 
-    ``log`` (M, K+1) are the logs of speeds over the leader's, ``size_m`` (K+1,) are the largest distances of the
-    handles from the origin, ``bends`` are the smallest and largest curvatures from one segment of the track to
-    another, and ``way`` is -1 behind a head and 1 ahead of a tail.
+    ``log`` (M, K+1) holds the logs of speeds relative to the leader's speed, ``size_m`` (K+1,) the largest distances of
+    the handles from the origin, and ``bends`` the smallest and largest curvatures from one segment of the track to
+    another. ``way`` is -1 if the head leads and 1 if the tail leads.
     """
 
     links_m: Floats
@@ -311,7 +313,7 @@ class SpeedStates:
 
 
 def states_of(chains: Chain, gone_m: Floats, way: int) -> SpeedStates:
-    """Return the states of chains (M) at distances travelled by the leader."""
+    """Return the states of M chains whose leaders have travelled the distances ``gone_m``."""
     track, segment, u = chains.track, chains.segment, chains.u
     axis = RigidLinks(chains.p, chains.links_m, chains.headings, chains.leader).axis
     links = link_states(track.distances(segment, u), segment, track.curvatures(segment, u), chains.headings, axis,
@@ -324,7 +326,7 @@ def states_of(chains: Chain, gone_m: Floats, way: int) -> SpeedStates:
 
 
 def bounds(a: SpeedStates, b: SpeedStates, law: LawBetween) -> Floats:
-    """Return bounds (M, K+1) on the logs of speeds between states a and b; the leader is further on in b."""
+    """Return upper bounds (M, K+1) on the logs of speeds between states a and b; the leader is further on in b."""
     with np.errstate(all='ignore'):
         r, v_rate = speeds_enclosed(a.links, b.links, a.links_m, a.bends, -a.way)
         slope = -a.way * v_rate + Ball(law.slope.mid[:, None], law.slope.rad[:, None])

@@ -1,20 +1,21 @@
 """Bounds on the smallest pitch at which the head winds in to a circle without a contact.
 
-Contact need not be monotone in the pitch, because benches can also slip past each other. The search therefore looks for
-the largest pitch with a contact before the circle is reached, by branch and bound in the plane of (radius of the head,
-pitch), from the largest pitch down. Any touching pair gives a lower bound. A cell of the plane is clear, with every
-pitch and radius in it, if for each pair there is an edge that separates it at all four corners of the cell by more than
-the benches' corners can sag in between, B1 h1^2 / 8 + B2 h2^2 / 8: no function differs more from its bilinear
-interpolation. B1 and B2 are proved bounds on the second derivatives by radius and by scale over the whole cell
-(``on_spiral``, ``by_scale``).
+A smaller pitch need not mean contact, because benches can also slip past each other. The search therefore looks for the
+largest pitch with a contact before the circle is reached, by branch and bound in the plane of head radius and pitch,
+from the largest pitch downwards. Any pair that touches gives a lower bound. A cell of the plane is clear, for every
+pitch and radius in it, if each pair has an edge that separates the two benches at all four corners of the cell by more
+than the benches' corners can sag in between. This sag is at most B1 h1^2 / 8 + B2 h2^2 / 8, because no function differs
+more from its bilinear interpolation. B1 and B2 are proved bounds on the second derivatives by radius and by scale over
+the whole cell (``on_spiral``, ``by_scale``).
 
-Everything is computed in units of b = pitch / 2 pi. In these units all spirals are r = theta, and the dragon is
-``scale`` = 1 / b times as large: a smaller pitch means a larger dragon. A state is a scale and a position, which is the
-radius in metres of the leading handle; a *winding* is a little more than one turn of the chain behind it.
+Everything is computed in units of b = pitch / 2 pi. In these units all spirals have the equation r = theta, and the
+dragon is ``scale`` = 1 / b times as large: a smaller pitch means a larger dragon. A state consists of a scale and a
+position, the radius of the leading handle in metres; a *winding* is a little more than one turn of the chain behind
+this handle.
 
-All this requires that the benches behind the head are equal. For mixed benches a bracket of two given pitches is
-bisected. The result is a proved contact at its lower end and a proved absence of contact at its upper end; nothing is
-proved for larger pitches.
+This method requires equal benches behind the head. For mixed benches, a bracket of two given pitches is bisected. A
+contact is then proved at the lower end of the bracket, and the absence of a contact at its upper end; nothing is proved
+for larger pitches.
 
 Bounds are rounded outwards as for the first contact: balls by their arithmetic, separations by
 ``signed_distance.rounding_m``, polar angles by the position error.
@@ -45,18 +46,18 @@ from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
 
-_WAY_RAD, _STEP = 0.8, 0.1  # largest cell: the leading handle's turn about the centre, and a fraction of the pitch
-_AT_ONCE, _MOST = 256, 100_000      # cells
-_TINY = 1e-2            # side of the smallest boxes, relative to the bracket
-_OUTWARDS = 1 + 2.0**-50    # factor for a pitch, which is the quotient of a rounded number and a scale
-_SAME = 1e-15               # relative to a pitch, which is the inverse of a scale, rounded twice
+_WAY_RAD, _STEP = 0.8, 0.1  # size of first cells: angle of the leading handle, and fraction of the pitch
+_AT_ONCE, _MOST = 256, 100_000      # numbers of cells: judged together, and in all
+_TINY = 1e-2            # side of the smallest boxes, relative to ``within_m``
+_OUTWARDS = 1 + 2.0**-50    # rounding factor for a pitch, which is the quotient of a rounded number and a scale
+_SAME = 1e-15               # relative error of a pitch that is the inverse of a scale, rounded twice
 _UNIT = track_of(Spiral(2 * pi, 1.0), BEHIND)   # the spiral in units of b
 _BENT = 1.09               # the curvature of any spiral is at most 1.09 / r: (u^3 + 4 u^2 + 4 u) / (1 + u)^3 <= 32 / 27
 
 
 @dataclass(frozen=True)
 class MinPitch:
-    """A pitch ``low_m`` with a contact, and a pitch ``high_m``, from which up to ``largest_m`` there is no contact.
+    """A pitch ``low_m`` with a contact, and a pitch ``high_m`` without contacts from there to ``largest_m``.
 
     At ``low_m`` the ``benches`` touch when the head's front handle is at ``radius_m``; ``states`` is the number of
     windings placed, or of states for mixed benches. For mixed benches ``proved`` is False: ``high_m`` and ``largest_m``
@@ -74,7 +75,7 @@ class MinPitch:
 
 @dataclass(frozen=True)
 class _PitchTask:
-    """A dragon that winds in from ``turns`` turns to a circle of ``radius_m``, for pitches up to ``largest_m``."""
+    """A dragon that winds in from ``turns`` turns to the radius ``radius_m``, for pitches up to ``largest_m``."""
 
     dragon: AnyDragon
     radius_m: float
@@ -88,7 +89,7 @@ class _PitchTask:
         return self.radius_m / self.turns
 
     def widest_m(self, pitch_m: float, first: int) -> float:
-        """Return an upper bound on the radius of the front handle of the head (0) or of a body bench (1).
+        """Return an upper bound on the radius of the front handle of the head (``first`` 0) or of any body bench (1).
 
         An arc with a curvature of at most k is at most 2 asin(k chord / 2) / k long, and r^2 grows by at most 2 b per
         metre of arc.
@@ -98,7 +99,7 @@ class _PitchTask:
         return sqrt((self.turns * pitch_m) ** 2 + pitch_m / pi * arc)
 
     def innermost_m(self, pitch_m: float, first: int) -> float:
-        """Return a lower bound on the radius for this and larger pitches, as an arc is no shorter than its chord."""
+        """Return a lower bound on the radius at this and larger pitches, as no arc is shorter than its chord."""
         b_m, radius_m = pitch_m / (2 * pi), self.radius_m
         inward = 2 * b_m * float(self.dragon.link_lengths_m[0]) / sqrt(1 + (b_m / radius_m) ** 2)
         return sqrt(radius_m**2 + inward * first)
@@ -107,13 +108,14 @@ class _PitchTask:
 def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_turns: float = 16.0,
               largest_m: float = 1.0, within_m: float = 2e-11,
               progress: Callable[[int], object] = lambda states: None, smallest_m: float | None = None) -> MinPitch:
-    """Return the smallest pitch from which, up to ``largest_m``, the head reaches the circle without contact.
+    """Return the smallest pitch such that, from it up to ``largest_m``, the head reaches the circle without contact.
 
-    The head starts at ``start_turns``; the circle of ``diameter_m`` is centred on the spiral. ``low_m`` and ``high_m``
-    differ by at most ``within_m``. Mixed benches need ``smallest_m``, a pitch at which benches touch; otherwise it is
-    ignored. ``progress(states)`` is called with the number of states computed since the last call. Raises FieldError if
-    there is no such pitch or benches touch at ``largest_m``, DragonError if none can be proved, ChainLockError if a
-    link is longer than the circle's diameter.
+    The head starts ``start_turns`` turns from the centre of the spiral, which is also the centre of the circle of
+    diameter ``diameter_m``. ``low_m`` and ``high_m`` differ by at most ``within_m``. Mixed benches require
+    ``smallest_m``, a pitch at which benches touch; for equal benches it is ignored. ``progress(states)`` is called with
+    the number of states computed since the last call. Raises FieldError if no pitch has a contact or if benches touch
+    at ``largest_m``, DragonError if no bounds can be proved, and ChainLockError if a link is longer than the circle's
+    diameter.
     """
     if dragon and not is_even(dragon.link_lengths_m):
         runs = _Runs(dragon, diameter_m, start_turns, progress)
@@ -122,18 +124,19 @@ def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_tu
     head = _Descending(task, 0, task.smallest_m, progress)
     low_m, high_m = head.run()
     if not head.touch:
-        raise FieldError('start_turns', start_turns, f'no pitch from {low_m:.6g} m on, where the head starts on the '
-                         'circle, has a contact', 'start further out or give a smaller circle')
+        raise FieldError('start_turns', start_turns, f'no pitch of {low_m:.6g} m or more has a contact; at this pitch '
+                         'the head starts on the circle', 'start further out, or give a smaller circle')
     radius_m, pitch_m, bench = head.touch
     if isclose(pitch_m, largest_m, rel_tol=_SAME):
-        raise FieldError('largest_m', largest_m, f'benches 0 and {bench} touch at it, with the head at radius '
-                         f'{radius_m:.6g} m', 'give a larger one')
+        raise FieldError('largest_m', largest_m, f'benches 0 and {bench} touch at this pitch, with the head at radius '
+                         f'{radius_m:.6g} m', 'give a larger pitch')
     body = _Descending(task, 1, high_m, progress)
     body.run()
     if body.touch:
         radius_m, pitch_m, bench = body.touch
         raise DragonError(f'min-pitch: the body may touch itself at a pitch of {pitch_m:.9g} m, {bench} benches apart '
-                          f'at radius {radius_m:.6g} m, where the head does not; such dragons are not supported')
+                          f'at radius {radius_m:.6g} m, although the head does not touch it; such dragons are not '
+                          'supported')
     radius_m, low_m, bench = head.touch
     return MinPitch(low_m, high_m, (0, bench), radius_m, largest_m, head.states + body.states)
 
@@ -149,14 +152,14 @@ def _task(dragon: AnyDragon, diameter_m: float, start_turns: float, largest_m: f
     longest = float(np.max(dragon.link_lengths_m))
     if not np.all(dragon.link_lengths_m):
         raise FieldError('dragon.hole_inset_m', dragon.hole_inset_m, 'links of zero length are not supported',
-                         'give a smaller one')
+                         'give a smaller inset')
     if _BENT * longest >= 2 * radius_m:
         raise FieldError('diameter_m', diameter_m, f'a link is {longest:.6g} m long', 'give a larger circle')
     return _PitchTask(dragon, radius_m, start_turns, largest_m, within_m)
 
 
 class _Runs:
-    """Runs of a dragon that winds in to a circle, one per pitch."""
+    """The runs of a dragon that winds in to a circle; each pitch has one run."""
 
     def __init__(self, dragon: AnyDragon, diameter_m: float, start_turns: float,
                  progress: Callable[[int], object]) -> None:
@@ -191,7 +194,7 @@ class _Runs:
 
 
 def coming_in(dragon: AnyDragon, pitch_m: float, start_turns: float, diameter_m: float) -> Scene:
-    """Return the scene of a head that winds in from its start to a circle at 1 m/s."""
+    """Return a scene in which the head winds in from its start to a circle at 1 m/s."""
     track, turns = Spiral(pitch_m, start_turns), 0.5 * diameter_m / pitch_m
     if turns >= start_turns:
         raise FieldError('start_turns', start_turns, f'at a pitch of {pitch_m:g} m the head starts inside the circle',
@@ -200,13 +203,13 @@ def coming_in(dragon: AnyDragon, pitch_m: float, start_turns: float, diameter_m:
 
 
 def _halved(runs: _Runs, smallest_m: float | None, largest_m: float, within_m: float) -> MinPitch:
-    """Bisect the bracket of mixed benches. Raises FieldError unless there is a contact only at its lower end.
+    """Bisect the bracket for mixed benches. Raises FieldError unless only its lower end has a contact.
 
     Bisection checks only the head, which is usually the first to touch; the remaining bracket is checked for all
-    benches. The ends of the given bracket are therefore checked only if they are still its ends after bisection.
+    benches. An end of the given bracket is therefore checked only if it is still an end after the bisection.
     """
     if smallest_m is None:
-        raise FieldError('smallest_m', None, 'the pitch of mixed benches is halved between two bounds',
+        raise FieldError('smallest_m', None, 'the pitch of mixed benches is bisected between two bounds',
                          'give a pitch at which benches touch')
     number('smallest_m', smallest_m, above=0.0)
     number('largest_m', largest_m, above=smallest_m, high=1e6)
@@ -214,18 +217,18 @@ def _halved(runs: _Runs, smallest_m: float | None, largest_m: float, within_m: f
     low_m, high_m = _bisected(runs.head_touches, smallest_m, largest_m, within_m)
     if runs.contact(high_m):
         if high_m == largest_m or runs.contact(largest_m):
-            raise FieldError('largest_m', largest_m, 'benches touch at this pitch', 'give a larger one')
+            raise FieldError('largest_m', largest_m, 'benches touch at this pitch', 'give a larger pitch')
         low_m, high_m = _bisected(runs.contact, high_m, largest_m, within_m)
     touch = runs.contact(low_m)
     if touch is None and low_m == smallest_m:
-        raise FieldError('smallest_m', smallest_m, 'no benches touch at this pitch', 'give a smaller one')
+        raise FieldError('smallest_m', smallest_m, 'no benches touch at this pitch', 'give a smaller pitch')
     assert touch
     inner, outer = touch.benches
     return MinPitch(low_m, high_m, (inner, outer), runs.radius_m(low_m, touch.t_s), largest_m, runs.states, False)
 
 
 def _bisected(touching: Callable[[float], object], low_m: float, high_m: float, within_m: float) -> tuple[float, float]:
-    """Bisect a bracket of pitches, with a contact at the lower end and none at the upper end."""
+    """Bisect a bracket of pitches that has a contact at its lower end and no contact at its upper end."""
     while high_m - low_m > within_m:
         middle_m = 0.5 * (low_m + high_m)
         low_m, high_m = (middle_m, high_m) if touching(middle_m) else (low_m, middle_m)
@@ -235,8 +238,8 @@ def _bisected(touching: Callable[[float], object], low_m: float, high_m: float, 
 class _Descending:
     """A search for one leading bench, from the largest pitch down to ``floor_m`` or to a contact.
 
-    Boxes span radius in m and scale: a larger scale is a smaller pitch. ``touch`` is (radius in m, pitch in m, bench)
-    of the contact with the largest pitch found.
+    Boxes have the dimensions radius, in m, and scale; a larger scale means a smaller pitch. ``touch`` holds the radius
+    in m, the pitch in m and the bench of the contact with the largest pitch found so far.
     """
 
     at_once = _AT_ONCE
@@ -244,13 +247,13 @@ class _Descending:
     def __init__(self, task: _PitchTask, first: int, floor_m: float, progress: Callable[[int], object]) -> None:
         self.task, self.first, self.states, self._tell = task, first, 0, progress
         self.touch: tuple[float, float, int] | None = None
-        self._best = self._limit = 2 * pi / floor_m     # scale of the contact, and scale up to which all is clear
+        self._best = self._limit = 2 * pi / floor_m     # scale of the contact found, and scale up to which all is clear
         self._done = 0
         size_m = task.widest_m(task.largest_m, 1)
         self._tolerance_m = 2 * EXACT.promise_for_m(size_m)     # the position errors of both benches
 
     def run(self) -> tuple[float, float]:
-        """Return the pitch with a contact, or the floor, and the smallest pitch above which everything is clear."""
+        """Return a pitch with a contact (or the floor), and the smallest pitch above which everything is clear."""
         cells = self._grid()
         run(self, Boxes(cells[[0, 2]], cells[[1, 3]]))
         return 2 * pi / self._best, _OUTWARDS * 2 * pi / self._limit
@@ -261,12 +264,12 @@ class _Descending:
         return out
 
     def order(self, boxes: Boxes) -> Floats:
-        """Return sort keys by decreasing pitch."""
+        """Return sort keys that put the boxes in order of decreasing pitch."""
         out: Floats = boxes.low[1]
         return out
 
     def judge(self, boxes: Boxes) -> Boxes:
-        """Evaluate the corners of boxes; return the halves of those that are neither clear nor near the contact."""
+        """Evaluate the corners of boxes; return the halves of boxes that are neither clear nor near the contact."""
         if self._done > _MOST:
             raise DragonError(f'min-pitch: nothing is proved below a pitch of {2 * pi / np.min(boxes.low[1]):.9g} m '
                               f'after {self._done} cells; some benches may almost touch at every pitch')
@@ -278,16 +281,16 @@ class _Descending:
         return boxes.some(left).cut(2, axis[left])
 
     def _tiny(self, boxes: Boxes) -> Array:
-        """Return whether boxes are so small that their gap is within position errors and cutting cannot clear them."""
+        """Return whether each box is so small that its gap is within position errors and cutting cannot clear it."""
         within_m = _TINY * self.task.within_m
         out: Array = ((boxes.high[0] - boxes.low[0] <= within_m)
                       & (2 * pi / boxes.low[1] - 2 * pi / boxes.high[1] <= within_m))
         return out
 
     def _grid(self) -> Floats:
-        """Return the first cells: strips of pitch, each as long as the track for the larger of its pitches.
+        """Return the first cells, in strips of pitch; each strip is as long as the track for the larger of its pitches.
 
-        The sag of corners grows with the square of the angle, and little with the radius; gaps do not shrink further
+        The sag of corners grows with the square of the angle but hardly with the radius, and gaps do not shrink further
         out.
         """
         task, low = self.task, 2 * pi / self.task.largest_m
@@ -301,9 +304,9 @@ class _Descending:
         return np.concatenate(strips, axis=1)
 
     def _unclear(self, cells: Floats) -> tuple[Array, Ints]:
-        """Evaluate the corners of cells (4, n), two radii and two scales each; return whether each cell is not clear.
+        """Evaluate the corners of cells (4, n), each of two radii and two scales; return which cells are not clear.
 
-        The second result is the axis along which to cut each cell, along which it varies more.
+        The second result is the axis along which to cut each cell: the axis along which the separation varies more.
         """
         corners = np.concatenate([cells[[i, j]] for i in (0, 1) for j in (2, 3)], axis=1)
         places, where = np.unique(corners, axis=1, return_inverse=True)
@@ -325,7 +328,7 @@ class _Descending:
         return low[each, pair, edge] <= self._tolerance_m * cells[3], (place < scale).astype(np.int64)
 
     def _windings(self, radius_m: Floats, scale: Floats) -> BenchSamples:
-        """Return a little more than one turn of the chain behind each position, or more if benches are wide."""
+        """Return the winding behind each position: a little more than one turn, or more if benches are wide."""
         self.states += scale.size
         self._tell(scale.size)
         dragon = self.task.dragon
@@ -335,14 +338,14 @@ class _Descending:
         return windings(dragon, self.first, follow, radius_m, scale)
 
     def _turns(self, radius_m: Floats, scale: Floats) -> float:
-        """Return roughly after how many turns benches are clear of the leading one; ``_check_rest`` decides."""
+        """Estimate after how many turns benches are clear of the leading bench; ``_check_rest`` makes sure."""
         dragon, pitch_m = self.task.dragon, 2 * pi / float(np.max(scale))
         overhang_m = 0.5 * float(dragon.bench_lengths_m[self.first] - dragon.link_lengths_m[self.first])
         sag_m = float(dragon.link_lengths_m[-1]) ** 2 / (8 * float(np.min(radius_m)))
         return max(1.2, 0.1 + (hypot(overhang_m, 0.5 * dragon.width_m) + 0.5 * dragon.width_m + sag_m) / pitch_m)
 
     def _sags(self, cells: Floats, placed: BenchSamples, ends: Ints) -> Floats:
-        """Return bounds on the sag of corners in cells, by radius and by scale, for eight edges, (n, K, 8, 2)."""
+        """Return bounds (n, K, 8, 2) on the sag of corners in cells, for eight edges, by radius and by scale."""
         benches = slice(self.first, self.first + placed.delta.shape[1])
         dragon, scale = self.task.dragon, cells[2:, :, None]
         arm = scale[1] * 0.5 * np.hypot(dragon.bench_lengths_m[benches], dragon.width_m)
@@ -366,12 +369,12 @@ class _Descending:
         return out
 
     def _check_rest(self, cells: Floats, placed: BenchSamples, ends: Ints) -> None:
-        """Reject cells in which a bench beyond those placed could come close.
+        """Raise DragonError if, in a cell, a bench beyond the placed benches could come close to the leading bench.
 
-        The leading bench lies within the radius of its rear handle plus its overhang, in metres; this is largest at the
-        larger radius and pitch. The distance of the last link's line from the centre is l^2 - (delta / scale)^2 divided
-        by 2 l tan(delta / 2), which is at least its value for the largest delta and smallest scale. Links further
-        behind lie further out (docs/contact.md).
+        The leading bench lies within the radius of its rear handle plus its overhang; this sum, in metres, is largest
+        at the larger radius and the larger pitch. The distance of the last link's line from the centre is (l^2 - (delta
+        / scale)^2) / (2 l tan(delta / 2)), which is smallest for the largest delta and the smallest scale. Links
+        further behind lie further out (docs/contact.md).
         """
         dragon, count = self.task.dragon, placed.delta.shape[1]
         if count == dragon.benches - self.first:
@@ -381,11 +384,11 @@ class _Descending:
         link, off = float(dragon.link_lengths_m[-1]), self._angle_errors(placed.theta[ends[1], -2], cells[3])
         line = line_distance(link * cells[2], placed.delta[ends[1], -1], 2 * off) / cells[2] - 0.5 * dragon.width_m
         if np.any(line <= reach + self._tolerance_m):
-            raise DragonError('min-pitch: one turn of benches does not suffice to prove this dragon, which is not '
+            raise DragonError('min-pitch: one turn of benches does not suffice for a proof; such dragons are not '
                               'supported')
 
     def _note(self, places: Floats, separation: Floats) -> None:
-        """Record the touching position with the largest pitch; the head is never further out than at its start."""
+        """Record the touching position with the largest pitch; the head is never further out than where it starts."""
         radius_m, scale = places
         outer = np.inf if self.first else 2 * pi * self.task.turns / scale
         gap = np.max(separation, axis=-1)
@@ -398,7 +401,7 @@ class _Descending:
 
 
 def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale: Floats) -> BenchSamples:
-    """Place ``follow`` benches from bench ``first`` on, behind radii (M,) on spirals of given scales, in units of b.
+    """Place ``follow`` benches, the first being ``first``, behind radii (M,) on spirals of given scales, in units of b.
 
     Raises ChainLockError if a link cannot be placed.
     """
@@ -411,8 +414,8 @@ def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale
 def separations(dragon: AnyDragon, first: int, winding: BenchSamples, scale: Floats) -> Floats:
     """Return separations (M, K, 8), in units of b, of the leading bench from the second and later benches behind it.
 
-    They are measured from four edges of the leading bench and four edges of the other: benches are apart if any is
-    positive.
+    Separations are measured from the four edges of the leading bench and from the four edges of the other bench; the
+    two benches are apart if any of their separations is positive.
     """
     half = 0.5 * scale[:, None] * dragon.bench_lengths_m[first:first + winding.delta.shape[1]]
     side, (centre, axis) = 0.5 * scale[:, None] * dragon.width_m, (winding.centre, winding.axis)

@@ -1,6 +1,6 @@
 """Near misses: local minima over time of the gap between two benches, below a threshold, before the first contact.
 
-Near misses between a bench and an obstacle of the venue are included; they are found over the track, once for all
+Near misses between a bench and an obstacle of the venue are included; each is found along the track once for all
 benches of one length.
 
 Only intervals whose certified bound is below the threshold are sampled. Benches with the same remaining link sequence
@@ -28,30 +28,30 @@ from dragon_ros.core.search.leading_benches import LeadingBenches, classes_of
 from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
-if TYPE_CHECKING:       # scenes without a venue import none of them
+if TYPE_CHECKING:       # not imported for scenes without a venue
     from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
 
-MOST = 1000             # listed near misses, the nearest first; the others are only counted
+MOST = 1000             # maximum number of listed near misses; the others are only counted
 _COARSE_M = 1.0         # spacing of positions for the coarse search for obstacles
-_SPACING_M = 0.02       # spacing of samples along the track: corners that pass benches make dips of decimetres
-_LIPSCHITZ = 2.0    # rough rate of a gap by leader travel: limits how far a dip's samples may exceed the threshold
-_SHALLOW_M = 1e-9       # far above the error of gaps: shallower dips are indistinguishable from a constant gap
+_SPACING_M = 0.02       # spacing of samples along the track; where corners pass benches, dips are decimetres long
+_LIPSCHITZ = 2.0    # rough rate of a gap by leader travel; it limits how far a dip's samples may exceed the threshold
+_SHALLOW_M = 1e-9       # far above the error of gaps; shallower dips cannot be distinguished from a constant gap
 _AT_ONCE = 64           # number of samples that are evaluated together
 _GOLDEN = 0.5 * (5**0.5 - 1)
-_ROUNDS = 34            # steps of golden-section search: 0.618^34 of 4 cm is 3 nm, less than a flat minimum resolves
-_REFINED = 1024         # limit for the minima that are refined together, to save memory
-_SAME_M = 1e-4          # leader travel: closer minima of one pair count as one
-_CLOSING_M = 1e-6       # leader travel before a reversal over which the gap must have been closing
-_NEWTON = 8             # iterations per position; handles are about as fast as the leader, so three are enough
+_ROUNDS = 34            # number of golden-section steps: 0.618^34 of 4 cm is 3 nm, less than a flat minimum resolves
+_REFINED = 1024         # maximum number of minima that are refined together, to save memory
+_SAME_M = 1e-4          # leader travel; closer minima of the same pair count as one minimum
+_CLOSING_M = 1e-6       # leader travel, before a reversal, over which the gap must have decreased
+_NEWTON = 8             # maximum number of iterations; handles are about as fast as the leader, so three often suffice
 _THERE_M = 1e-9         # tolerance for a position found by Newton's method
 
 Pair = tuple[int, int]
-Gaps = Callable[[Floats, Ints], Floats]     # from positions (M,) and pairs (..., 2) to gaps (M, K) or (M,)
+Gaps = Callable[[Floats, Ints], Floats]     # maps positions (M,) and pairs (..., 2) to gaps (M, K) or (M,)
 
 
 @dataclass(frozen=True)
 class NearMiss:
-    """A smallest gap between two benches (the inner one first), or a bench and an obstacle: time in s, gap in m."""
+    """A local minimum of the gap between two benches (the inner one first), or between a bench and an obstacle."""
 
     benches: tuple[int, ...]
     t_s: float
@@ -60,13 +60,13 @@ class NearMiss:
 
     @property
     def bench(self) -> int:
-        """The outer of the two benches."""
+        """The outer of the two benches, or the bench near an obstacle."""
         return self.benches[-1]
 
 
 @dataclass(frozen=True)
 class NearMisses:
-    """Near misses, the nearest first: at most ``MOST`` of ``count``."""
+    """The nearest ``MOST`` of ``count`` near misses, sorted by gap."""
 
     nearest: tuple[NearMiss, ...]
     count: int
@@ -121,7 +121,7 @@ def _miss(pair: Pair, t_s: float, gap_m: float, benches: int, names: Sequence[st
 
 
 def _distinct(dips: list[_Dip]) -> list[_Dip]:
-    """Return the dips without duplicates for the same pair."""
+    """Return the dips without duplicates of the same pair."""
     out: list[_Dip] = []
     for dip in sorted(dips, key=lambda dip: (dip.pair, dip.place)):
         if not out or out[-1].pair != dip.pair or dip.place - out[-1].place > _SAME_M:
@@ -130,7 +130,7 @@ def _distinct(dips: list[_Dip]) -> list[_Dip]:
 
 
 def _in_domain(domain: SearchDomain, proof: Certificate, below_m: float) -> tuple[list[_Dip], int]:
-    """Return the dips of a domain, by leader position, and the number of dips omitted from the list."""
+    """Return the dips of a domain, at leader positions, and the number of dips that were omitted."""
     out = _of_chain(domain, [each for each in proof.led_by(ALL) if each.bound_m < below_m], below_m)
     alike: list[_ClassDip] = []
     out += _of_obstacles(domain, below_m) if domain.around else []
@@ -164,7 +164,7 @@ def _of_chain(domain: SearchDomain, near: list[Interval], below_m: float) -> lis
 
 
 def _of_class(domain: SearchDomain, part: LeadingBenches, proof: Sequence[Interval], below_m: float) -> Iterator[_Dip]:
-    """Yield the dips between a class's first bench and those behind, by polar angle of its front handle."""
+    """Yield the dips between a class's first bench and the benches behind it, at polar angles of its front handle."""
     segment, origin_m, lead = domain.track.segments[0], domain.track.origins_m[0], part.lead
     links_m = domain.dragon.link_lengths_m
     ends = [(segment.after(each.start_m - origin_m).hi, segment.after(each.stop_m - origin_m).hi) for each in proof]
@@ -187,7 +187,7 @@ def _of_class(domain: SearchDomain, part: LeadingBenches, proof: Sequence[Interv
 
 
 def _gaps(chain: Chain, domain: SearchDomain, first: int, pairs: Ints) -> Floats:
-    """Return the gaps (M, K) of pairs (K, 2), or (M, 1) of pairs (M, 1, 2), in M chains from bench ``first`` on."""
+    """Return the gaps (M, K) of pairs (K, 2), or (M, 1) of pairs (M, 1, 2), in M chains behind bench ``first``."""
     dragon, count = domain.dragon, chain.links_m.size
     centre = 0.5 * (chain.p[:, :-1] + chain.p[:, 1:])
     half_length = np.broadcast_to(0.5 * dragon.bench_lengths_m[first:first + count], centre.shape[:2])
@@ -208,14 +208,14 @@ def _spans(ends: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def _grids(low: float, high: float, step: float) -> Iterator[Floats]:
-    """Yield equidistant positions in parts that overlap by two, so that no dip falls between parts."""
+    """Yield equidistant positions in parts that share two positions, so that no dip falls between parts."""
     places = np.linspace(low, high, max(3, 2 + int((high - low) / step)), dtype=np.float64)
     for start in range(0, places.size - 2, _AT_ONCE - 2):
         yield places[start:start + _AT_ONCE]
 
 
 def _bracketed(places: Floats, pairs: Ints, gap_m: Floats, below_m: float) -> tuple[Ints, Floats, Floats]:
-    """Return the pairs (D, 2) with local minima among samples (M,) of gaps (M, K), and the positions on either side."""
+    """Return the pairs (D, 2) with minima in gaps (M, K) at positions (M,), and the positions around each minimum."""
     low, sides = gap_m[1:-1], (gap_m[:-2], gap_m[2:])
     dip = (low <= sides[0]) & (low <= sides[1]) & (low + _SHALLOW_M < np.maximum(*sides))
     row, column = np.nonzero(dip & (low < below_m + _LIPSCHITZ * _SPACING_M))
@@ -270,7 +270,7 @@ def _reached(domain: SearchDomain, part: LeadingBenches, dips: list[_Dip]) -> li
 
 
 def _at_places(domain: SearchDomain, phase: tuple[float, float], alike: list[_ClassDip]) -> list[_Dip]:
-    """Return dips at the leader positions at which benches reach them in a phase."""
+    """Return dips with the leader positions at which benches reach them in a phase."""
     segment, origin_m = domain.track.segments[0], domain.track.origins_m[0]
     along_m = origin_m + segment.metres(np.array([each.dip.place for each in alike]))
     gone_m = _gone_at(domain, np.array([each.bench for each in alike]), along_m, phase)
@@ -295,7 +295,7 @@ def _gone_at(domain: SearchDomain, bench: Ints, along_m: Floats, within: tuple[f
 
 
 def _of_obstacles(domain: SearchDomain, below_m: float) -> list[_Dip]:
-    """Return the dips between benches and obstacles, by leader position: the ``MOST`` deepest of each phase."""
+    """Return the ``MOST`` deepest dips between benches and obstacles in each phase, at leader positions."""
     from dragon_ros.core.search.bounding_box import by_length
     from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
     from dragon_ros.core.search.obstacle_contact import phases, swept_bench, windows_of
@@ -322,7 +322,7 @@ def _of_obstacles(domain: SearchDomain, below_m: float) -> list[_Dip]:
 
 def _obstacle_dips(bounds: 'ObstacleBounds', span: tuple[float, float], below_m: float
                    ) -> Iterator[tuple[int, float, float]]:
-    """Yield the obstacle's index, the front handle's position and the gap of a bench's dips on a span of the track."""
+    """Yield the obstacle, the front handle's position and the gap of each dip of a bench on a span of the track."""
     from dragon_ros.core.search.obstacle_bounds import corners_of
     places = np.linspace(*span, 2 + int((span[1] - span[0]) / _COARSE_M))
     states = bounds.bench.states(places)
@@ -354,14 +354,14 @@ def _least(bounds: 'ObstacleBounds', edges: Ints, places: Floats) -> Floats:
 
 
 def _boxes(corners: Complexes, reach_m: Floats) -> tuple[Floats, Floats]:
-    """Return lower left and upper right corners (M, 2) of boxes around points (M, K), widened by ``reach_m``."""
+    """Return the lower left and upper right corners (M, 2) of boxes around points (M, K), widened by ``reach_m``."""
     low = np.stack((np.min(corners.real, axis=1), np.min(corners.imag, axis=1)), axis=1) - reach_m[:, None]
     high = np.stack((np.max(corners.real, axis=1), np.max(corners.imag, axis=1)), axis=1) + reach_m[:, None]
     return low, high
 
 
 def _at_reversals(scene: Scene, travel: RangeOfTravel, below_m: float) -> Iterator[NearMiss]:
-    """Yield the pairs with a minimum where the leader reverses."""
+    """Yield the near misses at the positions where the leader reverses."""
     for t_s, sense in travel.reversals:
         domain, gone_m = SearchDomain(scene, travel, sense, lambda states: None), travel.gone_m(t_s)
         benches = domain.benches(gone_m)

@@ -1,13 +1,14 @@
 """Lower bounds on the gap between a bench and an edge of an obstacle while the bench moves between two positions.
 
 The pose of a bench depends on its length and on the position of its front handle, so an interval of the track
-represents all benches of one length that pass it. The larger of two bounds is used. Both hold over the whole interval
-if the rear handle moves in one direction. *By motion:* no point of the bench moves further than the motion M of its
-farthest-moving corner, so the gap is at least half of (the sum of its values at the ends minus M). *By a direction* d,
-the best one at an end: the derivative of a corner's coordinate along d is in the ball of ``SweptBench.slopes``, so the
-coordinate changes by at most V and is nowhere below the mean of its values at the ends minus V / 2. The smallest of the
-corners' bounds, minus the larger coordinate of the edge's ends, bounds the gap. V approaches the corner's motion along
-d with the square of the interval.
+represents all benches of one length that pass it. The larger of two bounds is used. Both bounds hold over the whole
+interval if the rear handle moves in one direction. *By motion:* if no corner moves further than M, no point of the
+bench does, so the gap is at least (g0 + g1 - M) / 2, where g0 and g1 are the gaps at the two ends. *By direction:* let
+d be the direction of the largest separation at one end. The derivative of a corner's coordinate along d lies in the
+ball of ``SweptBench.slopes``, so the coordinate changes by at most V and is never less than the mean of its values at
+the two ends minus V / 2. The smallest of these lower bounds over all corners, minus the larger coordinate of the edge's
+end points, bounds the gap. As the interval shrinks, V approaches the corner's motion along d with the square of the
+interval's length.
 """
 from dataclasses import dataclass
 
@@ -19,14 +20,14 @@ from dragon_ros.core.geometry.venue import Surroundings
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 from dragon_ros.core.search.bounding_box import BenchStates, SweptBench
 
-_APART_M = 1e-9     # relative to sizes: closer points define no direction, and the axes of bench and edge are tried
+_APART_M = 1e-9     # relative to the bench; closer points define no direction, so the axes of bench and edge are tried
 
 
 @dataclass(frozen=True)
 class ObstacleBounds:
-    """A bench that moves along a track, and the edges of a venue: gaps at positions, and bounds between them.
+    """The gaps between a bench that moves along a track and the edges of a venue, and bounds between two positions.
 
-    ``error_m`` bounds position errors; the bounds hold for benches with such errors.
+    ``error_m`` is a bound on position errors; the bounds on gaps hold for benches with such errors.
     """
 
     bench: SweptBench
@@ -49,7 +50,7 @@ class ObstacleBounds:
         return ways
 
     def bounds(self, a: BenchStates, b: BenchStates, gaps: tuple[Floats, Floats], edge: Ints) -> Floats:
-        """Return lower bounds on the gaps to edges between states a and b, given the gaps at both."""
+        """Return lower bounds on the gaps to edges between states a and b, given the gaps at both states."""
         slope, crude = self.bench.slopes(a, b)
         corners = corners_of(a), corners_of(b)
         with np.errstate(all='ignore'):
@@ -83,7 +84,7 @@ class ObstacleBounds:
         return 0.5 * (front + rear_right), axis
 
     def _directions(self, corners: Complexes, gap_m: Floats, edge: Ints) -> Complexes:
-        """Return the directions in which each bench and its edge are furthest apart, or nearly furthest."""
+        """Return the directions in which each bench and its edge are furthest apart, or almost furthest apart."""
         apart = gap_m > _APART_M * sum(self.half_m)
         out = np.empty(edge.size, dtype=np.complex128)
         if np.any(apart):
@@ -93,7 +94,7 @@ class ObstacleBounds:
         return out
 
     def _to_bench(self, corners: Complexes, edge: Ints) -> Complexes:
-        """Return the directions from the nearest points of edges to those of benches, given that they are apart."""
+        """Return the directions from the nearest points of edges to the nearest points of benches apart from them."""
         around, half, (centre, axis) = self.around, self.half_m, self._seats(corners)
         seen = (corners - around.middle[edge][:, None]) * np.conj(around.axis[edge])[:, None]
         long = around.half_m[edge][:, None]
@@ -110,7 +111,7 @@ class ObstacleBounds:
         return out
 
     def _along_axes(self, corners: Complexes, edge: Ints) -> Complexes:
-        """Return the axes of benches and edges along which they are furthest apart, or overlap least."""
+        """For each pair, return the axis of bench or edge along which the two are furthest apart or overlap least."""
         around, (_, axis) = self.around, self._seats(corners)
         across = 1j * around.axis[edge]
         ways = np.stack((across, -across, axis, -axis, 1j * axis, -1j * axis))
@@ -123,10 +124,11 @@ class ObstacleBounds:
 
 def least_along(d: Complexes, ends: tuple[Complexes, Complexes], slope: Ball, unsure: float, h: Floats,
                 way_m: Floats) -> Floats:
-    """Return the smallest coordinate along d (M,) that corners (M, 4) may have between two states, in m.
+    """Return the smallest coordinates in m along directions d (M,) that corners (M, 4) may have between two states.
 
-    ``slope`` (M, 4, 3) holds their derivatives by a variable that grows by ``h`` (M, 1), that of x first and that of y
-    last, with errors up to ``unsure``. The corners move by at most ``way_m`` (M, 4).
+    ``slope`` (M, 4, 3) holds the derivatives of the corners' coordinates by a variable that grows by ``h`` (M, 1): the
+    derivative of x first and that of y last, with errors of up to ``unsure``. The corners move by at most ``way_m`` (M,
+    4).
     """
     back, middle = np.conj(d)[:, None], slope.mid[..., 0] + 1j * slope.mid[..., 2]
     rad = slope.rad[..., 0] + slope.rad[..., 2] + unsure

@@ -1,12 +1,12 @@
-"""Contact of benches with a venue: cleared over the track, once for all benches of one length.
+"""Contact of benches with a venue, cleared along the track once for all benches of one length.
 
 The pose of a bench depends on its length and on the position of its front handle. For each length, an obstacle thus
 blocks positions on the track, and the first bench of that length to reach a blocked position is the one that starts
 next to it. Each bench therefore has a window: the positions that its front handle passes, up to the start of the next
-bench of its length, which passes the rest first. Each window is cleared separately, up to the first position that
-cannot be cleared (``driver``, with the bounds of ``obstacle_bounds``); the result is the one that the leader reaches
-first. If handles turn back, near the centre of a spiral, the leader's travel is split into phases in which each handle
-moves in one direction.
+bench of its length, which passes the rest of the track first. Each window is cleared separately, up to the first
+position that cannot be cleared (``driver``, with the bounds of ``obstacle_bounds``); of these positions, the result is
+the position that the leader reaches first. If handles turn back near the centre of a spiral, the leader's travel is
+split into phases in which each handle moves in one direction.
 """
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
@@ -23,20 +23,19 @@ from dragon_ros.core.search.driver import Judgement, clear
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, corners_of
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 
-_TOLERANCE = 4          # times the position error, for two states
-_SPACING = 0.5          # relative to the longest bench, between the first positions
-_MOST_PLACES = 50_000   # limit for the first positions of one window, to save memory
-_FINEST = 1e-3, 1e-8    # times 1 m, or the longest bench if it is shorter: near a contact, and near a grazing point
-_SHORTEST = 0.1         # relative to the error that a gap must exceed; near a contact gaps are several times that
-                        # error, and steps are longer than this
-_FAR = 0.05             # relative to the longest bench: edges that stay further away are not examined
+_TOLERANCE = 4          # multiple of the position error, for two states
+_SPACING = 0.5          # spacing of the first positions, in longest benches
+_MOST_PLACES = 50_000   # maximum number of first positions per window, to save memory
+_FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, times min(1 m, longest bench)
+_SHORTEST = 0.1         # shortest interval of ``prove``, relative to the tolerance; gaps before a contact are larger
+_FAR = 0.05             # edges that stay further away, in longest benches, are not examined
 _PARTS = 3              # number of parts into which an interval is cut
-_LONG = 6.0             # times the longest bench: over a longer move the bound would need too many edges
+_LONG = 6.0             # longest move in longest benches; for a longer move, the bound would need too many edges
 
 
 @dataclass(frozen=True)
 class _Samples:
-    """Benches with their front handles at positions (M,) on the track."""
+    """The states of a bench whose front handle is at positions (M,) on the track."""
 
     places: Floats
     states: BenchStates
@@ -63,7 +62,7 @@ class _SweptIntervals:
         return _Samples(np.concatenate([part.places for part in parts]), _joined([part.states for part in parts]))
 
     def begin(self, samples: _Samples, pairs: Ints, window: Ints) -> None:
-        """Receive the roots; the edges near a bench are searched for again in each interval."""
+        """Ignore the roots, because the edges near a bench are searched for in each interval."""
 
     def judge(self, a: _Samples, b: _Samples, group: Ints) -> Judgement:
         """Bound the gaps of benches to edges; edges that stay further away than ``_FAR`` are not examined."""
@@ -83,7 +82,7 @@ class _SweptIntervals:
         return Judgement(bound_m, touching, np.full(group.size, _PARTS), group)
 
     def _near(self, a: BenchStates, b: BenchStates, reach_m: Floats) -> tuple[Ints, Ints]:
-        """Return pairs of an interval and an edge to which the bench may come close on it."""
+        """Return the pairs of an interval and an edge to which the bench may come close in this interval."""
         corners = np.concatenate((corners_of(a), corners_of(b)), axis=1)
         ends = [op(part, axis=1) for op in (np.min, np.max) for part in (corners.real, corners.imag)]
         low, high = np.stack(ends[:2], axis=1) - reach_m[:, None], np.stack(ends[2:], axis=1) + reach_m[:, None]
@@ -104,14 +103,14 @@ def _joined(parts: list[Any]) -> Any:
 
 @dataclass(frozen=True)
 class Window:
-    """Monotone positions that the front handle of a bench passes before those of all other benches of its length."""
+    """Monotone positions that the front handle of a bench passes before any other bench of the same length does."""
 
     bench: int
     places: Floats
 
 
 class Obstacles:
-    """All benches of a domain with all obstacles, with the cleared part and its end."""
+    """All pairs of a bench and an obstacle in a domain, with the first bracket that is not clear."""
 
     def __init__(self, domain: SearchDomain) -> None:
         """Cover a domain whose scene has a venue."""
@@ -162,7 +161,7 @@ class Obstacles:
 
     def _earliest(self, hits: list[tuple[int, tuple[float, float, float]]], phase: tuple[float, float]
                   ) -> Bracket | None:
-        """Return the bracket that the leader reaches first, given brackets of front handles."""
+        """Return the bracket that the leader reaches first, given hits in the tracks of front handles."""
         domain, first = self._domain, None
         while hits:
             bench, (clear_m, other_m, bound_m) = hits[0]
@@ -175,23 +174,23 @@ class Obstacles:
 
 
 def phases(domain: SearchDomain, stop_m: float) -> list[tuple[float, float]]:
-    """Return the parts of the leader's travel up to a position in which every handle moves in one direction."""
+    """Return the leader's travel up to a position in parts, in each of which every handle moves in one direction."""
     start_m = domain.start_m
     turns = domain.leader.turning_m(start_m, stop_m, 2)[::1 if start_m < stop_m else -1]
     return [] if start_m == stop_m else [*pairwise(dict.fromkeys([start_m, *turns, stop_m]))]
 
 
 def swept_bench(domain: SearchDomain, number: int) -> SweptBench:
-    """Return the bench with an index as a bench that moves along the track."""
+    """Return the bench with the given number as a ``SweptBench``."""
     dragon = domain.dragon
     return SweptBench(domain.track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
                       0.5 * dragon.width_m)
 
 
 def windows_of(domain: SearchDomain, benches: Ints, phase: tuple[float, float], spacing_m: float) -> list[Window]:
-    """Return the intervals that the front handles of benches of one length pass in a phase, each position once.
+    """Return the windows of the benches of one length in a phase; each position that they pass is in one window.
 
-    A bench gets the positions that no bench of its length ahead of it has passed before.
+    The window of a bench holds the positions that no bench of its length ahead of it has passed before.
     """
     here, there = (domain.along_m(end)[benches] for end in phase)
     turns = turning_m(domain.track, float(domain.dragon.link_lengths_m[benches[0]]))

@@ -1,6 +1,6 @@
 """The space of a contact search: the leader's range of travel, and the chains while the leader moves in one direction.
 
-Handle positions depend on how far the leader has travelled and not on time. The search therefore runs over leader
+Handle positions depend on how far the leader has travelled, not on time. The search therefore runs over leader
 positions, in increasing or in decreasing order. A position in the domain is the distance travelled by the leader, in
 metres. Positions of handles are distances along the track.
 
@@ -31,16 +31,16 @@ from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place
 from dragon_ros.core.tracks.segments import BEHIND
 
-if TYPE_CHECKING:       # scenes without a venue import none of them
+if TYPE_CHECKING:       # not imported for scenes without a venue
     from dragon_ros.core.geometry.venue import Surroundings
 
-_LOCK_RAD = 1e-9        # relative to 1 + polar angle: margin before a lock or the centre, where speeds are infinite
-_FLOATS = 1e-13         # relative to the largest coordinate: the exact tier's promise far out, also used further in
+_LOCK_RAD = 1e-9        # margin before a lock or the centre, where speeds are infinite, relative to 1 + polar angle
+_FLOATS = 1e-13         # error over largest coordinate: the exact tier's promise far out, also used further in
 _SLOPE = 1e-6  # step to either side for slopes, for links of 1 to 2 m: gap errors of 1e-11 m give slope errors of 1e-5
-_COARSEST = 0.05        # relative to the longest bench: with larger position errors, benches cannot be distinguished
-_KEPT = 6               # cached chains: the ends of domains and phases are used repeatedly
-_FEW = 12               # up to this number of chains, placing one by one is faster than together
-_MANY = 30              # above this number of chains, tables are built, which later chains also use
+_COARSEST = 0.05        # largest position error, in longest benches, with which benches can be distinguished
+_KEPT = 6               # number of cached chains; the ends of domains and phases are used repeatedly
+_FEW = 12               # up to this number, placing chains one by one is faster than placing them together
+_MANY = 30              # above this number of chains, tables are built, which also serve later chains
 
 
 @dataclass(frozen=True)
@@ -65,17 +65,17 @@ class RangeOfTravel:
         return float(self.law.travelled_m(t_s)[0])
 
     def farthest_s(self, sense: int) -> float:
-        """Return the first time when the leader is furthest on (``sense`` 1) or back (-1)."""
+        """Return the first time when the leader is furthest forward (``sense`` 1) or furthest back (-1)."""
         return max(self._times, key=lambda t_s: sense * self.gone_m(t_s))
 
     @property
     def senses(self) -> list[int]:
-        """The senses in which the leader gets beyond its start; empty if it rests."""
+        """The senses in which the leader moves beyond its start; empty if it rests."""
         here = self.gone_m(self.start_s)
         return [sense for sense in (1, -1) if sense * (self.gone_m(self.farthest_s(sense)) - here) > 0]
 
     def onwards_m(self, t_s: float, sense: int) -> float:
-        """Return how far the leader moves on in a sense after a time until it turns or rests, even beyond its run."""
+        """Return how far the leader moves in one sense after a time until it turns or rests, even beyond its run."""
         here_m, most_m, last_s = self.gone_m(t_s), 0.0, t_s
         for last_s in (break_s for break_s in self.law.breaks_s if break_s > t_s):
             on_m = sense * (self.gone_m(last_s) - here_m)
@@ -98,7 +98,7 @@ class RangeOfTravel:
         return out
 
     def passages_s(self, places_m: Sequence[float]) -> list[list[float]]:
-        """Return, for each position, the times at which the leader passes it, except at its possible reversals."""
+        """Return, for each position, the times at which the leader passes it, except where the leader may reverse."""
         ways = [(before, after, self.gone_m(before), self.gone_m(after)) for before, after in pairwise(self._times)]
         return [[self._passage_s(place, way) for way in ways if min(way[2:]) <= place <= max(way[2:]) and
                  way[2] != place != way[3]] for place in places_m]
@@ -108,7 +108,7 @@ class RangeOfTravel:
         return illinois(lambda t_s: self.gone_m(t_s) - gone_m, before, after, one - gone_m, two - gone_m)
 
     def arrival_s(self, gone_m: float, sense: int) -> float:
-        """Return when the leader first reaches a distance, ahead of or behind its start, or else is nearest to it."""
+        """Return when the leader first reaches a distance in a sense, or when it is nearest if it never does."""
         if isinstance(self.law, Head):
             return float(np.clip(gone_m / self.law.speed_m_s, self.start_s, self.end_s)) if self.law.speed_m_s else (
                 self.start_s)
@@ -117,7 +117,7 @@ class RangeOfTravel:
             hi, lo = self.law.travelled_m(t_s)
             return sense * ((hi - gone_m) + lo), sense * self.law.speed_at_m_s(t_s)
 
-        if beyond(self.start_s)[0] >= 0:        # it may rest at its start for a while
+        if beyond(self.start_s)[0] >= 0:        # the leader may rest at its start for a while
             return self.start_s
         for before, after in pairwise(self._times):
             if beyond(after)[0] >= 0:
@@ -126,7 +126,7 @@ class RangeOfTravel:
 
 
 class Bracket(NamedTuple):
-    """Two leader positions, the first of which ends the clear part, and a lower bound on the gaps between them."""
+    """Two leader positions, the first of which ends the clear part, and a lower bound on the gaps in between."""
 
     clear_m: float
     other_m: float
@@ -137,7 +137,7 @@ class SearchDomain:
     """The chains of a scene while its leader goes from ``start_m`` to ``stop_m``; ``states`` counts the samples."""
 
     def __init__(self, scene: Scene, travel: RangeOfTravel, sense: int, progress: Callable[[int], object]) -> None:
-        """Cover travel on (``sense`` 1) or back (-1). Raises InputError if position errors are too large."""
+        """Cover travel forwards (``sense`` 1) or backwards (-1). Raises InputError if position errors are too large."""
         self.scene, self.dragon, self.sense, self.states = scene, scene.dragon, sense, 0
         simulation = compile_scene(scene)
         self.simulation, self.leader, self.track = simulation, simulation.model.leader, simulation.model.track
@@ -145,10 +145,10 @@ class SearchDomain:
         longest_m = float(np.max(self.dragon.bench_lengths_m))
         self.unit = min(1.0, longest_m)
         self.rounding_m = _FLOATS * simulation.size_m
-        self.error_m = max(EXACT.promise_m * self.unit, self.rounding_m)    # smaller for tiny dragons
+        self.error_m = max(EXACT.promise_m * self.unit, self.rounding_m)    # the promise is smaller for tiny dragons
         if self.error_m > _COARSEST * longest_m:
-            raise InputError(f'track: {simulation.size_m:.3g} m from the origin, positions err by up to '
-                             f'{self.error_m:.2g} m, but benches can be told apart only up to '
+            raise InputError(f'track: {simulation.size_m:.3g} m from the origin, position errors reach '
+                             f'{self.error_m:.2g} m, but benches can be distinguished only up to an error of '
                              f'{_COARSEST * longest_m:.2g} m; use a smaller track')
         self._kept: dict[float, Chain] = {}
         stop_s = travel.farthest_s(sense)
@@ -187,7 +187,7 @@ class SearchDomain:
         if gone_m.size <= _FEW:
             return stack([self.chain(one) for one in gone_m.tolist()])
         gone = gone_m, np.zeros_like(gone_m)
-        if gone_m.size > _MANY and self.simulation.tier is EXACT:       # ``error_m`` is that tier's promise
+        if gone_m.size > _MANY and self.simulation.tier is EXACT:       # ``error_m`` is the promise of the exact tier
             return self.simulation.model.place_many(gone)
         return marched_many(self.track, self.dragon.link_lengths_m, self.leader.places(gone), self.leader.direction)
 
@@ -204,8 +204,8 @@ class SearchDomain:
     def gone_at(self, bench: int, along_m: float, within: tuple[float, float]) -> float:
         """Return the distance travelled by the leader when a bench's front handle is at a distance along the track.
 
-        Between the two given leader positions the handle moves in one direction; if it is never there, the nearer
-        position is returned.
+        The handle must move in one direction between the two leader positions ``within``. If it never reaches the
+        distance there, the nearer of these two positions is returned.
         """
         if bench == 0 and self.leader.direction == BEHIND:
             gone = self.leader.gone_m(self.track.place_at(along_m))
@@ -265,7 +265,7 @@ class SearchDomain:
             lambda gone_m: self.gap(pair, gone_m), *bracket[:2], low, high)
 
     def slope(self, pair: tuple[int, int], gone_m: float) -> float:
-        """Return the closing of a gap per metre travelled by the leader."""
+        """Return the decrease of a gap per metre travelled by the leader."""
         low, high = sorted((self.start_m, self.stop_m))
         step_m = max(self.step_m, 2.0**10 * ulp(gone_m))
         early, late = max(low, gone_m - step_m), min(high, gone_m + step_m)
@@ -273,12 +273,12 @@ class SearchDomain:
 
     @cached_property
     def step_m(self) -> float:
-        """The step for slopes, a power of 2 in proportion to the longest link; 1 um if all links are points."""
+        """The step for slopes: 1 µm times a power of 2 that follows the longest link; 1 µm if all links are points."""
         longest_m = float(np.max(self.simulation.model.links_m, initial=0.0))
         return _SLOPE * 2.0 ** (floor(log2(longest_m)) - 1) if longest_m else _SLOPE
 
     def coarse(self, pair: tuple[int, int], gone_m: float) -> float:
-        """Return the ratio of the float spacing at the head's start, or at a pair, to that near the origin."""
+        """Return the ratio of the float spacing at the head's start, or at a pair, to the spacing near the origin."""
         benches, two = self.benches(gone_m), [bench for bench in pair if bench < self.dragon.benches]
         arm_m = np.hypot(benches.half_length[two], benches.half_width[two])
         reach_m = float(np.max(np.hypot(*benches.centre[two].T) + arm_m))
@@ -307,7 +307,7 @@ class SearchDomain:
         return max(0.0, min(left_m, self._travel.onwards_m(t_s, self.sense)))
 
     def left_m(self, gone_m: float, sense: int) -> float:
-        """Return how far the model continues from a leader position in a sense."""
+        """Return how far the model continues from a leader position in one sense."""
         limit = self.simulation.model.limits[sense > 0]
         return sense * (limit.gone_m - gone_m) if limit else inf
 

@@ -1,8 +1,8 @@
-"""The area that benches sweep in a run, from closely spaced positions, for drawing and measuring, without proof.
+"""The area that benches sweep in a run, from closely spaced positions; for drawing and measuring, not for proofs.
 
-It is swept by the head, and by the benches of each other length over the positions of all their front handles. It is
-the union of overlapping benches one step apart, and of the areas between their ends. Beside a track of radius R the
-area is too narrow by about step^2 / 8 R.
+The area consists of one part for the head and one part for each length of the other benches; a part covers the benches
+at all positions of their front handles. Each part is the union of overlapping benches, one step apart, and of the areas
+between their ends. On a track of radius R, the computed area is too narrow by about step^2 / (8 R).
 """
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,16 +19,16 @@ from dragon_ros.core.search.bounding_box import HandleRanges, bench_of, by_lengt
 from dragon_ros.core.tracks.composite import Track
 
 STEP_M = 0.1            # spacing of the front handle's positions
-_ENDS = ((0, 3), (1, 2))     # the corners at the front and at the rear
-_MOST_PLACES = 40_000   # largest number of positions; if more are needed, the step is larger
+_ENDS = ((0, 3), (1, 2))     # the indices of the corners at the front and at the rear
+_MOST_PLACES = 40_000   # maximum number of positions; if more are needed, the step is increased
 
 
 @dataclass(frozen=True, eq=False)
 class SweptArea:
-    """The area that the head and the body sweep, in m, and the parts (n,) of which it consists.
+    """The areas that the head and the body sweep, as polygons in m, and all parts (n,) of which they consist.
 
-    ``at_m`` (n,) are the distances of the front handles along the track, in increasing order. ``long_m`` is the length
-    of the longest bench.
+    ``at_m`` (n,) holds the distances of the front handles along the track, in increasing order. ``long_m`` is the
+    length of the longest bench.
     """
 
     head_parts: Any
@@ -68,7 +68,7 @@ def swept_area(scene: Scene) -> SweptArea:
 
 
 def _placed(ranges: HandleRanges, bench: int, span: Floats, step_m: float) -> tuple[Floats, Any]:
-    """Return the distances of front handles, one step apart, and the bench at each with the areas between ends."""
+    """Return the distances of front handles, one step apart, the bench at each, and the areas between its ends."""
     at_m, placed = [], []
     for low, high in span.T.tolist():
         along = np.linspace(low, high, 2 + ceil((high - low) / step_m))
@@ -82,15 +82,16 @@ def _placed(ranges: HandleRanges, bench: int, span: Floats, step_m: float) -> tu
 
 
 def room_every_metre(scene: Scene, swept: SweptArea) -> tuple[Floats, Floats]:
-    """Return distances (n,) along the track, one per metre, and the space (n, 2) needed to the left and right."""
+    """Return distances (n,) along the track, one per metre, and the space (n, 2) in m needed to the left and right."""
     stations_m = np.arange(ceil(swept.at_m[0]), swept.at_m[-1])
     return stations_m, room_needed_m(compile_scene(scene).model.track, swept, stations_m)
 
 
 def room_needed_m(track: Track, swept: SweptArea, stations_m: Floats) -> Floats:
-    """Return how far benches reach to the left and right of a track (n, 2) at distances (n,) along it.
+    """Return how far (n, 2), in m, benches reach to the left and right of a track at distances (n,) along the track.
 
-    Only benches near that distance along the track count, and not those on another part that passes close by.
+    Only benches near that distance along the track count; benches on another part of the track that passes nearby do
+    not.
     """
     places = track.places_at(stations_m, np.zeros_like(stations_m))
     points, headings = (_complex(one) for one in track.poses(*places))
@@ -103,7 +104,7 @@ def room_needed_m(track: Track, swept: SweptArea, stations_m: Floats) -> Floats:
 
 
 def _reaches_m(benches: Any, at: complex, normal: complex) -> tuple[float, float]:
-    """Return how far polygons around a point extend along a normal, to its left and right."""
+    """Return how far polygons around a point extend along a normal, to the left and to the right of the point."""
     ends = np.array([[(at - normal).real, (at - normal).imag], [(at + normal).real, (at + normal).imag]])
     x, y = get_coordinates(intersection(benches, linestrings(ends))).T
     along = ((x + 1j * y - at) * normal.conjugate()).real / abs(normal)

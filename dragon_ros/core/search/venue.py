@@ -11,7 +11,7 @@ from dragon_ros.core.venue import INSIDE
 
 
 def check_start(scene: Scene) -> None:
-    """Raise FieldError if a bench touches an obstacle when the run starts, or is not inside the venue."""
+    """Raise FieldError if a bench touches an obstacle, or is outside the venue, when the run starts."""
     if scene.venue is None:
         return
     around, simulation = surroundings_of(scene.venue), compile_scene(scene)
@@ -25,19 +25,19 @@ def check_start(scene: Scene) -> None:
 
 
 def check_sides(scene: Scene) -> None:
-    """Raise FieldError if the middle of the head is in an obstacle, or not inside, when the run starts."""
+    """Raise FieldError if the middle of the head is in an obstacle, or outside the venue, when the run starts."""
     assert scene.venue
     around = surroundings_of(scene.venue)
     with suppress(ModelEnd):
         front, rear = compile_scene(scene).model.march(scene.head.travelled_m(scene.run.start_s)).p[:2]
         misplaced = around.misplaced(*(0.5 * (front + rear)).tolist())
         if misplaced is not None:
-            _refuse(scene, around.names[misplaced], 'the dragon is outside of it when the run starts' if
+            _refuse(scene, around.names[misplaced], 'the dragon is outside it when the run starts' if
                     misplaced == around.inside else 'it covers the dragon when the run starts')
 
 
 def _refuse(scene: Scene, name: str, why: str) -> NoReturn:
     assert scene.venue
     field = 'inside' if name == INSIDE else f'obstacles.{scene.venue.names.index(name) + 1}'
-    raise FieldError(f'venue.{field}', name, why, 'move it, or let the run start elsewhere '
+    raise FieldError(f'venue.{field}', name, why, 'move it, or start the run elsewhere '
                      '(track.start_m, run.start_s)')

@@ -20,18 +20,18 @@ from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, corners_of
 from dragon_ros.core.search.venue import check_sides
 from dragon_ros.core.tiers import EXACT
 
-_AT_ONCE = 8192     # cells that are judged together
+_AT_ONCE = 8192     # number of cells that are judged together
 _PARTS = 4          # number of parts into which a cell is cut
 _FIRST_M = 2.0      # approximate length of the first intervals
-_MOST_FIRST = 20_000    # limit for the first intervals of one kind of bench
-_PAIRS_AT_ONCE = 2_000_000      # limit for positions times edges whose distances are computed together
-_SAME_M = 4e-12     # twice the position error: a gap that is less than the margin by no more may still meet it
-_MOST = 3_000_000   # limit for the cells examined
+_MOST_FIRST = 20_000    # maximum number of first intervals per kind of bench
+_PAIRS_AT_ONCE = 2_000_000      # maximum number of distances, of positions from edges, that are computed together
+_SAME_M = 4e-12     # twice the position error; a gap that falls short of the margin by at most this may still meet it
+_MOST = 3_000_000   # maximum number of cells that are examined
 
 
 @dataclass(frozen=True)
 class ObstacleGap:
-    """The smallest signed gap to an obstacle: a bench reaches ``high_m`` at ``t_s``, and none goes below ``low_m``.
+    """The smallest signed gap to an obstacle: a bench has the gap ``high_m`` at ``t_s``, and no gap is below ``low_m``.
 
     ``point_m`` is the middle of the bench at this time.
     """
@@ -46,7 +46,7 @@ class ObstacleGap:
 
 @dataclass(frozen=True)
 class VenueFit:
-    """The smallest gap to each obstacle, in increasing order, and the required gap."""
+    """The smallest gaps to the obstacles, in increasing order, and the required gap ``margin_m``."""
 
     gaps: tuple[ObstacleGap, ...]
     margin_m: float
@@ -68,12 +68,12 @@ class VenueFit:
 def venue_fit(scene: Scene, within_m: float = 1e-6, progress: Callable[[int], object] = lambda looks: None) -> VenueFit:
     """Return the smallest gap to each obstacle of the scene's venue, between bounds about ``within_m`` apart.
 
-    They are further apart if the search reaches its limit of ``_MOST`` cells. ``progress(looks)`` is called with the
-    number of cells judged since the last call. Raises FieldError if there is no venue, or if the dragon starts in an
-    obstacle or outside the venue's inside.
+    The bounds are further apart if the search reaches its limit of ``_MOST`` cells. ``progress(looks)`` is called with
+    the number of cells judged since the last call. Raises FieldError if there is no venue, or if the dragon starts in
+    an obstacle or outside the venue.
     """
     if scene.venue is None:
-        raise FieldError('venue', None, 'the scene has none', 'give obstacles or an inside')
+        raise FieldError('venue', None, 'the scene has no venue', 'give obstacles or an inside')
     around, ranges = surroundings_of(scene.venue), HandleRanges(scene)
     check_sides(scene)
     search = _Nearing(around, within_m, progress)
@@ -87,7 +87,7 @@ def venue_fit(scene: Scene, within_m: float = 1e-6, progress: Callable[[int], ob
 
 @dataclass(frozen=True)
 class _EdgeIntervals:
-    """Intervals of the track (2, M), each with an edge."""
+    """Intervals (2, M) of the track, each paired with an edge of an obstacle."""
 
     ends: Floats
     edge: Ints
@@ -99,7 +99,7 @@ class _EdgeIntervals:
 
     @property
     def low(self) -> Floats:
-        """The starts of the intervals (1, M)."""
+        """The starts (1, M) of the intervals."""
         return self.ends[:1]
 
     def some(self, which: Array) -> '_EdgeIntervals':
@@ -113,7 +113,7 @@ class _EdgeIntervals:
 
 
 class _Nearing(InOrder):
-    """A search for the smallest gap to each obstacle: the best so far, its position, and bounds for the rest."""
+    """A search for the smallest gap to each obstacle: best values so far, their positions, and bounds for the rest."""
 
     at_once = _AT_ONCE
 
@@ -134,8 +134,8 @@ class _Nearing(InOrder):
     def _roots(self, boxes: Boxes) -> _EdgeIntervals:
         """Return the cells that may matter, judged by the distance of the edge from the bench's middle.
 
-        That distance, minus the bench's motion and arm, bounds the gap from below; the edge nearest to any middle
-        bounds the gap to its obstacle from above.
+        This distance, minus the bench's motion and arm, is a lower bound on the gap. The smallest distance of an
+        obstacle's edges from any middle is an upper bound on the gap to this obstacle.
         """
         longest = float(np.max(boxes.high - boxes.low, initial=0.0))
         boxes = boxes.cut(int(min(max(1, np.ceil(longest / _FIRST_M)), max(1, _MOST_FIRST // boxes.size))))
@@ -156,7 +156,7 @@ class _Nearing(InOrder):
             least = np.min(np.minimum.reduceat(away, firsts, axis=1), axis=0)
             nearest[owner[firsts]] = np.minimum(nearest[owner[firsts]], least)
             low = 0.5 * (away[at[0]] + away[at[1]] - way[rows, None]) - arm
-            row, edge = np.nonzero(low <= nearest[owner])       # the nearest so far; later rounds exclude more
+            row, edge = np.nonzero(low <= nearest[owner])       # the nearest edges so far; later batches exclude more
             kept.append((rows[row], edge, low[row, edge]))
         cells = list[_EdgeIntervals]()
         for rows, edge, low in kept:
@@ -173,7 +173,7 @@ class _Nearing(InOrder):
         return out
 
     def judge(self, cells: _EdgeIntervals) -> _EdgeIntervals:
-        """Bound the gaps of cells, set aside those that contain no smaller gap, and cut the others."""
+        """Bound the gaps of cells, record the bounds of those that contain no smaller gap, and cut the others."""
         places, index = np.unique(cells.ends, return_inverse=True)
         index, states, owner = index.reshape(2, -1), self._bounds.bench.states(places), self._around.owner[cells.edge]
         self.looks += cells.size
@@ -197,7 +197,7 @@ class _Nearing(InOrder):
 
 
 def _gaps(ranges: HandleRanges, kinds: list[Ints], search: '_Nearing') -> list[ObstacleGap]:
-    """Return the result for each obstacle, with a bench that comes this close, and the time."""
+    """Return the result for each obstacle, with the bench that comes closest and the time when it does."""
     scene, around = ranges.scene, search._around
     size_m = compile_scene(scene).size_m
     error_m = EXACT.promise_for_m(size_m) + float(rounding_m(max(size_m, around.far_m), float(np.max(

@@ -30,7 +30,7 @@ def test_a_spiral_far_wider_than_the_dragon_is_long_takes_few_states(pitch_m):
 
 @pytest.mark.parametrize('pitch_m', [2e11, 1e12])
 def test_a_track_so_large_that_benches_cannot_be_told_apart_is_rejected(pitch_m):
-    with pytest.raises(DragonError, match=r'^track: .* positions err by up to .* use a smaller track$'):
+    with pytest.raises(DragonError, match=r'^track: .* position errors reach .* use a smaller track$'):
         first_contact(Scene(track=Spiral(pitch_m)))
 
 

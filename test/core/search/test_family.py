@@ -126,7 +126,7 @@ def test_what_is_too_wide_to_prove_anything_names_the_tolerance_to_blame():
     (replace(SMALL, track=STurn()), {}, 'single spiral'),
     (replace(SMALL, dragon=Mixed((Group(3.0), Group(2.0, 5)))), {}, 'equal behind the head'),
     (replace(SMALL, dragon=Dragon(2)), {}, 'at least 3'),
-    (replace(SMALL, track=Spiral(0.55, 4_000.0)), {}, 'start further in'),
+    (replace(SMALL, track=Spiral(0.55, 4_000.0)), {}, 'start closer to the centre'),
     (replace(SMALL, head=Head(lead='tail')), {}, 'head leads'),
     (replace(SMALL, venue=Venue((LineObstacle('wall', ((20.0, 20.0), (21.0, 20.0))),))), {}, 'omit the venue'),
     (replace(SMALL, head=Profile(((0.0, 1.0), (3.0, -1.0)))), {}, 'does not go back'),

@@ -57,7 +57,7 @@ def test_led_by_the_tail_the_fastest_handle_is_numbered_from_the_head():
 
 
 def test_a_single_spiral_has_no_largest_speed():
-    with pytest.raises(FieldError, match='near the lock speeds have no bound'):
+    with pytest.raises(FieldError, match='speeds near a lock are unbounded'):
         max_speed(Scene())
 
 
@@ -193,9 +193,9 @@ def test_a_run_that_starts_late_is_asked_from_there():
 def test_a_run_that_ends_in_or_at_a_lock_is_refused():
     for dragon in (Dragon(5), Mixed((Group(1.1, 3), Group(3.9), Group(1.6, 6)), 0.02)):
         scene = Scene(dragon, Spiral(0.55, 5.0))
-        with pytest.raises(FieldError, match=r'run\.stop_s.* reaches a lock at .* no bound.*stop earlier'):
+        with pytest.raises(FieldError, match=r'run\.stop_s.* reaches a lock at .* unbounded.*stop earlier'):
             max_speed(scene)
-        with pytest.raises(FieldError, match=r'run\.stop_s.* near to a lock that rounding leaves the speeds without'):
+        with pytest.raises(FieldError, match=r'run\.stop_s.* close to a lock that rounding leaves no finite bound'):
             max_speed(replace(scene, run=Run(0, compile_scene(scene).end.t_s)))
 
 

@@ -72,7 +72,7 @@ def test_what_has_no_answer_is_refused(options, says):
 
 
 def test_where_benches_touch_at_the_largest_pitch_no_smallest_one_is_claimed():
-    with pytest.raises(FieldError, match=r'largest_m: 0.44 .* benches 0 and 19 touch .* give a larger one'):
+    with pytest.raises(FieldError, match=r'largest_m: 0.44 .* benches 0 and 19 touch .* give a larger pitch'):
         min_pitch(Dragon(benches=40), largest_m=0.44)
 
 

@@ -38,7 +38,7 @@ def test_the_smallest_pitch_of_a_mixed_dragon_is_halved_between_a_contact_and_no
 
 
 @pytest.mark.parametrize(('smallest_m', 'says'), [
-    (None, r'smallest_m: None .* mixed benches is halved .* give a pitch at which benches touch'),
+    (None, r'smallest_m: None .* mixed benches is bisected .* give a pitch at which benches touch'),
     (0.89, r'smallest_m: 0.89 .* no benches touch'), (1.5, r'largest_m: 0.9 ')])
 def test_a_bracket_of_mixed_benches_that_holds_no_pitch_is_refused(smallest_m, says):
     with pytest.raises(FieldError, match=says):

@@ -127,5 +127,5 @@ def test_the_shipped_scenes_fit_and_a_scene_without_a_venue_has_no_gaps():
     tent = Venue((PolygonObstacle('tent', ((-99.0, -99.0), (99.0, -99.0), (99.0, 99.0), (-99.0, 99.0))),))
     with pytest.raises(FieldError, match='tent.*covers the dragon'):
         venue_fit(replace(SCENES['street'], venue=tent))
-    with pytest.raises(FieldError, match='venue: None is not valid: the scene has none'):
+    with pytest.raises(FieldError, match='venue: None is not valid: the scene has no venue'):
         venue_fit(Scene())
