@@ -1,13 +1,14 @@
-"""Arrays of numbers known to within a radius: results hold for all values that the numbers may have.
+"""Arrays of numbers that are known to within a radius; results hold for all values that the numbers may have.
 
-Ball arithmetic (van der Hoeven 2010): the error of a product is |m| s + |n| r + r s, and so on. Results are rounded
-outwards by one factor per operation. No ball created here has a radius below LEAST = 2^-36 of its number: ``between``
-starts with such a radius, sums and products preserve it, and functions and operations with exact numbers add as much.
-Rounding moves the middle of a sum by at most u (|m| + |n|), u = 2^-53, the middle of a product by u |m n|, and so on:
-by at most 4 u / LEAST = 2^-15 of the radius, which is at least LEAST times the same quantity. Radii are sums and
-products of positive numbers (and of one difference of two floats, in ``inverse``), so their eight roundings reduce them
-by at most 2^-50. Each radius is therefore multiplied by 1 + 2^-14. For a sum of K numbers, whose middle is off by u K
-sum |m|, the factor is larger by K u / LEAST. Numbers below 1e-150, where floats lose digits, do not occur; 0 is exact.
+In ball arithmetic (van der Hoeven 2010), the product of the balls m +- r and n +- s has the radius |m| s + |n| r + r s,
+and so on. Results are rounded outwards by one factor per operation. No ball that is created here has a radius below
+LEAST = 2^-36 times its number: ``between`` starts with at least this radius, sums and products preserve this property,
+and functions and operations with exact numbers add as much. With u = 2^-53, rounding moves the middle of a sum by at
+most u (|m| + |n|), the middle of a product by at most u |m n|, and so on. This is at most 4 u / LEAST = 2^-15 of the
+radius, because the radius is at least LEAST times the same quantity. Radii are sums and products of positive numbers
+(and of one difference of two floats, in ``inverse``), so at most eight roundings reduce a radius by at most 2^-50. Each
+radius is therefore multiplied by 1 + 2^-14. For a sum of K numbers, whose middle is off by u K sum |m|, the factor is
+larger by K u / LEAST. Numbers below 1e-150, where floats lose digits, do not occur; 0 is exact.
 """
 from dataclasses import dataclass
 from typing import Any, Union
@@ -17,7 +18,7 @@ import numpy as np
 from dragon_ros.core.numerics.types import Floats
 
 Number = Union['Ball', float, Floats]
-LEAST = 2.0**-36        # relative to a number: no radius is smaller
+LEAST = 2.0**-36        # smallest radius, relative to the number
 OUTWARDS = 1 + 2.0**-14     # covers the rounding of the middle and of the radius
 _EACH = 2.0**-17        # u / LEAST, per number in a sum
 
@@ -74,7 +75,7 @@ class Ball:
         return Ball(self.mid * self.mid, OUTWARDS * self.rad * (2 * np.abs(self.mid) + self.rad))
 
     def sin_cos(self) -> tuple['Ball', 'Ball']:
-        """Return the sine and the cosine; numpy's are accurate to a few units in the last place."""
+        """Return the sine and the cosine; numpy's functions are accurate to a few units in the last place."""
         sin, cos = np.sin(self.mid), np.cos(self.mid)
         steep, flat, bow = np.abs(sin), np.abs(cos), 0.5 * self.rad * self.rad
         return (Ball(sin, OUTWARDS * (flat * self.rad + bow + LEAST * steep)),

@@ -1,9 +1,9 @@
 """How far corners of benches deviate from straight lines while a spiral's pitch changes at a constant head radius.
 
-In units of b (see ``min_pitch``) the chain then grows: it is ``scale`` times as large, with handle 0 at theta = scale
-r. A prime denotes scale times the derivative by the scale, and two primes denote scale^2 times the second derivative:
-c' = c, c'' = 0, and the leading handle has p = theta' = theta, a = theta'' = 0. With m = theta - p, which is 0 for the
-leading handle, F = c^2 / 2 gives
+In units of b (see ``min_pitch``), a smaller pitch makes the chain larger: its size is multiplied by ``scale``, with
+handle 0 at theta = scale r. A prime denotes scale times the derivative by the scale, and two primes denote scale^2
+times the second derivative, so c' = c and c'' = 0, and the leading handle has p = theta' = theta and a = theta'' = 0.
+Let m = theta - p, which is 0 for the leading handle. Then F = c^2 / 2 gives
 
     delta'  = (delta^2 + (1 - cos delta) (theta delta + (2 theta + delta) m)) / F_delta,
     m_next  = (1 + d1) m + theta (theta + delta) delta sin delta / F_delta,
@@ -16,13 +16,14 @@ where no large terms cancel, because c^2 was replaced by 2 F. The link's directi
     psi' = delta' / 2 + N / c^2,     N = sin delta (delta p - theta delta') + (theta + delta / 2) delta delta',
     psi'' = delta'' / 2 + (N' - 2 N) / c^2.
 
-Handles turn by p = theta_0 plus the sum of delta' before them; theta_0 is common to all and cancels in differences.
+A handle turns by p, the sum of theta_0 and of delta' of all links before it; theta_0 is common to all handles and
+cancels in differences.
 
-Ranges of theta and delta: assume that every curvature times every link is below 2, so that 1 + d1 > 0 and delta < pi.
-Each theta increases with r and with the scale (p_next = (1 + d1) p + c^2 / F_delta). By the formula above m >= 0, so
-delta increases with the scale; it decreases as r increases (docs/contact.md, lemma 1). Over a rectangle of r and scale,
-theta is therefore smallest where both are smallest and largest where both are largest; delta is smallest at the largest
-r and smallest scale, and largest at the opposite corner.
+The ranges of theta and delta follow from the assumption that the product of every curvature and every link is below 2,
+so that 1 + d1 > 0 and delta < pi. Each theta increases with r and with the scale (p_next = (1 + d1) p + c^2 / F_delta).
+The formula above gives m >= 0, so delta increases with the scale; delta decreases as r increases (docs/contact.md,
+lemma 1). Over a rectangle of r and scale, theta is therefore smallest where both are smallest and largest where both
+are largest; delta is smallest at the largest r and smallest scale, and largest at the opposite corner.
 """
 from dataclasses import dataclass
 

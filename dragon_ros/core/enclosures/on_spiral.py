@@ -1,27 +1,27 @@
 """How close a bench and its followers can come while its front handle moves between two positions on a spiral segment.
 
-On an interval of length h (in the polar angle of the leading handle) the corners of a bench, in the frame of another,
-deviate from the straight lines between their positions at its ends by at most B h^2 / 8, if B bounds their second
-derivative there. Along straight lines the separation from a fixed edge is concave, so it is nowhere less than the
-smaller of its values at the two ends. Hence a pair is apart on the whole interval if, for one side of one edge, that
-smaller value exceeds B h^2 / 8.
+Consider an interval of length h in the polar angle of the leading handle. If B bounds the second derivatives of a
+bench's corners in the frame of another bench, the corners deviate by at most B h^2 / 8 from the straight lines between
+their positions at the two ends of the interval. Along straight lines the separation from a fixed edge is concave, so it
+is never less than the smaller of its values at the two ends. Hence a pair is apart on the whole interval if, for one
+side of one edge, this smaller value exceeds B h^2 / 8.
 
-Close to a lock there is no such B, and the bound is the distance that the handles of both benches move. Benches further
-out are cleared if a circle about the centre separates them. All this assumes that handles move in one direction on an
-interval: it must not contain a position at which a handle turns back.
+Close to a lock there is no such B, and the bound follows from the distances that the handles of both benches move.
+Benches further out are cleared if a circle about the centre separates them from the leading bench. All bounds require
+that handles move in one direction: an interval must not contain a position at which a handle turns back.
 
 B follows from the polar angles of the handles at the two ends of the interval; docs/contact.md has the proofs. A prime
-is a derivative by the polar angle of the leading handle. A link of chord c (in units of b) from a handle at theta spans
-delta, the smallest root of F = delta^2 / 2 + theta (theta + delta) (1 - cos delta) = c^2 / 2, so
+is a derivative by the polar angle of the leading handle. A link with chord c (in units of b) and its front handle at
+theta spans delta, the smallest root of F = delta^2 / 2 + theta (theta + delta) (1 - cos delta) = c^2 / 2, so
 
     d1 = d delta / d theta = -F_theta / F_delta <= 0,    d2 = -(F_tt + 2 F_td d1 + F_dd d1^2) / F_delta,
 
-and the next handle has p_next = p (1 + d1), a_next = a (1 + d1) + p^2 d2 (p and a: first and second derivative of
-theta). The link's direction is theta + psi with
+and the next handle has p_next = p (1 + d1) and a_next = a (1 + d1) + p^2 d2, where p and a are the first and the second
+derivative of theta. The link's direction is theta + psi with
 
     psi1 = d1 / 2 + (sin delta (delta - theta d1) + (theta + delta / 2) delta d1) / c^2.
 
-In the frame of a bench that turns at w, the handle b theta exp(i theta) has the acceleration, with v = p - w,
+In the frame of a bench that turns at the rate w, the handle b theta exp(i theta) has, with v = p - w, the acceleration
 
     b (a - theta v^2)  outwards,     b (2 p v + theta v')  across.
 
@@ -29,13 +29,13 @@ Benches of adjacent layers turn at almost the same rate, so v is small and no la
 between its values at the ends, and so does theta on either side of the position where the follower turns back. Every
 formula is therefore evaluated once, for all values in these ranges, widened by the position error.
 
-Everything is rounded outwards: balls by their arithmetic (``ball_arithmetic``), separations by
+All bounds are rounded outwards: balls by their arithmetic (``ball_arithmetic``), separations by
 ``signed_distance.rounding_m``, and formulas that combine bounds (sums and products of a few dozen positive numbers) by
 the factor ABOVE.
 
 On a spiral that winds in from afar, the chain behind a bench depends only on the polar angle theta of its front handle.
 Intervals therefore end at such angles, and benches are sampled there. Leading benches with different followers are
-sampled together: the next handles behind all of them are placed at once, each with its own link.
+sampled together: the next handles behind all leading benches are placed at once, each with its own link length.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
@@ -54,8 +54,8 @@ from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND
 
 ABOVE = 1 + 2.0**-40    # factor for bounds: covers more than eight thousand roundings of positive numbers
-_SETTLED = 0.5      # relative to a gap: a first-order bound this close to it is sufficient
-_SURE = 8           # times the position error: exceeds any tolerance
+_SETTLED = 0.5      # a first-order bound above this fraction of the gap is sufficient
+_SURE = 8           # multiple of the position error that exceeds any tolerance
 _STILL = 1e-9  # margin around the follower's turning position, where motion is below the position error
 _COMPLEX = np.array([1, 1j])
 _AT_ONCE = 512  # number of positions whose intermediate results fit into the cache
@@ -66,10 +66,10 @@ _FEW = 64       # number of followers tried first: more than two layers of the c
 class BenchSamples:
     """Samples of leading benches at M positions, each with its K - 2 followers from the second on.
 
-    ``lead`` (M,) are the sampler's indices of the leading benches. ``theta`` (M, K+1) are polar angles of all handles
-    from the leading one on, ``delta`` (M, K) the spans of the links, ``centre`` and ``axis`` (M, K) the middles and
-    axes of the benches as complex numbers. ``apart`` (M, K-2) is the largest separation along the axes of both benches:
-    positive if the pair is apart.
+    ``lead`` (M,) holds the sampler's indices of the leading benches, ``theta`` (M, K+1) the polar angles of all handles
+    from the leading handle on, ``delta`` (M, K) the spans of the links, and ``centre`` and ``axis`` (M, K) the middles
+    and axes of the benches as complex numbers. ``apart`` (M, K-2) holds the largest separations along the axes of both
+    benches; a separation is positive if the pair is apart.
     """
 
     lead: Ints
@@ -99,14 +99,14 @@ def joined(samples: list[BenchSamples]) -> BenchSamples:
 
 def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floats], theta: Floats,
                lead: Ints) -> BenchSamples:
-    """Return the samples of leading benches at positions (M,), with common links (K,) or links for each (M, K).
+    """Return the samples of leading benches at positions (M,), with links (K,) for all or (M, K) for each of them.
 
-    ``half_m`` are half lengths (M or 1, K) and half widths (M, 1), or one value for all.
+    ``half_m`` holds half lengths (M or 1, K), and half widths (M, 1) or one half width for all benches.
     """
     leaders = np.zeros(theta.size, dtype=np.int64), theta, np.zeros_like(theta)
     chain = marched_many(track, links_m, leaders, BEHIND)
     z, axis = chain.p @ _COMPLEX, axes_of(chain) @ _COMPLEX
-    # Far out the float of an angle has too few digits for a link's span; its low part provides the rest.
+    # Far out, one float has too few digits for the span of a link; the low parts of the angles provide the rest.
     delta, centre = np.diff(chain.u) + np.diff(chain.u_lo), 0.5 * (z[:, :-1] + z[:, 1:])
     half_length_m, half_width_m = half_m
     pairs = seen_from((centre[:, :1], centre[:, 2:]), (axis[:, :1], axis[:, 2:]),
@@ -116,11 +116,11 @@ def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floa
 
 @dataclass(frozen=True)
 class Sizes:
-    """The sampled benches: links, half lengths (L, K) and half width in metres; ``error_m`` bounds position errors.
+    """Links and half lengths (L, K) and the half width of the sampled benches, and a bound on position errors, in m.
 
     There is one row per leading bench or, after ``of``, per sample. ``longest_m`` (L, 1) is the longest of these links
-    and all links behind them; 0 if all links behind the first are equal. If there are fewer than K benches, copies of
-    the last are added.
+    and all links behind them, or 0 if all links behind the first are equal. If there are fewer than K benches, copies
+    of the last bench are added.
     """
 
     b_m: float
@@ -139,16 +139,15 @@ class Sizes:
         return replace(self, links_m=links_m, half_length_m=half_length_m, longest_m=longest_m)
 
     def angle_errors(self, theta: Floats) -> Floats:
-        """Return the error of polar angles (...): a handle at theta moves b sqrt(1 + theta^2) per radian.
+        """Return the errors of polar angles (...); a handle at theta moves b sqrt(1 + theta^2) per radian.
 
-        The error corresponds to twice the position error; the second half covers the computation of positions from
-        angles.
+        The errors correspond to twice the position error; one half covers the computation of positions from angles.
         """
         out: Floats = (2 * self.error_m / self.b_m) / np.maximum(theta, 1.0)
         return out
 
     def rounding_m(self, theta: Floats) -> Floats:
-        """Return the rounding errors of separations, with the last handle at angles (M,)."""
+        """Return the rounding errors of separations in m if the last handle is at angles (M,)."""
         out = rounding_m(self.b_m * theta, float(np.max(self.half_length_m)) + self.half_width_m)
         assert isinstance(out, np.ndarray)
         return out
@@ -156,9 +155,9 @@ class Sizes:
 
 @dataclass(frozen=True)
 class BenchSampler:
-    """Samples benches ``leads`` (0 is the head), each with ``follow`` benches from it on, on a spiral first segment.
+    """A sampler of benches ``leads`` (0 is the head) on a spiral first segment, each with ``follow`` - 1 followers.
 
-    ``error_m`` bounds position errors. With several leads, no link may have a length of zero or nearly zero.
+    ``error_m`` bounds position errors. If there are several leads, no link may have a length of zero or almost zero.
     """
 
     track: Track
@@ -169,7 +168,7 @@ class BenchSampler:
     error_m: float
 
     def sample(self, theta: Floats, lead: Ints | None = None) -> BenchSamples:
-        """Return the samples at positions (M,) of leading benches (M,), given by index, by default the first."""
+        """Return the samples at positions (M,) of leading benches given by index (M,), or of the first bench."""
         lead = np.zeros(theta.size, dtype=np.int64) if lead is None else lead
         return joined([self._sample(theta[at:at + _AT_ONCE], lead[at:at + _AT_ONCE])
                        for at in range(0, theta.size, _AT_ONCE)])
@@ -182,7 +181,7 @@ class BenchSampler:
 
     @property
     def b_m(self) -> float:
-        """Radial gain of the spiral per radian."""
+        """The radial gain of the spiral in m per radian."""
         assert self.track.from_afar
         return self.track.from_afar.curve.b_m
 
@@ -212,11 +211,11 @@ class BenchSampler:
 
 
 def beyond(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
-    """Return how far benches (M, K-2) stay outside the leading one's circle about the centre, between two positions.
+    """Return how far benches (M, K-2) stay outside the leading bench's circle about the centre between two samples.
 
-    The leading bench extends outwards by at most a corner's distance beyond its rear handle. The line of a link is at H
-    = b (c^2 - delta^2) cot(delta / 2) / 2c from the centre, which decreases as delta increases and thus increases with
-    theta.
+    The leading bench extends outwards beyond its rear handle by at most the distance of a corner from this handle. The
+    line of a link has the distance H = b (c^2 - delta^2) cot(delta / 2) / 2c from the centre; H decreases as delta
+    increases, and thus increases with theta.
     """
     span, outer = np.maximum(a.delta, b.delta)[:, 2:], np.maximum(a.theta[:, 1], b.theta[:, 1])
     inner, chord = np.minimum(a.theta, b.theta)[:, 2:-1], sizes.links_m[:, 2:] / sizes.b_m
@@ -233,9 +232,10 @@ def beyond(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
 def line_distance(chord: Floats, delta: Floats, error: Floats) -> Floats:
     """Return lower bounds on the distances of the lines of links from the centre, in units of b.
 
-    Links are ``chord`` long and span ``delta`` with an error of at most e. For delta < pi the distance (c^2 - delta^2)
-    cot(delta / 2) / 2c changes by at most e (2 / c + 2.5 c / delta^2), because delta cot(delta / 2) <= 2 and sin(delta
-    / 2) >= delta / pi; from pi on it is not positive. Rounding adds 2^-49 of c / delta.
+    Links have the length ``chord`` and span ``delta``, which has an error of at most e. For delta < pi the distance
+    (c^2 - delta^2) cot(delta / 2) / 2c changes by at most e (2 / c + 2.5 c / delta^2), because delta cot(delta / 2) <=
+    2 and sin(delta / 2) >= delta / pi; from delta = pi on, the distance is not positive. Rounding adds at most 2^-49 c
+    / delta.
     """
     distance = (chord - delta) * (chord + delta) / (2 * chord * np.tan(0.5 * delta))
     out: Floats = distance - error * (2 / chord + 2.5 * chord / (delta * delta)) - 2.0**-49 * chord / delta
@@ -243,13 +243,13 @@ def line_distance(chord: Floats, delta: Floats, error: Floats) -> Floats:
 
 
 def further(a: BenchSamples, b: BenchSamples, sizes: Sizes, circle: Floats) -> Floats:
-    """Return how far each bench (M, K-2) and all behind it stay outside the leading bench's circle.
+    """Return how far each bench (M, K-2) and all benches behind it stay outside the leading bench's circle.
 
-    ``circle`` is the result of ``beyond``. If links are equal, the result is the distance of each bench itself, which
-    increases from bench to bench. Otherwise a link of length l comes no nearer to the centre than sqrt(r^2 - l^2 / 4),
-    where r is the distance of its front handle and increases from bench to bench: the nearer handle is at most l / 2
-    from the foot of the perpendicular. No point of a bench is further from its link than the overhang at the hole and
-    half the width.
+    ``circle`` is the result of ``beyond``. If links are equal, the result is the distance of each bench itself, because
+    distances increase from bench to bench. Otherwise a link of length l comes no nearer to the centre than sqrt(r^2 -
+    l^2 / 4), where r is the distance of its front handle, which increases from bench to bench; the reason is that the
+    nearer handle is at most l / 2 from the foot of the perpendicular. No point of a bench is further from its link than
+    a corner is from the nearer handle.
     """
     if not np.any(sizes.longest_m):
         return circle
@@ -266,7 +266,7 @@ At = tuple[Any, Any]    # rows and columns
 
 
 class _Pairs(NamedTuple):
-    """Indices of the front and rear handles of leading benches among handles (M, K+1), and of other benches.
+    """The indices, among handles (M, K+1), of the front and rear handles of leading benches and of other benches.
 
     A bench's link has the index of its front handle.
     """
@@ -278,13 +278,13 @@ class _Pairs(NamedTuple):
 
 
 def _all_pairs(count: int) -> _Pairs:
-    """Return the pairs of bench 0 with benches 2 to ``count`` - 1 of all rows."""
+    """Return the pairs of bench 0 with benches 2 to ``count`` - 1 in all rows."""
     lead, other = slice(0, 1), slice(2, count)
     return _Pairs(*((slice(None), handles) for handles in (lead, slice(1, 2), other, slice(3, count + 1))))
 
 
 def _some_pairs(row: Ints, bench: Ints) -> _Pairs:
-    """Return pairs (P,) of bench 0 with given others."""
+    """Return the pairs (P,) of bench 0 with the given benches in the given rows."""
     first = np.zeros_like(row)
     return _Pairs((row, first), (row, first + 1), (row, bench), (row, bench + 1))
 
@@ -329,9 +329,9 @@ class Spans:
 
 @dataclass(frozen=True)
 class SpiralMotion:
-    """The angle, p, a and ``turned`` of handles (M, K+1), and the turning of links (M, K) with its rate.
+    """Angles, p, a and ``turned`` of handles (M, K+1), and the turning ``w`` of links (M, K) with its rate.
 
-    Both ``turned`` and the turning exclude the part of p common to all, because only differences matter.
+    ``turned`` and ``w`` exclude the part of p that is common to all handles, because only differences matter.
     """
 
     theta: Ball
@@ -353,19 +353,19 @@ def bend(theta: Ball, delta: Ball, chord: Ball, arm: Floats, pairs: _Pairs | Non
     """Return bounds (M, K-2, 2) on second derivatives on M intervals, in units of b per square radian.
 
     ``theta`` (M, K+1) encloses the angles of handles on an interval, ``delta`` (M, K) the spans of links; ``chord`` and
-    ``arm`` (M or 1, K) are their lengths and the half diagonals of the benches in units of b. The bounds are those of
-    the corners of all benches from 2 on in the frame of bench 0, and of the corners of bench 0 in theirs; for selected
-    pairs they are (P, 2). They are infinite close to a lock.
+    ``arm`` (M or 1, K) are the lengths of links and the half diagonals of benches in units of b. The bounds apply to
+    the corners of all benches from bench 2 on in the frame of bench 0, and to the corners of bench 0 in the frames of
+    these benches; for selected pairs, they have the shape (P, 2). Bounds are infinite close to a lock.
     """
     with np.errstate(all='ignore'):
         return corners(_motion(theta, _slopes(theta, delta, chord)), arm, pairs=pairs)
 
 
 def corners(moving: SpiralMotion, arm: Floats, growth: float = 0.0, pairs: _Pairs | None = None) -> Floats:
-    """Return bounds as ``bend`` does, or (P, 2) for selected pairs; arms grow by ``growth`` of their length per unit.
+    """Return bounds as ``bend`` does; per unit of the variable, arms grow by ``growth`` times their length.
 
-    If a bench turns at W relative to the other bench, the second derivative of its arm is the arm times
-    i (W' + 2 growth W) - W^2.
+    If a bench turns at the rate W relative to the other bench, the second derivative of its arm is the arm times i (W'
+    + 2 growth W) - W^2.
     """
     pairs, arm = pairs or _all_pairs(moving.w.mid.shape[1]), np.broadcast_to(arm, moving.w.mid.shape)
     with np.errstate(all='ignore'):
@@ -424,9 +424,9 @@ def _with_joined(slopes: _Slopes, theta: Ball, joined: Array) -> _Slopes:
 
 
 def _handles(slopes: _Slopes) -> tuple[Ball, Ball]:
-    """Return p and a of all handles; behind the third, a follows from a / p, which is a sum along the chain.
+    """Return p and a of all handles; behind the third handle, a follows from a / p, which is a sum along the chain.
 
-    The second and third handle may turn back, where this quotient has no bound.
+    The second and third handles may turn back, where this quotient is unbounded.
     """
     ratio, rate = 1 + slopes.delta_1, slopes.delta_2
     none = Ball(np.zeros_like(ratio.mid[:, :1]), np.zeros_like(ratio.mid[:, :1]))
@@ -441,11 +441,11 @@ def _handles(slopes: _Slopes) -> tuple[Ball, Ball]:
 
 
 def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tuple[Floats, Floats]:
-    """Return lower bounds (M,) on the gaps in intervals between samples a and b, and a factor for each length.
+    """Return lower bounds (M,) on the gaps in intervals between samples a and b, and a factor for each interval.
 
-    An interval is cleared if its bound is positive. Its length should be multiplied by the factor, which is at most 1.
-    Only the next ``behind`` (M,) benches count. Pairs are not examined further if the benches' motion, or the circle,
-    leaves most of their gap.
+    An interval is cleared if its bound is positive. Its parts should be as long as its length times its factor, which
+    is at most 1. Only the next ``behind`` (M,) benches count. Pairs are not examined further if the bound from the
+    benches' motion, or from the circle, retains most of their gap.
     """
     sizes = sizes.of(a.lead)
     circle, one, two = beyond(a, b, sizes), a.apart, b.apart
@@ -465,7 +465,7 @@ def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tupl
 
 
 def _bent(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, other: Ints) -> tuple[Floats, Floats]:
-    """Return second-order bounds (P,) on the gaps of pairs, counted from the second bench behind, and the factors."""
+    """Return second-order bounds (P,) on gaps, and factors; ``other`` counts from the second bench behind."""
     sizes_at = row if sizes.links_m.shape[0] > 1 else np.zeros_like(row)
     half_length_m = sizes.half_length_m[sizes_at, 0], sizes.half_length_m[sizes_at, other + 2]
     half_m = [(each, sizes.half_width_m) for each in half_length_m]
@@ -479,7 +479,7 @@ def _bent(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, other: Ints
 def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints) -> Floats:
     """Return how far corners (P, 2) deviate from straight lines, in m, in the frames of leading and other benches.
 
-    Chains are followed up to the last of these benches, in the rows that contain any.
+    Chains are computed up to the last of these benches, and only in the rows that contain at least one of them.
     """
     used, row = np.unique(row, return_inverse=True)
     count = int(np.max(bench)) + 1
@@ -500,10 +500,10 @@ def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints)
 def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
     """Return an upper bound on the summed motion, in metres, of the corners of both benches of pairs (M, K-2).
 
-    It is the smaller of two bounds. A corner moves at most as far as a handle times the bench's lever. For the first
-    bound, handles move along their track. For the second, in a frame that turns about the centre with the leading
-    handle, they move inwards by b times the change of their angle, and around the centre by the sum of the changes of
-    all spans from the leading one on. Each of these changes is monotone.
+    The result is the smaller of two bounds. A corner moves by at most the motion of a handle times the bench's lever.
+    The first bound uses the motion of handles along their track. The second bound uses a frame that turns about the
+    centre with the leading handle: there, a handle moves inwards by b times the change of its angle, and around the
+    centre by the sum of the changes of all spans before it. Each of these changes is monotone.
     """
     outer = np.maximum(a.theta, b.theta)
     inwards = sizes.b_m * np.abs(a.theta - b.theta)
@@ -521,8 +521,8 @@ def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
 def levers(sizes: Sizes) -> Floats:
     """Return upper bounds (M, K) on the ratio of a bench's largest corner motion to the larger motion of its handles.
 
-    A bench that rotates about the middle of its link, with its handles moving in opposite directions, comes close to
-    the bound.
+    A bench that rotates about the middle of its link, so that its handles move in opposite directions, comes close to
+    this bound.
     """
     overhang = sizes.half_length_m - 0.5 * sizes.links_m + sizes.half_width_m
     out: Floats = 1 + 2 * overhang / np.maximum(sizes.links_m, 1e-12)
@@ -530,12 +530,12 @@ def levers(sizes: Sizes) -> Floats:
 
 
 def _straight(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
-    """Return how far benches (M, K-2) stay behind the leading one along its axis, if the chain is nearly straight.
+    """Return how far benches (M, K-2) stay behind the leading bench along its axis, if the chain is almost straight.
 
-    The track turns by less than 2 radians per radian of the polar angle, so no two links between a bench's front handle
-    and another's rear handle differ in direction by more than twice their common span, the turn. The links in between
-    lead away from the leading bench by at least their lengths times the cosine of the turn. The result is minus
-    infinity if the turn is more than a radian.
+    The track turns by less than 2 radians per radian of the polar angle, so the directions of any two links between a
+    bench's front handle and another bench's rear handle differ by at most twice the span between these handles. This
+    value is called the turn here. The links in between lead away from the leading bench by at least their lengths times
+    the cosine of the turn. The result is minus infinity if the turn exceeds a radian.
     """
     off = sizes.angle_errors(np.minimum(a.theta, b.theta)[:, :-1])
     turn = 2 * np.cumsum(ABOVE * np.maximum(a.delta, b.delta) + 4 * off, axis=1)[:, 2:]
@@ -547,7 +547,7 @@ def _straight(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
 
 
 def _turns_back(a: BenchSamples, b: BenchSamples) -> Array:
-    """Return whether the second or third handle moves in at one end of an interval and out at the other."""
+    """Return whether the second or third handle moves inwards at one end of an interval and outwards at the other."""
     one, two = (comes_in(each.theta[:, :3], each.delta[:, :2]) for each in (a, b))
     out: Array = np.any((np.minimum(one, two) < -_STILL) & (np.maximum(one, two) > _STILL), axis=1)
     return out

@@ -1,4 +1,4 @@
-"""Bounds on handles, links and benches between two states of a chain on any track: speeds, turning, and their rates.
+"""Bounds on the motion of handles, links and benches between two states of a chain on any track.
 
 One enclosure is used for the first contact (corners as seen from other benches), the fastest handle (ratios of speeds
 and their changes) and the bounding box (the motion of one bench). Between the states the leader goes from one position
@@ -6,9 +6,9 @@ to another and every handle moves in one direction. The exception is a follower 
 single spiral; ``Leader.turning_m`` returns the positions at which intervals must be cut for this reason.
 
 A prime denotes a derivative by the leader's distance, and a dot denotes a derivative by a handle's own distance. For
-each link let A be the handle nearer to the leader and B the other one, e its unit vector in the direction of the track,
-and alpha and beta the angles from e to the track at A and B. The length l is constant, so with speeds v and curvatures
-k
+each link, let A be the handle nearer to the leader and B the other handle, let e be the link's unit vector in the
+direction of the track, and let alpha and beta be the angles from e to the track at A and B. The length l is constant,
+so speeds v and curvatures k satisfy
 
     v_B = r v_A,  r = cos alpha / cos beta,      omega = w v_A,  w = (sin alpha - r sin beta) / l,
     alpha. = k_A - w,      beta. = r k_B - w,      r. = r g,  g = tan beta beta. - tan alpha alpha.,
@@ -17,27 +17,30 @@ k
 
 (behind a leading tail, e points away from A, so w, w. and the prime have the opposite sign).
 
-Ranges of angles between two states: a quantity with a total variation of at most L lies within L / 2 of the mean of its
-two values, or between them if they are further apart. The turning of a link, and of the track under its handles, bounds
-the change of angles (``swing_rad``). If k l < 2 for the largest curvature k in between, the directions of a chord and
-of the track at its ends always differ by at most asin(k l / 2) (Schur). In this case each pass bounds the rates of
-angles, and from these the angles; if both handles stay on one line or arc, angles are constant.
+The ranges of angles between two states follow from their variation: a quantity with a total variation of at most L lies
+within L / 2 of the mean of its values at the two states, or between these values if they are further apart. The turning
+of a link, and of the track under its handles, bounds the change of angles (``swing_rad``). If k l < 2 for the largest
+curvature k in between, the directions of a chord and of the track at its ends always differ by at most asin(k l / 2)
+(Schur). In this case each pass bounds the rates of the angles and, from these rates, the angles. If both handles stay
+on one line or arc, the angles are constant.
 
-For two benches let x be the middle of the second bench in the frame of the first, whose origin is the first bench's
-middle and whose x axis is its axis, and let tau be the angles of the handles' tracks in that frame:
+For two benches, let x be the middle of the second bench in the frame of the first bench, whose origin is the first
+bench's middle and whose x axis is the first bench's axis. Let tau be the angles of the track at the handles in this
+frame. Then
 
     x' = V_2 - V_1 - omega J x,      x'' = A_2 - A_1 - 2 omega J x' - omega' J x + omega^2 x,
 
-V and A are the means of v (cos tau, sin tau) and of v' (cos tau, sin tau) + k v^2 (-sin tau, cos tau) over both
+where V and A are the means of v (cos tau, sin tau) and of v' (cos tau, sin tau) + k v^2 (-sin tau, cos tau) over both
 handles, and J is a quarter turn. If everything turns together, x' vanishes and all terms of x'' cancel up to rounding.
 In the frame of the other bench, which turns faster by D, the bound is |x''| + 2 |D| |x'| + (|D'| + D^2) |x|; a corner
-at a distance from the middle adds that distance times |(D', D^2)|. Curvatures jump at joints, so first derivatives have
-kinks there; the argument only requires them to be bounded.
+at a distance from the middle adds this distance times |(D', D^2)|. Curvatures jump at joints, so first derivatives have
+kinks there; the argument only requires bounded second derivatives.
 
-Everything is evaluated in ball arithmetic and rounded outwards: balls by their arithmetic, their combinations by the
-factor ABOVE (``on_spiral``). States are known only to within the position error e: the axis of a link of length l turns
-by at most 2 e / l, the axis of a link of zero length turns with the track, and the track turns by at most k e.
-Curvatures of lines and arcs are constant, and those of spirals change by at most k^2 e.
+All bounds are evaluated in ball arithmetic and rounded outwards: balls by their arithmetic, combinations of balls by
+the factor ABOVE (``on_spiral``). States are known only to within the position error e. The direction of a link of
+length l is therefore uncertain by at most 2 e / l, and the direction of the track by at most k e; a link of zero length
+has the direction of the track. The curvatures of lines and arcs are exact, and the curvatures of spirals are uncertain
+by at most k^2 e.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -50,9 +53,9 @@ from dragon_ros.core.enclosures.on_spiral import ABOVE
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 
 _ROUNDED_RAD = 2.0**-46 # rounding error of an angle between unit vectors
-_PASSES = 8     # most passes; each shrinks the part beyond the ends by a factor of about motion / (2 link length)
-_WORTH = 0.9    # relative to a radius: passes end when nearly all radii stay above this
-_FEW = 0.02     # fraction of the radii that may still fall below
+_PASSES = 8     # maximum number of passes; each shrinks the part beyond the ends by about motion / (2 link length)
+_WORTH = 0.9    # passes end when almost all radii stay above this fraction of their previous values
+_FEW = 0.02     # fraction of the radii that may still fall below ``_WORTH``
 
 Range = tuple[Floats, Floats]
 
@@ -61,8 +64,9 @@ Range = tuple[Floats, Floats]
 class LinkStates:
     """Links of M chains at one state each, from the leader on: N + 1 handles, and N angles from links to the track.
 
-    ``along_m`` are distances along the track, ``segment`` and ``curvature`` (1/m, signed) are the values there, and
-    ``near`` and ``far`` are the angles at a link's handle nearer to the leader and at its other handle.
+    ``along_m`` holds the distances of handles along the track, and ``segment`` and ``curvature`` (1/m, signed) the
+    values of the track there. ``near`` and ``far`` hold the angles at a link's handle nearer to the leader and at its
+    other handle.
     """
 
     along_m: Floats
@@ -84,7 +88,7 @@ class LinkStates:
 
 def link_states(along_m: Floats, segment: Ints, curvature: Floats, headings: Floats, axis: Floats,
                 leader: int) -> LinkStates:
-    """Return the links of chains given from head to tail; ``leader`` is 0 or -1, ``axis`` (M, N, 2) are links' axes."""
+    """Return the links of chains given from head to tail, with link axes ``axis`` (M, N, 2); ``leader`` is 0 or -1."""
     ends = _angle(axis, headings[:, :-1]), _angle(axis, headings[:, 1:])
     if leader == 0:
         return LinkStates(along_m, segment, curvature, *ends)
@@ -102,9 +106,9 @@ def _angle(axis: Floats, headings: Floats) -> Floats:
 def curvature_range(bends: Range, segments: Sequence[Ints], curvatures: Sequence[Floats]) -> Range:
     """Return the smallest and largest curvature in 1/m on the track between positions on given segments.
 
-    ``bends`` are the bounds from one segment to another, (P, P). Curvature is monotone on a segment, so if all
-    positions are on one segment it lies between the values there; otherwise the whole range of every segment in between
-    counts.
+    ``bends`` holds the bounds (P, P) from one segment to another. Curvature is monotone on a segment, so if all
+    positions are on one segment, the curvature lies between the given values; otherwise the whole range of every
+    segment in between counts.
     """
     first, last = reduce(np.minimum, segments), reduce(np.maximum, segments)
     one = first == last
@@ -115,9 +119,9 @@ def curvature_range(bends: Range, segments: Sequence[Ints], curvatures: Sequence
 def swing_rad(most: Floats, link_m: float | Floats, moved_m: Floats) -> Floats:
     """Return the largest total angle by which a link turns while its two handles move by ``moved_m`` in total.
 
-    ``most`` is the largest curvature in 1/m between the rear handle's first position and the front handle's last. A
-    link turns at (v_rear sin beta - v_front sin alpha) / link. No sine exceeds 1 or, if most * link < 2, half of that
-    product (Schur's comparison with a circle).
+    ``most`` is the largest curvature in 1/m between the rear handle's first position and the front handle's last
+    position. A link turns at (v_rear sin beta - v_front sin alpha) / link. No sine exceeds 1 or, if ``most`` times the
+    link is below 2, half of this product (Schur's comparison with a circle).
     """
     with np.errstate(divide='ignore'):
         out: Floats = np.minimum(0.5 * most, np.divide(1.0, link_m)) * moved_m
@@ -128,9 +132,9 @@ def swing_rad(most: Floats, link_m: float | Floats, moved_m: Floats) -> Floats:
 class LinkMotion:
     """Enclosures of links (M, N) and their handles (M, N+1), from the leader on, over M intervals.
 
-    ``k`` are curvatures, and ``near`` and ``far`` are sines and cosines of the angles; ``inverse_l`` has the sign of e.
-    ``rigid`` links have constant angles, and ``joined`` links have zero length. Rates are with respect to the distance
-    of the nearer handle.
+    ``k`` holds curvatures, ``near`` and ``far`` the sines and cosines of the angles, and ``inverse_l`` the inverse
+    lengths with the sign of e. ``rigid`` links have constant angles, and ``joined`` links have zero length. Rates are
+    with respect to the distance of the nearer handle.
     """
 
     k: Ball
@@ -146,7 +150,7 @@ class LinkMotion:
 
     @cached_property
     def r(self) -> Ball:
-        """The ratio of the farther handle's speed to that of the nearer one."""
+        """The ratio of the farther handle's speed to the nearer handle's speed."""
         return _where(self.joined, self._none + 1.0, self.near[1] * self.far[1].inverse())
 
     @cached_property
@@ -168,7 +172,7 @@ class LinkMotion:
 
     @cached_property
     def w_dot(self) -> Ball:
-        """The rate of change of turning; unbounded for a link of zero length across a jump of the track's curvature."""
+        """The rate of change of ``w``; unbounded for a link of zero length across a jump of the track's curvature."""
         (sin_f, cos_f), (near, far) = self.far, self._dots
         rate = (self.near[1] * near - self.r * (self.g * sin_f + cos_f * far)) * self.inverse_l
         unknown = Ball(self._none.mid, np.where(self.k.rad[:, :-1] > 0, np.inf, 0.0))
@@ -176,7 +180,7 @@ class LinkMotion:
 
 
 def speeds_along(r: Ball, g: Ball) -> tuple[Ball, Ball]:
-    """Return handle speeds (M, N+1) relative to the leader's, and their logarithmic rates by the leader's distance.
+    """Return handle speeds (M, N+1) relative to the leader, and the rates of their logs by the leader's distance.
 
     ``r`` and ``g`` (M, N) are as in ``LinkMotion``.
     """
@@ -189,9 +193,9 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
              error_m: float = 0.0, passes: int = _PASSES) -> LinkMotion:
     """Return the enclosures of links (N,), from the leader on, between states of M chains.
 
-    ``bends`` are the smallest and largest curvatures from one segment to another, (P, P), ``sign`` is 1.0 behind a head
-    and -1.0 ahead of a tail, and ``error_m`` bounds position errors. At most ``passes`` passes narrow the angles;
-    without any, the angles are as wide as the turning of links and the track.
+    ``bends`` holds the smallest and largest curvatures (P, P) from one segment to another, ``sign`` is 1.0 behind a
+    head and -1.0 ahead of a tail, and ``error_m`` bounds position errors. At most ``passes`` passes narrow the ranges
+    of angles; without passes, these ranges are as wide as the turning of links and the track.
     """
     with np.errstate(all='ignore'):
         low, high = curvature_range(bends, (one.segment, two.segment), (one.curvature, two.curvature))
@@ -211,8 +215,8 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
 def speeds_enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, sign: float) -> tuple[Ball, Ball]:
     """Return ``LinkMotion.r`` (M, N) and the rates of the logs of speeds (M, N+1), between states as in ``enclosed``.
 
-    Only links that span several segments or lie on a spiral are enclosed: both ends of any other link have exactly the
-    same speed. On a track of lines and arcs, about two links per joint remain.
+    Only links that span several segments or lie on a spiral are enclosed, because both ends of any other link have
+    exactly the same speed. On a track of lines and arcs, about two links per joint remain.
     """
     same = one.segment[:, :-1]
     even = bends[0].diagonal() == bends[1].diagonal()
@@ -255,7 +259,7 @@ def _first_angles(ends: list[Ball], k: Ball, most: Floats, way: Floats, links_m:
 
 def _narrowed(angles: list[Ball], ends: list[Ball], k: Ball, way: Floats, rigid: Array, inverse_l: Floats,
               off: Floats, passes: int) -> list[Ball]:
-    """Return enclosures of both angles, narrowed pass by pass by their rates."""
+    """Return enclosures of both angles, which each pass narrows by their rates."""
     ways = way[:, :-1], way[:, 1:]
     for _ in range(passes):
         (sin_n, cos_n), (sin_f, cos_f) = (angle.sin_cos() for angle in angles)
@@ -271,7 +275,7 @@ def _narrowed(angles: list[Ball], ends: list[Ball], k: Ball, way: Floats, rigid:
 
 
 def _settled(before: Sequence[Ball], now: Sequence[Ball]) -> bool:
-    """Return whether a pass has left nearly all radii almost unchanged."""
+    """Return whether a pass has changed almost no radius noticeably."""
     return not any(np.count_nonzero(b.rad < _WORTH * a.rad) > _FEW * b.rad.size
                    for a, b in zip(before, now, strict=True))
 
@@ -287,8 +291,9 @@ def _where(chosen: Array, one: Ball, other: Ball) -> Ball:
 class Kinematics:
     """Enclosures of handles (M, N+1) and links (M, N), from head to tail, over intervals of the leader's distance.
 
-    These are speeds ``v`` and turning ``w`` with their rates. ``k`` are curvatures; ``axis_error`` (N,) and
-    ``track_error`` bound the errors of directions of links and of the track, and ``error_m`` bounds those of positions.
+    ``v`` and ``a`` hold the speeds of handles and their rates, ``w`` and ``w_rate`` the turning of links and its rates,
+    and ``k`` the curvatures at handles. ``axis_error`` (N,) and ``track_error`` bound the errors of the directions of
+    links and of the track, and ``error_m`` bounds position errors.
     """
 
     v: Ball
@@ -316,9 +321,10 @@ def kinematics(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, 
 
 @dataclass(frozen=True)
 class Views:
-    """Pairs of benches (K,) at one state: the second's middle in the frame of the first, and the handles' tracks.
+    """Pairs of benches (K,) at one state, in the frames of their first benches.
 
-    ``track`` are the cosines and sines (K, 4, 2) of both handles' headings of the first bench and then of the second.
+    ``middle`` holds the coordinates of the middles of the second benches. ``track`` (K, 4, 2) holds the cosines and
+    sines of the track's headings at both handles of the first benches and then of the second benches.
     """
 
     middle: tuple[Floats, Floats]
@@ -326,7 +332,7 @@ class Views:
 
 
 def views(p: Floats, axis: Floats, headings: Floats, row: Ints, i: Ints, j: Ints) -> Views:
-    """Return pairs of benches i, j of the chains in rows; ``p`` (M, N+1, 2) are handles, ``axis`` axes of links."""
+    """Return pairs of benches i and j of chains ``row`` with handles ``p`` (M, N+1, 2) and axes ``axis`` of links."""
     u = axis[row, i]
     middle = 0.5 * (p[row, j] + p[row, j + 1] - p[row, i] - p[row, i + 1])
     x, y = _turned(u, middle)
@@ -341,10 +347,10 @@ def _turned(u: Floats, vectors: Floats) -> tuple[Floats, Floats]:
 
 def second_derivatives(moving: Kinematics, one: Views, two: Views, row: Ints, i: Ints, j: Ints, gone_m: Floats,
                        arm: Floats) -> tuple[Floats, Floats]:
-    """Return bounds (K,) on second derivatives of the second bench's corners in the frame of the first, and vice versa.
+    """Return bounds (K,) on second derivatives of the second bench's corners in the first one's frame, and vice versa.
 
-    ``gone_m`` (K,) are the leader's moves, and ``arm`` (N,) the distances of corners from middles. The bound is
-    infinite if a derivative is unbounded.
+    ``gone_m`` (K,) holds the distances that the leader moves, and ``arm`` (N,) the distances of corners from middles. A
+    bound is infinite if the derivative is unbounded.
     """
     with np.errstate(all='ignore'):
         turn, turn_rate = _at(moving.w, row, i), _at(moving.w_rate, row, i)
@@ -367,13 +373,13 @@ def second_derivatives(moving: Kinematics, one: Views, two: Views, row: Ints, i:
 
 
 def _at(ball: Ball, row: Ints, column: Ints) -> Ball:
-    """Return the elements of a ball, one for each row and column."""
+    """Return one element of a ball for each pair of a row and a column."""
     return Ball(ball.mid[row, column], ball.rad[row, column])
 
 
 def _handle(moving: Kinematics, row: Ints, handle: Ints, track: tuple[Floats, Floats], turn: Ball, gone_m: Floats,
             off: Floats) -> tuple[tuple[Ball, Ball], tuple[Ball, Ball]]:
-    """Return a handle's velocity and its rate, with components along and across the first bench, in a fixed frame."""
+    """Return a handle's velocity and acceleration in a fixed frame, as components along and across the first bench."""
     v, a, k = (_at(ball, row, handle) for ball in (moving.v, moving.a, moving.k))
     start, stop = (np.arctan2(each[:, 1], each[:, 0]) for each in track)
     stop = start + np.remainder(stop - start + np.pi, 2 * np.pi) - np.pi
@@ -386,17 +392,17 @@ def _handle(moving: Kinematics, row: Ints, handle: Ints, track: tuple[Floats, Fl
 
 
 def _off_m(one: Views, two: Views, axis_error: Floats, error_m: float) -> Floats:
-    """Return the errors in m of the second bench's middle in the frame of the first, at both states."""
+    """Return the errors, in m at both states, of the second bench's middle in the frame of the first bench."""
     out: Floats = 3 * error_m + axis_error * np.maximum(np.hypot(*one.middle), np.hypot(*two.middle))
     return out
 
 
 def _middle(one: Views, two: Views, v: tuple[Ball, Ball], turn: Ball, gone_m: Floats,
             off: Floats) -> tuple[Ball, Ball, Ball, Ball]:
-    """Return enclosures of the second bench's middle in the frame of the first, and of its velocity.
+    """Return enclosures of the second bench's middle in the frame of the first bench, and of this middle's velocity.
 
     The rotation of the first bench does not change the distance between the middles, so their velocities bound its
-    change. At the two states the middles may be off by ``off`` (K,) in metres.
+    change. At the two states the middles may have errors of up to ``off`` (K,) in metres.
     """
     far = np.minimum(np.hypot(*one.middle), np.hypot(*two.middle)) + off
     far = ABOVE * (far + gone_m * np.hypot(v[0].most, v[1].most))

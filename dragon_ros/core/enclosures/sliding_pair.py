@@ -1,20 +1,21 @@
-"""The gap of two benches at any two positions on a spiral: bounds over boxes of the variables that determine it.
+"""Bounds on the gap between two benches at any two positions on a spiral, over boxes of the gap's variables.
 
-In units of b = pitch / 2 pi all spirals are r = theta, and a dragon is ``scale`` = 1 / b times as large. The gap of two
-benches depends on five variables, the rows of a box:
+In units of b = pitch / 2 pi all spirals have the equation r = theta, and a dragon is ``scale`` = 1 / b times as large.
+The gap between two benches depends on five variables, the rows of a box:
 
-    THETA   polar angle of the front handle of the bench that is further in
-    AHEAD   polar angle from there to the front handle of the other bench
+    THETA   polar angle of the front handle of the inner bench
+    AHEAD   polar angle from this handle to the front handle of the other bench
     SCALE   1 / b
-    LINK    distance in metres between the handles of the bench further in
-    OTHER   the same distance for the other bench
+    LINK    distance in metres between the handles of the inner bench
+    OTHER   distance in metres between the handles of the other bench
 
 The number and the lengths of the benches in between only affect which angles AHEAD occur. A bench extends ``overhang``
 metres beyond its handles and half its width to either side.
 
-A link of chord c from theta spans delta, the root of F(theta, delta) = c^2 / 2 (docs/contact.md). F_delta > 0 up to
-delta = pi, so there is one root; it decreases as theta increases (lemma 1), increases with c, and has the derivatives
--F_theta / F_delta and c / F_delta. A span is enclosed by two floats at which F is proved too small and too large.
+A link with chord c and its front handle at theta spans delta, the root of F(theta, delta) = c^2 / 2 (docs/contact.md).
+F_delta > 0 up to delta = pi, so there is exactly one root. The root decreases as theta increases (lemma 1), increases
+with c, and has the derivatives -F_theta / F_delta and c / F_delta. A span is enclosed by two floats: F is proved to be
+too small at one float and too large at the other.
 """
 from typing import NamedTuple
 
@@ -27,7 +28,7 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.spiral import first_guesses, steps
 
 THETA, AHEAD, SCALE, LINK, OTHER = range(5)
-_WIDER = 2.0**-30       # relative to a span: exceeds the error of Newton's method in floats and of balls (2^-36)
+_WIDER = 2.0**-30       # relative widening of spans, more than the errors of Newton's method and of balls (2^-36)
 _ABOVE = 1 + 2.0**-40   # covers the rounding of a sum of positive numbers
 
 
@@ -35,8 +36,8 @@ class Separations(NamedTuple):
     """Lower bounds ``low`` (n,) on the gaps in boxes, in units of b; positive if the benches are apart.
 
     In the middle of a box, ``middle`` (n,) is the distance of the nearest corner from the edge that separates the
-    benches most, and ``slope`` (5, n) are the derivatives of this distance; ``spread`` (5, n) bounds its change from
-    the middle of a box to its ends, per variable.
+    benches most. ``slope`` (5, n) holds the derivatives of this distance, and ``spread`` (5, n) bounds, for each
+    variable, the change of this distance from the middle of a box to its ends.
     """
 
     low: Floats
@@ -46,12 +47,12 @@ class Separations(NamedTuple):
 
 
 def least_span(theta: Floats, chord: Floats) -> Floats:
-    """Return lower bounds on the spans of chords (in units of b) from polar angles."""
+    """Return lower bounds on the spans of links with given chords (in units of b) and front handles at polar angles."""
     return _proved_span(theta, chord, 1 - _WIDER, -1)
 
 
 def largest_span(theta: Floats, chord: Floats) -> Floats:
-    """Return upper bounds on the spans of chords (in units of b) from polar angles."""
+    """Return upper bounds on the spans of links with given chords (in units of b) and front handles at polar angles."""
     return _proved_span(theta, chord, 1 + _WIDER, 1)
 
 
@@ -87,9 +88,9 @@ def _proved_span(theta: Floats, chord: Floats, factor: float, sense: int) -> Flo
 
 
 def _edges(low: Floats, high: Floats, half_width_m: float, overhang_m: float) -> list[list[Graded]]:
-    """Return how far the four corners of each bench are beyond each of the four edges of the other, in units of b.
+    """Return how far, in units of b, the four corners of each bench are beyond each of the other bench's four edges.
 
-    Polar angles are measured from the front handle of the bench further in.
+    Polar angles are measured from the front handle of the inner bench.
     """
     theta, ahead, scale, link, other = variables(low, high)
     chord, far_chord, far = scale * link, scale * other, theta + ahead
