@@ -1,4 +1,4 @@
-"""Many ticks or instants per call, because numpy's overhead per call would exceed the arithmetic."""
+"""Many ticks or instants per call; for single ones, numpy's overhead would exceed the time of the arithmetic."""
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -15,8 +15,8 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of
 from dragon_ros.core.tiers import PAPER
 
-_BATCH_HANDLES = 2**18      # handles per batch: 8 MB with velocities; in smaller batches the cost of calls dominates
-_TICK_HANDLES = 2**12       # handles per group of consecutive ticks, whose frames stay in the cache
+_BATCH_HANDLES = 2**18      # handles per batch (8 MB with velocities); in smaller batches, the cost of calls dominates
+_TICK_HANDLES = 2**12       # number of handles per group of consecutive ticks, whose frames stay in the cache
 
 
 def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
@@ -27,7 +27,7 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
     simulation = compile_scene(scene)
     if not 0 <= first <= stop <= simulation.last_tick + 1:
         raise FieldError('ticks', f'{first} to {stop}', f'the run has ticks 0 to {simulation.last_tick}',
-                         'give a range of these')
+                         'give a range of these ticks')
     size = max(1, _TICK_HANDLES // (scene.dragon.benches + 1)) if np.all(simulation.model.links_m) else 1
     for begin in range(first, stop, size):
         times_ns = [scene.run.time_ns(k) for k in range(begin, min(begin + size, stop))]
@@ -44,9 +44,9 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
 
 
 def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) -> Chain:
-    """Return the chains at many instants (S,) as one with a leading axis, equal to single chains within the tier.
+    """Return the chains at many instants (S,) as one Chain with a leading axis, equal to single chains within the tier.
 
-    ``out`` (S, N+1, 2), if given, receives the handles. Raises FieldError if it does not fit.
+    ``out`` (S, N+1, 2), if given, receives the handles. Raises FieldError if ``out`` does not fit.
     """
     simulation = compile_scene(scene)
     if out is not None:
@@ -65,7 +65,8 @@ def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) ->
 def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float], out: Floats | None = None) -> Floats:
     """Return the velocities of all handles in m/s, shape (..., N+1, 2), for one chain at one time or for many.
 
-    ``out``, an array of that shape, receives them if it is given. Raises FieldError if it does not fit.
+    ``out``, if given, is an array of the same shape that receives the velocities. Raises FieldError if ``out`` does not
+    fit.
     """
     if out is not None:
         _check_room(out, chain.p.shape)

@@ -1,6 +1,6 @@
 """Checks of single values, shared by the dataclasses of the core; each error names the field, the value and the limit.
 
-Numbers of Python and numpy are treated alike.
+Python and numpy numbers are treated alike.
 """
 from cmath import exp
 from math import isfinite, pi
@@ -70,7 +70,7 @@ class Settings:
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Return the class and its fields in order."""
-        from dataclasses import fields  # importing it takes a sixth of the time of --help
+        from dataclasses import fields  # importing dataclasses takes a sixth of the time of --help
         return type(self), tuple(getattr(self, one.name) for one in fields(self))      # type: ignore[arg-type]
 
 
@@ -87,7 +87,7 @@ def _kind(value: Any) -> str:
 
 
 def _unquoted(value: Any) -> str | None:
-    """Return the suggestion for a quoted number."""
+    """Return the suggestion for a number in quotes, or None for other values."""
     if not isinstance(value, str):
         return None
     try:

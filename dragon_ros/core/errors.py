@@ -2,7 +2,7 @@
 from collections.abc import Iterable
 from typing import Any
 
-_MOST_SHOWN = 100       # characters of a value shown in an error
+_MOST_SHOWN = 100       # maximum number of characters of a value in an error
 _NEAR = 0.65            # difflib ratio: pich_m is close to pitch_m (0.92), obstacles is not close to trails (0.53)
 
 
@@ -16,7 +16,7 @@ def shown(value: object) -> str:
 
 
 def did_you_mean(word: object, known: Iterable[str], otherwise: str, alike: float = _NEAR) -> str:
-    """Return a question about the known name most similar to a word, or ``otherwise`` if none is at least ``alike``."""
+    """Return a question about the known name most similar to a word, or ``otherwise`` if no ratio reaches ``alike``."""
     from difflib import get_close_matches  # rarely needed
     names = {name.lower(): name for name in known}
     near = get_close_matches(str(word).lower(), names, n=1, cutoff=alike)
@@ -61,7 +61,7 @@ class ModelEnd(DragonError):
 
 
 class TrackEndError(ModelEnd):
-    """The head would have left the track."""
+    """A handle would be beyond the end of the track."""
 
 
 class ChainLockError(ModelEnd):
@@ -69,4 +69,4 @@ class ChainLockError(ModelEnd):
 
 
 class CrowdError(InputError):
-    """Too many benches lie close together to test their pairs one by one."""
+    """Too many benches are so close together that testing their pairs one by one would take too long."""

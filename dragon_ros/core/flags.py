@@ -42,7 +42,7 @@ MEANINGS = {
     Effect.VELOCITY: 'velocities of all handles',
     Effect.BENCHES: 'the benches as rectangles',
     Effect.CLEARANCE: 'the smallest gap between benches that are not neighbours, or to an obstacle of the venue; '
-                      'the gaps of those that touch',
+                      'the gaps of pairs that touch',
     Effect.CONTACT: 'which benches touch each other or an obstacle, and where',
     Effect.MARKERS: 'markers of the benches that touch',
     Effect.ACCELERATIONS: 'accelerations of all handles',
@@ -72,7 +72,7 @@ def effects_of(names: Iterable[object]) -> Effect:
 def check_needs(effects: Effect) -> None:
     """Raise FieldError if an effect is on but another effect that it needs is off."""
     complete = effects
-    for effect, need in reversed(NEEDS.items()):        # each effect comes after those that it needs
+    for effect, need in reversed(NEEDS.items()):        # each effect comes after the effects that it needs
         complete |= need if effect in complete else Effect.NONE
     if complete != effects:
         effect, need = next((e, n) for e, n in NEEDS.items() if e in effects and n not in effects)
@@ -87,7 +87,7 @@ def known() -> dict[str, Effect]:
 
 @lru_cache(maxsize=256)
 def switches(effects: Effect) -> SimpleNamespace:
-    """Return whether each effect is on, by name; each tick queries them one by one, and a Flag is too slow for that."""
+    """Return whether each effect is on, by name; every tick queries all effects, for which a Flag is too slow."""
     return SimpleNamespace(**{name: effect in effects for name, effect in known().items()})
 
 

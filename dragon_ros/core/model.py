@@ -1,9 +1,9 @@
 """The model that is compiled from a scene, in metres, and the simulation that maps times to metres.
 
-A ``Model`` depends only on dragon, track, leader, solver and accuracy. It gives the positions of all handles at each
-distance travelled by the leader, and the leader's range of travel. A ``Simulation`` adds the law and the run, which
-only map a tick to a distance. Positions are therefore bit-identical across runs and processes, and scenes that differ
-in law, run or effects share one model.
+A ``Model`` depends only on dragon, track, leader, solver and accuracy. The model provides the positions of all handles
+at each distance travelled by the leader, and the leader's range of travel. A ``Simulation`` adds the law and the run,
+which only map a tick to a distance. Positions are therefore bit-identical across runs and processes, and scenes that
+differ in law, run or effects share one model.
 """
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -34,10 +34,10 @@ from dragon_ros.core.tracks.polyline import SAG_M, polyline
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import STurn, TrackSpec
 
-_LAST_FLOAT = 1.7976931348623157e308    # means that there is no end
-_MOST_SIMULATIONS = 64              # compiled simulations kept
-_MOST_BYTES_AHEAD = 256_000_000     # for the shift maps of a model that are built in advance
-_MOST_BYTES = 1_000_000_000         # for the shift maps of all kept models; the least recently used are dropped first
+_LAST_FLOAT = 1.7976931348623157e308    # stands for no end
+_MOST_SIMULATIONS = 64              # maximum number of cached simulations
+_MOST_BYTES_AHEAD = 256_000_000     # limit for the shift maps of a model that are built in advance
+_MOST_BYTES = 1_000_000_000         # limit for the shift maps of all cached models; the oldest models are dropped first
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Model:
 
     @cached_property
     def direction(self) -> int:
-        """Direction of the followers: BEHIND the head, or AHEAD of the tail."""
+        """The direction of the followers: BEHIND the head, or AHEAD of the tail."""
         return AHEAD if self.lead == 'tail' else BEHIND
 
     @cached_property
@@ -71,12 +71,12 @@ class Model:
 
     @cached_property
     def links_m(self) -> Floats:
-        """Handle spacing of each bench, shape (N,)."""
+        """The distance in m between the two handles of each bench, shape (N,)."""
         return self.dragon.link_lengths_m
 
     @cached_property
     def length_m(self) -> float:
-        """Length of the whole chain, handle to handle."""
+        """The length of the whole chain in m, from the first handle to the last."""
         return float(np.sum(self.links_m))
 
     @cached_property
@@ -91,8 +91,9 @@ class Model:
         """The solver that places the handles: shift maps for blocks of equal links, or the march.
 
         At every tier links are solved to the last digit, which takes at most one more Newton step. Tiers differ only in
-        the series of the maps: coarser series are used if those of ``exact`` do not converge or take longer. On a
-        spiral all tiers use the same series: they are short, and close to a lock any error grows along the chain.
+        the series of the maps: coarser series are used if the series of ``exact`` do not converge or take longer. On a
+        spiral all tiers use the same series, because these are short and because any error grows along the chain close
+        to a lock.
         """
         lengths = {} if self.solver == 'march' else lengths_with_maps(self.links_m)
         tier = EXACT if self.track.may_lock else self.tier
@@ -106,18 +107,18 @@ class Model:
         return sum(shift.memory_bytes for shift in self.placement.maps.values())
 
     def place(self, gone_m: tuple[float, float]) -> Chain:
-        """Return the chain when the leader has travelled (hi, lo) metres. Raises ModelEnd if there is none."""
+        """Return the chain when the leader has travelled (hi, lo) metres. Raises ModelEnd if there is no chain."""
         return self.placement.place(self.leader.place(gone_m))
 
     def place_many(self, gone_m: tuple[Floats, Floats], out: Floats | None = None) -> Chain:
-        """Return the chains at many distances (S,) as one, equal to single chains within the tier, but not bit for bit.
+        """Return the chains at many distances (S,) as one Chain; within the tier, they equal chains placed singly.
 
         ``out`` (S, N+1, 2), if given, receives the handles.
         """
         return self.placement.place_many(self.leader.places(gone_m), out)
 
     def march(self, gone_m: tuple[float, float]) -> Chain:
-        """Return the chain by forward placement alone."""
+        """Return the chain, computed by forward placement without shift maps."""
         return marched(self.track, self.links_m, self.leader.place(gone_m), self.direction)
 
     def size_m(self, extent_m: tuple[float, float]) -> float:
@@ -135,7 +136,7 @@ class Model:
 
     @cached_property
     def limits(self) -> tuple[TravelEnd | None, TravelEnd | None]:
-        """The ends of the leader's range, backwards and forwards; None without an end. Raises ChainLockError."""
+        """The ends of the leader's range, backwards and forwards; None if there is no end. Raises ChainLockError."""
         back_m, onwards_m = self.leader.range_m
         if not self.track.may_lock:
             back, onwards = (TravelEnd(gone_m, 'track') if abs(gone_m) < inf else None
@@ -157,7 +158,7 @@ class Model:
     def _last_stand_m(self, gone_m: float, link: int) -> float:
         """Return the distance of a lock, or the last distance just before it at which all links can be placed.
 
-        The position of the lock is rounded to a float, and so is its distance: the chain may already be beyond it.
+        The position and the distance of the lock are rounded to floats, so the chain may already be beyond the lock.
         """
         blocks, back = blocks_of(self.links_m[:link + 2], BEHIND), ulp(gone_m)
         while 0 < gone_m < inf and not self._stands(gone_m, blocks):
@@ -165,7 +166,7 @@ class Model:
         return gone_m
 
     def _stands(self, gone_m: float, blocks: tuple[Block, ...]) -> bool:
-        """Return whether all links can be placed, one by one and in a batch."""
+        """Return whether all links can be placed at a distance, both one by one and in a batch."""
         try:
             forward(self.track, blocks, self.leader.place((gone_m, 0.0)), BEHIND)
             forward_many(self.track, blocks, self.leader.places((np.array([gone_m]), np.zeros(1))), BEHIND)
@@ -212,7 +213,7 @@ class Simulation:
 
     @cached_property
     def limit(self) -> End | None:
-        """The end of the model, when the chain locks or a handle reaches the end of the track; None if it has none."""
+        """The end of the model, when the chain locks or a handle reaches the track's end; None if there is no end."""
         law = self.scene.head
         ends = [(t_s, limit) for limit, sense in zip(self.model.limits, (-1, 1), strict=True)
                 if limit and (t_s := law.passage_s(limit.gone_m, sense)) is not None]
@@ -233,12 +234,12 @@ class Simulation:
 
     @cached_property
     def end(self) -> End:
-        """The end of the run. Raises FieldError if nothing ends it."""
+        """The end of the run. Raises FieldError if the run has no end."""
         run, limit = self.scene.run, self.limit
         if run.stop_s is not None and (limit is None or run.stop_s <= limit.t_s):
             return End(run.stop_s, 'stop')
         if limit is None:
-            raise FieldError('run.stop_s', None, 'the run has no end, because the leader never reaches one',
+            raise FieldError('run.stop_s', None, 'the run has no end, because the leader never reaches a limit',
                              'give a stop')
         if limit.t_s < run.start_s:
             raise self._beyond(run.start_s, limit)
@@ -279,7 +280,7 @@ class Simulation:
         return _LAST_FLOAT if self.limit is None else self.limit.t_s
 
     def check_times(self, times_s: Floats) -> None:
-        """Raise the error of ``check_time`` for the first time without a state."""
+        """Raise the error of ``check_time`` for the first of the given times that has no state."""
         if not np.all((times_s >= 0) & (times_s <= self._sure_s)):
             for t_s in times_s[~((times_s >= 0) & (times_s <= self._last_s))][:1].tolist():
                 self.check_time(t_s)
@@ -289,18 +290,18 @@ class Simulation:
         spiral = self.model.track.from_afar
         if not self.model.track.may_lock or not spiral:
             return TrackEndError(f't_s: {t_s:.9g} s is beyond the end of the scene: the track ends for a handle '
-                                 f'at {limit.t_s:.6f} s; ask for an earlier time', t_s=t_s, limit_s=limit.t_s)
+                                 f'at {limit.t_s:.6f} s; choose an earlier time', t_s=t_s, limit_s=limit.t_s)
         gone_m = min(spiral.curve.length_m, self.scene.head.travelled_m(limit.t_s)[0])
         radius_m = spiral.curve.b_m * spiral.curve.inward(gone_m).hi
         why = 'the head reaches the centre' if limit.reason == 'track' else f'the chain locks at link {limit.link}'
         kind = TrackEndError if limit.reason == 'track' else ChainLockError
         return kind(f't_s: {t_s:.9g} s is beyond the end of the scene: {why} at {limit.t_s:.6f} s, with the head at '
-                    f'radius {radius_m:.6f} m; ask for an earlier time', t_s=t_s, limit_s=limit.t_s, link=limit.link,
+                    f'radius {radius_m:.6f} m; choose an earlier time', t_s=t_s, limit_s=limit.t_s, link=limit.link,
                     radius_m=radius_m)
 
     @cached_property
     def extent_m(self) -> tuple[float, float]:
-        """The smallest and largest distance travelled by the leader in the run; its possible range if commanded."""
+        """The smallest and largest distance travelled by the leader in the run; the possible range if commanded."""
         if self.scene.is_led:
             return self._reach_m
         run, law, end_s = self.scene.run, self.scene.head, self.end.t_s
@@ -375,7 +376,7 @@ class _Compiled:
     """A cache of simulations and models, the most recently used last, limited in number and bytes."""
 
     def __init__(self) -> None:
-        self._simulations: OrderedDict[int, Simulation] = OrderedDict()     # each keeps its scene, so ids stay unique
+        self._simulations: OrderedDict[int, Simulation] = OrderedDict()     # each stores its scene, so ids stay unique
         self._models: OrderedDict[tuple[AnyDragon, TrackSpec, str, str, Tier], Model] = OrderedDict()
         self._latest: Simulation | None = None
         self._lock = Lock()
@@ -396,7 +397,7 @@ class _Compiled:
     def _compiled(self, scene: Scene) -> Simulation:
         """Return a new simulation, with the cached model if there is one."""
         simulation = self._at(scene, tier_for(scene.accuracy))
-        tier = tier_for(scene.accuracy, simulation.size_m)      # may differ if the accuracy is in metres
+        tier = tier_for(scene.accuracy, simulation.size_m)      # the tier may differ if the accuracy is in metres
         return simulation if tier is simulation.tier else self._at(scene, tier)
 
     def _at(self, scene: Scene, tier: Tier) -> Simulation:
@@ -426,7 +427,7 @@ _COMPILED = _Compiled()
 
 
 def _key_of(scene: Scene, tier: Tier) -> tuple[AnyDragon, TrackSpec, str, str, Tier]:
-    """Return everything that determines a model."""
+    """Return the settings that determine a model."""
     return scene.dragon, scene.track, scene.head.lead, scene.solver, tier
 
 

@@ -2,8 +2,8 @@
 
 The head moves in explicit Euler steps of 0.01 s, without the radial term; the printed point has the radius before the
 last step and the angle after it. For each link, the angle grows in steps of 0.01 rad until the chord is within 0.1 m of
-the link; the last link has the length of the head link. Speeds are v[i+1] = v[i] (rho[i] / rho[i+1])^0.02. None of this
-is correct: position errors reach 14 m.
+the link; the last link has the length of the head link. Speeds are v[i+1] = v[i] (rho[i] / rho[i+1])^0.02. This method
+is not correct: position errors reach 14 m.
 """
 from math import cos, pi, sqrt
 
@@ -28,7 +28,7 @@ class PaperChain(Chain):
         return 'paper'
 
     def velocities(self, leader_speed_m_s: float | Floats, out: Floats | None = None) -> Floats:
-        """Return the paper's speeds along the tangents of the track, shape (..., N+1, 2); the power law telescopes."""
+        """Return the paper's speeds along the tangents of the track, shape (..., N+1, 2), from a product of ratios."""
         rho = np.hypot(self.p[..., 0], self.p[..., 1])
         speed = np.asarray(leader_speed_m_s)[..., None] * (rho[..., :1] / rho) ** EXPONENT
         return read_only(np.multiply(-speed[..., None], tangents(self.u), out=out).view())
@@ -44,7 +44,7 @@ def steps_of(t_s: float) -> int:
 
 
 def place(track: Track, links_m: Floats, speed_m_s: float, t_s: float) -> PaperChain:
-    """Return the paper's chain. Raises ChainLockError or TrackEndError if its method cannot place a handle."""
+    """Return the paper's chain. Raises ChainLockError or TrackEndError if the method cannot place a handle."""
     segment = track.segments[0]
     assert isinstance(segment, SpiralSegment)
     spiral = segment.curve
@@ -54,7 +54,7 @@ def place(track: Track, links_m: Floats, speed_m_s: float, t_s: float) -> PaperC
         turned = _turn(spiral.b_m, thetas[-1], radii[-1], length_m)
         if turned is None:
             raise ChainLockError(f"the paper's recipe cannot place link {link} within {WITHIN_M} m at radius "
-                                 f'{radii[-1]:.6f} m; ask for an earlier time', link=link, t_s=t_s)
+                                 f'{radii[-1]:.6f} m; choose an earlier time', link=link, t_s=t_s)
         evaluations += turned
         thetas.append(thetas[-1] + turned * STEP_RAD)
         radii.append(spiral.b_m * thetas[-1])
@@ -71,7 +71,7 @@ def _head(spiral: SpiralCurve, speed_m_s: float, steps: int) -> tuple[float, flo
     for _ in range(steps):
         rho = spiral.b_m * theta
         if rho <= abs(speed_m_s) * STEP_S:
-            raise TrackEndError("the paper's head steps over the centre; ask for an earlier time")
+            raise TrackEndError("the paper's head steps over the centre; choose an earlier time")
         theta -= speed_m_s * STEP_S / rho
     return theta, rho
 

@@ -38,7 +38,7 @@ class Run:
 
     @property
     def start_ns(self) -> int:
-        """Time of the first tick, in nanoseconds."""
+        """The time of the first tick in nanoseconds."""
         return round(self.start_s * NS)
 
     def time_ns(self, k: int) -> int:
@@ -63,9 +63,9 @@ def _period(rate_hz: float) -> tuple[int, int]:
 class Scene:
     """A dragon on a track, led by its head or its tail, with an accuracy, effects, a run and optionally a venue.
 
-    All fields are settings: equivalent scenes are equal. ``markers`` selects how benches are shown: 'cubes', one per
-    bench, or 'triangles', all in one list. Faults that appear only when the track is laid out in the plane (at joints,
-    in bends, at a lock) are reported when the scene is compiled.
+    All fields are settings, and equivalent scenes compare equal. ``markers`` selects how benches are shown: 'cubes',
+    one per bench, or 'triangles', all in one list. Faults that appear only when the track is laid out in the plane (at
+    joints, in bends, at a lock) are reported when the scene is compiled.
     """
 
     dragon: AnyDragon = field(default_factory=Dragon)
@@ -105,7 +105,7 @@ class Scene:
                              'constant speed', 'choose another tier')
         if not is_even(self.dragon.link_lengths_m):
             raise FieldError('accuracy', self.accuracy, "the paper's recipe requires equal benches behind the head",
-                             'choose another tier, or make them equal')
+                             'choose another tier, or make the benches equal')
 
     @property
     def is_led(self) -> bool:

@@ -1,10 +1,10 @@
-"""Accuracy as a promise in metres, and the effort to keep it.
+"""Accuracy as a promise in metres, and the errors of shift maps that keep this promise.
 
-A tier promises the largest position error over all handles and times of a scene. Close to a lock, a change of the last
-bit of the head's position moves the handles C times as much (C is ``chain.conditioning``); there the promise grows by
-(C - 1) times the resolution of floats. The promised error of a speed, relative to that speed, is C^2 times the position
-promise divided by the mean link length. All promises are measured against a 50-digit reference on every case of
-``hard_cases``.
+A tier promises an upper bound on the position errors of all handles at all times of a scene. Close to a lock, a change
+in the last bit of the head's position moves the other handles C times as far (C is ``chain.conditioning``); there the
+promise grows by (C - 1) times the resolution of floats. The promised error of a speed, relative to that speed, is C^2
+times the position promise divided by the mean link length. All promises are measured against a 50-digit reference on
+every case of ``hard_cases``.
 """
 from dataclasses import dataclass
 from math import inf
@@ -33,7 +33,7 @@ class Tier:
     def series_m(self, size_m: Floats) -> Floats:
         """Return the truncation error allowed in a shift map at such coordinates: a tenth of the promise.
 
-        For the exact tier it is relative to the coordinates, and therefore smaller near the origin.
+        For the exact tier, this error is relative to the coordinates and therefore smaller near the origin.
         """
         if self is EXACT:
             return 0.01 * EXACT.promise_m / _FLOAT_SIZE_M * size_m
@@ -41,12 +41,12 @@ class Tier:
 
 
 def position_promise_m(tier: Tier, size_m: float, condition: float) -> float:
-    """Return the largest position error for coordinates up to ``size_m`` and a conditioning of the chain."""
+    """Return the promised position error for coordinates up to ``size_m`` and a given conditioning of the chain."""
     return tier.promise_for_m(size_m) + (condition - 1) * best_m(size_m)
 
 
 def speed_promise_m_s(tier: Tier, size_m: float, mean_link_m: float, condition: float, head_speed_m_s: float) -> float:
-    """Return the largest error of any handle's speed."""
+    """Return the promised error of any handle's speed."""
     relative = tier.promise_for_m(size_m) / max(mean_link_m, 1e-300)
     return relative * condition**3 * abs(head_speed_m_s)
 
@@ -62,10 +62,10 @@ def best_m(size_m: float) -> float:
 
 
 def tier_for(accuracy: Any, size_m: float = 0.0) -> Tier:
-    """Return the tier of a name, or the cheapest one that promises this accuracy for coordinates up to ``size_m``.
+    """Return the named tier, or the cheapest tier that promises an accuracy in m for coordinates up to ``size_m``.
 
-    Raises FieldError, with the possible values, if floats cannot provide it. The tier ``paper`` must be requested by
-    name.
+    Raises FieldError, with the possible values, if floats cannot provide this accuracy. The tier ``paper`` must be
+    requested by name.
     """
     if isinstance(accuracy, str):
         if accuracy not in TIERS:
@@ -86,4 +86,4 @@ def tier_for(accuracy: Any, size_m: float = 0.0) -> Tier:
 def _beyond_floats(accuracy: Any, size_m: float) -> FieldError:
     best = best_m(size_m)
     return FieldError('accuracy', accuracy, f'with coordinates up to {max(size_m, _FLOAT_SIZE_M):.4g} m floats resolve '
-                      f'only {best:.3g} m', f'ask for {best:.3g} m or more, or for exact')
+                      f'only {best:.3g} m', f'choose {best:.3g} m or more, or exact')

@@ -1,6 +1,7 @@
 """Settings of the venue: named obstacles, a polygon that benches must not leave, and the required gap.
 
-``geometry.venue`` computes with them. Polygons are checked by shapely, which is imported only if there are any.
+``geometry.venue`` computes with these settings. Shapely checks the polygons; it is imported only if the venue has
+polygons.
 """
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,8 +15,8 @@ from dragon_ros.core.limits import VENUE_CORNERS
 
 INSIDE = 'inside'       # the name of the boundary, among the names of obstacles
 FARTHEST_M = 1e9
-_LONGEST = 100          # characters of a name
-_AROUND = 'list its corners in order around it'
+_LONGEST = 100          # maximum number of characters of a name
+_AROUND = 'list its corners in order around the polygon'
 
 Point = tuple[float, float]
 Points = tuple[Point, ...]
@@ -55,8 +56,8 @@ class LineObstacle:
         name = _name(field, self.name)
         points = _points(f'{field}.points_m', name, self.points_m)
         if len(points) < 2:
-            raise FieldError(f'{field}.points_m', name, f'a line needs at least 2 different points; this one has '
-                             f'{len(points)}', 'add points, or remove it')
+            raise FieldError(f'{field}.points_m', name, f'a line needs at least 2 different points; this line has '
+                             f'{len(points)}', 'add points, or remove the line')
         return LineObstacle(name, points)
 
 
@@ -66,7 +67,7 @@ OBSTACLES: dict[str, type[Obstacle]] = {'polygon': PolygonObstacle, 'line': Line
 
 @dataclass(frozen=True)
 class Venue:
-    """Obstacles, a polygon (its corners) that benches must not leave, and the required gap in metres to all of them.
+    """Obstacles, the corners of a polygon that benches must not leave, and the required gap in metres to all of these.
 
     ``origin_deg`` is the longitude and latitude of the plane's origin, if it is a location on the earth.
     """
@@ -103,7 +104,7 @@ class Venue:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the obstacles, followed by that of the inside if there is one."""
+        """The names of the obstacles, followed by the name of the inside if the venue has one."""
         return (*(one.name for one in self.obstacles), *([INSIDE] if self.inside is not None else []))
 
     def __repr__(self) -> str:
@@ -140,11 +141,11 @@ def _name(field: str, value: Any) -> str:
 
 
 def _ring(field: str, name: str, values: Any) -> Points:
-    """Return the corners of a ring without a repetition of the first one at the end. Raises FieldError."""
+    """Return the corners of a ring without a repetition of the first corner at the end. Raises FieldError."""
     points = _points(field, name, values)
     points = points[:-1] if len(points) > 1 and points[0] == points[-1] else points
     if len(points) < 3:
-        raise FieldError(field, name, 'a polygon needs at least 3 different corners; this one has '
+        raise FieldError(field, name, 'a polygon needs at least 3 different corners; this polygon has '
                                       f'{len(points)}', _AROUND)
     return points
 

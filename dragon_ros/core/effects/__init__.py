@@ -9,7 +9,7 @@ _MODULES = {'closeness': 'proximity', 'contacts': 'proximity', 'accelerations': 
 
 
 def __getattr__(name: str) -> Callable[..., Any]:
-    """Import a function on first access (PEP 562), and keep it."""
+    """Import a function on first access (PEP 562), and store it in this module."""
     if name not in _MODULES:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     found: Callable[..., Any] = getattr(import_module(f'dragon_ros.core.effects.{_MODULES[name]}'), name)

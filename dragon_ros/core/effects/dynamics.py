@@ -11,7 +11,8 @@ from dragon_ros.core.numerics.vectors import dot
 def accelerations(simulation: Simulation, t_s: float, chain: Chain) -> Floats:
     """Return the accelerations (N+1, 2) of all handles in m/s^2, from the rigid links and the leader's law.
 
-    At a jump (a knot of the law, or a handle that passes a joint of the track) they are the values just after it.
+    At a jump (a knot of the law, or a handle that passes a joint of the track), they are the accelerations just after
+    it.
     """
     law, links = simulation.scene.head, _links(chain)
     speeds = links.speeds(law.speed_at_m_s(t_s))
@@ -21,23 +22,23 @@ def accelerations(simulation: Simulation, t_s: float, chain: Chain) -> Floats:
 
 
 def tensions(chain: Chain, a: Floats) -> Floats:
-    """Return the tensions (N,) of all links in newtons per kilogram at each handle, positive if a link pulls.
+    """Return the tensions (N,) of all links in newtons per kilogram of mass at each handle, positive if a link pulls.
 
-    ``a`` (N+1, 2) are the accelerations of the handles in m/s^2.
+    ``a`` (N+1, 2) holds the accelerations of the handles in m/s^2.
 
     The model has equal masses at the handles, massless links, and a frictionless track that acts only along its normal;
     the leader is driven externally. Along the track, only the two adjacent links act on a handle:
 
         a[i] . t[i] = T[i-1] e[i-1] . t[i] - T[i] e[i] . t[i],
 
-    which gives all tensions from the free end, beyond which there is no link: from the tail if the head leads, from the
-    head if the tail leads.
+    which gives all tensions, starting at the free end: at the tail if the head leads, or at the head if the tail leads.
+    There is no link beyond the free end.
     """
     links = _links(chain)
     front, rear = links.cosines
     along = dot(a, links.forward)
     none = np.zeros(())
-    if links.leader == 0:    # link i - 1 follows from link i: divide by its component along the track at handle i
+    if links.leader == 0:    # link i - 1 follows from link i: divide by the component of link i - 1 along the track
         ratio = np.append(front[1:], 0.0) / rear
         return read_only(carried(none, ratio[::-1], (along[1:] / rear)[::-1])[:0:-1].copy())
     ratio = np.append(0.0, rear[:-1]) / front

@@ -5,9 +5,9 @@ from dragon_ros.core.numerics.types import Floats, read_only
 
 
 def joint_angles(axis: Floats) -> Floats:
-    """Return the angle of each bench relative to the one before it, (N - 1,) in rad in (-pi, pi], positive to the left.
+    """Return the angles (N - 1,) in rad from each bench to the next one, in (-pi, pi], positive to the left.
 
-    ``axis`` (N, 2) are the unit directions of the benches, from the rear to the front.
+    ``axis`` (N, 2) holds the unit directions of the benches, from the rear to the front.
     """
     ahead, behind = axis[:-1], axis[1:]
     across = ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0]

@@ -7,14 +7,14 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 
 def trail(simulation: Simulation, t_s: float) -> Floats:
-    """Return the head's positions in the last ``trails.seconds`` at equal times, oldest first, (points, 2) in m."""
+    """Return the head's positions (points, 2) in m in the last ``trails.seconds``, at equal steps, oldest first."""
     trails = simulation.scene.trails
     times = np.linspace(max(0.0, t_s - trails.seconds), t_s, trails.points)
     return read_only(np.ascontiguousarray(_head_at(simulation, times)))
 
 
 def _head_at(simulation: Simulation, times_s: Floats) -> Floats:
-    """Return the head's positions at many times, (S, 2): those of the leader, or of the far end if the tail leads."""
+    """Return the head's positions (S, 2) at many times; if the tail leads, the head is the far end of the chain."""
     model, gone_m = simulation.model, simulation.scene.head.travelled_m(times_s)
     if model.direction == BEHIND:
         return model.track.points(*model.leader.places(gone_m))

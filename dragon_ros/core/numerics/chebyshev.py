@@ -6,16 +6,17 @@ from numpy.polynomial import chebyshev
 
 from dragon_ros.core.numerics.types import Floats
 
-_ENOUGH = 1e-12        # Newton step relative to the interval after which the next error is at least four digits smaller
-_NOTHING = 5e-16       # smallest coefficient relative to the interval: about the rounding error of series values
-_NEWTON_STEPS = 6       # from a start within a tenth of the interval, three steps reach the last digit
-_WORK = 200_000         # multiplications per product: BLAS splits larger products among threads, and on a busy machine
-                        # their synchronisation takes longer than a single thread
+_ENOUGH = 1e-12        # size of a Newton step, relative to the interval, below which no further step is needed
+_NOTHING = 5e-16       # smallest coefficient that counts, relative to the interval: about the rounding error of values
+_NEWTON_STEPS = 6       # maximum number; from a start within a tenth of the interval, three steps reach the last digit
+# The maximum number of multiplications per product. BLAS splits larger products among threads; on a busy machine, the
+# synchronisation of these threads takes longer than a single thread.
+_WORK = 200_000
 
 
 @lru_cache(maxsize=64)
 def transform(nodes: int) -> tuple[Floats, Floats]:
-    """Return the Chebyshev nodes in [-1, 1] and the matrix from values there to the coefficients."""
+    """Return the Chebyshev nodes in [-1, 1] and the matrix that maps values at the nodes to coefficients."""
     quarter = np.cos(np.arange(4 * nodes) * (np.pi / (2 * nodes)))     # integer arithmetic removes whole turns
     odd = 2 * np.arange(nodes) + 1
     matrix = 2 / nodes * quarter[np.outer(np.arange(nodes), odd) % (4 * nodes)]
@@ -24,7 +25,7 @@ def transform(nodes: int) -> tuple[Floats, Floats]:
 
 
 def in_parts(matrix: Floats, values: Floats) -> Floats:
-    """Return the product (..., L, M) of a matrix (L, K) and values (..., K, M), several columns at a time."""
+    """Return the product (..., L, M) of a matrix (L, K) and values (..., K, M), computed several columns at a time."""
     columns = columns_of(matrix.size)
     out: Floats = np.empty((*values.shape[:-2], len(matrix), values.shape[-1]))
     for first in range(0, values.shape[-1], columns):
@@ -54,7 +55,7 @@ def inverse_series(series: Floats) -> Floats:
 
 @lru_cache(maxsize=256)
 def _derivatives(nodes: int, terms: int) -> tuple[Floats, ...]:
-    """Return the matrices (N, K) from the leading coefficients to the values and four derivatives at the nodes."""
+    """Return the matrices (N, K) that map leading coefficients to values and to four derivatives at the nodes."""
     at, unit = chebyshev.chebvander(transform(nodes)[0], terms - 1), np.eye(terms)
     each = [np.asarray(chebyshev.chebder(unit, order), dtype=np.float64) for order in range(5)]
     return tuple(at[:, :len(one)] @ one for one in each)
@@ -63,8 +64,8 @@ def _derivatives(nodes: int, terms: int) -> tuple[Floats, ...]:
 def _inverse(series: Floats) -> Floats:
     """Return ``inverse_series`` for a group of columns.
 
-    Products give values and four derivatives at the nodes, so Newton's method starts from a polynomial's root near each
-    node. The slopes of that polynomial are kept; only the values are recomputed.
+    Matrix products give the values and four derivatives at the nodes, which define a polynomial around each node.
+    Newton's method starts from the root of this polynomial; it keeps the slopes and recomputes only the values.
     """
     x, matrix = transform(series.shape[0])
     wanted = x[:, None]
@@ -105,7 +106,7 @@ def _values(series: Floats, u: Floats) -> Floats:
 
 @lru_cache(maxsize=64)
 def _powers(nodes: int) -> Floats:
-    """Return the coefficients (K, K) of Chebyshev polynomials in powers of their variable, the lowest first."""
+    """Return the coefficients (K, K) of Chebyshev polynomials in powers of their variable, the lowest power first."""
     out = np.eye(nodes)
     for k in range(2, nodes):
         out[k] = -out[k - 2]
@@ -114,6 +115,6 @@ def _powers(nodes: int) -> Floats:
 
 
 def powers_of(series: Floats) -> Floats:
-    """Return series (K, M) as powers of their variable (M, K), the highest first."""
+    """Return the coefficients (M, K) of series (K, M) in powers of their variable, the highest power first."""
     out: Floats = np.ascontiguousarray((_powers(series.shape[0]).T @ series)[::-1].T)
     return out

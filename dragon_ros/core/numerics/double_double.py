@@ -20,13 +20,13 @@ class DoubleDouble(NamedTuple):
 
 @lru_cache(maxsize=1024)
 def from_turns(turns: float | Fraction) -> DoubleDouble:
-    """Return 2 pi turns in radians, correct to 32 digits."""
+    """Return 2 pi times ``turns`` in radians, correct to 32 digits."""
     return _rounded(_TWO_PI * Fraction(turns))
 
 
 @lru_cache(maxsize=1024)
 def per_radian(per_turn: float) -> DoubleDouble:
-    """Return per_turn / 2 pi, correct to 32 digits."""
+    """Return ``per_turn`` / (2 pi), correct to 32 digits."""
     return _rounded(Fraction(per_turn) / _TWO_PI)
 
 
@@ -36,7 +36,7 @@ def _rounded(exact: Fraction) -> DoubleDouble:
 
 
 def plus(hi: Any, lo: Any, delta: Any) -> tuple[Any, Any]:
-    """Return (hi, lo) plus delta, floats or arrays (Knuth's two-sum, then the low parts)."""
+    """Return (hi, lo) plus delta, for floats or arrays (Knuth's two-sum, then the sum of the low parts)."""
     total = hi + delta
     part = total - hi
     lo = lo + ((hi - (total - part)) + (delta - part))
@@ -45,7 +45,7 @@ def plus(hi: Any, lo: Any, delta: Any) -> tuple[Any, Any]:
 
 
 def product(a: Any, b: Any) -> tuple[Any, Any]:
-    """Return a * b exactly, as (hi, lo), floats or arrays (Dekker; operands up to 1e290)."""
+    """Return a * b exactly as (hi, lo), for floats or arrays (Dekker's product, for operands up to 1e290)."""
     hi = a * b
     big_a, big_b = 134217729.0 * a, 134217729.0 * b     # 2^27 + 1 splits a float into two halves
     a1, b1 = big_a - (big_a - a), big_b - (big_b - b)

@@ -20,11 +20,11 @@ class ExactPolynomial:
 
     @property
     def constant(self) -> float:
-        """The value of a polynomial without powers of t, rounded."""
+        """The rounded value of a polynomial that does not depend on t."""
         return self._highest / self._denominator
 
     def at(self, t: float | Fraction) -> float:
-        """Return the value at t, rounded. Raises OverflowError if it exceeds the largest float."""
+        """Return the rounded value at t. Raises OverflowError if the value exceeds the largest float."""
         value, under = self._exactly(t)
         return value / under        # a quotient of integers is rounded correctly
 
@@ -36,7 +36,7 @@ class ExactPolynomial:
         return high, (value * below - number * under) / (under * below)
 
     def _exactly(self, t: float | Fraction) -> tuple[int, int]:
-        """Return numerator and denominator of the value, by Horner's rule on numerators only."""
+        """Return the numerator and the denominator of the value, by Horner's rule on numerators only."""
         (number, below), (start, under) = t.as_integer_ratio(), self._origin
         unit = max(below, under)        # both are powers of two
         since = number * (unit // below) - start * (unit // under)

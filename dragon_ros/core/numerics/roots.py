@@ -9,7 +9,7 @@ def bracketed_newton(function: Callable[[float], tuple[float, float]], low: floa
                      tolerance: float = 0.0) -> tuple[float, int]:
     """Return the root of an increasing function in [low, high] and the number of evaluations.
 
-    ``function(x)`` gives (value, slope). The function must change sign once in the bracket, from minus to plus. The
+    ``function(x)`` returns (value, slope). The function must change sign once in the bracket, from minus to plus. The
     result has converged when a Newton step is at most ``tolerance`` times |x|, or any step is at most one ulp. A step
     that leaves the bracket, or shrinks too slowly, is replaced by bisection; the next step may then be as long.
     """
@@ -39,8 +39,8 @@ def bracketed_newton(function: Callable[[float], tuple[float, float]], low: floa
 def illinois(function: Callable[[float], float], low: float, high: float, at_low: float, at_high: float) -> float:
     """Return the root of a function with opposite signs at ``low`` and ``high``: regula falsi, Illinois variant.
 
-    It needs no slope, and converges with order 3^(1/3) (Dowell & Jarratt 1971). The result is the end of the last
-    bracket at which the function has the sign of ``at_high``, or an exact root.
+    The method needs no slope, and converges with order 3^(1/3) (Dowell & Jarratt 1971). The result is the end of the
+    last bracket at which the function has the sign of ``at_high``, or an exact root.
     """
     old, new, at_old, at_new = low, high, at_low, at_high
     for _ in range(200):

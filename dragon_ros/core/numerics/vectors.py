@@ -16,5 +16,5 @@ def dot(a: Floats, b: Floats) -> Floats:
 
 
 def complex_of(vectors: Floats) -> Array:
-    """Return vectors, contiguous in memory, as complex numbers (...) without a copy; complex numbers copy faster."""
+    """Return a view of vectors, contiguous in memory, as complex numbers (...), which can be copied faster."""
     return vectors.view(np.complex128)[..., 0]
