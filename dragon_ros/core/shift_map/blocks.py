@@ -1,4 +1,4 @@
-"""Place a chain in blocks of equal links: by a shift map if one covers the block, otherwise link by link."""
+"""Placement of a chain in blocks of equal links: by a shift map if one covers the block, otherwise link by link."""
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,14 +16,14 @@ from dragon_ros.core.shift_map.table import Product, ShiftMap, Spot, Spots, link
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
-FEWEST = 8              # fewest links for a table; for fewer, marching is faster
-_MOST_MAPS = 4          # number of shift maps per dragon, for the lengths of its longest blocks
-_SHORTEST_LEAD = 0.05   # relative to a block's link: a shorter link's direction has too few digits for a series
-_TRIES = 8              # most links marched singly while a block's table covers none; then the rest is marched at once
+FEWEST = 8              # smallest number of links for a table; for fewer links, marching is faster
+_MOST_MAPS = 4          # maximum number of shift maps per dragon, for the link lengths of its longest blocks
+_SHORTEST_LEAD = 0.05   # shortest leader's link, in links of the block; shorter links have too few digits for a series
+_TRIES = 8              # maximum number of links marched singly outside a table; then the rest is marched at once
 
 
 class _NextPlace(NamedTuple):
-    """The solver for the next position on a segment, the coordinate limits within which it applies, and the points."""
+    """The solver for the next position on a segment, the coordinates for which it applies, and the points."""
 
     next: Callable[[DoubleDouble, float, int], tuple[DoubleDouble, int]]
     low: float
@@ -32,9 +32,9 @@ class _NextPlace(NamedTuple):
 
 
 class TabulatedLinks(NamedTuple):
-    """The handles of ``links`` links behind handle ``start`` from the leader, taken from a tile, at one instant.
+    """The handles of ``links`` links behind handle ``start`` (counted from the leader) at one instant, from a tile.
 
-    If ``leader`` is given, the first link joins it to the first handle of the table.
+    If ``leader`` is given, the first link joins the leader to the first handle of the table.
     """
 
     start: int
@@ -47,7 +47,7 @@ class TabulatedLinks(NamedTuple):
     solver: str = 'table'
 
     def fill(self, flat: Floats) -> None:
-        """Fill in the coordinates."""
+        """Write the coordinates into ``flat``."""
         at, basis = self.at, self.spot.basis
         for times, terms, places, _, start, stop in self.products:
             times(basis[:terms], places, flat[at + start:at + stop])
@@ -68,7 +68,7 @@ class TabulatedLinks(NamedTuple):
         return speed
 
     def _motions(self, flat: Floats) -> Floats:
-        """Fill in the velocities for unit speed in row 0, and return them as one flat array."""
+        """Write the velocities for unit speed in row 0 into ``flat``, and return the part that was written."""
         at, basis = self.at, self.spot.basis
         for times, terms, _, motions, start, stop in self.products:
             times(basis[:terms], motions, flat[at + start:at + stop])
@@ -93,7 +93,7 @@ class TabulatedLinks(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TabulatedStates:
-    """``TabulatedLinks`` for many instants: ``spots`` per tile, each with the instants (S,) in that tile."""
+    """``TabulatedLinks`` for many instants; ``spots`` holds the instants (S,) in each tile and their locations."""
 
     start: int
     links: int
@@ -105,7 +105,7 @@ class TabulatedStates:
         return spots.row if self.direction == BEHIND else spots.row - self.links
 
     def fill(self, out: Floats, motions: bool = False, scales: Floats | None = None) -> None:
-        """Fill in coordinates (S, links + 1, 2), or motions multiplied by a scale per instant."""
+        """Write coordinates (S, links + 1, 2), or motions times one scale per instant, into ``out``."""
         for rows, spots in self.spots:
             one = spots if scales is None else spots._replace(basis=spots.basis * scales[rows][:, None])
             first, last = rows[[0, -1]].tolist()
@@ -156,7 +156,7 @@ class TabulatedStates:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Places the handles of links (N,) on a track, behind a head (``direction`` BEHIND) or ahead of a tail.
+    """A solver for the handles of links (N,) on a track, behind a head (``direction`` BEHIND) or ahead of a tail.
 
     ``maps`` holds shift maps for some link lengths; blocks of other links are marched.
     """
@@ -168,7 +168,7 @@ class Placement:
 
     @cached_property
     def blocks(self) -> tuple[tuple[Block, ShiftMap | None], ...]:
-        """The blocks of equal links from the leader on, with their shift maps."""
+        """The blocks of equal links from the leader on, each with its shift map or None."""
         return tuple((block, self.maps.get(block.link_m) if block.stop - block.start >= FEWEST else None)
                      for block in blocks_of(self.links_m, self.direction))
 
@@ -178,12 +178,12 @@ class Placement:
 
     @cached_property
     def _plan(self) -> tuple[tuple[int, int, float, ShiftMap | None, list[_NextPlace]], ...]:
-        """The blocks in the form that ``place`` needs: first and last handle, link, shift map, steps per segment."""
+        """The blocks as ``place`` needs them: first and last handle, link, shift map, and the step on each segment."""
         return tuple((*block, shift, [self._step(k, block.link_m) for k in range(len(self.track.segments))])
                      for block, shift in self.blocks)
 
     def _step(self, k: int, link_m: float) -> _NextPlace:
-        """Return the step on a segment: its solver, and the coordinates between which the next position is on it."""
+        """Return the step on a segment: its solver, and the coordinates between which the step stays on the segment."""
         segment = self.track.segments[k]
         edge = self.track.edge(k, link_m, self.direction)
         outwards = edge > (segment.last if self.direction == BEHIND else segment.first)
@@ -192,7 +192,7 @@ class Placement:
 
     @cached_property
     def _lead(self) -> tuple[float, int, ShiftMap] | None:
-        """The leader's link if it alone precedes a block with a shift map: its length, the block's end, and the map."""
+        """The leader's link if no other link precedes a block with a shift map: its length, block's end, and map."""
         if len(self.blocks) < 2:
             return None
         (first, own), (second, shift) = self.blocks[:2]
@@ -202,7 +202,7 @@ class Placement:
     def place(self, leader: Place) -> Chain:
         """Return the chain of a leader.
 
-        Raises TrackEndError if the track is too short, ChainLockError if a link cannot be placed.
+        Raises TrackEndError if the track is too short, and ChainLockError if a link cannot be placed.
         """
         count, led, spent = len(self.links_m), None, 0
         flat = np.empty(2 * count + 2)
@@ -222,7 +222,7 @@ class Placement:
     def _place_rest(self, flat: Floats, leader: Place, led: TabulatedLinks | None, parts: list[PlacedLinks]) -> int:
         """Add the remaining parts, block by block, and return the number of evaluations.
 
-        Each part fills in its handles from its first one on; a table fills in a whole block, including its last handle.
+        Each part writes its handles, beginning with the first; a table writes a whole block, including its last handle.
         """
         count, direction, spent, filled, begin, here = len(self.links_m), self.direction, 0, False, 0, leader
         if led:
@@ -258,8 +258,8 @@ class Placement:
     def _next(self, step: _NextPlace, here: Place, i: int, link_m: float) -> tuple[Place, int]:
         """Return the position of the next handle, and the number of evaluations.
 
-        The result is bit-identical to that of ``forward``. This function exists because live ticks march single links:
-        ``step`` holds the values that ``forward`` would look up for each block, and no lists are created.
+        The result is bit-identical to the result of ``forward``. This function exists because live ticks march single
+        links: ``step`` holds the values that ``forward`` would look up for each block, and no lists are created.
         """
         following, spent = step.next(here[1], link_m, self.direction)
         if step.low <= following[0] <= step.high:
@@ -271,7 +271,7 @@ class Placement:
 
     def _tabulated(self, flat: Floats, i: int, stop: int, spot: Spot,
                    leader: Place | None = None) -> TabulatedLinks | None:
-        """Fill in as many of links ``i`` to ``stop`` as the table of a spot covers; return None if it covers none."""
+        """Write as many of the links ``i`` to ``stop`` as the table of a spot covers; return None if it covers none."""
         (tile, cell, _), direction = spot, self.direction
         links = (tile.rows - 1 - cell.row if direction == BEHIND else cell.row) + (leader is not None)
         if links > stop - i:
@@ -287,7 +287,7 @@ class Placement:
         return part
 
     def place_many(self, leaders: Places, out: Floats | None = None) -> Chain:
-        """Return the chains of many leaders (S,) as one; a block is marched if its tables do not cover all leaders.
+        """Return the chains of many leaders (S,) as one Chain; blocks are marched if tables do not cover all leaders.
 
         ``out`` (S, N+1, 2), if given, receives the handles.
         """
@@ -314,7 +314,7 @@ class Placement:
         return bool(np.all((last >= 0) & (last < spots.tile.table.rows)))
 
     def _chains(self, parts: list[PlacedLinks], spent: int, out: Floats) -> Chain:
-        p = out.view()      # read-only below; ``out`` stays writable
+        p = out.view()      # this view becomes read-only below; ``out`` stays writable
         chain = Chain(p, self.links_m, spent, self.track, self.direction, tuple(parts))
         for part in parts:
             some = p[:, chain.slice_of(part)]
@@ -334,9 +334,9 @@ def _last(places: Places) -> Places:
 
 
 def lengths_with_maps(links_m: Floats) -> dict[float, int]:
-    """Return the link lengths of the longest blocks that get a shift map, with the size of the longest block of each.
+    """Return the link lengths that have a shift map, and for each length the number of links in its longest block.
 
-    Links so short that a tile of a spiral is shorter than the dragon get no map, because it would cover few states.
+    Links so short that a tile of a spiral is shorter than the dragon have no map, because a map would cover few states.
     """
     length_m, out = float(np.sum(links_m)), dict[float, int]()
     longest = sorted(((block.stop - block.start, block.link_m) for block in blocks_of(links_m, BEHIND)

@@ -17,27 +17,27 @@ from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, reach_m
 from dragon_ros.core.tracks.spiral import SpiralSegment
 
-NODES = 24            # terms of a series before truncation; parts whose series do not converge are cut into thirds
-_MOST_STEPS = 40_000        # limit for the links from the joints to the span, in total
-_MOST_BYTES = 256_000_000   # limit for the series of one table
-_ROUNDS = 5                 # limit for cutting parts into thirds
+NODES = 24            # number of terms before truncation; parts whose series do not converge are cut into thirds
+_MOST_STEPS = 40_000        # maximum total number of links from the joints to the span
+_MOST_BYTES = 256_000_000   # maximum size of the series of one table
+_ROUNDS = 5                 # maximum number of times that parts are cut into thirds
 NOISE = 4                  # the largest effect of rounding on the last terms, in units of the error
-_SPAN_NODES = 16            # terms for a whole span on a spiral, which is as smooth as a line
-_SPAN_ENDS = 2.0**-46       # relative to half its length: rounding over hundreds of rows may leave a quarter of it
-_HAIR = 1e-12               # relative to a distance along the track: closer positions count as equal
-_FREE = 12_000              # multiplications per tick, which take 0.3 times as long as the calls around the product
+_SPAN_NODES = 16            # number of terms for a whole span on a spiral, which is as smooth as a line
+_SPAN_ENDS = 2.0**-46       # largest last term, in half spans; rounding over hundreds of rows may reach a quarter of it
+_HAIR = 1e-12               # positions closer than this, relative to the distance along the track, count as equal
+_FREE = 12_000              # number of multiplications that take 0.3 times as long as the calls around the product
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """R rows of S parts of a span of positions, for links of one length; leaders are in L rows from ``first`` on.
+    """The images of a span in R rows of S parts, for links of one length; leaders are in L rows from ``first`` on.
 
     Part s of row r is on the segment ``segment[r, s]``; ``middle[r, s]`` holds the segment's coordinate in the middle
-    as (hi, lo), and a scale, with x = (coordinate - middle) * scale in [-1, 1]. Rounding may move |x| beyond 1 by
-    ``slack`` (L, S). ``inverse`` (L, S, K) are the coefficients of u(x), the highest power first. The series of each
-    part are ``coordinates`` (S, K, R) of x, ``places`` (S, K, 2 R) of x and y in m, and ``motions`` (S, K, 2 R) of
-    velocities for unit speed in row 0. From row r on, ``terms[s, r]`` terms are accurate to ``error_m`` (R,); the tier
-    allows errors of ``allowed_m`` (R,).
+    as (hi, lo), and a scale, such that x = (coordinate - middle) * scale lies in [-1, 1]. Rounding may move |x| beyond
+    1 by up to ``slack`` (L, S). ``inverse`` (L, S, K) holds the coefficients of u(x), the highest power first. The
+    series are ``coordinates`` (S, K, R) of the scaled coordinates x, ``places`` (S, K, 2 R) of positions in m, and
+    ``motions`` (S, K, 2 R) of velocities for unit speed in row 0. From row r on, ``terms[s, r]`` terms are accurate to
+    ``error_m`` (R,); the tier allows errors of ``allowed_m`` (R,).
     """
 
     segment: Ints
@@ -54,28 +54,28 @@ class Table:
 
     @property
     def rows(self) -> int:
-        """Number of images of the span."""
+        """The number of images of the span."""
         return int(self.segment.shape[0])
 
     @property
     def parts(self) -> int:
-        """Number of parts of the span."""
+        """The number of parts of the span."""
         return int(self.segment.shape[1])
 
     @property
     def nodes(self) -> int:
-        """Number of terms of the series."""
+        """The number of terms of the series."""
         return int(self.places.shape[1])
 
     @property
     def memory_bytes(self) -> int:
-        """The size of its arrays."""
+        """The size of all arrays in bytes."""
         return sum(value.nbytes for value in vars(self).values() if isinstance(value, np.ndarray))
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """The range of a tile's leaders, two distances along the track; ``links`` handles follow in ``direction``."""
+    """The range of a tile's leaders, as two distances along the track; ``links`` handles follow in ``direction``."""
 
     low_m: float
     high_m: float
@@ -102,8 +102,8 @@ class _SpanPart:
 class _Pushed:
     """Series for R rows of one part: coordinates minus ``origin`` (K, R), positions and motions (K, R, 2).
 
-    ``along_m`` (R, 2) are the distances of its rear and front along the track, and ``far_m`` (R,) bounds the distance
-    from the origin.
+    ``along_m`` (R, 2) holds the distances of the part's rear and front along the track, and ``far_m`` (R,) bounds the
+    part's distance from the origin.
     """
 
     segment: Ints           # (R,)
@@ -131,11 +131,11 @@ class _RowSeries:
 
 
 def build(track: Track, link_m: float, stretch: Stretch, tier: Tier) -> Table | None:
-    """Return the table for blocks of links of ``link_m`` whose leaders are on a stretch.
+    """Return the table for blocks of links of length ``link_m`` whose leaders are on a stretch.
 
     Coarser tiers also use the series of ``exact``, unless these do not converge or a tick would take more than 1.3
-    times as long. The result is None if the links have zero length, the table would be too large, or the series do not
-    converge.
+    times as long. The result is None if the links have zero length, if the table would be too large, or if the series
+    do not converge.
     """
     if not link_m:
         return None
@@ -158,7 +158,7 @@ def build(track: Track, link_m: float, stretch: Stretch, tier: Tier) -> Table | 
 
 
 def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
-    """Return the foremost position: that of the leader or, if the tail leads, that of the head in front of it."""
+    """Return the foremost position: the position of the leader or, if the tail leads, of the head in front of it."""
     high_m = stretch.high_m
     if stretch.direction == AHEAD:
         high_m += stretch.links * reach_m(track.bend, link_m)
@@ -169,14 +169,14 @@ def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
 
 
 def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[_SpanPart]:
-    """Return the parts of the span behind ``front``, cut at every position a whole number of links ahead of a joint."""
+    """Return the parts of the span behind ``front``, cut at all positions a whole number of links ahead of a joint."""
     rear = track.next(front, link_m, BEHIND)[0]
     here_m, back_m = track.distance_of(front)[0], track.distance_of(rear)[0]
     inside = [k for k, metres in enumerate(track.joints_m, 1) if low_m < metres < here_m]
     if sum(here_m - track.joints_m[k - 1] for k in inside) / link_m > _MOST_STEPS:
         return []
     hair_m, ends = _HAIR * (link_m + abs(here_m)), (*track.joints_m, track.end_m)
-    if any(ends[k] - ends[k - 1] <= hair_m for k in inside):    # its two joints would coincide
+    if any(ends[k] - ends[k - 1] <= hair_m for k in inside):    # the segment's two joints would coincide
         return []
     cuts = sorted((_pulled(track, link_m, Place.of(k, track.segments[k].first, 0.0), back_m) for k in inside),
                   key=track.distance_of, reverse=True)
@@ -188,9 +188,9 @@ def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[_Spa
 
 
 def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
-    """Return a position moved ahead, link by link, into the span that ends at ``back_m``."""
+    """Move a position ahead, link by link, into the span that ends at ``back_m``, and return it."""
     sure = floor((back_m - track.distance_of(place)[0]) / reach_m(min(track.bend, 1 / link_m), link_m))
-    if sure > 0:        # number of links, each on an arc of at most this length
+    if sure > 0:        # this number of links certainly fits, given the longest arc of a link
         place = forward(track, (Block(0, sure, link_m),), place, AHEAD).place(-1)
     while track.distance_of(place)[0] <= back_m:
         place = track.next(place, link_m, AHEAD)[0]
@@ -207,7 +207,7 @@ def _part(track: Track, fore: Place, rear: Place) -> _SpanPart:
 
 
 def _thirds(part: _SpanPart) -> list[_SpanPart]:
-    """Return the thirds of a part; halves would need another round more often, which costs more than one more part."""
+    """Return the thirds of a part; halves would more often need another round, which takes longer than more parts."""
     third = (part.rear[0] - part.fore[0]) / 3
     cuts = [np.array(plus(part.fore[0], part.fore[1], n * third)) for n in (1, 2)]
     return [_SpanPart(part.segment, *ends) for ends in pairwise((part.fore, *cuts, part.rear))]
@@ -217,9 +217,10 @@ def _built(track: Track, link_m: float, first: list[tuple[_SpanPart, _Pushed]], 
            tiers: tuple[Tier, Tier]) -> Table | None:
     """Return the table once all series converge; parts whose series do not converge are cut into thirds.
 
-    The first of ``tiers`` determines where series are truncated; the second is that of the scene.
+    The first of ``tiers`` determines where series are truncated; the second is the tier of the scene.
     """
-    pieces: list[tuple[_SpanPart, _Pushed | None, float]] = [(*piece, inf) for piece in first]    # with its remainder
+    # Each piece is stored with its remainder.
+    pieces: list[tuple[_SpanPart, _Pushed | None, float]] = [(*piece, inf) for piece in first]
     for _ in range(_ROUNDS):
         if 8 * 5 * NODES * len(pieces) * count > _MOST_BYTES:
             return None
@@ -244,7 +245,7 @@ def _built(track: Track, link_m: float, first: list[tuple[_SpanPart, _Pushed]], 
 
 
 def _inverses(pushed: list[_Pushed], x: Floats, rows: slice) -> Floats:
-    """Return the inverses (S, K, L) of scaled coordinates (S, K, R) in the given rows; each part caches its own."""
+    """Return the inverses (S, K, L) of scaled coordinates (S, K, R) in the given rows, which the parts cache."""
     key = rows.start, rows.stop
     new = [n for n, one in enumerate(pushed) if key not in one.inverses]
     some = x[new, :, rows].transpose(1, 0, 2)
@@ -281,7 +282,7 @@ def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
     along = np.stack([one.along_m[:rows] for one in pushed], axis=1)
     reached = np.flatnonzero(np.any((along[..., 1] > low_m) & (along[..., 0] < high_m), axis=1))
     leading = slice(int(reached[0]), int(reached[-1]) + 1) if reached.size else slice(0, 0)
-    # Near the origin, a row is only as accurate as a spiral as long as the dragon, with turns one link apart.
+    # Near the origin, a row is only as accurate as on a spiral that holds the dragon with turns one link apart.
     far_m = np.max([one.far_m[:rows] for one in pushed], axis=0)
     size_m = np.maximum(far_m, link_m * np.sqrt(stretch.links))
     error_m, allowed_m = (tier.series_m(size_m) for tier in tiers)
@@ -293,7 +294,7 @@ def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
 
 
 def _pushed(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> tuple[Ints, Floats, Floats]:
-    """Return the segments (R, S) and coordinates (R, S, K) as (hi, lo) of the nodes in all rows."""
+    """Return the segments (R, S) of the nodes in all rows, and their coordinates (R, S, K) as hi and lo."""
     nodes: Floats = np.array([part.nodes() for part in parts])
     numbers: Ints = np.repeat([part.segment for part in parts], NODES)
     first: Places = numbers, nodes[:, 0].ravel(), nodes[:, 1].ravel()
@@ -320,8 +321,8 @@ def _pushed(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> 
 def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple[int | None, int]]:
     """Return the steps through the rows behind a first row of nodes: a segment's index or None, and a number of rows.
 
-    None means that rows are solved one by one. If the foremost and the rearmost node are on a segment, so are all
-    others.
+    None means that rows are solved one by one. If the foremost and the rearmost node are on the same segment, all other
+    nodes are on it too.
     """
     if len(track.segments) == 1:
         return [(0, count - 1)]
@@ -333,7 +334,8 @@ def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple
         fore = forward(track, (Block(0, links, link_m),), front, BEHIND).segment
     except (TrackEndError, ChainLockError):     # the track ends before the last row
         return [(None, count - 1)]
-    on = [a if a == b else None for a, b in pairwise(fore)] + [0] * (count - links)     # the rearmost is a link behind
+    # The rearmost node is one link behind the foremost node.
+    on = [a if a == b else None for a, b in pairwise(fore)] + [0] * (count - links)
     out, row = list[tuple[int | None, int]](), 0
     for k, group in groupby(range(count), on.__getitem__):
         numbers = [*group]
@@ -347,7 +349,7 @@ def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple
 def _along(segment: Segment, link_m: float, first: Places, count: int) -> Places | None:
     """Return the rows (count, S K) of nodes that follow a row (S K,), all on one segment.
 
-    The result is None if they cannot be solved simultaneously.
+    The result is None if the rows cannot be solved simultaneously.
     """
     number, begin, begin_lo = first
     numbers = np.broadcast_to(number, (count, number.size))
@@ -365,9 +367,9 @@ def _along(segment: Segment, link_m: float, first: Places, count: int) -> Places
 
 
 def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: Floats) -> tuple[Floats, Floats] | None:
-    """Return ``placed`` for the nodes of several parts by series, because a spiral's span is smooth across all cuts.
+    """Return the result of ``placed`` for the nodes of several parts by series, as a spiral is smooth across all cuts.
 
-    Only the nodes of a single span are placed. The result is None if the series do not converge.
+    Only the nodes of one whole span are solved. The result is None if the series do not converge.
     """
     nodes = transform(_SPAN_NODES)[0]
     low, high = np.argmin(begin), np.argmax(begin)
@@ -385,7 +387,7 @@ def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: F
 
 
 def _together(track: Track, places: Places) -> Places:
-    """Return positions with each part on one segment; a node beyond a joint because of rounding moves to the joint."""
+    """Return positions with each part on one segment; a node that rounding puts beyond a joint moves to the joint."""
     shape = -1, NODES
     segment, u, lo = places[0].reshape(shape), places[1].reshape(shape), places[2].reshape(shape)
     if np.all(segment == segment[:, :1]):
@@ -399,7 +401,7 @@ def _together(track: Track, places: Places) -> Places:
 
 
 def scaled(coordinates: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return series (S, K, R) scaled to x in [-1, 1], with the subtracted middle and the scale, (S, R) each."""
+    """Return series (S, K, R) scaled to x in [-1, 1], with the subtracted middles (S, R) and the scales (S, R)."""
     sign = np.where(np.arange(coordinates.shape[1]) % 2, -1.0, 1.0)[:, None]
     fore, rear = np.sum(sign * coordinates, axis=1), np.sum(coordinates, axis=1)
     middle, scale = 0.5 * (fore + rear), 2 / (rear - fore)
@@ -419,7 +421,7 @@ def _left(rows: _RowSeries, x: Floats, inverse: Floats, link_m: float) -> Floats
 
 
 def _half_widths_m(rows: _RowSeries) -> Floats:
-    """Return the approximate half length in metres of each part in each row, (S, 1, R)."""
+    """Return the approximate half lengths (S, 1, R) in metres of the parts in the rows."""
     out: Floats = np.hypot(rows.places[:, 1:2, ::2], rows.places[:, 1:2, 1::2])
     return out
 

@@ -1,9 +1,10 @@
 """The position of a leader one link before a block, if the first handle of the block is in a cell of the table.
 
-A dragon's head link is longer than its other links, so its leader is one link before the first block, outside all rows.
-However, while the first handle is in one cell, at u in [-1, 1], the leader is a smooth function of the same u. Its
-coordinate, position and motion therefore have series in u, like all rows, and the inverse of the coordinate gives u
-without solving for the first handle: one product then fills in the whole chain, including the leader.
+A dragon's head link is longer than its other links, so the leader is one link before the first block, outside all rows.
+However, while the first handle of the block is in one cell, at u in [-1, 1], the leader's position is a smooth function
+of the same u. The leader's coordinate, position and motion therefore have series in u, like all rows. The inverse of
+the coordinate gives u without solving for the first handle, and one product then gives the whole chain, including the
+leader.
 
 If the leader passes a joint while the handle is in one cell, no such series converges. However, lines, arcs and spirals
 can be extended beyond their ends, and on each extended segment the leader is again a smooth function of u. The cell
@@ -25,19 +26,19 @@ from dragon_ros.core.shift_map.build import NODES, NOISE, Table, scaled
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND, reach_m
 
-_MORE_NODES = 36        # next to a joint, where series for a longer link converge more slowly than the block's own
-_NEWTON_STEPS = 12      # on an extended segment, from the position at the same distance along it
-_SOLVED = 1e-14         # relative to the link: a final step this short leaves no error
-_SAME = 1e-9            # relative to the link: solutions further apart are different
+_MORE_NODES = 36        # number of nodes next to a joint, where series for a longer link converge more slowly
+_NEWTON_STEPS = 12      # maximum number of steps on an extended segment, from the position at the same distance
+_SOLVED = 1e-14         # length of a final step, relative to the link, that leaves no error
+_SAME = 1e-9            # largest distance between equal solutions, relative to the link
 
 
 class Chart(NamedTuple):
-    """Charts (C,) of cells by the coordinates of the positions in them, the foremost first.
+    """Charts (C,) that locate cells by the coordinates of positions in them; the foremost chart is the first.
 
-    ``cell`` (C,) are their cells, numbered by row, from ``first`` on, and part; a cell may have several charts.
-    ``middle`` (C, 3) is the segment's coordinate in the middle as (hi, lo), and a scale, with x = (coordinate - middle)
-    * scale in [-1, 1]. Rounding may move |x| beyond 1 by ``slack`` (C,). ``inverse`` (C, K) are the coefficients of
-    u(x), the highest power first.
+    ``cell`` (C,) holds the numbers of the cells, counted by row (from row ``first`` on) and part; a cell may have
+    several charts. ``middle`` (C, 3) holds the segment's coordinate in the middle of a cell as (hi, lo), and a scale,
+    such that x = (coordinate - middle) * scale lies in [-1, 1]. Rounding may move |x| beyond 1 by up to ``slack`` (C,).
+    ``inverse`` (C, K) holds the coefficients of u(x), the highest power first.
     """
 
     first: int
@@ -49,7 +50,7 @@ class Chart(NamedTuple):
 
 
 def chart_of(table: Table) -> Chart:
-    """Return the chart of the rows that can hold leaders of blocks."""
+    """Return the charts of the rows that can hold leaders of blocks."""
     rows, cells = slice(table.first, table.first + len(table.slack)), table.slack.size
     return Chart(table.first, np.arange(cells), table.segment[rows].ravel(), table.middle[rows].reshape(cells, 3),
                  table.slack.ravel(), table.inverse.reshape(cells, -1))
@@ -57,9 +58,9 @@ def chart_of(table: Table) -> Chart:
 
 @dataclass(frozen=True, eq=False)
 class LeadIn:
-    """The charts of leaders one link before the cells of a table, and their own series.
+    """The charts and the series of leaders one link before the cells of a table.
 
-    ``places`` and ``motions`` (C, K, 2) are as in the table; their first ``terms`` (C,) are sufficient.
+    ``places`` and ``motions`` (C, K, 2) hold series as in the table, of which the first ``terms`` (C,) terms suffice.
     """
 
     chart: Chart
@@ -68,23 +69,23 @@ class LeadIn:
     terms: Ints
 
     def leader(self, chart: int) -> tuple[Floats, Floats]:
-        """Return the series of the position and the motion of a chart's leader, (terms, 2) each."""
+        """Return the series (terms, 2) of the position and of the motion of a chart's leader."""
         terms = self.terms[chart]
         return self.places[chart, :terms], self.motions[chart, :terms]
 
     @property
     def nodes(self) -> int:
-        """Number of terms of the series."""
+        """The number of terms of the series."""
         return int(self.places.shape[1])
 
     @property
     def memory_bytes(self) -> int:
-        """The size of the arrays."""
+        """The size of all arrays in bytes."""
         return sum(values.nbytes for values in (*self.chart[1:], self.places, self.motions, self.terms))
 
 
 def towards_leader(track: Track, place: Place, link_m: float, direction: int) -> Place | None:
-    """Return the position of the leader whose follower at a link in ``direction`` is at ``place``, or None."""
+    """Return the position of the leader whose follower, one link away in ``direction``, is at ``place``, or None."""
     tame = track.without_locks(link_m)
     if tame is None or not _has_leader(tame, track.distance_of(place)[0], link_m, direction):
         return None
@@ -95,7 +96,8 @@ def lead_in(track: Track, table: Table, links_m: tuple[float, float], direction:
             stretch_m: tuple[float, float]) -> LeadIn | None:
     """Return the leaders one link before the cells of a table that are on a stretch of the track.
 
-    ``links_m`` are the link lengths of the leader and of the table. The result is None if no cell has a leader.
+    ``links_m`` holds the lengths of the leader's link and of the table's links. The result is None if no cell has a
+    leader.
     """
     link_m = links_m[0]
     tame, rows = track.without_locks(link_m), _rows_on(track, table, stretch_m)
@@ -120,7 +122,7 @@ def _some(places: Places, which: Array) -> Places:
 
 
 def _leaders(track: Track, followers: Places, cells: Ints, link_m: float, direction: int) -> Places | None:
-    """Return the leaders (C, nodes) of the followers in the given cells; None if there are none."""
+    """Return the leaders (C, nodes) of the followers in the given cells; None if there are no leaders."""
     if not cells.size:
         return None
     segment, u, lo = _some(followers, cells)
@@ -133,7 +135,7 @@ def _leaders(track: Track, followers: Places, cells: Ints, link_m: float, direct
 
 def _next_to_joints(track: Track, table: Table, rows: Ints, cells: Ints, links_m: tuple[float, float],
                     direction: int) -> list[LeadIn | None]:
-    """Return the charts of cells in which the leader passes a joint, one for each segment on which it is."""
+    """Return the charts of cells in which the leader passes a joint, one for each segment that the leader is on."""
     followers, p, motion = _followers(track, table, rows, _MORE_NODES)
     leaders = _leaders(track, followers, cells, links_m[0], direction)
     if leaders is None:
@@ -148,9 +150,10 @@ def _next_to_joints(track: Track, table: Table, rows: Ints, cells: Ints, links_m
 
 
 def _on_extended(track: Track, k: int, leaders: Places, followers: Floats, link_m: float) -> Places:
-    """Return the leaders (C, nodes) of followers (C, nodes, 2) on segment k, extended beyond its ends.
+    """Return the leaders (C, nodes) of followers (C, nodes, 2) on segment k, which is extended beyond its ends.
 
-    Values are NaN for cells without a smooth solution that equals the leader wherever it is on the segment itself.
+    Values are NaN for cells without a smooth solution that equals the leader wherever the leader is on the segment
+    itself.
     """
     segment, (number, own, own_lo) = track.segments[k], leaders
     point = followers[..., 0] + 1j * followers[..., 1]
@@ -170,7 +173,7 @@ def _on_extended(track: Track, k: int, leaders: Places, followers: Floats, link_
 
 
 def _has_leader(track: Track, along_m: Floats | float, link_m: float, direction: int) -> Array:
-    """Return whether a position certainly has a leader one link away, whatever the track in between."""
+    """Return whether a position certainly has a leader one link away, regardless of the track in between."""
     reach = reach_m(track.bend, link_m)
     return np.asarray(along_m + reach <= track.end_m if direction == BEHIND else along_m - reach >= track.begin_m)
 
@@ -185,7 +188,7 @@ def _rows_on(track: Track, table: Table, stretch_m: tuple[float, float]) -> Ints
 
 
 def _followers(track: Track, table: Table, rows: Ints, nodes: int) -> tuple[Places, Floats, Floats]:
-    """Return the nodes of the cells of rows (C, nodes), rear first: positions, points (C, nodes, 2) and motions."""
+    """Return the nodes of the cells of rows, rear first: positions (C, nodes), points (C, nodes, 2) and motions."""
     count = table.nodes
     at: Floats = np.asarray(chebyshev.chebvander(transform(nodes)[0], count - 1), dtype=np.float64)     # (nodes, K)
     x = in_parts(at, table.coordinates[:, :, rows]).transpose(2, 0, 1)
@@ -200,9 +203,9 @@ def _followers(track: Track, table: Table, rows: Ints, nodes: int) -> tuple[Plac
 
 def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places, followers: tuple[Floats, Floats],
             longest_m: float) -> LeadIn | None:
-    """Return the series of leaders from the nodes of cells, each on one segment; series that diverge are left out.
+    """Fit the series of leaders to the nodes of cells, each on one segment; series that diverge are left out.
 
-    Series that do not converge to the accuracy of the table may converge to that of its tier.
+    Series that do not converge to the accuracy of the table must at least converge to the accuracy of its tier.
     """
     segment, u, lo = leaders
     centre = u.shape[1] // 2
@@ -214,7 +217,7 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
         from_origin = (u - origin[0][:, None]) + (lo - origin[1][:, None])
         places, motions = map(series_of, (p, pace[..., None] * heading))
         half = np.hypot(places[:, 1, 0], places[:, 1, 1])
-        # All speeds are relative to the leader's motion, which a short link must not make less accurate than the
+        # All speeds are relative to the leader's motion; a short link must not make this motion less accurate than
         # others.
         size = np.maximum(np.abs(places), longest_m * np.abs(motions)).max(axis=2)
         (x,), (middle,), (scale,) = scaled(series_of(from_origin.T)[None])
@@ -236,7 +239,7 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
 
 
 def _joined(parts: list[LeadIn]) -> LeadIn | None:
-    """Return several as one, the foremost chart first; shorter series are padded with zeros."""
+    """Join several parts into one, the foremost chart first; shorter series are padded with zeros."""
     if not parts:
         return None
     nodes = max(part.nodes for part in parts)

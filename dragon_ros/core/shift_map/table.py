@@ -1,16 +1,16 @@
 """The shift map in tiles: a position is located in the table of its tile, and one matrix product gives its followers.
 
-All links of a block have the same length, so one map F on the track, from a handle to the next one behind, applies to
-all of them at all times. Let u in [-1, 1] cover one span of track, from a position a back to F(a). Row r of a table is
-the r-th image of that span, G_r(u) = F^r(a + (1 + u) / 2 (F(a) - a)), as Chebyshev series in u of its coordinates and
-of its velocity. If a handle is at G_m(u), the i-th handle behind it is at G_(m + i)(u), and ahead of a tail the i-th
-handle is at G_(m - i)(u): one u gives them all. F is smooth as long as both handles stay on their segments. The span is
-therefore cut into parts wherever one of its images passes a joint, and each part has its own series. This avoids
-special cases near a joint.
+All links of a block have the same length, so one map F on the track, from a handle to the next handle behind, applies
+to all links at all times. Let u in [-1, 1] cover one span of track, from a position a back to F(a). Row r of a table is
+the r-th image of this span, G_r(u) = F^r(a + (1 + u) / 2 (F(a) - a)), as Chebyshev series in u of the coordinates and
+of the velocity. If a handle is at G_m(u), the i-th handle behind it is at G_(m + i)(u), and ahead of a tail the i-th
+handle is at G_(m - i)(u): a single u gives all handles. F is smooth as long as both handles stay on their segments. The
+span is therefore cut into parts wherever one of its images passes a joint, and each part has its own series. This
+avoids special cases near a joint.
 
 A tile holds the table for the leaders of blocks on one stretch of track. Tiles are aligned to the track and built on
-first use, each from the track alone, so positions are bit-identical across runs and processes, whatever the order in
-which tiles are built.
+first use, each from the track alone, so positions are bit-identical across runs and processes, regardless of the order
+in which tiles are built.
 """
 from bisect import bisect_right
 from collections import OrderedDict, deque
@@ -33,22 +33,22 @@ from dragon_ros.core.tiers import Tier
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
-_TERMS = 9000               # limit per product: BLAS splits larger ones among threads, which could change the last bits
+_TERMS = 9000               # limit per product; BLAS splits larger products among threads, which could change last bits
 _BOUNDARIES = 1024          # number of stretch boundaries whose positions are cached
-_MOST_CELLS = 64            # limit per shift map, for single states, at most 144 kB each; the oldest are dropped first
-_MOST_BYTES = 512_000_000   # limit for the tiles of a shift map; the least recently used are dropped first
-_MOST_TILES = 4096          # limit per shift map, including stretches without a table
-_FEWEST_LINKS = 512         # length of a tile; a longer one is a power of two, at least as long as its blocks
-_FEWEST_JOINED = 64         # length of a tile on a composite track; a longer one is at least half as long as its blocks
-_STRETCH_LINKS = 64        # length of a tile's stretches; the leader's link gets its series when the leader reaches one
-_STRETCH_JOINED = 32        # the same for a composite track
-_SHORTEST = 1e-12           # relative to coordinates: floats cannot resolve the directions of shorter links
-_NEAR = 1e-9       # relative to a stretch and its distance: closer to a boundary, rounding decides the side
+_MOST_CELLS = 64            # limit per shift map, for single states, at most 144 kB each; the oldest cells go first
+_MOST_BYTES = 512_000_000   # limit for the tiles of a shift map; the least recently used tiles are dropped first
+_MOST_TILES = 4096          # maximum number per shift map, including tiles without a table
+_FEWEST_LINKS = 512         # smallest tile in links; larger tiles are powers of two, at least as long as their blocks
+_FEWEST_JOINED = 64         # smallest tile on a composite track; larger tiles are at least half as long as their blocks
+_STRETCH_LINKS = 64        # length of a tile's stretches; each has its own series for the leader's link
+_STRETCH_JOINED = 32        # length of a tile's stretches on a composite track
+_SHORTEST = 1e-12           # shortest link over coordinates; floats cannot resolve the directions of shorter links
+_NEAR = 1e-9       # distance from a boundary, relative to stretch and position, below which rounding decides the side
 _BEFORE_LINKS = 64          # number of links from the start of a tile to the track's origin, where runs begin
 
 
 class Product(NamedTuple):
-    """One product of a fill: the function, number of terms, series of positions and motions, and range to fill."""
+    """One product that fills in handles: its function, number of terms, series of positions and motions, and range."""
 
     times: Callable[[Floats, Floats, Floats], Floats]
     terms: int
@@ -59,9 +59,10 @@ class Product(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """A row of a part that can hold positions, in the fastest form for a single state: floats and series per link.
+    """One row of one part, in the fastest form for a single state: floats, and products by the number of links.
 
-    ``before`` are the series of the leader's position and motion, (K, 2) each, if it is one link before this row.
+    ``before`` holds the series (K, 2) of the leader's position and of its motion if the leader is one link before this
+    row.
     """
 
     row: int
@@ -76,7 +77,7 @@ class Cell(NamedTuple):
 
 
 class Spot(NamedTuple):
-    """The location of a handle in a tile: its cell, and the Chebyshev polynomials (K,) of its u."""
+    """The location of a handle in a tile: its cell, and the values (K,) of Chebyshev polynomials at its u."""
 
     tile: 'Tile'
     cell: Cell
@@ -84,7 +85,7 @@ class Spot(NamedTuple):
 
 
 class Spots(NamedTuple):
-    """The locations of many handles in one tile: rows and parts (S,), and polynomials (S, K)."""
+    """The locations of many handles in one tile: rows and parts (S,), and the values (S, K) of polynomials."""
 
     tile: 'Tile'
     row: Ints
@@ -105,7 +106,7 @@ class _SegmentCells(NamedTuple):
     """The cells on one segment, in the order of ``sense`` times the coordinate, which increases backwards."""
 
     sense: float
-    front: float        # foremost coordinate of the stretch
+    front: float        # the foremost position on the stretch
     rear: float
     begins: list[float]
     cells: list[int]
@@ -113,10 +114,10 @@ class _SegmentCells(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Entrance:
-    """The cells of a tile by the coordinates of its leaders on a stretch between two positions.
+    """The cells of a tile, found by the coordinates of leaders on a stretch between two positions.
 
-    Leaders of blocks are in the rows themselves. Leaders one link before a block are in no row; ``lead_in`` holds
-    series for them. ``chart`` holds the charts of the cells.
+    Leaders of blocks are in the rows themselves. Leaders one link before a block are in no row; ``lead_in`` holds the
+    series of these leaders. ``chart`` holds the charts of the cells.
     """
 
     tile: 'Tile'
@@ -150,7 +151,7 @@ class Entrance:
         return {}
 
     def _cell(self, number: int) -> Cell:
-        """Return the cell of a chart in floats."""
+        """Return the cell of a chart, converted to floats."""
         first, cell_of, _, middle, slack, inverse = self.chart
         row, part = divmod(cell_of.item(number), self.tile.table.parts)
         before = self.lead_in.leader(number) if self.lead_in else None
@@ -168,7 +169,7 @@ class Entrance:
     def spot(self, place: Place) -> Spot | Elsewhere | None:
         """Return the location of a position; None if the table does not cover it, ELSEWHERE if it is off the stretch.
 
-        The stretch is half open: it includes its rear end.
+        The stretch is half open: it includes its rear end but not its front end.
         """
         side = self.sides[place[0]]
         if side is None:
@@ -178,7 +179,8 @@ class Entrance:
         along = sense * high
         if not front < along <= rear:
             return _ELSEWHERE
-        number = cells[bisect_right(begins, along, 1) - 1]      # positions before the first cell are in it or in none
+        # A position before the first cell is in the first cell or in no cell.
+        number = cells[bisect_right(begins, along, 1) - 1]
         cell = self._cells.get(number) or self._cell(number)
         _, _, slack, middle, middle_lo, scale, inverse, _, _ = cell
         x = ((high - middle) + (low - middle_lo)) * scale
@@ -204,13 +206,13 @@ class Tile:
 
     @property
     def memory_bytes(self) -> int:
-        """The size of its arrays."""
+        """The size of all arrays in bytes."""
         return self.table.memory_bytes + sum(one.lead_in.memory_bytes for one in list(self.entrances.values())
                                              if one and one.lead_in)
 
     @cached_property
     def rows(self) -> int:
-        """Number of rows of the table."""
+        """The number of rows of the table."""
         return self.table.rows
 
     @cached_property
@@ -223,7 +225,7 @@ class Tile:
         return Entrance(self, chart_of(self.table), self.fore, self.rear)
 
     def spots(self, places: Places) -> tuple[Spots, Array]:
-        """Return the locations of many positions on the stretch, and whether the table covers each."""
+        """Return the locations of many positions on the stretch, and whether the table covers each position."""
         (segment, u, lo), table = places, self.table
         cell, known = np.zeros_like(segment), np.zeros(segment.shape, dtype=bool)
         for k in self.track.present(segment):
@@ -250,21 +252,21 @@ class Tile:
         return Place(int(self.table.segment[row, part]), DoubleDouble(*plus(middle, middle_lo, x / scale)))
 
     def places_at(self, spots: Spots, row: Ints) -> Places:
-        """Return ``place_at`` for many handles."""
+        """Return the positions of many handles in other rows."""
         middle = self.table.middle[row, spots.part]
         x = np.einsum('sk,sk->s', spots.basis, self.table.coordinates[spots.part, :, row])
         return self.table.segment[row, spots.part], *plus(middle[:, 0], middle[:, 1], x / middle[:, 2])
 
     def products(self, cell: Cell, links: int, direction: int) -> list[Product]:
-        """Return the products that give ``links`` links, from head to tail: those beyond a cell, and the one before.
+        """Return the products for ``links`` links from head to tail: the links beyond a cell, and any link before it.
 
-        A single product reads its own contiguous series by ``dot``, which is fastest; several products read views.
+        A single product uses ``dot`` on a contiguous copy of its series, which is fastest; several products use views.
         """
         table, before, size = self.table, cell.before, 2 * links + 2
         behind = links - 1 if before else links
         first, columns = cell.row if direction == BEHIND else cell.row - behind, 2 * behind + 2
         terms = int(table.terms[cell.part, first])
-        of_leader = len(before[0]) if before else 0     # terms, the same for places and motions
+        of_leader = len(before[0]) if before else 0     # number of terms of places and motions
         places, motions = (series[cell.part, :terms, 2 * first:2 * first + columns]
                            for series in (table.places, table.motions))
         if max(terms, of_leader) * size <= _TERMS:
@@ -280,7 +282,7 @@ class Tile:
         return out
 
     def fill_many(self, spots: Spots, first: Ints, out: Floats, motions: bool = False) -> None:
-        """Fill ``out`` (S, n, 2) like ``fill``; states in the same row and part share a product."""
+        """Fill ``out`` (S, n, 2) with positions or motions; states in the same row and part share a product."""
         flat, table, basis = out.reshape(out.shape[0], 2 * out.shape[1]), self.table, spots.basis
         series, width = table.motions if motions else table.places, flat.shape[1]
         cell = first * table.parts + spots.part
@@ -303,7 +305,7 @@ class Tile:
 
 
 def _joined(leader: Floats, block: Floats, direction: int) -> Floats:
-    """Return the series of a leader and of a block's handles as one, from head to tail; shorter series end in zeros."""
+    """Join the series of a leader and of a block's handles, from head to tail; shorter series end in zeros."""
     out = np.zeros((max(len(leader), len(block)), block.shape[1] + 2))
     head = direction == BEHIND
     out[:len(leader), :2 if head else None][:, None if head else -2:] = leader
@@ -324,7 +326,7 @@ class ShiftMap:
     """
 
     def __init__(self, track: Track, link_m: float, links: int, direction: int, tier: Tier) -> None:
-        """Lay out the tiles; none is built yet."""
+        """Lay out the tiles without building any."""
         self.track, self.link_m, self.links, self.direction = track, link_m, links, direction
         self._tier = tier
         stretch = _STRETCH_LINKS if len(track.segments) == 1 else _STRETCH_JOINED
@@ -335,7 +337,7 @@ class ShiftMap:
         self._last: Entrance | None = None
         self._last_before: Entrance | None = None
         self._edges: dict[tuple[int, float], Place | None] = {}
-        self._building = Lock()     # another thread may be building a tile in advance; threads that need it wait
+        self._building = Lock()     # another thread may be building a tile in advance; threads that need this tile wait
 
     @property
     def tiles(self) -> list[Tile]:
@@ -349,7 +351,7 @@ class ShiftMap:
 
     def spot(self, place: Place) -> Spot | None:
         """Return the location of a position; None if no table covers it."""
-        last = self._last       # another thread may replace it
+        last = self._last       # another thread may replace ``_last``
         found = last.spot(place) if last is not None else _ELSEWHERE
         if found is _ELSEWHERE:
             tile = self._tile(self._number(place) // self._stretches)
@@ -360,7 +362,7 @@ class ShiftMap:
         return None if found is _ELSEWHERE else found       # the segment is too short for a part
 
     def spot_behind(self, leader: Place, link_m: float) -> Spot | None:
-        """Return the location of a leader's follower at a link of another length; None if no series covers it."""
+        """Return the location of a leader's follower across a link of another length; None if no series covers it."""
         last = self._last_before
         found = last.spot(leader) if last is not None else _ELSEWHERE
         if found is _ELSEWHERE:
@@ -372,7 +374,7 @@ class ShiftMap:
         return None if found is _ELSEWHERE else found       # no series of leaders converges on the segment
 
     def _entrance_before(self, number: int, link_m: float) -> Entrance | None:
-        """Return the entrance for leaders one link before blocks on a stretch; None if there is none."""
+        """Return the entrance for leaders one link before blocks on a stretch; None if there are no such leaders."""
         tile = self._tile(number // self._stretches)
         if tile and (link_m, number) not in tile.entrances:
             found = lead_in(self.track, tile.table, (link_m, self.link_m), self.direction, self._stretch_of(number, 1))
@@ -382,7 +384,7 @@ class ShiftMap:
         return tile.entrances[link_m, number] if tile else None
 
     def spots(self, places: Places) -> list[tuple[Ints, Spots]] | None:
-        """Return the tiles of many positions, their indices and locations; None if a position is in no table."""
+        """Return the indices and the locations of many positions, by tile; None if a position is in no table."""
         segment, u, lo = places
         numbers = self._numbers(places)
         if numbers is None:
@@ -402,7 +404,7 @@ class ShiftMap:
         return out
 
     def _numbers(self, places: Places) -> Ints | None:
-        """Return the indices of the stretches of many positions; None where floats cannot resolve links."""
+        """Return the indices of the stretches of many positions; None if floats cannot resolve links there."""
         share = (self.track.distances(*places[:2]) + self._before_m) / self.stretch_m
         if np.max(np.abs(share), initial=0.0) > 1 / _SHORTEST:
             return None
@@ -412,7 +414,7 @@ class ShiftMap:
         return number
 
     def _number(self, place: Place, link_m: float = 0.0) -> int:
-        """Return the index of the stretch between whose boundaries a position, or its follower at a link, lies."""
+        """Return the index of the stretch that contains a position, or its follower across a link."""
         along_m = self.track.about_m(place) + self.direction * link_m
         number = floor((along_m + self._before_m) / self.stretch_m)
         while self._is_behind(place, number, link_m):
@@ -422,7 +424,7 @@ class ShiftMap:
         return number
 
     def _is_behind(self, place: Place, number: int, link_m: float) -> bool:
-        """Return whether a position, or its follower at a link, is behind the start of a stretch."""
+        """Return whether a position, or its follower across a link, is behind the start of a stretch."""
         begin = self._boundary(number)
         if begin is None:
             return self._stretch_of(number, 1)[0] >= self.track.end_m
@@ -490,7 +492,7 @@ class ShiftMap:
         return Tile(track, table, fore, rear, {}, self._kept) if table else None
 
     def _end(self, side: int) -> Place:
-        """Return the end of the track, ahead (1) or behind; infinitely far if it is open."""
+        """Return the end of the track ahead (``side`` 1) or behind; an open track ends infinitely far away."""
         last = len(self.track.segments) - 1
         segment = self.track.segments[last if side > 0 else 0]
         u = segment.last if side > 0 else segment.first
@@ -499,6 +501,6 @@ class ShiftMap:
 
     @staticmethod
     def _beyond(segment: object, u: float, side: int) -> float:
-        """Return a change of coordinate large enough to exclude nothing at a closed end."""
+        """Return a change of coordinate that is large enough to exclude no position at a closed end."""
         rate = segment.rate(u)      # type: ignore[attr-defined]
         return float(side * (1.0 if rate > 0 else -1.0) * (1 + abs(u)))
