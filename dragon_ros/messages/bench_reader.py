@@ -10,7 +10,7 @@ from dragon_ros.messages.decode import MessageError
 from dragon_ros.messages.markers import CUBE
 from dragon_ros.messages.observation import BenchCubes, BenchMarkers, checked_stamp, half_sizes, read_benches
 
-_NATIVE = 1 if sys.byteorder == 'little' else 0     # second byte of the encapsulation header
+_NATIVE = 1 if sys.byteorder == 'little' else 0     # second byte of the encapsulation header for the native byte order
 _WORD = 4
 
 
@@ -31,10 +31,10 @@ class BenchReader:
 
 
 class _Pattern:
-    """The words that determine the layout of a message that contains only cubes with one layout, in bench order."""
+    """The words that determine the layout of a message whose markers are equal cubes, in the order of the benches."""
 
     def __init__(self, read: BenchMarkers) -> None:
-        """Keep all words except stamps, poses, colours and lifetimes. Raises MessageError for impossible sizes."""
+        """Keep all words except stamps, poses, colours and lifetimes. Raises MessageError for invalid sizes."""
         markers = read.markers
         (run,), at = markers.runs, markers.runs[0].layout.at
         self._frame_id, self._size, self._count = read.frame_id, len(markers.data), run.count
@@ -46,17 +46,17 @@ class _Pattern:
         self._same = [words.copy() for words in self._words(markers.data)]
 
     def _words(self, data: bytes | bytearray) -> list[Array]:
-        """View the words that determine the layout, by marker."""
+        """Return views of the words that determine the layout, with one row per marker."""
         return [strided(data, 'u4', start, self._stride, self._count, (end - start) // _WORD)
                 for start, end in self._ranges]
 
     def fits(self, data: bytes) -> bool:
-        """Return whether a message has the same layout as the previous one."""
+        """Return whether a message has the same layout as the previous message."""
         return len(data) == self._size and data.startswith(self._head) and not any(
             np.not_equal(mine, its).any() for mine, its in zip(self._same, self._words(data), strict=True))
 
     def benches(self, data: bytes) -> BenchCubes:
-        """Return the benches of a message that fits. Raises MessageError if its stamp is invalid."""
+        """Return the benches of a message for which ``fits`` is true. Raises MessageError if its stamp is invalid."""
         sec, nanosec = struct.unpack_from('=iI', data, self._stamp)
         poses = strided(data, 'f8', self._pose, self._stride, self._count, 7)
         return BenchCubes(checked_stamp(sec * NS + nanosec), self._frame_id, poses, self._half_length,
@@ -64,7 +64,7 @@ class _Pattern:
 
 
 def _pattern_of(read: BenchMarkers) -> _Pattern | None:
-    """Return the pattern of a message; None if the next message must be parsed."""
+    """Return the pattern of a message; None if the next message has to be parsed in any case."""
     markers = read.markers
     plain = (markers.data[1] == _NATIVE and len(markers.runs) == 1 and markers.type[0] == CUBE
              and np.array_equal(read.order, np.arange(markers.type.size)))

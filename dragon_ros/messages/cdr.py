@@ -1,6 +1,7 @@
 """Frames as CDR bytes: one template per message, built once and patched in place by numpy.
 
-It is written by hand for speed: a template takes microseconds, whereas a general serialiser takes milliseconds.
+This encoder is written by hand for speed: a template takes microseconds, whereas a general serialiser takes
+milliseconds.
 
 The layout is plain CDR (OMG DDS-RTPS 2.3, 10.2; the first XCDR encoding): every primitive is aligned to its size,
 counted from the end of the 4-byte encapsulation header. Padding is zero.
@@ -25,7 +26,7 @@ class Writer:
         self.data = bytearray(LITTLE)
 
     def put(self, kind: str, *values: float) -> int:
-        """Append aligned values of one struct type ('i', 'I', 'd', 'f', '?') and return the first one's offset."""
+        """Append aligned values of one struct type ('i', 'I', 'd', 'f', '?') and return the offset of the first."""
         size = struct.calcsize(kind)
         self.data += bytes(-(len(self.data) - 4) % size)
         offset = len(self.data)
@@ -33,13 +34,13 @@ class Writer:
         return offset
 
     def room(self, kind: str, count: int) -> int:
-        """Append ``count`` aligned zeros of one struct type and return the first one's offset."""
+        """Append ``count`` aligned zeros of one struct type and return the offset of the first zero."""
         offset = self.put(kind) if count else len(self.data)
         self.data += bytes(count * struct.calcsize(kind))
         return offset
 
     def text(self, text: str) -> None:
-        """Append a string: its length including the closing zero, followed by the bytes."""
+        """Append a string: its length including the terminating zero, followed by its bytes."""
         raw = text.encode() + b'\0'
         self.put('I', len(raw))
         self.data += raw
@@ -51,7 +52,7 @@ class Writer:
         return stamp
 
     def finish(self) -> bytearray:
-        """Return the data, padded to a multiple of 4 bytes as on the wire, so recorded and sent bytes are equal."""
+        """Return the data, padded to a multiple of 4 bytes so that recorded bytes are equal to sent bytes."""
         self.data += bytes(-len(self.data) % 4)
         return self.data
 
@@ -75,16 +76,16 @@ def stamp_number(t_ns: int) -> int:
 
 
 class RowLayout:
-    """Equal rows of fields in a message: their number, start, stride and fields."""
+    """Rows of equal layout in a message: their number, start, stride and fields."""
 
     def __init__(self, count: int, start: int, stride: int, fields: dict[str, tuple[str, int]]) -> None:
-        """``fields`` has the numpy type of each field and its offset in the row."""
+        """``fields`` maps the name of each field to its numpy type and its offset in the row."""
         kinds, offsets = zip(*fields.values(), strict=True)
         self._dtype = np.dtype({'names': list(fields), 'formats': kinds, 'offsets': offsets})
         self._count, self._start, self._stride = count, start, stride
 
     def of(self, data: memoryview) -> Array:
-        """View the rows of a message."""
+        """Return a view of the rows of a message."""
         out: Array = np.ndarray((self._count,), self._dtype, data, self._start, (self._stride,))
         return out
 
@@ -92,9 +93,9 @@ class RowLayout:
 class Template:
     """The bytes of a message, laid out once and patched in place for each tick.
 
-    BytesIO returns the bytes without a copy, unless the caller still holds the previous message when the next one is
-    made. This matters because copying megabytes takes longer than patching them. Python caches the hash of bytes, so a
-    caller that hashes a message must keep the message until the next one is made.
+    BytesIO returns the bytes without copying them, unless the caller still holds the previous message when the next
+    message is made. This matters because copying megabytes takes longer than patching them. Python caches the hash of
+    bytes, so a caller that hashes a message must keep this message until the next message is made.
     """
 
     def __init__(self, data: bytearray) -> None:
@@ -102,14 +103,14 @@ class Template:
         self._message = BytesIO(bytes(data))
 
     def patched(self, patch: Callable[[memoryview], None]) -> bytes:
-        """Apply ``patch``, which must not keep a view of the bytes, and return them."""
+        """Apply ``patch``, which must not keep a view of the bytes, and return the patched bytes."""
         with self._message.getbuffer() as data:
             patch(data)
         return self._message.getvalue()
 
 
 class PoseArrayTemplate(Template):
-    """geometry_msgs/PoseArray of all handles."""
+    """A geometry_msgs/PoseArray of all handles."""
 
     def __init__(self, handles: int, frame_id: str) -> None:
         """Lay out the message for a number of handles."""
@@ -133,7 +134,7 @@ class PoseArrayTemplate(Template):
 
 
 class VelocitiesTemplate(Template):
-    """std_msgs/Float64MultiArray with one row per handle and the columns vx, vy, speed in m/s, or similar ones."""
+    """A std_msgs/Float64MultiArray with one row per handle and three columns, by default vx, vy, speed in m/s."""
 
     def __init__(self, handles: int, columns: str = 'vx_vy_speed') -> None:
         """Lay out the message for a number of handles."""
@@ -158,7 +159,7 @@ class VelocitiesTemplate(Template):
 
 
 class CloudTemplate(Template):
-    """sensor_msgs/PointCloud2 of all handles: x, y, z as float32, vx, vy, speed as float64, the handle as uint32."""
+    """A sensor_msgs/PointCloud2 of all handles: x, y, z (float32), vx, vy, speed (float64) and handle (uint32)."""
 
     _UINT32, _FLOAT32, _FLOAT64 = 6, 7, 8       # sensor_msgs/PointField
     _FIELDS = (('x', 0, _FLOAT32), ('y', 4, _FLOAT32), ('z', 8, _FLOAT32), ('vx', 16, _FLOAT64), ('vy', 24, _FLOAT64),
@@ -197,7 +198,7 @@ class CloudTemplate(Template):
 
 
 class JointsTemplate(Template):
-    """sensor_msgs/JointState with positions only."""
+    """A sensor_msgs/JointState that contains only positions."""
 
     def __init__(self, names: list[str], frame_id: str) -> None:
         """Lay out the message for joints with these names."""
@@ -226,20 +227,20 @@ def float64_of(value: float) -> bytes:
 
 
 def half_turns(axis: Floats) -> Floats:
-    """Return (z, w) of the quaternions that turn x onto ``axis`` (N, 2): square roots of axes as complex numbers."""
+    """Return (z, w) of the quaternions that rotate x onto ``axis`` (N, 2), from square roots of complex axes."""
     half, out = np.sqrt(plane(axis)), np.empty(axis.shape)
     out[:, 0], out[:, 1] = half.imag, half.real
     return out
 
 
 class _Turns:
-    """Half turns as complex numbers (N,), computed once per tick, whose messages share a read-only array of axes."""
+    """Computes the half turns (N,) once per tick, because all messages of a tick share a read-only array of axes."""
 
     def __init__(self) -> None:
         self._last: tuple[Floats | None, Array] = None, np.empty(0, np.complex128)
 
     def of(self, axis: Floats) -> Array:
-        """Return (z, w) of the quaternions that turn x onto ``axis`` (N, 2), each pair as a complex number."""
+        """Return (z, w) of the quaternions that rotate x onto ``axis`` (N, 2), each pair as a complex number."""
         known, turns = self._last
         if axis is not known or axis.flags.writeable:
             turns = plane(half_turns(axis))
@@ -248,7 +249,7 @@ class _Turns:
 
 
 def plane(points: Floats) -> Array:
-    """View x and y (N, 2) as complex numbers (N,), which numpy copies in a single loop."""
+    """Return x and y (N, 2) as complex numbers (N,), which numpy copies in a single loop."""
     out: Array = np.ascontiguousarray(points).view(np.complex128)[:, 0]
     return out
 

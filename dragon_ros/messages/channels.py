@@ -14,7 +14,7 @@ _QOS = {'reliability': ('reliable', 'best_effort'), 'durability': ('volatile', '
 
 @dataclass(frozen=True)
 class Channel:
-    """One topic: relative name, message type, publisher, QoS, and the effect that enables it (None if always on)."""
+    """One topic: relative name, message type, publisher, QoS, and the effect that enables it (or None)."""
 
     name: str
     type: str
@@ -39,7 +39,7 @@ class Channel:
 
 @lru_cache(maxsize=1)
 def channels() -> dict[str, Channel]:
-    """Return every topic by name, in the file's order."""
+    """Return all topics by name, in the order of the file."""
     return channels_of(read_own(configuration_folder() / 'topics.yaml'))
 
 
@@ -65,7 +65,7 @@ def _channel(document: Document, name: str) -> Channel:
     document.check_keys(f'{name}.', row, _KEYS)
     for key in ('type', 'from', 'meaning'):
         if not isinstance(row.get(key), str):
-            document.refuse(f'{name}.{key}', f'{row.get(key)!r} is not text; every topic needs one')
+            document.refuse(f'{name}.{key}', f'{row.get(key)!r} is not text; every topic needs a text here')
     if row['type'].count('/') != 2:
         document.refuse(f'{name}.type', f'{row["type"]!r} is not of the form package/msg/Type')
     qos = _qos(document, f'{name}.qos', row.get('qos'))

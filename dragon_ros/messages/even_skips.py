@@ -1,8 +1,8 @@
-"""Skips whole ticks evenly if they arrive faster than they can be processed; a fuller queue skips more of them."""
+"""Skips whole ticks evenly if they arrive too fast to be processed; the fuller the queue, the more are skipped."""
 from dataclasses import dataclass, field
 
 FROM_FILL = 0.5     # used fraction of a queue's budget above which ticks are skipped
-_REMEMBERED = 8192      # number of remembered stamps, since one topic may run ahead of another
+_REMEMBERED = 8192      # number of remembered stamps, because one topic may run ahead of another
 
 
 @dataclass
@@ -12,10 +12,10 @@ class _Tick:
 
 
 class EvenSkips:
-    """Decides on each stamp when its first message arrives, and repeats the decision for its other messages.
+    """Decides for each stamp when its first message arrives; the decision applies to all messages with that stamp.
 
     All ticks are kept up to a fill of ``FROM_FILL``, and none at a fill of 1; in between, the kept fraction decreases
-    linearly. The queue settles at the fill where ticks are kept as fast as they are processed.
+    linearly. The queue settles at the fill at which ticks are kept as fast as they are processed.
     """
 
     def __init__(self) -> None:

@@ -9,7 +9,7 @@ _ALIGNED = 4        # a message may be padded to a multiple of this number of by
 
 
 class LengthCheck:
-    """Checks messages of one type; it does not parse messages whose strings and sequences have the previous lengths."""
+    """Checks messages of one type; a message with the same lengths as the previous message is not parsed."""
 
     def __init__(self, name: str) -> None:
         """Take the name of a message type whose schema is in the package."""
@@ -17,7 +17,7 @@ class LengthCheck:
         self._last: tuple[str, Layout, Array, Array] | None = None
 
     def fault(self, data: bytes) -> str | None:
-        """Return the reason why the bytes are not exactly one message; None if they are."""
+        """Return the reason why the bytes are not exactly one message, or None if they are."""
         try:
             end = self._end(Reader(data))
         except MessageError as error:

@@ -29,8 +29,8 @@ CUBE, SPHERE, LINE_STRIP, LINE_LIST, TEXT_VIEW_FACING, TRIANGLE_LIST = 1, 2, 4, 
 ADD, DELETE, DELETE_ALL = 0, 2, 3
 BENCH_HEIGHT_M = 0.1
 BENCH, EDGES = 'bench', 'bench edges'       # namespaces of the markers
-_EDGE_WIDTH_M, _ABOVE_M = 0.02, 0.002       # edges lie a little above the faces
-_TRACK_WIDTH_M, _TRACK_Z_M, _TRAIL_WIDTH_M = 0.03, -0.06, 0.04      # the track lies just below the benches
+_EDGE_WIDTH_M, _ABOVE_M = 0.02, 0.002       # edges are drawn slightly above the faces
+_TRACK_WIDTH_M, _TRACK_Z_M, _TRAIL_WIDTH_M = 0.03, -0.06, 0.04      # the track is drawn just below the benches
 _PROUD = 1.1        # height of a red bench relative to the bench that it covers
 Colour = tuple[float, float, float, float]
 # Okabe-Ito colours, which colour-blind people can distinguish.
@@ -66,7 +66,7 @@ class MarkerSpec:
 
 
 class Offsets(NamedTuple):
-    """Offsets of a marker's fields that change from tick to tick."""
+    """Offsets of the fields of a marker that change from tick to tick."""
 
     stamp: int
     pose: int
@@ -100,10 +100,10 @@ def put_marker(writer: Writer, spec: MarkerSpec, frame_id: str, t_ns: int = 0) -
 
 
 class CubesTemplate(Template):
-    """visualization_msgs/MarkerArray with one CUBE per bench, centred at z = 0."""
+    """A visualization_msgs/MarkerArray with one CUBE per bench, centred at z = 0."""
 
     def __init__(self, lengths_m: Floats, width_m: float, frame_id: str) -> None:
-        """Lay out the message for benches of these full lengths and width."""
+        """Lay out the message for benches with these full lengths and this width."""
         writer = Writer()
         writer.put('I', lengths_m.size)
         specs = [MarkerSpec(BENCH, bench, CUBE, (length_m, width_m, BENCH_HEIGHT_M), _BODY if bench else _HEAD)
@@ -128,13 +128,13 @@ class CubesTemplate(Template):
 
 
 class TrianglesTemplate(Template):
-    """visualization_msgs/MarkerArray with the tops of all benches as a TRIANGLE_LIST and their edges as a LINE_LIST.
+    """A MarkerArray with the top faces of all benches as a TRIANGLE_LIST and their edges as a LINE_LIST.
 
     Corners are numbered counterclockwise from the front left corner.
     """
 
     def __init__(self, lengths_m: Floats, width_m: float, frame_id: str) -> None:
-        """Lay out the message for benches of these full lengths and width."""
+        """Lay out the message for benches with these full lengths and this width."""
         benches = lengths_m.size
         writer = Writer()
         writer.put('I', 2)
@@ -167,18 +167,18 @@ class TrianglesTemplate(Template):
 
 
 def _points(data: memoryview, benches: int, start: int, each: int, z_m: float) -> RowLayout:
-    """Lay out ``each`` points per bench, all at one height, and return their rows."""
+    """Lay out ``each`` points per bench at the height ``z_m``, and return the layout of the rows."""
     strided(data, '<f8', start + 16, 24, each * benches, 1)[:] = z_m
     return RowLayout(benches, start, 24 * each, {f'place {n}': ('<c16', 24 * n) for n in range(each)})
 
 
 def contact_markers(t_ns: int, frame_id: str, benches: Iterable[MarkerSpec], others: Iterable[MarkerSpec]) -> bytes:
-    """Return a MarkerArray that replaces the last one: DELETEALL, ``red_benches`` and other markers, if any."""
+    """Return a MarkerArray that replaces the previous one: DELETEALL, ``red_benches`` and other markers, if any."""
     return _marker_array(t_ns, frame_id, [delete_all(), *benches, *others])
 
 
 def red_benches(ns: str, ids: Iterable[int], centre: Floats, axis: Floats, size: Floats) -> list[MarkerSpec]:
-    """Return the marker of each of M benches in contact: centres (M, 2) m, unit axes (M, 2), full sizes (M, 2) m.
+    """Return the markers of M benches in contact, given centres, unit axes and full sizes (M, 2 each) in m.
 
     These markers are vermilion and slightly higher than the benches that they cover.
     """
@@ -230,7 +230,7 @@ def _marker_array(t_ns: int, frame_id: str, specs: list[MarkerSpec]) -> bytes:
 
 def _put_line(writer: Writer, ns: str, width_m: float, colour: Colour, points: Floats, z_m: float, t_ns: int,
               frame_id: str) -> None:
-    """Append a LINE_STRIP through points (K, 2) in m, all at one height."""
+    """Append a LINE_STRIP through points (K, 2) in m, all at the height ``z_m``."""
     spec = MarkerSpec(ns, 0, LINE_STRIP, (width_m, 0.0, 0.0), colour, len(points))
     start = put_marker(writer, spec, frame_id, t_ns).points
     out = np.frombuffer(writer.data, '<f8', 3 * len(points), start).reshape(-1, 3)

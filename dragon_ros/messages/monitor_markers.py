@@ -20,12 +20,12 @@ _POINT_M, _TEXT_M = 0.12, 0.35
 
 
 def report_markers(report: Report) -> bytes:
-    """Return the deepest contacts of a tick, if any, as markers, after a DELETEALL that removes earlier ones."""
+    """Return a DELETEALL that removes earlier markers, and then the markers of the tick's deepest contacts, if any."""
     observation = report.observation
     if not report.touching:
         return contact_markers(observation.t_ns, observation.frame_id, [], [])
     all_benches = observation.benches
-    count = len(all_benches.centre)         # obstacles are numbered from here on
+    count = len(all_benches.centre)         # the numbers of obstacles start at this value
     ids = sorted({bench for pair in report.touching for bench in pair if bench < count})
     size = 2 * np.stack((all_benches.half_length[ids], all_benches.half_width[ids]), axis=1)
     benches = red_benches('bench in contact', ids, all_benches.centre[ids], all_benches.axis[ids], size)
@@ -33,7 +33,7 @@ def report_markers(report: Report) -> bytes:
 
 
 def clearance_marker(report: Report) -> bytes:
-    """Return the clearance as text; DELETE if no benches are near, or during a contact, which has its own label."""
+    """Return the clearance as a text marker; DELETE without a closest pair or in a contact, which has its own label."""
     spec = deleted('clearance')
     if report.closest and not report.touching:
         point_m = witness(*report.two(report.closest)).point_m
@@ -69,7 +69,7 @@ def _point_and_label(report: Report) -> list[MarkerSpec]:
 
 
 def _text(namespace: str, point_m: tuple[float, float], text: str) -> MarkerSpec:
-    """Return a text beside a point, above the benches, so that nothing covers it and it covers no contact."""
+    """Return a text marker beside a point and above the benches, where nothing covers it and it covers no contact."""
     x, y = point_m
     return MarkerSpec(namespace, 0, TEXT_VIEW_FACING, (0.0, 0.0, _TEXT_M), BLACK,
                       place=(x, y - 2 * _TEXT_M, 2 * _TEXT_M), text=text)

@@ -1,7 +1,7 @@
 """Convert the bytes of a PoseArray and a MarkerArray into a checked observation for the contact tracker.
 
-For the dragon of another publisher, also compute the MarkerArray of benches from its handles, so that a monitor can
-observe it.
+For the dragon of another publisher, this module also computes the MarkerArray of benches from the handles, so that a
+monitor can observe that dragon.
 """
 from dataclasses import dataclass
 
@@ -37,7 +37,7 @@ class BenchMarkers:
 
     @property
     def size_bytes(self) -> int:
-        """Memory in bytes of the kept part of the message."""
+        """Memory in bytes of the part of the message that is kept."""
         return self.markers.size_bytes
 
     def to_wait(self) -> 'BenchMarkers | WaitingBenches':
@@ -73,7 +73,7 @@ class BenchCubes:
         return Benches(*placed(self.poses), self.half_length, self.half_width)
 
     def to_wait(self) -> 'BenchCubes | WaitingBenches':
-        """Return the part to keep until handles arrive, as ``BenchMarkers`` does."""
+        """Return the part to keep until handles arrive (see ``BenchMarkers``)."""
         try:
             centre, axis = placed(self.poses)
         except MessageError:
@@ -83,7 +83,7 @@ class BenchCubes:
 
 @dataclass(frozen=True)
 class WaitingBenches:
-    """The benches of a message that is no longer kept: the arrays of ``Benches`` or, for triangles, of ``_facing``."""
+    """The benches of a message that is no longer kept: arrays for ``Benches`` or, for triangles, for ``_facing``."""
 
     t_ns: int
     frame_id: str
@@ -91,7 +91,7 @@ class WaitingBenches:
     arrays: tuple[Floats, ...]
 
     def rectangles(self, handles_m: Floats) -> Benches:
-        """Return the benches, as ``BenchMarkers`` does."""
+        """Return the benches (see ``BenchMarkers``)."""
         if self.is_cubes:
             return Benches(*self.arrays)
         _counted(len(self.arrays[0]), len(handles_m))
@@ -108,7 +108,7 @@ ShownBenches = BenchMarkers | BenchCubes | WaitingBenches
 
 
 def observation_of(poses: Poses, shown: ShownBenches) -> Observation:
-    """Return the observation in two messages of one tick. Raises MessageError, which names message and field."""
+    """Return the observation from two messages of one tick. Raises MessageError with the message and the field."""
     handles_m = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
     rectangles = shown.rectangles(handles_m)
     _counted(len(rectangles.centre), len(handles_m))
@@ -144,8 +144,8 @@ def read_handles(data: bytes) -> Poses:
 class BenchesFromHandles:
     """Computes the benches of any dragon, as CUBEs that the monitor can read, from the handles of a PoseArray.
 
-    Bench i is ``width_m`` wide and extends from handle i + 1 to handle i, and ``hole_inset_m`` beyond both. Its pose
-    follows from the positions of the handles, not from their orientations.
+    Bench i is ``width_m`` wide and extends from handle i + 1 to handle i, and by ``hole_inset_m`` beyond both
+    handles. Its pose follows from the positions of the handles, not from their orientations.
     """
 
     def __init__(self, width_m: float = 0.3, hole_inset_m: float = 0.275) -> None:
@@ -157,13 +157,13 @@ class BenchesFromHandles:
     def encode(self, handles: bytes) -> bytes:
         """Return the MarkerArray, with the same stamp and frame, for the bytes of a geometry_msgs/PoseArray.
 
-        Raises MessageError for invalid handles, and for two consecutive handles at the same point.
+        Raises MessageError if handles are invalid or two consecutive handles coincide.
         """
         poses = read_handles(handles)
         p = poses.poses[:, :2].astype(np.float64)
         link, lengths = p[:-1] - p[1:], np.hypot(*(p[:-1] - p[1:]).T)
         if not np.all(lengths):
-            raise MessageError(f'handles: {int(np.argmin(lengths))} and the next are in one place')
+            raise MessageError(f'handles: {int(np.argmin(lengths))} and the next handle are at the same point')
         whole = lengths + 2 * self._hole_inset_m
         if self._template is None or poses.frame_id != self._frame_id or whole.shape != self._lengths_m.shape or (
                 np.any(np.abs(whole - self._lengths_m) > _SAME_LENGTH_M)):
@@ -190,7 +190,7 @@ def _bench_markers(markers: Markers) -> Ints:
 
 def _counted(benches: int, handles: int) -> None:
     if benches != handles - 1:
-        raise MessageError(f'benches: {benches} for {handles} handles; expected one less')
+        raise MessageError(f'benches: {benches} benches for {handles} handles; expected {handles - 1}')
 
 
 def _cubes(markers: Markers, order: Ints) -> Benches:
@@ -212,7 +212,7 @@ def placed(poses: Floats) -> tuple[Floats, Floats]:
 
 
 def _axes(quaternion: Floats) -> Floats:
-    """Return the x axis turned by quaternions (N, 4), in the plane."""
+    """Return the x axis rotated by quaternions (N, 4), as unit vectors (N, 2) in the plane."""
     x, y, z, w = quaternion.T
     axis = np.empty((len(quaternion), 2))
     if quaternion[:, :2].any():
@@ -230,12 +230,12 @@ def _triangles(markers: Markers, marker: int, handles: int | None = None) -> tup
     """Return centres, sides and half sizes of pairs of triangles, for either diagonal and either winding."""
     points = _placed(_finite('benches: point', markers.points_of(marker)), markers, marker)
     if len(points) % 6:
-        raise MessageError(f'benches: {len(points)} points; expected six for each bench, those of two triangles')
+        raise MessageError(f'benches: {len(points)} points; expected six points (two triangles) per bench')
     if handles is not None:
         _counted(len(points) // 6, handles)
     first, second = np.moveaxis(points.reshape(-1, 2, 3, 2), 1, 0)
     if np.array_equal(first[:, 0], second[:, 0]) and np.array_equal(first[:, 2], second[:, 1]):
-        # The diagonal and winding in this package's messages.
+        # This is the diagonal and the winding in the messages of this package.
         start, corner, end, far = first[:, 0], first[:, 1], first[:, 2], second[:, 2]
     else:
         start, corner, end, far = _around(first, second)
@@ -258,7 +258,7 @@ def _norm(vectors: Floats) -> Floats:
 def _around(first: Floats, second: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Return the corners (N, 2), in order, of pairs of triangles (N, 3, 2) that share their longest sides.
 
-    If the sides differ, the last corner is moved by the distance between them.
+    If the longest sides differ, the last corner is moved by the distance between these sides.
     """
     (corner, start, end), (far, one, other) = _from_right_angle(first), _from_right_angle(second)
     apart = np.minimum(_norm(start - one) + _norm(end - other), _norm(start - other) + _norm(end - one))
@@ -266,7 +266,7 @@ def _around(first: Floats, second: Floats) -> tuple[Floats, Floats, Floats, Floa
 
 
 def _from_right_angle(triangles: Floats) -> tuple[Floats, Floats, Floats]:
-    """For triangles (N, 3, 2), return the corner opposite the longest side, and the ends of that side."""
+    """Return the corner opposite the longest side of triangles (N, 3, 2), and the ends of that side."""
     opposite = _norm(np.roll(triangles, -1, axis=1) - np.roll(triangles, 1, axis=1))
     turn = (np.argmax(opposite, axis=1)[:, None] + np.arange(3)) % 3
     corner, start, end = np.moveaxis(np.take_along_axis(triangles, turn[..., None], axis=1), 1, 0)
@@ -274,7 +274,7 @@ def _from_right_angle(triangles: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _facing(centre: Floats, sides: Floats, half: Floats, handles_m: Floats) -> Benches:
-    """Return benches along those sides (N, 2, 2), from rear to front, that align best with the handles.
+    """Return benches whose axes are the ``sides`` (N, 2, 2) that align best with the links, from rear to front.
 
     The longer side is used if a bench's two handles coincide.
     """
@@ -303,7 +303,7 @@ def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
 
 
 def _finite(what: str, values: Floats) -> Floats:
-    """Return values as native floats. Raises MessageError unless all are finite and below the budget."""
+    """Return values as native floats. Raises MessageError unless all are finite and below the limit."""
     values = np.ascontiguousarray(values, dtype=np.float64)
     size = np.abs(values)
     if not np.max(size, initial=0.0) < COORDINATE_M:

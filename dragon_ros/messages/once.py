@@ -13,7 +13,7 @@ DESCRIPTION = 'robot_description'
 
 
 def once(scene: Scene, frame_id: str) -> dict[str, bytes]:
-    """Return the latched messages of a scene, by topic, except the scene itself."""
+    """Return the latched messages of a scene by topic, except the message that contains the scene itself."""
     wanted = ['track', *(['path'] if Effect.PATH in scene.effects else []),
               *(['venue'] if scene.venue is not None else [])]
     return {name: ENCODE[name](scene, frame_id) for name in wanted}

@@ -1,4 +1,4 @@
-"""Read surroundings from messages: from the markers of a venue, and from an occupancy grid."""
+"""Read surroundings from the markers of a venue or from an occupancy grid."""
 from cmath import exp
 from dataclasses import dataclass
 from math import atan2
@@ -23,7 +23,7 @@ _SIDES = {text: side for side, text in KINDS.items()}
 class Located:
     """Surroundings (None if there are no obstacles) in a frame; ``left_out`` names the unused parts of the message.
 
-    ``frame_id`` is None for the frame of the dragon, regardless of its name.
+    ``frame_id`` is None for the frame of the dragon, whatever the name of that frame is.
     """
 
     frame_id: str | None
@@ -34,9 +34,9 @@ class Located:
 def read_venue(data: bytes) -> Located:
     """Return the obstacles in a MarkerArray: the LINE_LIST and LINE_STRIP markers in the namespace ``venue``.
 
-    Their names are the texts in the namespace ``venue names`` with the same id. The text of a marker is its kind:
-    polygon, line or inside. A marker without text is a line. Raises MessageError if a marker is invalid or frames are
-    mixed.
+    The name of an obstacle is the text with the same id in the namespace ``venue names``. The text of a marker is its
+    kind: polygon, line or inside. A marker without text is a line. Raises MessageError if a marker is invalid or the
+    markers are in several frames.
     """
     markers = read_marker_array(data)
     of = np.array([run.ns for run in markers.runs], dtype=object)[markers.run_of]
@@ -105,7 +105,7 @@ def plane_pose_of(pose: Floats, what: str) -> PlanePose:
 
 @dataclass(frozen=True)
 class CellRules:
-    """The cells of a grid that are obstacles: those of at least ``occupied`` percent and, optionally, unknown ones."""
+    """The rule for obstacles in a grid: cells of at least ``occupied`` percent and, optionally, unknown cells."""
 
     occupied: int = 65
     unknown: bool = False
@@ -114,7 +114,8 @@ class CellRules:
 def read_grid(data: bytes, rules: CellRules) -> Located:
     """Return the obstacles in a nav_msgs/OccupancyGrid: the boundaries of its occupied cells.
 
-    Negative cells are unknown. Raises MessageError for an invalid grid, and InputError for a grid beyond the budgets.
+    Negative values mark unknown cells. Raises MessageError for an invalid grid, and InputError for a grid that
+    exceeds a limit.
     """
     if len(data) > MAP_BYTES:
         raise MessageError(f'map: it has {len(data)} bytes; the limit is {MAP_BYTES}; reduce its resolution')
@@ -132,7 +133,7 @@ def read_grid(data: bytes, rules: CellRules) -> Located:
     occupied = cells >= rules.occupied
     if rules.unknown:
         occupied |= cells < 0
-    cell_m = float(f'{resolution_m:.7g}')       # for example 0.05 instead of the nearest 32-bit number
+    cell_m = float(f'{resolution_m:.7g}')       # for example 0.05 instead of the nearest 32-bit float
     return Located(frame_id, outlines(occupied, MAP, shift, turn * cell_m) if count else None)
 
 

@@ -34,9 +34,9 @@ class Unmatched(NamedTuple):
 
 
 class Synchronizer:
-    """Holds unpaired messages in order of arrival, until a later pair overtakes them or a limit drops them.
+    """Holds unpaired messages in order of arrival; a later pair or a limit causes them to be dropped.
 
-    If a run restarts while the other topic lags, a stamp may repeat; the oldest messages are then paired first. One
+    If a run restarts while one topic lags, a stamp may occur again; the oldest messages are then paired first. One
     topic may run ahead while the other is resent, so the bound applies to the bytes of both topics together.
     """
 
@@ -83,7 +83,7 @@ class Synchronizer:
         return pair
 
     def _match(self, t_ns: int) -> Pair | None:
-        """Return the oldest pair with a stamp, if any; drop messages that arrived before either half."""
+        """Return the oldest pair with a stamp, if any; drop messages that arrived before either message of the pair."""
         if not all(stamps[t_ns] for stamps in self._stamps.values()):
             return None
         for topic, waiting in self._waiting.items():
@@ -113,13 +113,13 @@ class _Stream:
     step_ns: float | None = None
 
     def off(self, sequence: int, t_ns: int) -> float:
-        """Return by how many steps a stamp deviates from the publisher's stamp for that number; inf if unknown."""
+        """Return by how many steps a stamp deviates from the expected stamp for a number; inf if this is unknown."""
         if self.step_ns is None:
             return inf
         return abs(t_ns - self.t_ns - self.step_ns * (sequence - self.sequence)) / max(self.step_ns, 1.0)
 
     def jump(self, sequence: int) -> float:
-        """Return by how much a message's number differs from the expected one; inf if it is too far or too old."""
+        """Return how far a number is ahead of the next expected number; inf if it is too far ahead or too old."""
         ahead = sequence - self.sequence - 1
         return ahead if 0 <= ahead <= _LONGEST_JUMP else inf
 
@@ -131,7 +131,7 @@ class _Stream:
 
 
 class Streams:
-    """Distinguishes the messages of a topic's publishers, since the middleware does not name the sender.
+    """Distinguishes the messages of a topic's publishers, because the middleware does not name the sender.
 
     Each publisher numbers its messages, and its stamps grow evenly with the numbers. A message belongs to the publisher
     whose sequence it continues. Publishers with equal numbers and stamps cannot be distinguished, nor can publishers
@@ -163,7 +163,7 @@ class Streams:
             self._known = min(self._all, key=lambda stream: abs(stream.t_ns - t_ns))
 
     def forget(self) -> None:
-        """Forget all publishers, since the adopted one is gone."""
+        """Forget all publishers, because the adopted publisher is gone."""
         self._known = None
         self._all.clear()
 

@@ -10,12 +10,12 @@ from dragon_ros.core.venue import FARTHEST_M
 from dragon_ros.messages.decode import MessageError, Reader
 
 _FLAT = 1e-6            # largest sine of the tilt of one plane against another
-_UNIT = 1e-3            # largest deviation of a quaternion's square from 1
+_UNIT = 1e-3            # largest deviation of a quaternion's squared norm from 1
 
 
 @dataclass(frozen=True)
 class _Parent:
-    """The parent of a frame, and the frame's pose in it: rotation matrix (3, 3) and origin (3,)."""
+    """The parent of a frame, and the frame's pose in the parent: rotation matrix (3, 3) and origin (3,)."""
 
     frame_id: str
     turn: Floats
@@ -47,7 +47,10 @@ class FrameTree:
         return new
 
     def pose(self, frame: str, into: str) -> PlanePose | None:
-        """Return the pose of a frame in another one; None if they are not connected. Raises MessageError if tilted."""
+        """Return the pose of a frame in another frame; None if they are not connected.
+
+        Raises MessageError if one frame is tilted in the other.
+        """
         up, base = self._ancestors(_bare(frame)), self._ancestors(_bare(into))
         common = next((one for one in up if one in base), None)
         if common is None:
@@ -70,7 +73,7 @@ class FrameTree:
 
 
 def _bare(frame_id: str) -> str:
-    """Return the name of a frame without the leading slash of older programs."""
+    """Return the name of a frame without the leading slash that older programs write."""
     return frame_id.lstrip('/')
 
 

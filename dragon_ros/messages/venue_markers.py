@@ -11,17 +11,17 @@ from dragon_ros.core.venue import INSIDE, LineObstacle, Points, Venue
 from dragon_ros.messages.cdr import Writer
 from dragon_ros.messages.markers import BLACK, LINE_LIST, TEXT_VIEW_FACING, Colour, MarkerSpec, delete_all, put_marker
 
-EDGES, NAMES = 'venue', 'venue names'       # namespaces; the id is the obstacle's number, and the last id is the inside
+EDGES, NAMES = 'venue', 'venue names'       # namespaces; the id is the obstacle's number (last: the inside)
 _WIDTH_M, _LETTER_M, _ABOVE_M = 0.08, 0.6, 0.5
 _GREY: Colour = (0.35, 0.35, 0.35, 1.0)
-# The text of the marker with the edges. RViz does not show this text. Markers without it are lines.
+# These texts of the markers with edges are not shown by RViz. A marker without text is a line.
 KINDS = {OUTSIDE: 'polygon', LINE: 'line', WITHIN: 'inside'}
 
 
 def venue_message(scene: Scene, frame_id: str) -> bytes:
     """Return a MarkerArray with a LINE_LIST for each obstacle, in order, and for the inside, followed by their names.
 
-    It is stamped with the start of the run, and is empty if there is no venue.
+    The message is stamped with the start of the run, and is empty if there is no venue.
     """
     return _message(_drawn(scene.venue) if scene.venue is not None else [], frame_id, scene.run.start_ns)
 

@@ -255,7 +255,7 @@ def test_markers_that_change_their_layout_without_end_are_refused():
 
     assert serialization.deserialize_message(message(24), MarkerArray) == markers(24)
     assert len(read_marker_array(message(MARKER_RUNS)).runs) == MARKER_RUNS
-    with pytest.raises(MessageError, match=f'more than {MARKER_RUNS} layouts'):
+    with pytest.raises(MessageError, match=f'more than {MARKER_RUNS} runs'):
         read_marker_array(message(MARKER_RUNS + 8))
 
 
