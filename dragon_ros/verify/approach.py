@@ -1,7 +1,7 @@
-"""How the leader approaches a claimed contact: its earlier positions, and the times at which it is within the slack.
+"""The leader's approach to a claimed contact: its earlier positions, and the times at which it is within the slack.
 
-The slack allows for an error of the position, not of the time. It therefore applies only while the leader moves in one
-direction, to the contact and beyond. No slack applies to earlier positions of the leader.
+The slack allows for an error of the position, not of the time. The slack therefore applies only while the leader
+moves in one direction, to the contact and beyond. No slack applies to earlier positions of the leader.
 """
 from dataclasses import dataclass
 from fractions import Fraction
@@ -10,14 +10,14 @@ from math import ulp
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Extent, Law, Leg
 
-_LAST_PLACES = 4        # error of a float solver, in ulps, in the time at which the leader turns or rests
-_SOON_S = Fraction(1, 10**6)    # time to either side of a contact; if the slack takes longer, it is reported
-_HALVINGS = 80          # number of bisections for times that are only reported
+_LAST_PLACES = 4        # in ulps: a float solver's error of the time at which the leader turns or rests
+_SOON_S = Fraction(1, 10**6)    # time before and after a contact; a slack that takes longer is reported
+_HALVINGS = 80          # number of bisections for times that are only printed
 
 
 @dataclass(frozen=True)
 class Approach:
-    """The leg of the law on which the leader reaches a contact at ``gone_m``, or on which it rests there.
+    """The leg of the law on which the leader reaches a contact at ``gone_m`` or rests there.
 
     ``earlier`` is the range of the leader's earlier positions in the run, if any.
     """
@@ -35,19 +35,19 @@ class Approach:
 
     @property
     def was_beyond_m(self) -> Fraction:
-        """How far beyond the contact's position the leader was earlier; negative if it never was."""
+        """Largest earlier distance of the leader beyond the contact's position; negative if it was never beyond."""
         if self.earlier is None:
             return Fraction(-1)
         return (self.earlier[1] - self.gone_m) if self.sense > 0 else (self.gone_m - self.earlier[0])
 
     def after_m(self, slack_m: Fraction) -> Fraction:
-        """Return how far the leader moves on from the contact's position, up to a slack."""
+        """Return how far the leader moves beyond the contact's position, but at most a slack."""
         if self.leg.until_s is None:
             return slack_m * abs(self.sense)
         return min(slack_m, (self.law.gone_m(self.leg.until_s) - self.gone_m) * self.sense)
 
     def takes_s(self, start_s: float, slack_m: Fraction) -> tuple[float, float] | None:
-        """Return the times between which the leader is within the slack of the contact; None if this time is short."""
+        """Return the interval of time in which the leader is within the slack of the contact; None if it is short."""
         first, last = max(self.leg.since_s, Fraction(start_s)), self.leg.until_s
         before, after = self.t_s - _SOON_S, self.t_s + _SOON_S
         early = before > first and self._on_m(before) > -slack_m
@@ -61,7 +61,7 @@ class Approach:
         return (self.law.gone_m(t_s) - self.gone_m) * self.sense
 
     def _reached_s(self, on_m: Fraction, low: Fraction, high: Fraction | None) -> Fraction:
-        """Return the approximate time when the leader is this far on, or the nearer end of the interval if never."""
+        """Return the approximate time at which the leader is this far on, or the nearer end of the interval."""
         if high is None:
             high = low + 1
             while self._on_m(high) < on_m:
@@ -73,7 +73,7 @@ class Approach:
 
 
 def approaches(law: Law, start_s: float, t_s: float) -> list[Approach]:
-    """Return the possible approaches to a contact at a time. Raises Refused if the leader rested there before."""
+    """Return the possible approaches to a contact at a time. Raises Refused if the leader has already rested there."""
     start, at, unsure = Fraction(start_s), Fraction(t_s), _LAST_PLACES * Fraction(ulp(t_s))
     legs = law.legs_at(at, unsure)
     moving = [leg for leg in legs if leg.sense]

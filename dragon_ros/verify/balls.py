@@ -1,7 +1,7 @@
-"""Balls: real numbers as a midpoint and a radius that is rounded outwards, by Arb (python-flint).
+"""Balls: real numbers as a midpoint and a radius that is rounded outwards (Arb, from python-flint).
 
-A comparison of balls is true only if it holds for all numbers in them; comparisons with NaN are false. Each claim is
-therefore tested by the comparison that proves it, never by the absence of the opposite.
+A comparison of balls is true only if it holds for all numbers in the balls; comparisons with NaN are false. Each
+claim is therefore tested by the comparison that proves it, never by the failure of the opposite comparison.
 """
 from fractions import Fraction
 from math import hypot, inf, isfinite, nextafter
@@ -10,17 +10,17 @@ from flint import acb, arb, ctx, fmpq
 
 from dragon_ros.verify.errors import Refused
 
-BITS = 128          # precision of a midpoint; tracks that are many links long, or far out, need more (``precise``)
+BITS = 128          # precision of a midpoint; tracks that are far out or many links long need more (``precise``)
 UNIT = arb(0, 1)    # [-1, 1]
 
 
 def precise(ratio: float) -> None:
-    """Set a precision at which large coordinates keep as many bits as coordinates of the size of a link."""
+    """Set a precision at which large coordinates have as many bits after the point as those of the size of a link."""
     ctx.prec = BITS + 2 * max(0, int(ratio).bit_length()) if isfinite(ratio) else 4 * BITS
 
 
 def half_turn() -> arb:
-    """Return a ball of pi at the current precision."""
+    """Return a ball that contains pi, at the current precision."""
     return arb.pi()
 
 
@@ -32,19 +32,19 @@ def exact(value: float | Fraction) -> arb:
 
 
 def above(value: arb) -> float:
-    """Return a float that is at least any number in a ball; infinite if unknown."""
+    """Return a float that is an upper bound on the numbers in a ball; infinite if there is none."""
     out = float(value.upper())
     return nextafter(out, inf) if out == out else inf
 
 
 def below(value: arb) -> float:
-    """Return a float that is at most any number in a ball; minus infinity if unknown."""
+    """Return a float that is a lower bound on the numbers in a ball; minus infinity if there is none."""
     out = float(value.lower())
     return nextafter(out, -inf) if out == out else -inf
 
 
 def size(value: arb) -> float:
-    """Return a float that is at least any absolute value in a ball; infinite if unknown."""
+    """Return a float that is an upper bound on the absolute values in a ball; infinite if there is none."""
     out = float(value.abs_upper())
     return nextafter(out, inf) if out == out else inf
 

@@ -8,11 +8,11 @@ from pathlib import Path
 from dragon_ros.verify.errors import Refused
 
 OK, INTERRUPTED, REFUSED = 0, 1, 2
-_FIRST_S, _EVERY_S = 1.0, 1.0       # time of the first progress report, and between reports
+_FIRST_S, _EVERY_S = 1.0, 1.0       # time until the first progress report, and time between reports
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Check a certificate: print what it proves and return 0, or print in one line why it is rejected and return 2."""
+    """Check a certificate. Print what it proves and return 0, or print why it is rejected and return 2."""
     parser = argparse.ArgumentParser(prog='python -m dragon_ros.verify', description=__doc__)
     parser.add_argument('certificate', type=Path, help='a file written by `contact --certificate`; - is standard input')
     parser.add_argument('--effort', type=_effort, default=1.0, metavar='TIMES',
@@ -30,7 +30,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _effort(text: str) -> float:
-    """Return an effort. Raises ArgumentTypeError unless it is positive and finite."""
+    """Convert text to an effort. Raises ArgumentTypeError unless the effort is positive and finite."""
     try:
         value = float(text)
     except ValueError:
@@ -70,7 +70,7 @@ class _Progress:
         if now_s >= self._next_s or (advice and not self._is_told):
             self._is_told = self._is_told or bool(advice)
             self._next_s = now_s + _EVERY_S
-            left = f', some {(now_s - self._begun_s) * (whole_m / done_m - 1):.2g} s left' if done_m > 0 else ''
+            left = f', about {(now_s - self._begun_s) * (whole_m / done_m - 1):.2g} s left' if done_m > 0 else ''
             left += f', {advice}' if advice else ''
             print(f'verify: {done_m:.6g} of {whole_m:.6g} m of track cleared{left}', end=self._end, file=sys.stderr,
                   flush=True)

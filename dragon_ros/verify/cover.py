@@ -1,9 +1,9 @@
-"""Clear all positions of all benches: halve intervals until each is proved, within a budget.
+"""Clear all positions of all benches: intervals are halved until each is proved or the budget is spent.
 
 The positions of the benches behind a bench depend only on its front handle and on their lengths. Benches with equal
-remaining lengths therefore form a class. The first bench of a class clears the track for the whole class, at each
-position with as many benches behind it as any bench of the class has there. A certificate's intervals are hints where
-to cut.
+lengths behind them therefore form a class. The first bench of a class clears the track for the whole class: at each
+position it is tested against as many benches behind it as any bench of the class has there. The intervals of a
+certificate suggest where to cut.
 """
 import time
 from bisect import bisect_left, bisect_right
@@ -21,23 +21,24 @@ from dragon_ros.verify.ranges import Range
 from dragon_ros.verify.segments import HALF
 from dragon_ros.verify.track import Track
 
-_FINEST = 2.0**-70      # times 1 m, or the distance along the track: the shortest interval
-_EARLY = 30_000         # number of steps before which no proof is given up
-_NOTHING = 1e-9         # smallest share of the track for an estimate, because the first interval may be one float long
-_MANY = 200             # fewest intervals for an estimate; with fewer, the proof takes a second or two
-_SAMPLES, _LEAST = 12, 4        # most and fewest intervals sampled for an estimate
+_FINEST = 2.0**-70      # length of the shortest interval, relative to 1 m plus the distance along the track
+_EARLY = 30_000         # smallest number of steps before a proof may be given up
+_NOTHING = 1e-9         # smallest share of the track for an estimate; the first interval may be one float long
+_MANY = 200             # smallest number of intervals for an estimate; with fewer, the proof takes a second or two
+_SAMPLES, _LEAST = 12, 4        # largest and smallest number of intervals sampled for an estimate
 _PILOT = 0.1            # largest share of the budget for an estimate
 _SPARE = 2              # factor on the suggested effort, because the rate of a proof changes
-_HOPELESS = 3           # times the budget: proofs that would take more are given up early; valid ones take at most 1.8
-Progress = Callable[[float, float, str], object]    # metres cleared, metres in total, advice on the budget
+_HOPELESS = 3           # times the budget: longer proofs are given up early; valid proofs take at most 1.8
+Progress = Callable[[float, float, str], object]    # arguments: metres cleared, metres in total, advice on the budget
 
 
 @dataclass
 class Budget:
-    """The budget in steps (links placed and pairs of benches tested), ``effort`` times the usual one.
+    """The budget in steps (links placed and pairs of benches tested), ``effort`` times the usual budget.
 
-    ``spent`` steps are used and ``intervals`` intervals are proved; a ``share`` of the track has been cleared since
-    step ``since``. ``expected`` is the total number of steps, estimated from a few sampled intervals.
+    ``spent`` is the number of steps used and ``intervals`` the number of intervals proved; a fraction ``share`` of
+    the track has been cleared since step ``since``. ``expected`` is the total number of steps, estimated from a few
+    sampled intervals.
     """
 
     steps: int
@@ -50,7 +51,7 @@ class Budget:
     _begun_s: float = field(default_factory=time.monotonic)
 
     def spend(self, steps: int) -> None:
-        """Take steps from the budget. Raises Refused if none are left."""
+        """Take steps from the budget. Raises Refused if the budget is exceeded."""
         self.spent += steps
         if self.spent > self.steps:
             raise Refused(f'it was not proved within the budget of {self.steps} steps; {self._cure}')
@@ -63,7 +64,7 @@ class Budget:
 
     @property
     def advice(self) -> str:
-        """Advice on the budget during a proof; empty if the budget is sufficient at the current rate."""
+        """A suggestion to increase the budget; empty if the budget is sufficient at the current rate."""
         if not self._whole > self.steps:
             return ''
         begins = f'it takes about {self._takes_s:.2g} s, ' if not self.share else ''
@@ -71,7 +72,7 @@ class Budget:
 
     @property
     def _whole(self) -> float:
-        """Number of steps that the proof takes at the current rate, or as expected; 0 if unknown."""
+        """Number of steps of the whole proof, at the current rate or else as expected; 0 if unknown."""
         pace = (self.spent - self.since) / self.share if self.share > _NOTHING else self.expected
         return self.since + pace if pace else 0.0
 
@@ -82,29 +83,29 @@ class Budget:
 
     @property
     def _cure(self) -> str:
-        """The suggestion of an effort that suffices at the current rate, and the time that the proof then takes."""
+        """A suggestion of an effort that suffices at the current rate, and the time that the proof would take."""
         if not self._whole:
             return f'give --effort above {self.effort:.3g}'
         return f'give --effort {self._enough:.12g} (at this rate the proof takes about {self._takes_s:.2g} s)'
 
     @property
     def _takes_s(self) -> float:
-        """Time that the proof takes at the current rate."""
+        """Time in seconds that the whole proof takes at the current rate."""
         return (time.monotonic() - self._begun_s) * self._whole / max(self.spent, 1)
 
 
 @dataclass(frozen=True)
 class Way:
-    """The positions of a class of benches: its first bench, and for each bench the range of its front handle.
+    """The positions of a class of benches: the first bench, and for each bench the range of its front handle.
 
-    A bench is always behind the preceding ones, so both the lower and the upper limits of the ranges are in order.
+    A bench is always behind the preceding benches, so both the lower and the upper limits of the ranges are in order.
     """
 
     lead: int
     members: tuple[tuple[int, Range], ...]
 
     def most(self, low: arb, high: arb) -> int | None:
-        """Return the first bench that moves between two positions, which has the most benches behind it, or None.
+        """Return the first bench that moves between two positions, or None; this bench has the most benches behind it.
 
         A bench that only reaches the boundary between two intervals belongs to the other interval.
         """
@@ -115,7 +116,7 @@ class Way:
         return None if (last <= low if low < high else last < low) else bench
 
     def _first(self, holds: Callable[[Range], bool]) -> int:
-        """Return the index of the first member that meets a condition; all later members meet it too."""
+        """Return the index of the first member that meets a condition that all later members also meet."""
         first, after = 0, len(self.members)
         while first < after:
             n = (first + after) // 2
@@ -123,7 +124,7 @@ class Way:
         return first
 
     def ends(self, low: arb, high: arb) -> list[arb]:
-        """Return the limits of the ranges of benches of the class between two positions."""
+        """Return the limits of the benches' ranges that lie between two positions, in ascending order."""
         return sorted([*self._ends(0, low, high), *self._ends(1, low, high)], key=float)
 
     def _ends(self, end: int, low: arb, high: arb) -> Iterator[arb]:
@@ -143,7 +144,7 @@ class Way:
 
 
 def ways(dragon: Dragon, places: Sequence[Range]) -> list[Way]:
-    """Return the classes of benches with equal remaining lengths, with their positions."""
+    """Return the classes of benches with equal lengths behind them, and the positions of these benches."""
     sets: dict[int, list[int]] = {}
     for bench, lead in enumerate(_leads(dragon.lengths_m)[:-2]):
         sets.setdefault(lead, []).append(bench)
@@ -151,9 +152,9 @@ def ways(dragon: Dragon, places: Sequence[Range]) -> list[Way]:
 
 
 def repeated(lengths: Sequence[float]) -> list[int]:
-    """Return, for each index counted from the tail, how many lengths from it on equal the first ones from the tail.
+    """Return, for each index counted from the tail, how many lengths from there on equal the first lengths.
 
-    This is the Z-algorithm. The lengths from bench i to the tail equal the first ones from bench k <= i on if the
+    This is the Z-algorithm. The lengths from bench i to the tail equal the first lengths from bench k <= i on if the
     value at index N - k - m is at least m = N - i.
     """
     count, text = len(lengths), lengths[::-1]
@@ -169,9 +170,9 @@ def repeated(lengths: Sequence[float]) -> list[int]:
 
 
 def _leads(lengths: Sequence[float]) -> list[int]:
-    """Return, for each bench, the first bench whose lengths from there on begin with this one's remaining lengths."""
+    """Return, for each bench, the first bench whose lengths begin with those from this bench to the tail."""
     count, same = len(lengths), repeated(lengths)
-    last = [0] * (count + 1)        # last position with at least the value of the index
+    last = [0] * (count + 1)        # the last position whose value is at least the index
     for place, length in enumerate(same):
         last[length] = place
     for length in range(count - 1, 0, -1):
@@ -183,11 +184,11 @@ class Cover:
     """Clears the positions of all classes of benches on a track."""
 
     def __init__(self, track: Track, dragon: Dragon, bend: float | None, budget: Budget, progress: Progress) -> None:
-        """Store the track and its largest curvature ``bend``, which is None if handles may turn back."""
+        """Store the track and the dragon; ``bend`` is the largest curvature, or None if handles may turn back."""
         self._track, self._dragon, self._bend, self.budget, self._tell = track, dragon, bend, budget, progress
 
     def clear(self, every: Sequence[Way], hints: dict[int, list[float]]) -> None:
-        """Clear all positions. Raises Refused for the first one that cannot be proved clear."""
+        """Clear all positions. Raises Refused for the first position that cannot be proved clear."""
         parts = [(way, part) for way in every for part in way.parts]
         whole_m = sum(above(high - low) for _, (low, high) in parts)
         joints = {cut for joint in self._track.joints for cut in (below(joint), above(joint))}
@@ -203,7 +204,7 @@ class Cover:
                 self._tell(done_m, whole_m, self.budget.advice)
 
     def _expect(self, parts: Sequence[tuple[Way, Range]], cuts: dict[int, list[float]]) -> None:
-        """Estimate the total number of steps from a sample of the intervals between hints, spread evenly."""
+        """Estimate the total number of steps from an evenly spread sample of the intervals between hints."""
         hinted = [_cuts_between(low, high, cuts[way.lead]) for way, (low, high) in parts]
         whole = sum(len(ends) - 1 for ends in hinted)
         most = int(self.budget.steps * _PILOT / (3 * len(self._dragon.benches)))
@@ -222,7 +223,7 @@ class Cover:
         self.budget.steps += self.budget.spent - spent
 
     def _clear(self, way: Way, low: arb, high: arb, cuts: list[float]) -> Iterator[float]:
-        """Clear the interval between two positions, in parts as long as can be proved; yield their lengths in m."""
+        """Clear the interval between two positions in the longest provable parts; yield their lengths in m."""
         begin, stack = self._posture(way, low), [(low, high, self._posture(way, high))]
         while stack:
             low, high, end = stack.pop()
@@ -241,7 +242,7 @@ class Cover:
         return Posture(self._track, self._dragon, way.lead, self._track.place_at(place))
 
     def _stuck(self, way: Way, low: arb, high: arb, begin: Posture, end: Posture) -> 'Stuck | None':
-        """Return the reason why a class of benches is not proved clear between two positions of its leading bench."""
+        """Return why a class of benches is not proved clear between two positions of its first bench, or None."""
         bench = way.most(low, high)
         if bench is None:
             return None
@@ -260,7 +261,7 @@ class Cover:
         return None if behind is None else Stuck(f'benches {bench} and {bench + behind} could not be proved apart')
 
     def _check_overlap(self, way: Way, found: Overlap, place: arb) -> None:
-        """Raise Refused if the overlapping benches exist when the leading bench is at a position."""
+        """Raise Refused if the overlapping benches exist when the first bench is at the given position."""
         bench = way.most(place, place)
         if bench is not None and bench + found.benches[1] - found.benches[0] < len(self._dragon.benches):
             raise Refused(f'benches {bench} and {bench + found.benches[1] - found.benches[0]} overlap when the front '
@@ -280,13 +281,13 @@ class Stuck:
 
 
 def _cuts_between(low: arb, high: arb, cuts: list[float]) -> list[arb]:
-    """Return both ends of a piece of track and the hints in between, in order."""
+    """Return both ends of a part of the track and the hints in between, in ascending order."""
     inside = cuts[bisect_right(cuts, above(low)):bisect_left(cuts, below(high))]
     return [low, *map(arb, inside), high]
 
 
 def _middle(low: arb, high: arb, cuts: list[float], ends: list[arb]) -> arb:
-    """Return where to cut: at one of the limits ``ends`` of ranges, otherwise at a hint, otherwise in the middle."""
+    """Return where to cut: at one of the limits ``ends`` of ranges, else at a hint, else in the middle."""
     if ends:
         return ends[len(ends) // 2]
     first, last = bisect_right(cuts, above(low)), bisect_left(cuts, below(high))

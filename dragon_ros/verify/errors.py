@@ -1,5 +1,5 @@
-"""The error with which the checker rejects a certificate: one line that names the field in it."""
+"""The error that rejects a certificate; its message is one line that names the field."""
 
 
 class Refused(Exception):
-    """A certificate that does not hold, that is malformed, or that could not be proved within the budget."""
+    """The certificate does not hold, is malformed, or could not be proved within the budget."""

@@ -1,10 +1,10 @@
-"""The proof for a family of dragons on one spiral: until a time, no dragon within the tolerances touches itself.
+"""The proof for a family of dragons on one spiral: up to a time, no dragon within the tolerances touches itself.
 
-In units of b = pitch / 2 pi the spiral is r = theta. A box consists of five intervals of floats: the polar angle of the
-front handle of a bench, the angle by which the front handle of another bench is ahead of it, 1 / b, and the links of
-both in metres. It is halved until one edge separates the benches everywhere in it, or until nothing in it can occur,
-because the head would have travelled too far, or because no number of links joins one bench to the other.
-docs/contact.md has the proof.
+In units of b = pitch / 2 pi the spiral is r = theta. A box consists of five intervals of floats: the polar angle of
+the front handle of a bench, the angle by which the front handle of another bench is further out, 1 / b, and the link
+lengths of both benches in metres. A box is halved until one edge separates the benches everywhere in the box, or
+until nothing in the box can occur, because the head would have travelled too far or because no number of links joins
+one bench to the other. The proof of this method is in docs/contact.md.
 """
 from dataclasses import dataclass
 from fractions import Fraction
@@ -21,14 +21,14 @@ from dragon_ros.verify.law import Law
 from dragon_ros.verify.reading import FamilyClaims, Spiral
 from dragon_ros.verify.segments import about_span
 
-_BOXES = 60_000         # limit; a family with a proof needs about ten thousand
-_LINKS = 100            # number of placed links that count as one box
-_FIRST_RAD = 2.0        # angle of the first boxes about the centre
-_LEAST = 1e-9           # relative to a variable: the narrowest box
+_BOXES = 60_000         # limit; the proof of a family needs about ten thousand
+_LINKS = 100            # number of placed links that count as one box of the limit
+_FIRST_RAD = 2.0        # angle about the centre that each of the first boxes covers
+_LEAST = 1e-9           # relative to a variable: width of the narrowest box
 _BENT = Fraction(109, 100)      # the curvature of any spiral is at most 1.09 / r
-_NEAR = 1e-11           # relative to a span: distance of the first bound that is tried
+_NEAR = 1e-11           # relative to a span: distance of the first bound that is tested
 _BELOW, _ABOVE = -1, 1  # the side of a value on which a float provably is
-_PASSES = 6             # iterations to bound the head, given the handle behind it
+_PASSES = 6             # iterations that bound the head, given the handle behind it
 _HALF = Fraction(1, 2)
 
 Interval = tuple[float, float]
@@ -38,7 +38,7 @@ THETA, AHEAD, SCALE, LINK, OTHER = range(5)
 
 @dataclass(frozen=True)
 class Family:
-    """The exact ranges of the dragons' data in metres, from smallest to largest; the claim holds until ``until_s``."""
+    """The exact ranges (smallest, largest) of the dragons' dimensions in metres; the claim holds until ``until_s``."""
 
     benches: int
     start_turns: Fraction
@@ -53,7 +53,7 @@ class Family:
 
 
 def prove_family(claims: FamilyClaims, effort: float, progress: Progress) -> int:
-    """Return the number of boxes of the proof that no dragon touches itself. Raises Refused if there is no proof."""
+    """Prove that no dragon touches itself, and return the number of boxes. Raises Refused if there is no proof."""
     return _Proof(_family_of(claims), int(effort * _BOXES), progress).run()
 
 
@@ -62,9 +62,9 @@ def _family_of(claims: FamilyClaims) -> Family:
     scene, within = claims.scene, {key: Fraction(value) for key, value in claims.within.items()}
     track, lengths = scene.track, scene.lengths_m
     if not isinstance(track, Spiral) or scene.tail_leads:
-        raise Refused('scene: proofs of families are for one spiral, led by the head')
+        raise Refused('scene: family proofs support only one spiral, led by the head')
     if len(set(lengths[1:])) > 1 or len(lengths) < 3:
-        raise Refused('scene.dragon: proofs of families are for three benches or more, equal behind the head')
+        raise Refused('scene.dragon: family proofs support only three or more benches, equal behind the head')
     inset = _around(scene.inset_m, within.get('dragon.hole_inset_m', Fraction(0)))
     ends = (_around(length_m, within.get(key, Fraction(0))) for key, length_m in (
         ('dragon.head_length_m', lengths[0]), ('dragon.body_length_m', lengths[1])))
@@ -82,7 +82,7 @@ def _around(value: float, tolerance: Fraction) -> tuple[Fraction, Fraction]:
 
 
 def _floats(low: Fraction | arb, high: Fraction | arb) -> Interval:
-    """Return floats that enclose two numbers."""
+    """Return two floats that enclose two numbers."""
     return below(exact(low) if isinstance(low, Fraction) else low), above(
         exact(high) if isinstance(high, Fraction) else high)
 
@@ -99,9 +99,10 @@ def _excess(theta: arb, delta: arb, chord: arb) -> arb:
 
 @lru_cache(maxsize=65536)
 def _span(theta: float, chord: float, sense: int) -> float:
-    """Return a float that is provably below or above (``sense``) the span of a chord from an angle.
+    """Return a float that is provably below or above (``sense``) the span of a chord.
 
-    Up to pi the chord grows with the span, so the sign of F - c^2 / 2 shows on which side of the root a span is.
+    ``theta`` is the polar angle at the start of the chord. Up to pi the chord grows with the span, so the sign of F -
+    c^2 / 2 shows on which side of the root a span is.
     """
     near = about_span(theta, chord)
     wider = _NEAR
@@ -114,12 +115,12 @@ def _span(theta: float, chord: float, sense: int) -> float:
 
 
 def _next(theta: float, chord: float, sense: int) -> float:
-    """Return a float that is provably below or above (``sense``) the angle of the handle a chord behind an angle."""
+    """Return a float that is provably below or above (``sense``) the angle of the handle a chord behind ``theta``."""
     return nextafter(theta + _span(theta, chord, sense), sense * inf)
 
 
 def _spans(theta: Interval, scale: Interval, link: Interval) -> arb:
-    """Return a ball of the spans of links with front handles between two angles (lemma 1)."""
+    """Return a ball that contains the spans of links with front handles between two angles (lemma 1)."""
     short, long = below(arb(scale[0]) * arb(link[0])), above(arb(scale[1]) * arb(link[1]))
     return arb(_span(theta[1], short, _BELOW)).union(arb(_span(theta[0], long, _ABOVE)))
 
@@ -129,7 +130,7 @@ def _added(one: Interval, other: Interval) -> Interval:
 
 
 class _Proof:
-    """Clears the boxes of a family one by one, the last one first."""
+    """Clears the boxes of a family one by one; of several boxes, the last is cleared first."""
 
     def __init__(self, family: Family, most: int, progress: Progress) -> None:
         self._family, self._most, self._tell, self._links = family, most, progress, 0
@@ -140,7 +141,7 @@ class _Proof:
         self._start = 2 * half_turn() * exact(family.start_turns)
         gone = family.law.extent_m(family.start_s, family.until_s)
         if gone[0] < family.law.gone_m(family.start_s):
-            raise Refused('proved_s: the head goes back before this time, which proofs of families do not cover')
+            raise Refused('proved_s: the head goes back before this time, which family proofs do not support')
         self._gone_m = exact(gone[0]), exact(gone[1])
 
     @cached_property
@@ -153,7 +154,7 @@ class _Proof:
         return theta * (1 + theta * theta).sqrt() + theta.asinh()
 
     def _gone_by(self, theta: float, scale: float) -> arb:
-        """Return the distance in metres that the head has travelled at an angle."""
+        """Return the distance in metres that the head has travelled when it is at an angle."""
         return (self._arc_start - self._arc(arb(theta))) / (2 * arb(scale))
 
     def run(self) -> int:
@@ -168,25 +169,25 @@ class _Proof:
         return done
 
     def _first(self) -> list[tuple[int, Box]]:
-        """Return boxes for all positions of the head (0), and of all front handles behind it (1)."""
+        """Return boxes for all positions of the head (with a 0) and of all front handles behind it (with a 1)."""
         inner, outer = self._innermost(), above(self._start)
         rear = _next(inner, below(arb(self._scale[0]) * arb(self._head[0])), _BELOW)
         first = [(0, box) for box in self._row(inner, outer, self._head)]
-        if self._family.benches > 3:        # if there are three benches, only the head has two behind it
+        if self._family.benches > 3:        # of three benches, only the head has two benches behind it
             first += [(1, box) for box in self._row(rear, self._last(outer), self._body)]
         return first
 
     def _last(self, theta: float) -> float:
-        """Return the angle of the front handle of the last bench with two behind it, for an angle of the head.
+        """Return the angle of the front handle of the last bench that has two behind it, with the head at ``theta``.
 
-        By lemma 6 it is largest for the longest links.
+        By lemma 6, this angle is largest for the longest links.
         """
         for link in [self._head[1], *[self._body[1]] * (self._family.benches - 4)]:
             theta = _next(theta, above(arb(self._scale[1]) * arb(link)), _ABOVE)
         return theta
 
     def _clear(self, lead: int, box: Box, before: int) -> int:
-        """Return the number of boxes needed to clear one, after ``before`` others. Raises Refused."""
+        """Clear a box, after ``before`` others, and return the number of boxes that this took. Raises Refused."""
         boxes, done = [box], 0
         while boxes:
             here = boxes.pop()
@@ -200,9 +201,9 @@ class _Proof:
         return done
 
     def _innermost(self) -> float:
-        """Return an angle that no head of the family has passed by the claimed time.
+        """Return an angle that no head of the family has passed at the claimed time.
 
-        Further out the curvature times each link is below 2, so no link locks and handles move in one direction.
+        Further out, the curvature times each link is below 2, so no link locks and all handles move in one direction.
         """
         gone, scale = self._gone_m[1], self._scale[1]
         low, high = 0.0, above(self._start)
@@ -211,21 +212,21 @@ class _Proof:
             low, high = (middle, high) if self._gone_by(middle, scale) > gone else (low, middle)
         if not (self._gone_by(low, scale) > gone
                 and arb(2 * low) > exact(_BENT) * arb(scale) * arb(max(self._head[1], self._body[1]))):
-            raise Refused('proved_s: by then the head of some dragon of the family comes so close to the centre that '
+            raise Refused('proved_s: by then the head of a dragon of the family may be so close to the centre that '
                           'links might lock')
         return low
 
     def _row(self, first: float, last: float, link: Interval) -> list[Box]:
         count = 1 + int((last - first) / _FIRST_RAD)
         if count > self._most:
-            raise Refused(f'the dragon lies on {count} parts of the track, and at most {self._most} are searched; give '
+            raise Refused(f'the dragon extends over {count} parts of the track; the limit is {self._most}; give '
                           '--effort above 1')
         ends = [first + (last - first) * n / count for n in range(count)] + [last]
         return [((low, high), (0.0, inf), self._scale, link, self._body)
                 for low, high in pairwise(ends)]
 
     def _occurring(self, lead: int, box: Box) -> Box | None:
-        """Return the part of a box that can occur, or None."""
+        """Return the part of a box that can occur, or None if no part can."""
         theta, ahead, scale, link, other = box
         head = theta[1]
         if lead:
@@ -233,7 +234,7 @@ class _Proof:
             for _ in range(_PASSES):
                 head = above(arb(theta[1]) - arb(_span(head, chord, _BELOW)))
         elif above(self._start) > theta[0] and self._gone_by(theta[0], scale[0]) < self._gone_m[0]:
-            return None     # before the start
+            return None     # before the start of the run
         if arb(head) < self._start and self._gone_by(head, scale[1]) > self._gone_m[1]:
             return None     # after the claimed time
         most = above(arb(scale[1]) * arb(link[1]))
@@ -244,7 +245,7 @@ class _Proof:
         return (theta, (low, high), scale, link, other) if low <= high else None
 
     def _strips(self, lead: int, box: Box) -> Interval:
-        """Return the range of angles by which another bench may be ahead in a box, over all numbers of links."""
+        """Return the range of angles by which another bench may be further out in a box, for all numbers of links."""
         theta, ahead, scale, link, _ = box
         near = _next(theta[1], below(arb(scale[0]) * arb(link[0])), _BELOW)
         far = _next(theta[0], above(arb(scale[1]) * arb(link[1])), _ABOVE)
@@ -256,7 +257,7 @@ class _Proof:
             least, most = nextafter(near - theta[1], -inf), nextafter(far - theta[0], inf)
             self._links += 1
             if self._links > _LINKS * self._most:
-                raise Refused(f'no proof with {self._links} links placed; give --effort above 1')
+                raise Refused(f'no proof after {self._links} links were placed; give --effort above 1')
             if least > ahead[1]:
                 break
             if most >= ahead[0]:
@@ -265,7 +266,7 @@ class _Proof:
 
     @staticmethod
     def _halves(box: Box, cut: int) -> list[Box]:
-        """Return the halves of a box, cut along a variable. Raises Refused if it is too narrow."""
+        """Return the halves of a box that is cut along a variable. Raises Refused if the box is too narrow."""
         low, high = box[cut]
         middle = 0.5 * (low + high)
         if not high - low > _LEAST * max(1.0, abs(high)):
@@ -275,7 +276,7 @@ class _Proof:
         return [tuple(first), tuple(second)]  # type: ignore[list-item]
 
     def _unclear(self, box: Box) -> int | None:
-        """Return None if the two benches are apart everywhere in a box, else the variable along which to cut it."""
+        """Return None if the benches are apart everywhere in a box, else the variable along which to cut the box."""
         middle = [arb(0.5 * (low + high)) for low, high in box]
         reach = [max(above(high - mid), above(mid - low)) for (low, high), mid in zip(box, middle, strict=True)]
         here = _Pair(middle, [(float(mid), float(mid)) for mid in middle])
@@ -294,9 +295,9 @@ class _Proof:
 
 
 class _Pair:
-    """Two benches for all values of the variables in a box: their handles as complex numbers, and the derivatives.
+    """Two benches for all values in a box: their handles as complex numbers, and the derivatives of the handles.
 
-    Polar angles are measured from the front handle of the inner bench. ``ends`` bound the variables.
+    Polar angles are measured from the front handle of the inner bench. ``ends`` are the bounds of the variables.
     """
 
     def __init__(self, values: list[arb], ends: list[Interval]) -> None:
@@ -315,7 +316,7 @@ class _Pair:
 
     def _rear(self, theta: arb, angle: arb, theta_ends: Interval, scale_ends: Interval, link_ends: Interval, which: int,
               moves: dict[int, tuple[int, int]]) -> tuple[acb, dict[int, acb]]:
-        """Return the rear handle of a bench whose front handle is at a radius and an angle, and its derivatives.
+        """Return the rear handle of a bench whose front handle is at a radius and an angle, and the derivatives.
 
         ``moves`` are the derivatives of that radius and angle.
         """
@@ -338,7 +339,8 @@ class _Pair:
                   with_slopes: bool = False) -> tuple[list[arb], list[list[arb]]]:
         """Return how far each corner of a bench is beyond an edge of the other bench, and the derivatives.
 
-        Edges 0 to 3 are the left, right, front and rear edges of the inner bench, and 4 to 7 those of the other bench.
+        Edges 0 to 3 are the left, right, front and rear edges of the inner bench; edges 4 to 7 are those of the other
+        bench.
         """
         one, two, side = edge // 4, 1 - edge // 4, edge % 4
         (front, rear), (other_front, other_rear) = self._handles[one], self._handles[two]
@@ -363,13 +365,13 @@ class _Pair:
         return apart, slopes
 
     def _axis_slope(self, which: int, row: int, axis: acb) -> acb:
-        """Return a derivative of a bench's unit vector from its rear to its front handle."""
+        """Return a derivative of the unit vector from the rear to the front handle of a bench."""
         front, rear = (slopes.get(row, acb(0)) for slopes in self._slopes[which])
         return (front - rear - axis * self._chord_slopes[which].get(row, arb(0))) / self._chords[which]
 
     @staticmethod
     def _beyond(side: int, place: acb, scale: arb, chord: arb, half_m: float, over_m: float) -> arb:
-        """Return how far a point, relative to a bench's front handle, is beyond an edge; linear in all arguments."""
+        """Return how far a point, relative to a bench's front handle, is beyond an edge (linear in all arguments)."""
         if side < 2:
             return (place.imag if side == 0 else -place.imag) - scale * half_m
         return place.real - scale * over_m if side == 2 else -place.real - chord - scale * over_m

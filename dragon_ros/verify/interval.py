@@ -1,10 +1,10 @@
-"""One interval of positions of a leading bench, and the proof that the bench stays clear of those behind it.
+"""One interval of positions of a leading bench, and the proof that it stays clear of the benches behind it.
 
-There are three bounds (docs/contact.md). If the track between two benches is nearly straight, they cannot touch. By the
-second-order bound, the corners of one bench, as seen from another, deviate from the straight lines between their
-positions at both ends by at most B h^2 / 8; so an edge line that separates the benches by more than that at both ends
-also separates them in between. By the first-order bound, gaps shrink at most by the benches' motion; it also holds
-close to a lock, where B does not exist.
+There are three bounds (docs/contact.md). If the track between two benches is nearly straight, they cannot touch. By
+the second-order bound, the corners of one bench in the frame of another deviate by at most B h^2 / 8 from the
+straight lines between their positions at both ends. An edge line that separates the benches by more than that at both
+ends therefore also separates them in between. By the first-order bound, a gap shrinks by at most the motion of the
+benches. The first-order bound also holds close to a lock, where B does not exist.
 """
 from functools import cached_property
 from math import asin, inf
@@ -27,8 +27,8 @@ from dragon_ros.verify.posture import AXES, Dragon, Pose, about, overlap, separa
 from dragon_ros.verify.segments import HALF, SpiralSegment
 from dragon_ros.verify.track import Track
 
-_ROUNDED = 1e-12        # relative to coordinates: exceeds the error of a distance after a dozen float operations
-_OFTEN = 0.5            # relative to the best separation: above it, the leading bench's frame is tried first
+_ROUNDED = 1e-12        # relative to coordinates: more than the error of a distance after a dozen float operations
+_OFTEN = 0.5            # relative to the best separation: above this ratio, the leading bench's frame is tried first
 
 
 class Overlap(Refused):
@@ -41,10 +41,10 @@ class Overlap(Refused):
 
 
 class Interval:
-    """The benches behind a leading one while its front handle moves between two positions."""
+    """The benches behind a leading bench while its front handle moves between two positions."""
 
     def __init__(self, track: Track, dragon: Dragon, lead: int, ends: Postures, bend: float | None) -> None:
-        """Store the dragon at both ends; ``bend`` is the largest curvature, or None if handles may turn back."""
+        """Store the postures at both ends; ``bend`` is the largest curvature, or None if handles may turn back."""
         self._track, self._dragon, self._lead, self._ends, self._bend = track, dragon, lead, ends, bend
         self._benches = dragon.benches
         first = leading_handle(track, ends)
@@ -52,16 +52,17 @@ class Interval:
         self._turnings: list[Turning] = []
         self._moved: list[float] = []
         self._in_lead: list[float] = []
-        self._turns, self._between_m = list[float](), list[float]()     # up to each bench behind
+        self._turns, self._between_m = list[float](), list[float]()     # up to each bench behind the leading bench
         self._length = size(first.high - first.low) if first.segment is not None else first.moved_m
         self._outer: float | None = None
         self.tested = 1
 
     def clear(self, first: int, last: int) -> int | None:
-        """Return the offset of the nearest bench behind that is not proved clear of the leading one; None if all are.
+        """Return the offset of the nearest bench that is not proved clear of the leading bench, or None.
 
-        The benches from the ``first`` to the ``last`` behind count, up to the first bench from which all are out of
-        reach. Raises Overlap if benches overlap at an end, and Refused if a handle cannot be placed.
+        The benches at the offsets ``first`` to ``last`` behind the leading bench are tested, up to the bench from
+        which on all benches are out of reach. Raises Overlap if benches overlap at an end, and Refused if a handle
+        cannot be placed.
         """
         for n in range(first, last + 1):
             self.tested += 1
@@ -100,7 +101,7 @@ class Interval:
         return self._turnings[n]
 
     def _moved_m(self, n: int) -> float:
-        """Return an upper bound on the motion of a point of the n-th bench."""
+        """Return an upper bound on the distance that a point of the n-th bench moves."""
         while len(self._moved) <= n:
             k = len(self._moved)
             ways = self._handle(k).moved_m, self._handle(k + 1).moved_m
@@ -108,10 +109,10 @@ class Interval:
         return self._moved[n]
 
     def _straight(self, n: int) -> bool:
-        """Return whether the track bends so little that the links between two benches lead away from the leading one.
+        """Return whether the track bends so little that the links between two benches lead away from the leading bench.
 
-        The directions of two links differ by at most the total angle of the links in between on the tightest bend
-        (docs/contact.md).
+        The directions of two links differ by at most the total angle that the links in between span on the tightest
+        bend (docs/contact.md).
         """
         turned = self._turned(n)
         if not turned < 1:
@@ -121,7 +122,7 @@ class Interval:
         return away_m > up(lead.over_m + other.over_m + other.sizes[1] * turned)
 
     def _turned(self, n: int) -> float:
-        """Return the largest turn of the track along the links up to the n-th bench; also sum up the link lengths."""
+        """Return the largest turn of the track along the links up to the n-th bench; also accumulate the lengths."""
         while len(self._turns) <= n:
             k = len(self._turns)
             half = up(0.5 * self._tightest * self._benches[self._lead + k].link.near)
@@ -131,10 +132,10 @@ class Interval:
 
     @cached_property
     def _tightest(self) -> float:
-        """The largest curvature under the leading bench and those behind it; infinite if they may turn back.
+        """The largest curvature under the leading bench and the benches behind it; infinite if they may turn back.
 
-        If the track begins with an inward spiral, it is the curvature at the front handle, because curvature falls
-        towards the tail.
+        If the track begins with an inward spiral, this is the curvature at the front handle, because the curvature
+        decreases towards the tail.
         """
         handle, bend = self._handle(0), inf if self._bend is None else self._bend
         segment = self._track.segments[0]
@@ -143,10 +144,11 @@ class Interval:
         return above(abs(segment.curvature(handle.low)))
 
     def _out_of_reach(self, n: int) -> bool:
-        """Return whether the n-th bench and all behind it lie outside a circle that contains the leading bench.
+        """Return whether the n-th bench and all benches behind it lie outside a circle around the leading bench.
 
-        This requires that the radius increases from handle to handle on a spiral first segment: no point of a link is
-        closer to the centre than the root of r^2 - l^2 / 4, where r is the distance of its front handle.
+        This requires a first segment on which the radius increases from handle to handle, a spiral: no point of a
+        link is closer to the centre than the root of r^2 - l^2 / 4, where r is the distance of its front handle from
+        the centre.
         """
         handle, spiral = self._handle(n), self._track.segments[0]
         if handle.segment != 0 or not isinstance(spiral, SpiralSegment) or spiral.first is not None:
@@ -156,7 +158,7 @@ class Interval:
         return bool(inner > self._outer_m(spiral) + _ROUNDED * (abs(r) + link))
 
     def _outer_m(self, spiral: SpiralSegment) -> float:
-        """Return the largest distance of the leading bench from a spiral's centre."""
+        """Return the largest distance of the leading bench from the centre of a spiral."""
         if self._outer is None:
             handles = self._handle(0), self._handle(1)
             self._outer = self._benches[self._lead].overhang_m + max(
@@ -165,14 +167,14 @@ class Interval:
         return self._outer
 
     def _far(self, n: int) -> bool:
-        """Return whether two benches are too far apart at one end to meet, in floats."""
+        """Return whether two benches are too far apart at one end to meet in the interval, in floats."""
         one, two = self._ends[0].pose(0), self._ends[0].pose(n)
         away = abs(one.near - two.near)
         reach = one.shape.arm_m + two.shape.arm_m + self._moved_m(0) + self._moved_m(n)
         return away > reach + _unsure_m(one, two, reach)
 
     def _by_bending(self, n: int) -> bool:
-        """Return whether an edge line separates two benches at both ends by more than the corners' deviation."""
+        """Return whether an edge line separates two benches at both ends by more than the deviation of the corners."""
         ends = [(end.pose(0), end.pose(n)) for end in self._ends]
         rough = [min(both) for both in zip(*(about(*pair) for pair in ends), strict=True)]
         half = len(AXES) // 2
@@ -186,13 +188,13 @@ class Interval:
 
     @staticmethod
     def _parted(ends: list[tuple[Pose, Pose]], k: int, rough: float, sag: float) -> bool:
-        """Return whether separations at both ends exceed a bound, in floats if that is decisive, otherwise in balls."""
+        """Return whether separations at both ends exceed a bound, in floats if they are decisive, else in balls."""
         if rough > sag + max(_unsure_m(*pair, sag) for pair in ends):
             return True
         return all(below(separation(*pair, AXES[k])) > sag for pair in ends)
 
     def _sag(self, n: int, other: bool) -> float:
-        """Return how far corners deviate from straight lines in the frame of the leading bench or of the other."""
+        """Return how far corners deviate from straight lines in the frame of the leading or of the other bench."""
         arm_m = self._benches[self._lead + (0 if other else n)].arm_m
         one, two = self._turning(0), self._turning(n)
         turning, rate = size(two.w - one.w), size(two.rate - one.rate)
@@ -200,10 +202,10 @@ class Interval:
         return up(bend * up(self._length * self._length) / 8)
 
     def _middles(self, n: int, other: bool) -> float:
-        """Return a bound on the relative acceleration of the middles of two benches, in the frame of one.
+        """Return a bound on the relative acceleration of the middles of two benches in the frame of one bench.
 
-        If all four handles turn about a common centre, each accelerates little in that frame, and their bounds are
-        added. Otherwise velocities and accelerations in the plane are combined.
+        If all four handles turn about a common centre, each handle accelerates little in that frame, and the bounds
+        of the handles are added. Otherwise, velocities and accelerations in the plane are combined.
         """
         pole = self._handle(0).pole
         if pole is None or any(self._handle(k).pole != pole for k in (1, n, n + 1)):
@@ -213,7 +215,7 @@ class Interval:
         return up(0.5 * sum(self._in_lead_frame(k) for k in (0, 1, n, n + 1)))
 
     def _in_lead_frame(self, k: int) -> float:
-        """Return a bound on a handle's acceleration in the leading bench's frame; infinite if it has another centre."""
+        """Return a bound on a handle's acceleration in the leading bench's frame; infinite for another centre."""
         while len(self._in_lead) <= k:
             m = len(self._in_lead)
             same = self._handle(m).pole == self._handle(0).pole
@@ -221,7 +223,7 @@ class Interval:
         return self._in_lead[k]
 
     def _in_plane(self, n: int, turning: Turning) -> float:
-        """Return a bound on the middles' relative acceleration, from motions in the plane."""
+        """Return a bound on the relative acceleration of the middles, from motions in the plane."""
         front, rear, other_front, other_rear = (self._motion(k).speeds for k in (0, 1, n, n + 1))
         velocity = HALF * (other_front.velocity + other_rear.velocity - front.velocity - rear.velocity)
         acceleration = HALF * (other_front.acceleration + other_rear.acceleration - front.acceleration
@@ -231,13 +233,13 @@ class Interval:
         return size_of(seen)
 
     def _middle(self, n: int) -> acb:
-        """Return the ball of a bench's middle, which stays within half its handles' travel of its mean position."""
+        """Return a ball for the middle of a bench, which stays within half its handles' travel of its mean position."""
         one, two = (end.pose(n).middle for end in self._ends)
         unit = arb(0, up(0.25 * (self._handle(n).moved_m + self._handle(n + 1).moved_m)))
         return HALF * (one + two) + acb(unit, unit)
 
     def _by_going(self, n: int) -> bool:
-        """Return whether the gaps at both ends exceed the motion of both benches in between."""
+        """Return whether the sum of the gaps at both ends exceeds the motion of both benches in between."""
         moved = self._moved_m(0) + self._moved_m(n)
         gaps = 0.0
         for end in self._ends:
@@ -254,7 +256,7 @@ def _unsure_m(one: Pose, two: Pose, reach: float) -> float:
 
 
 def size_of(value: acb) -> float:
-    """Return a float that is at least any absolute value in a complex ball."""
+    """Return a float that is an upper bound on the absolute values in a complex ball."""
     return hypot_above(size(value.real), size(value.imag))
 
 

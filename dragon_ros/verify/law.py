@@ -1,8 +1,8 @@
 """The head law in exact rational arithmetic: the distance that the leader has travelled.
 
-Times and speeds in a certificate are floats, which are rational numbers. A ramp's speed is a polynomial in time, so
-distances are also rational. The only exception is the instant of a reversal on a smooth ramp, where the distance has
-outward bounds.
+Times and speeds in a certificate are floats, which are rational numbers. The speed on a ramp is a polynomial in time,
+so distances are also rational. The only exception is the instant of a reversal on a smooth ramp, where the distance
+has bounds that are rounded outwards.
 """
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from itertools import pairwise
 from math import asin, sin
 from typing import NamedTuple
 
-_NEAR = Fraction(1, 2**50)      # relative to a smooth ramp: the accuracy of its reversal in floats
+_NEAR = Fraction(1, 2**50)      # relative to the duration of a smooth ramp: accuracy of its reversal in floats
 
 Extent = tuple[Fraction, Fraction]
 
@@ -21,7 +21,7 @@ Extent = tuple[Fraction, Fraction]
 class Mark(NamedTuple):
     """A knot, or the approximate time of a reversal: the distance travelled by then, and a bound on its error.
 
-    From then on the leader goes on (``sense`` 1), goes back (-1) or rests (0), up to the next mark.
+    Up to the next mark the leader goes on (``sense`` 1), goes back (-1) or rests (0).
     """
 
     t_s: Fraction
@@ -40,7 +40,7 @@ class Leg(NamedTuple):
 
 @dataclass(frozen=True)
 class Law:
-    """``knots`` are (t_s, speed_m_s), the first at 0 s; the last speed continues. A steady speed is one knot."""
+    """A law by ``knots`` (t_s, speed_m_s), the first at 0 s; the last speed continues. A constant speed is one knot."""
 
     knots: tuple[tuple[Fraction, Fraction], ...]
     smooth: bool = False
@@ -51,14 +51,14 @@ class Law:
 
     @cached_property
     def _reached(self) -> list[Fraction]:
-        """Distance travelled at each knot; for both kinds of ramps the mean speed is the mean of the end speeds."""
+        """Distance travelled at each knot; on both kinds of ramps, the mean speed is the mean of the end speeds."""
         out = [Fraction(0)]
         for (t0, v0), (t1, v1) in pairwise(self.knots):
             out.append(out[-1] + (t1 - t0) * (v0 + v1) / 2)
         return out
 
     def _share(self, n: int, t_s: Fraction) -> Fraction:
-        """Return the fraction of the ramp after knot n that has passed; 0 if the speed is constant."""
+        """Return the fraction of the ramp after knot n that has elapsed; 0 if the speed is constant."""
         t0, _ = self.knots[n]
         return (t_s - t0) / (self.knots[n + 1][0] - t0) if n + 1 < len(self.knots) else Fraction(0)
 
@@ -79,7 +79,7 @@ class Law:
         return self._gone(bisect_right(self._times, t_s) - 1, t_s)
 
     def speed_m_s(self, t_s: Fraction) -> Fraction:
-        """Return the leader's speed; at a jump, the speed after it."""
+        """Return the leader's speed; at a jump, the speed after the jump."""
         return self._speed(bisect_right(self._times, t_s) - 1, t_s)
 
     @cached_property
@@ -113,7 +113,7 @@ class Law:
         return out
 
     def legs_at(self, t_s: Fraction, unsure_s: Fraction) -> list[Leg]:
-        """Return the legs that are within ``unsure_s`` of a time, in order."""
+        """Return the legs that come within ``unsure_s`` of a time, in order."""
         return [leg for leg in self.legs
                 if leg.since_s <= t_s + unsure_s and (leg.until_s is None or leg.until_s >= t_s - unsure_s)]
 
@@ -129,7 +129,7 @@ class Law:
         return min(gone) - more, max(gone) + more
 
     def pieces(self, end_s: Fraction | None) -> Iterator[tuple[Mark, Mark]]:
-        """Yield the periods from 0 s on in which the leader moves in one direction, except a last one without end."""
+        """Yield the periods from 0 s on in which the leader moves in one direction, except for an endless last one."""
         for before, after in pairwise(self.marks):
             if end_s is not None and after.t_s >= end_s:
                 break

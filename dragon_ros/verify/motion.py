@@ -1,12 +1,13 @@
-"""The motion of handles and links, in balls, while a leading bench's front handle moves over an interval of the track.
+"""The motion of handles and links, in balls, while the front handle of a leading bench moves over an interval.
 
-A prime is a derivative with respect to the coordinate u of the leading handle on its segment. Each handle has bounds on
-its coordinate and on its first two derivatives p and a over the whole interval; each link has bounds on its turning
-rate w and on w'. docs/contact.md derives the formulas:
+A prime is a derivative with respect to the coordinate u of the leading handle on its segment. For each handle there
+are bounds on its coordinate and on the first two derivatives p and a over the whole interval, and for each link
+bounds on its turning rate w and on w'. docs/contact.md derives the formulas:
 
 - on one line or arc all handles move equally, and all links turn equally;
 - on one spiral the handle at theta + delta follows the handle at theta with p (1 + d1), a (1 + d1) + p^2 d2;
-- across a joint, and at it, the speed v and its rate along the track are used: v cos alpha is equal at both ends.
+- at and across a joint, the speed v along the track and its rate are used; v cos alpha is equal at both ends of a
+  link.
 """
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,7 +25,7 @@ Postures = tuple[Posture, Posture]
 
 
 class Slopes(NamedTuple):
-    """First and second derivatives by theta of a link's span delta and of its direction, theta + psi."""
+    """First and second derivatives, with respect to theta, of a link's span delta and of its direction theta + psi."""
 
     delta_1: arb
     delta_2: arb
@@ -36,9 +37,9 @@ class Slopes(NamedTuple):
 class Handle:
     """A handle on an interval: its segment (None if it passes a joint) and bounds on its coordinate.
 
-    ``ends`` are the indices of the interval ends at which it is at these bounds (None if at neither). ``moved_m``
-    bounds the distance along the track from one end to any position in between and on to the other end. ``slopes`` are
-    the slopes of the link to the handle in front of it, if they were computed.
+    ``ends`` are the indices of the interval's ends at which the handle is at these bounds (None if it is at neither).
+    ``moved_m`` is a bound on the distance along the track from one end to any position in between and on to the other
+    end. ``slopes`` are the slopes of the link to the handle in front, if they were computed.
     """
 
     track: Track
@@ -51,18 +52,18 @@ class Handle:
 
     @cached_property
     def u(self) -> arb:
-        """The ball of all its possible coordinates."""
+        """The ball of all possible coordinates of the handle."""
         return self.low.union(self.high)
 
     @property
     def on(self) -> AnySegment:
-        """The segment on which it stays."""
+        """The segment on which the handle stays."""
         assert self.segment is not None
         return self.track.segments[self.segment]
 
     @cached_property
     def pole(self) -> int | None:
-        """The index of the centre about which it turns; None if there is none."""
+        """The index of the centre about which the handle turns; None if there is none."""
         if self.segment is None or isinstance(self.on, LineSegment):
             return None
         return self.track.poles[self.segment]
@@ -70,7 +71,7 @@ class Handle:
 
 @dataclass(frozen=True, eq=False)
 class Speeds:
-    """A handle's motion along the track on an interval: speed v and its rate in m, unit tangent, signed curvature."""
+    """A handle's motion along the track: speed v and its rate in m, unit tangent, and signed curvature, in balls."""
 
     v: arb
     rate: arb
@@ -90,7 +91,7 @@ class Speeds:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The motion of a handle: derivatives p and a of its coordinate or, across a joint, its speeds along the track."""
+    """The motion of a handle: derivatives p and a of its coordinate or, across a joint, speeds along the track."""
 
     handle: Handle
     p: arb
@@ -111,7 +112,7 @@ class Motion:
 
     @cached_property
     def radial(self) -> tuple[arb, arb, arb, arb, arb]:
-        """Distance from the centre of its segment, its two derivatives, and those of the angle about it."""
+        """Distance from the segment's centre with its two derivatives, and the two derivatives of the angle."""
         segment = self.handle.on
         angle = self.p * segment.side, self.a * segment.side     # type: ignore[union-attr]
         if isinstance(segment, SpiralSegment):
@@ -136,10 +137,10 @@ def leading_handle(track: Track, ends: Postures) -> Handle:
 
 
 def next_handle(front: Handle, ends: Postures, n: int, link: Link, may_turn: bool) -> Handle:
-    """Return the handle behind another one; they are the n + 1-th and n-th behind the leading handle.
+    """Return the handle behind ``front``; they are the (n + 1)-th and the n-th handle behind the leading handle.
 
-    ``ends`` are the dragon at both ends of the interval. If handles ``may_turn`` (on a spiral to its centre), spans
-    bound the next handle; elsewhere each handle moves in the same direction as the leader.
+    ``ends`` are the postures at both ends of the interval. If handles ``may_turn`` (on a spiral to its centre), the
+    spans of links bound the next handle; otherwise each handle moves in the same direction as the leader.
     """
     if may_turn and not (isinstance(front.on, SpiralSegment) and front.on.is_wide(front.low, link)
                          and None not in front.ends):
@@ -157,7 +158,7 @@ def _bounded(track: Track, one: Place, two: Place) -> Handle:
 
 
 def _that_may_turn(front: Handle, ends: Postures, n: int, link: Link) -> Handle:
-    """Return the handle further out on an inward spiral, from the spans, which only decrease (lemma 1), and slopes."""
+    """Return the handle further out on an inward spiral, from slopes and from spans, which only decrease (lemma 1)."""
     segment = front.on
     assert isinstance(segment, SpiralSegment)
     low, high = (u + segment.span(u, link) if end is None else ends[end].place(n + 1).u
@@ -174,15 +175,15 @@ def _that_may_turn(front: Handle, ends: Postures, n: int, link: Link) -> Handle:
 
 
 def furthest(low: arb, high: arb, both: arb) -> float:
-    """Return the largest sum of a position's distances from two others, all between two bounds; ``both`` is their sum.
+    """Return the largest sum of distances from two positions to a third between bounds; ``both`` is their sum.
 
-    Beyond both of them the sum grows with the distance, so it is largest at a bound.
+    Beyond the two positions the sum grows with the distance, so it is largest at a bound.
     """
     return max(above(TWO * high - both), above(both - TWO * low))
 
 
 def _turning(front: Handle, images: tuple[arb, arb], spans: tuple[arb, arb], ratio: arb) -> tuple[arb, arb]:
-    """Return bounds on a handle that may turn back, from its spans and from the mean value theorem."""
+    """Return bounds on a handle that may turn back, from spans and from the mean value theorem."""
     lows, highs = [front.low + spans[1]], [front.high + spans[0]]
     change = ratio * (front.high - front.low) * ZERO.union(ONE)
     if change.is_finite():
@@ -195,14 +196,14 @@ def _turning(front: Handle, images: tuple[arb, arb], spans: tuple[arb, arb], rat
 
 
 def leading_motion(handle: Handle, ends: Postures) -> Motion:
-    """Return the motion of the leading handle by its coordinate or, across a joint, by metres."""
+    """Return the motion of the leading handle in terms of its coordinate or, across a joint, in metres."""
     if handle.segment is not None:
         return Motion(handle, ONE, ZERO)
     return Motion(handle, NAN, NAN, Speeds(ONE, ZERO, *_joint(handle, ends, 0)))
 
 
 def next_motion(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -> tuple[Motion, Turning]:
-    """Return the motion of the handle behind another one, from handle n to n + 1, and the turning of their link."""
+    """Return the motion of handle n + 1 behind handle n (``front``), and the turning of their link."""
     ahead = front.handle
     if ahead.segment is None or handle.segment != ahead.segment:
         return _across(front, handle, ends, n, link)
@@ -234,15 +235,15 @@ def _inwards(front: Motion, handle: Handle, segment: SpiralSegment, link: Link) 
 
 
 def _turned(segment: SpiralSegment, p: arb, a: arb, slopes: Slopes) -> Turning:
-    """Return the turning of a link whose inner handle moves with p and a; its direction is theta + psi."""
+    """Return the turning of a link of direction theta + psi whose inner handle moves with p and a."""
     turned = ONE + slopes.psi_1
     return Turning(p * turned * segment.side, (a * turned + p * p * slopes.psi_2) * segment.side)
 
 
 def _across(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -> tuple[Motion, Turning]:
-    """Return the motion of the handle behind if a link or a handle crosses a joint, and of the link."""
+    """Return the motion of the handle behind and of the link, if the link or a handle crosses a joint."""
     ahead = front.speeds
-    if link.inverse is None:    # at a joint its direction has no second derivative
+    if link.inverse is None:    # at a joint, the direction of such a link has no second derivative
         return Motion(handle, front.p, front.a, front.across), Turning(ahead.curvature * ahead.v, NAN)
     axis = _axis(front.handle, handle, ends, n, link.inverse)
     tangent, curvature = ((handle.on.heading(handle.u), handle.on.curvature(handle.u)) if handle.segment is not None
@@ -258,13 +259,13 @@ def _across(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -
 
 
 def _axis(ahead: Handle, handle: Handle, ends: Postures, n: int, inverse: arb) -> acb:
-    """Return the directions of a link, which turns by at most half the curvature times the travel of both handles."""
+    """Return a ball of a link's directions; it turns by at most half the curvature times the travel of both handles."""
     one, two = ((end.point(n) - end.point(n + 1)) * inverse for end in ends)
     return between(one, two, up(0.25 * handle.track.bend * (ahead.moved_m + handle.moved_m)))
 
 
 def _settled(handle: Handle, speeds: Speeds) -> Motion:
-    """Convert a motion along the track to the coordinate of the handle's segment, if it stays on one."""
+    """Express a motion along the track by the coordinate of the handle's segment, if it stays on one segment."""
     if handle.segment is None:
         return Motion(handle, NAN, NAN, speeds)
     segment, u, rate = handle.on, handle.u, speeds.rate
@@ -276,14 +277,14 @@ def _settled(handle: Handle, speeds: Speeds) -> Motion:
 
 
 def _joint(handle: Handle, ends: Postures, n: int) -> tuple[acb, arb]:
-    """Return the tangents and curvatures of the track while a handle passes a joint."""
+    """Return balls of the tangents and of the curvatures of the track while a handle passes a joint."""
     track, places = handle.track, [end.place(n) for end in ends]
     one, two = map(track.heading, places)
     return between(one, two, up(0.5 * track.bend * handle.moved_m)), track.curvatures(*places)
 
 
 def between(one: acb, two: acb, turned: float) -> acb:
-    """Return all directions within an angle of the bisector of two directions."""
+    """Return a ball of all directions within an angle of the bisector of two directions."""
     middle = one + two
     length = abs(middle)
     return middle / length * direction(UNIT * turned) if length > 0 else acb(UNIT, UNIT)
@@ -291,14 +292,14 @@ def between(one: acb, two: acb, turned: float) -> acb:
 
 def spiral_slopes(segment: SpiralSegment, theta: arb, delta: arb, link: Link) -> Slopes:
     """Return the slopes of a link between theta and theta + delta on a spiral."""
-    if not link.near:       # it lies along the track
+    if not link.near:       # the link lies along the track
         inverse = ONE / (ONE + theta * theta)
         return Slopes(ZERO, ZERO, inverse, -TWO * theta * inverse * inverse)
     return _slopes(theta, delta, segment.chord(link).inverse_square)
 
 
 def _slopes(theta: arb, delta: arb, share: arb) -> Slopes:
-    """Differentiate F(theta, delta) = chord^2 / 2 and the direction; ``share`` is 1 / chord^2 in units of b."""
+    """Differentiate F(theta, delta) = chord^2 / 2 and the direction; ``share`` is 1 / chord^2, with b as the unit."""
     half, cosine = (HALF * delta).sin_cos()
     less, sine = TWO * half * half, TWO * half * cosine
     both, area = TWO * theta + delta, theta * (theta + delta)

@@ -1,4 +1,4 @@
-"""A dragon's benches in the plane, in balls, for one position of a front handle, and the separation of two benches."""
+"""The benches of a dragon in balls, for one position of a front handle, and the separation of two benches."""
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -14,7 +14,7 @@ from dragon_ros.verify.track import Place, Track
 
 
 class Axis(NamedTuple):
-    """An edge's normal: its bench (first or other), whether along or across it, and the side of the other bench."""
+    """The normal of an edge: its bench (first or other), along or across the bench, and the side of the other bench."""
 
     other: bool
     across: bool
@@ -26,7 +26,7 @@ AXES = [Axis(other, across, side) for other in (False, True) for across in (Fals
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """A bench's shape: its link, half length and half width, in balls; and bounds in floats, in metres."""
+    """The shape of a bench: link, half length and half width in balls, and bounds in floats, in metres."""
 
     link: Link
     half_length: arb
@@ -53,10 +53,11 @@ class Bench:
         return float(self.half_length), float(self.half_width)
 
     def turned_m(self, moved_m: tuple[float, float], bend: float | None) -> float:
-        """Return how far a point moves, at most, due to the link's rotation while the handles move along the track.
+        """Return an upper bound on how far the rotation of the link moves a point while the handles move.
 
-        The link turns by at most the sum of both motions divided by its length and, if no link can lock, by half the
-        curvature times that sum (docs/contact.md, lemma 3). A link of zero length turns with the track.
+        The link turns by at most the sum of both handles' motions along the track divided by the link's length and,
+        if no link can lock, by at most half the curvature times that sum (docs/contact.md, lemma 3). A link of zero
+        length turns with the track.
         """
         ways = moved_m[0] + moved_m[1]
         turned = [ways / self.link.near] if self.link.near else []
@@ -65,10 +66,10 @@ class Bench:
 
 
 class Dragon:
-    """All benches from the head on (one object per length), and the largest size of all benches from each on."""
+    """All benches from the head on (one object per length), and for each bench the largest sizes from there on."""
 
     def __init__(self, scene: Scene) -> None:
-        """Read lengths, width and inset from a scene."""
+        """Read the lengths, the width and the inset from a scene."""
         width, links = HALF * exact(scene.width_m), scene.links_m
         known = {length_m: Bench(Link(exact(link), float(link)), HALF * exact(length_m), width)
                  for length_m, link in zip(scene.lengths_m, links, strict=True)}
@@ -85,7 +86,7 @@ def _largest_from(values: list[float]) -> list[float]:
 
 
 class Pose(NamedTuple):
-    """The position of a bench: its middle and axis, in balls and as floats, and the widths of these balls."""
+    """The position of a bench: its middle and axis in balls and in floats, and the widths of the balls."""
 
     shape: Bench
     middle: acb
@@ -110,7 +111,7 @@ class Posture:
         return len(self._places) - 1
 
     def place(self, n: int) -> Place:
-        """Return the position of the n-th handle behind the front one. Raises Refused if a link cannot be placed."""
+        """Return the position of the n-th handle behind the front handle. Raises Refused if a link cannot be placed."""
         while len(self._places) <= n:
             link = self._benches[self._lead + len(self._places) - 1].link
             self._places.append(self._track.next(self._places[-1], link, -1))
@@ -123,7 +124,7 @@ class Posture:
         return self._points[n]
 
     def pose(self, n: int) -> Pose:
-        """Return the pose of the n-th bench behind the leading one."""
+        """Return the pose of the n-th bench behind the leading bench."""
         while len(self._poses) <= n:
             k = len(self._poses)
             shape = self._benches[self._lead + k]
@@ -155,7 +156,7 @@ def about(one: Pose, two: Pose) -> list[float]:
 
 
 def separation(one: Pose, two: Pose, axis: Axis) -> arb:
-    """Return how far the nearest corner of one bench is beyond an edge line of the other; negative if it is not."""
+    """Return how far the nearest corner of one bench is beyond an edge line of the other bench (negative if inside)."""
     if axis.other:
         one, two = two, one
     seen, turned = (two.middle - one.middle) * one.axis.conjugate(), two.axis * one.axis.conjugate()
@@ -167,13 +168,13 @@ def separation(one: Pose, two: Pose, axis: Axis) -> arb:
 
 
 def gap(one: Pose, two: Pose) -> arb:
-    """Return the best separation of two benches: a lower bound on their distance if it is positive."""
+    """Return the best separation of two benches, which is a lower bound on their distance if it is positive."""
     rough = about(one, two)
     return separation(one, two, AXES[rough.index(max(rough))])
 
 
 def overlap(one: Pose, two: Pose) -> bool:
-    """Return whether two benches provably overlap: no edge line separates them (the separating axis theorem)."""
+    """Return whether two benches provably overlap because no edge line separates them (separating-axis theorem)."""
     return all(separation(one, two, axis) < 0 for axis in AXES)
 
 

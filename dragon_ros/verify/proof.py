@@ -1,4 +1,4 @@
-"""The proof of a certificate, and the sentence that it proves."""
+"""Prove a certificate, and state in a sentence what is proved."""
 from dataclasses import dataclass
 from fractions import Fraction
 from math import ulp
@@ -17,23 +17,23 @@ from dragon_ros.verify.run import Leader, Run, run_of
 from dragon_ros.verify.track import Track, track_of
 from dragon_ros.verify.venue import Edges, ObstacleCover, check_sides, ways_by_length
 
-_SLACK = 1e-9               # times 1 m of the leader's travel, or the longest bench if it is shorter
-_WIDEST = 1e-6              # likewise: the widest slack, even if benches meet very slowly
-_GRAZING = 1e-7             # likewise: the slack of a grazing, and the distance to which its benches come close
-_PROMISE_M = 2e-12          # a solver's position error up to _PROMISED_M from the origin
-_PROMISED_M = 20.0          # further out the error grows in proportion, as float spacing does
-_OVERHANG_M = 1e-6          # how far an interval may extend beyond the run's positions (likewise in proportion)
-_STEPS, _STEPS_EACH = 100_000, 300      # links and pairs: about ten seconds, and an allowance for each interval
-_MOST_STEPS = 200_000       # for 390 of 391 random runs, 173,000 steps suffice
-_TIMED = 2   # first certificate version whose slack allows for an error of the position, not of the time
+_SLACK = 1e-9               # slack of the leader's travel, relative to 1 m or the longest bench, whichever is shorter
+_WIDEST = 1e-6              # likewise: the largest slack, even if benches meet very slowly
+_GRAZING = 1e-7             # likewise: the slack of a grazing contact, and the distance within which its benches come
+_PROMISE_M = 2e-12          # position error of a solver up to _PROMISED_M from the origin
+_PROMISED_M = 20.0          # further out, the error grows in proportion, like the spacing of floats
+_OVERHANG_M = 1e-6          # how far an interval may extend beyond the positions in the run (also in proportion)
+_STEPS, _STEPS_EACH = 100_000, 300      # links and pairs: about ten seconds, plus an allowance for each interval
+_MOST_STEPS = 200_000       # 173,000 steps suffice for 390 of 391 random runs
+_TIMED = 2   # first version of certificates in which the slack allows for an error of the position, not of the time
 _CHANGED = ('written before 0.3.0: until then the slack also excused positions before the leader turned or rested; '
             'search this run again')
-_SHARE = 100                # lengths that are compared per step
+_SHARE = 100                # number of lengths compared per step
 
 
 @dataclass(frozen=True)
 class Proved:
-    """The sentence that is proved, and the numbers of intervals and steps of the proof."""
+    """The sentence that is proved, and the numbers of intervals and steps in the proof."""
 
     sentence: str
     intervals: int
@@ -41,10 +41,10 @@ class Proved:
 
 
 def prove(claims: Claims | FamilyClaims, effort: float, progress: Progress) -> Proved:
-    """Return what a certificate proves. Raises Refused if it does not hold or is not proved within the effort.
+    """Return what a certificate proves. Raises Refused if it does not hold or cannot be proved within the effort.
 
-    ``progress(done_m, whole_m, advice)`` is called with the metres of track cleared, and with advice if the budget is
-    too small at the current rate.
+    ``progress(done_m, whole_m, advice)`` is called with the metres of track that are cleared, the metres in total,
+    and advice if the budget is too small at the current rate.
     """
     if isinstance(claims, FamilyClaims):
         precise(_far(claims.scene))
@@ -64,7 +64,7 @@ def prove(claims: Claims | FamilyClaims, effort: float, progress: Progress) -> P
 
 
 class _Proof:
-    """A certificate's scene in balls, and the claims about it."""
+    """The scene of a certificate in balls, and the claims about the scene."""
 
     def __init__(self, claims: Claims, budget: Budget, progress: Progress) -> None:
         self._claims, scene = claims, claims.scene
@@ -86,7 +86,7 @@ class _Proof:
         return self._none() if contact is None else self._before(contact)
 
     def _none(self) -> str:
-        """Prove that no benches touch in the run."""
+        """Prove that no benches touch during the run."""
         run = self._run(None)
         self._clear(run.whole, run.part, run.part)
         less = f', less {_metres(run.slack_m)} of leader travel' if run.slack_m else ''
@@ -94,7 +94,7 @@ class _Proof:
                 f'({run.why}){less}')
 
     def _before(self, contact: Contact) -> str:
-        """Prove that no benches touch before a contact, and that the named benches touch at its time."""
+        """Prove that no benches touch before a contact, and that the named benches touch at the time of the contact."""
         start_s, t_s = self._scene.start_s, contact.t_s
         gone, run = exact(self._scene.law.gone_m(Fraction(t_s))), self._run_to(t_s)
         poses = self._poses(contact, gone)
@@ -120,7 +120,7 @@ class _Proof:
 
     @property
     def _clear_words(self) -> str:
-        """The proved statement about all benches."""
+        """The part of the proved sentence that concerns all benches."""
         venue = self._scene.venue
         if venue is None:
             return 'no two benches touch'
@@ -132,7 +132,7 @@ class _Proof:
         return run_of(self._scene.law, self._leader, self._scene, until_s, _SLACK * self._unit)
 
     def _run_to(self, t_s: float) -> Run:
-        """Return the run up to a contact. Raises Refused if it ends before."""
+        """Return the run up to a contact. Raises Refused if the run ends earlier."""
         stop_s = self._scene.stop_s
         if stop_s is not None and t_s > stop_s:
             raise Refused(f'contact.t_s: {t_s!r} s is after the run stops, at {stop_s!r} s')
@@ -142,17 +142,18 @@ class _Proof:
         return run
 
     def _slack_m(self, contact: Contact, gone: arb) -> float:
-        """Return the leader travel before a contact for which nothing is proved: as little as floats allow.
+        """Return the leader's travel before a contact for which nothing is proved, as small as floats allow.
 
-        It is a nanometre, unless the leader is so fast that the contact's time does not determine its position that
-        well, or the benches approach so slowly that position errors amount to more travel.
+        The slack is a nanometre in general. It is larger if the leader is so fast that the time of the contact does
+        not determine its position that well, or if the benches approach so slowly that position errors correspond to
+        more travel.
         """
         step, error_m = 1e3 * _SLACK * self._unit, 4 * _PROMISE_M * self._coarse
         here, gaps = float(gap(*self._poses(contact, gone))), []
         for sense in (-1, 1):
             try:
                 gaps.append(float(gap(*self._poses(contact, gone + exact(sense * step)))))
-            except Refused:     # beyond the end of the track, or of the model
+            except Refused:     # beyond the end of the track or of the model
                 continue
         speed = abs(float(self._scene.law.speed_m_s(Fraction(contact.t_s))))
         slack_m = max(_SLACK * self._unit, 4 * ulp(contact.t_s) * speed)
@@ -162,9 +163,9 @@ class _Proof:
         return min(slack_m, _WIDEST * self._unit * self._coarse)
 
     def _poses(self, contact: Contact, gone: arb) -> tuple[Pose, Pose]:
-        """Return the two benches of a contact at the leader's distance, or a bench and an edge of the obstacle.
+        """Return the two benches of a contact (or a bench and an edge of the obstacle) at a distance of the leader.
 
-        The edge is the nearest one at the contact itself, for which this method is called first.
+        The edge is the edge that is nearest at the contact itself, for which this method is called first.
         """
         first, second = contact.benches[0], contact.benches[-1]
         self._budget.spend(second)
@@ -179,13 +180,13 @@ class _Proof:
 
     @staticmethod
     def _check_grazing(contact: Contact, poses: tuple[Pose, Pose], near_m: Fraction) -> None:
-        """Refuse a grazing of benches that are not close to each other."""
+        """Reject a grazing contact of benches that are not close to each other."""
         away = gap(*poses)
         if not size(away) < near_m:
             raise Refused(f'contact: {_pair(contact)} do not graze: they are {float(away):.3g} m apart')
 
     def _overlapping(self, contact: Contact, ways: list[Approach], slack_m: Fraction) -> tuple[Approach, str]:
-        """Return the approach on which the benches of a contact provably overlap, and a sentence about it."""
+        """Return the approach on which the benches of a contact provably overlap, and words that state this overlap."""
         for way in ways:
             after_m = way.after_m(slack_m)
             poses = self._poses(contact, exact(way.gone_m + after_m * way.sense))
@@ -195,9 +196,10 @@ class _Proof:
                       f'{_pair(contact)} do not overlap: they are {float(gap(*poses)):.3g} m apart')
 
     def _clear(self, whole: Range, part: Range | None, spoken: Range) -> None:
-        """Prove that the chain exists on all of the leader's travel, and that no two benches touch on a part of it.
+        """Prove that the chain exists on the whole of the leader's travel, and that no benches touch on a part of it.
 
-        Certificate intervals may lie anywhere in ``spoken``, the range that the run covers up to a contact.
+        The intervals of the certificate may lie anywhere in ``spoken``, the range that the run covers up to a
+        contact.
         """
         places = self._places(whole)
         if part is None:
@@ -214,22 +216,22 @@ class _Proof:
             check_sides(self._scene.venue, head.pose(0))
 
     def _places(self, gone: Range) -> list[Range]:
-        """Return the ranges of all front handles while the leader's distance is between two values."""
+        """Return the ranges of all front handles while the distance of the leader is between two values."""
         ends = [self._leader.head(end) for end in gone]
         low, high = ends if not self._scene.tail_leads else ends[::-1]
         self._budget.spend(2 * len(self._dragon.benches))
         return ranges(self._track, self._dragon, low.lower(), high.upper())
 
     def _last_alike(self, bench: int) -> int:
-        """Return the last bench to which a row for a given bench applies, because the lengths behind both are equal."""
+        """Return the last bench to which a row for this bench also applies, because equal lengths follow."""
         count = len(self._dragon.benches)
         self._budget.spend(1 + count // _SHARE)
         return next(count - m for m in range(1, count - bench + 1) if self._repeated[count - bench - m] >= m)
 
     def _hints(self, every: list[Way], places: list[Range]) -> dict[int, list[float]]:
-        """Return the cuts that the certificate's intervals suggest, by the first bench of each class.
+        """Return the cuts that the intervals of the certificate suggest, by the first bench of each class.
 
-        Raises Refused for positions that no bench of an interval passes, because nothing would check them.
+        Raises Refused for positions that no bench of an interval passes, because nothing would check these positions.
         """
         count, overhang_m = len(self._dragon.benches), _OVERHANG_M * self._coarse
         known = {bench: way.lead for way in every for bench, _ in way.members}
@@ -251,7 +253,7 @@ class _Proof:
 
 
 def _up_to(part: Range, way: Approach, slack_m: Fraction) -> Range | None:
-    """Return the range to clear up to a contact, without the slack before it, but with all earlier positions."""
+    """Return the range to clear up to a contact, which excludes the slack but includes all earlier positions."""
     if not way.sense:
         return None
     low, high = part
@@ -265,7 +267,7 @@ def _up_to(part: Range, way: Approach, slack_m: Fraction) -> Range | None:
 
 
 def _far(scene: Scene) -> float:
-    """Return the approximate length of the track in links, or its number of turns: both require precision."""
+    """Return the approximate length of the track in links or its number of turns, both of which require precision."""
     track = scene.track
     if isinstance(track, Spiral):
         return track.start_turns
@@ -273,12 +275,12 @@ def _far(scene: Scene) -> float:
 
 
 def _coarse(away_m: float) -> float:
-    """Return the float spacing at a distance from the origin, relative to the spacing near the origin."""
+    """Return the spacing of floats at a distance from the origin, relative to the spacing near the origin."""
     return max(1.0, away_m / _PROMISED_M)
 
 
 def _bend(track: Track, dragon: Dragon) -> float:
-    """Return the largest curvature. Raises Refused if a link may lock on it."""
+    """Return the largest curvature of the track. Raises Refused if a link may lock there."""
     longest = max((bench.link for bench in dragon.benches), key=lambda link: link.near)
     if not exact(track.bend) * longest.length < 2:
         raise Refused('scene.track: it bends so tightly that links could lock')

@@ -1,9 +1,9 @@
-"""The range of each front handle over the head's range of travel, and a proof that the chain exists throughout.
+"""The range of each front handle while the head travels a range, and the proof that the chain exists throughout.
 
-If the curvature rules out locks, all handles move in the same direction as the head, and the limits of the head's range
-determine the limits of all ranges. On a spiral to its centre handles may turn back, and links may lock. In this case
-each link's range is halved until it is proved in which direction the next handle moves, and that the chord grows
-throughout, up to its span.
+If the curvature excludes locks, all handles move in the same direction as the head, and the limits of the head's
+range determine the limits of all ranges. On a spiral to its centre, handles may turn back and links may lock. In this
+case, the range of each link is halved until two facts are proved: the direction in which the next handle moves, and
+that the chord grows throughout, up to its span.
 """
 from functools import reduce
 
@@ -15,13 +15,13 @@ from dragon_ros.verify.posture import Dragon
 from dragon_ros.verify.segments import HALF, ONE, Link, Locked, SpiralSegment, rises
 from dragon_ros.verify.track import Place, Track
 
-_HALVINGS = 70          # halvings of a range of up to a million radians, down to 1e-15
-_NARROW = 1e-9          # relative to a handle's coordinate: the accepted error of the bounds on its turning position
+_HALVINGS = 70          # limit of halvings; they reduce a range of a million radians to 1e-15
+_NARROW = 1e-9          # relative to a handle's coordinate: accepted error of the bounds on its turning position
 Range = tuple[arb, arb]
 
 
 def ranges(track: Track, dragon: Dragon, low: arb, high: arb) -> list[Range]:
-    """Return bounds on the distances along the track of all front handles while the head is between two distances.
+    """Return bounds on all front handles' distances along the track while the head is between two distances.
 
     Raises Refused if a link may lock in between, or a handle may leave the track.
     """
@@ -52,7 +52,7 @@ def _to_centre(track: Track, dragon: Dragon, low: arb, high: arb) -> list[Range]
 
 
 def _image(segment: SpiralSegment, low: arb, high: arb, link: Link) -> Range:
-    """Return bounds on the coordinate of a handle while the handle in front is between two positions."""
+    """Return bounds on the coordinate of a handle while the handle in front of it is between two positions."""
     if not link.near:
         return low, high
     one, two = low + segment.span(low, link), high + segment.span(high, link)
@@ -63,7 +63,7 @@ def _image(segment: SpiralSegment, low: arb, high: arb, link: Link) -> Range:
         ratio, stands = _ratio(segment, left, right, from_left, from_right, link)
         if stands and (ratio > 0 or ratio < 0):
             pair = (from_left, from_right) if ratio > 0 else (from_right, from_left)
-        elif stands and right - left < _NARROW * from_right:    # it turns back here; its span bounds how far
+        elif stands and right - left < _NARROW * from_right:    # the handle turns back here; its span bounds how far
             pair = left + (from_right - right), right + (from_left - left)
         elif halvings:
             middle = (HALF * (left + right)).mid()
@@ -80,7 +80,7 @@ def _image(segment: SpiralSegment, low: arb, high: arb, link: Link) -> Range:
 
 def _ratio(segment: SpiralSegment, left: arb, right: arb, from_left: arb, from_right: arb, link: Link
            ) -> tuple[arb, bool]:
-    """Return the next handle's speed relative to the preceding handle's, and whether chords grow up to each span."""
+    """Return the ratio of the next handle's speed to this handle's, and whether chords grow up to each span."""
     theta, longest = left.union(right), from_left - left
     slopes = spiral_slopes(segment, theta, longest.union(from_right - right), link)
     stands = longest < half_turn() or rises(theta, half_turn().lower(), longest.upper())

@@ -1,7 +1,7 @@
-"""Reads certificates as plain numbers: within limits, complete, and without unknown keys.
+"""Reads certificates as plain numbers, which must be complete, within limits and without unknown keys.
 
 A certificate is untrusted input. A value that cannot belong to a scene is rejected with its location in the file. An
-unknown key is rejected too, because nothing would check its claim.
+unknown key is also rejected, because nothing would check it.
 """
 import json
 import re
@@ -17,19 +17,19 @@ from typing import Any
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Law
 
-VERSION = 3         # newest readable certificate version; certificates up to dragon_ros 0.2.0 have none, meaning 1
-_WITH_VENUE = 3     # first certificate version that may have a venue
+VERSION = 3         # newest supported version; certificates of dragon_ros up to 0.2.0 have no version, which means 1
+_WITH_VENUE = 3     # first version of certificates that may have a venue
 MOST_BYTES = 64 * 2**20
 MOST_ROWS = 250_000
 MOST_BENCHES = 100_000
 MOST_PIECES = 1000
 MOST_CORNERS = 100_000
 _LONGEST_NAME = 100     # characters
-_INSIDE = 'inside'      # the name of the outline that benches must not leave
+_INSIDE = 'inside'      # name of the outline that benches must not leave
 MOST_KNOTS = 10_000
 MOST_GROUPS = 10_000
-_LEAST_LINK = 2e-10     # relative to the longest bench: the direction of a shorter link is lost in rounding
-_DIGITS = 400           # limit for a whole number; the largest float has 309
+_LEAST_LINK = 2e-10     # relative to the longest bench: rounding errors obscure the direction of a shorter link
+_DIGITS = 400           # limit of the digits of a whole number; the largest float has 309
 _LATEST_S = 2.0**31
 
 
@@ -42,7 +42,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Arc:
-    """An arc of a circle; ``angle_deg`` is positive to the left."""
+    """A circular arc; ``angle_deg`` is positive if the arc turns left."""
 
     radius_m: float
     angle_deg: float
@@ -50,7 +50,7 @@ class Arc:
 
 @dataclass(frozen=True)
 class Coil:
-    """A part of a spiral r = pitch_m * turns; ``left`` is true if it turns left."""
+    """A part of a spiral r = pitch_m * turns; ``left`` is true if the spiral turns left."""
 
     pitch_m: float
     from_turns: float
@@ -63,7 +63,7 @@ Piece = Line | Arc | Coil
 
 @dataclass(frozen=True)
 class Pose:
-    """A point and a heading in degrees; None if not given."""
+    """A point and a heading in degrees; both are None if they are not given."""
 
     at_m: tuple[float, float] | None
     heading_deg: float | None
@@ -71,7 +71,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class Spiral:
-    """r = pitch_m / (2 pi) * angle about the origin; the head starts at 2 pi start_turns and winds in."""
+    """The spiral r = pitch_m / (2 pi) * angle about the origin; the head starts at 2 pi start_turns and winds in."""
 
     pitch_m: float
     start_turns: float
@@ -79,7 +79,7 @@ class Spiral:
 
 @dataclass(frozen=True)
 class Turn:
-    """A spiral in, two arcs within a circle, and the same spiral out; the head starts ``before_m`` before the entry."""
+    """An inward spiral, two arcs in a circle, and an outward spiral; the head starts ``before_m`` before the entry."""
 
     pitch_m: float
     diameter_m: float
@@ -89,7 +89,7 @@ class Turn:
 
 @dataclass(frozen=True)
 class Pieces:
-    """Lines, arcs and spirals, each with its stated start pose; the head starts ``start_m`` along them."""
+    """Lines, arcs and spirals with their stated start poses; the head starts ``start_m`` along the track."""
 
     pieces: tuple[Piece, ...]
     poses: tuple[Pose, ...]
@@ -98,7 +98,7 @@ class Pieces:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """Lines that no bench may touch, each through its points; the lines around an ``area`` end where they start."""
+    """Lines (each a sequence of points) that no bench may touch; the lines around an ``area`` are closed."""
 
     name: str
     lines: tuple[tuple[tuple[float, float], ...], ...]
@@ -114,13 +114,13 @@ class Venue:
 
     @property
     def all(self) -> tuple[Obstacle, ...]:
-        """All obstacles, with the inside."""
+        """All obstacles, followed by the inside, if any."""
         return (*self.obstacles, *([self.inside] if self.inside else []))
 
 
 @dataclass(frozen=True)
 class Scene:
-    """The numbers that determine contact; if ``stop_s`` is None, the run lasts until the model ends."""
+    """The numbers that determine contacts; if ``stop_s`` is None, the run lasts until the model ends."""
 
     lengths_m: tuple[float, ...]
     width_m: float
@@ -134,14 +134,14 @@ class Scene:
 
     @property
     def links_m(self) -> tuple[Fraction, ...]:
-        """Exact distance between the two handles of each bench."""
+        """Exact distances in metres between the two handles of each bench."""
         known = {length_m: Fraction(length_m) - 2 * Fraction(self.inset_m) for length_m in set(self.lengths_m)}
         return tuple(known[length_m] for length_m in self.lengths_m)
 
 
 @dataclass(frozen=True)
 class Row:
-    """One interval: the leading bench (None for all benches, by the head's position), and its ends along the track."""
+    """One interval: the leading bench (None for all benches, by the head's position), and the ends on the track."""
 
     lead: int | None
     start_m: float
@@ -151,7 +151,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Contact:
-    """The claimed contact of two benches, or of a bench and an obstacle; ``grazing`` means that it is undecided."""
+    """The claimed contact of two benches, or of a bench and an obstacle; ``grazing`` contacts are undecided."""
 
     t_s: float
     benches: tuple[int, ...]
@@ -210,7 +210,7 @@ def _whole(text: str) -> int | float:
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object. Reject duplicate keys, because json would use the last value and other readers the first."""
+    """Return an object. Reject duplicate keys: json would use the last value, but other readers might use the first."""
     out = dict(pairs)
     if len(out) < len(pairs):
         raise ValueError(f'a key occurs twice: {sorted(key for key, _ in pairs)}')
@@ -238,7 +238,7 @@ def _family(values: dict[str, Any]) -> FamilyClaims:
     _number('family', top['family'], FAMILY_VERSION, FAMILY_VERSION, whole=True)
     scene, within = _scene(top['scene']), _keys('within', top['within'], set(), _TOLERANCES)
     if scene.venue:
-        raise Refused('scene.venue: contacts of a family with a venue are not checked; leave it out')
+        raise Refused('scene.venue: family certificates with a venue are not supported; leave the venue out')
     latest_s = _LATEST_S if scene.stop_s is None else scene.stop_s
     return FamilyClaims(scene, {key: _number(f'within.{key}', value, 0, 1e12) for key, value in within.items()},
                         _number('proved_s', top['proved_s'], scene.start_s, latest_s))
@@ -257,7 +257,7 @@ def _row(name: str, value: Any, benches: int) -> Row:
 def _lead(name: str, value: Any, benches: int) -> int | None:
     known = re.fullmatch('head|body|all|bench ([0-9]{1,7})', value) if isinstance(value, str) else None
     if not known:
-        raise Refused(f'{name}: {_shown(value)} does not name a bench: write head, body, bench N or all')
+        raise Refused(f'{name}: {_shown(value)} is not a valid lead; write head, body, bench N or all')
     lead = int(known[1]) if known[1] else {'head': 0, 'body': 1, 'all': None}[known[0]]
     if lead is not None and not lead < max(benches - 2, 2):
         raise Refused(f'{name}: {value} has no two benches behind it')
@@ -287,7 +287,8 @@ def _contact(value: Any, scene: Scene) -> Contact | None:
 
 
 def _scene(value: Any) -> Scene:
-    # The optional keys affect how a run is shown, recorded or computed, but not the positions of benches.
+    # The optional keys other than venue affect how a run is shown, recorded or computed, but not the benches'
+    # positions.
     scene = _keys('scene', value, {'dragon', 'track', 'head', 'run'},
                   {'noise', 'trails', 'accuracy', 'effects', 'solver', 'markers', 'about', 'venue'})
     lengths, width_m, inset_m = _dragon(scene['dragon'])
@@ -301,7 +302,7 @@ def _scene(value: Any) -> Scene:
 
 
 def _venue(value: Any) -> Venue:
-    """Return a venue. It must not have a margin, because a certificate proves only that nothing touches."""
+    """Return a venue, which must not have a margin, because a certificate proves only that nothing touches."""
     given = _keys('scene.venue', value, set(), {'obstacles', 'inside'})
     listed = _list('scene.venue.obstacles', given.get('obstacles') or [], 0, MOST_CORNERS)
     obstacles = tuple(_kind(f'scene.venue.obstacles[{n}]', one, _OBSTACLES) for n, one in enumerate(listed))
@@ -436,7 +437,7 @@ def _coil(name: str, value: dict[str, Any]) -> Coil:
     _keys(name, value, {'kind', 'pitch_m', 'from_turns', 'to_turns', 'side'}, _POSE)
     first, last = (_number(f'{name}.{key}', value[key], 1e-3, 1e6) for key in ('from_turns', 'to_turns'))
     if first == last or value['side'] not in ('left', 'right'):
-        raise Refused(f'{name}: a spiral needs two different turns, and a side: left or right')
+        raise Refused(f'{name}: from_turns and to_turns of a spiral must differ, and its side must be left or right')
     return Coil(_number(f'{name}.pitch_m', value['pitch_m'], 1e-9, 1e9), first, last, value['side'] == 'left')
 
 
@@ -473,14 +474,14 @@ _LAWS: dict[str, Callable[[str, dict[str, Any]], Law]] = {'constant': _constant,
 
 
 def _kind(name: str, value: Any, kinds: dict[str, Callable[[str, dict[str, Any]], Any]]) -> Any:
-    """Return the result of the reader for a mapping's kind."""
+    """Return the result of the reader for the kind that a mapping states."""
     if not isinstance(value, dict) or not isinstance(value.get('kind'), str) or value['kind'] not in kinds:
         raise Refused(f'{name}: {_shown(value)} is not one of the kinds {", ".join(kinds)}')
     return kinds[value['kind']](name, value)
 
 
 def _keys(name: str, value: Any, needed: set[str], allowed: set[str] = frozenset()) -> dict[str, Any]:  # type: ignore[assignment]
-    """Return a mapping that has all required keys and no unknown ones."""
+    """Return a mapping that has all required keys and no unknown keys."""
     if not isinstance(value, dict):
         raise Refused(f'{name or "certificate"}: {_shown(value)} is not a mapping')
     if value.keys() != needed:

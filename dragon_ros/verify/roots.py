@@ -1,4 +1,4 @@
-"""Roots: first an approximation in floats, then a ball that provably contains exactly one (interval Newton method)."""
+"""Roots: an approximation in floats, then a ball that provably contains exactly one root (interval Newton method)."""
 from collections.abc import Callable
 
 from flint import arb
@@ -6,14 +6,14 @@ from flint import arb
 from dragon_ros.verify.balls import UNIT, size
 from dragon_ros.verify.errors import Refused
 
-_GOOD = 1e-13           # relative to a root: guesses in floats are usually closer
-_CLOSE = 1e-8         # relative to a root: after such a Newton step, the next error is about its square
-_FINE = 2.0**-112       # relative to a root: the narrowest ball that is searched
+_GOOD = 1e-13           # relative to a root: error of a float approximation, which is usually smaller
+_CLOSE = 1e-8         # relative to a root: after a Newton step of this size, the error is about its square
+_FINE = 2.0**-112       # relative to a root: radius of the narrowest ball that is tested
 _TRIES = 12
 
 
 def bracketed(f: Callable[[float], tuple[float, float]], low: float, high: float, guess: float) -> float:
-    """Return an approximate root of a function (value, slope) that is negative below it and positive above it."""
+    """Return an approximate root of a function (value, slope) that is negative below the root and positive above it."""
     x = min(max(guess, low), high)
     for _ in range(200):
         value, slope = f(x)
@@ -33,11 +33,11 @@ def bracketed(f: Callable[[float], tuple[float, float]], low: float, high: float
 
 
 def certified(value: Callable[[arb], arb], slope: Callable[[arb], arb], guess: float) -> arb:
-    """Return a ball around a guess that contains exactly one root, for all numbers in the balls of the function.
+    """Return a ball near a guess that contains exactly one root, for all numbers in the balls of the function.
 
-    By Newton's theorem, if m - f(m) / f'(X) lies inside X, a ball around m, then f has one root in X, which this
-    expression contains. If the guess is too far off, the next Newton step determines how wide X must be. Raises
-    Refused.
+    Let X be a ball around m. If m - f(m) / f'(X) lies inside X, f has exactly one root in X, and this expression
+    contains the root (interval Newton theorem). If the guess is too far from the root, the next Newton step
+    determines how wide X must be. Raises Refused if no such ball is found.
     """
     middle, wide = arb(guess), _GOOD * abs(guess)
     for _ in range(_TRIES):

@@ -1,7 +1,8 @@
-"""The leader's range of travel in a run, and the end of the run, both proved.
+"""Prove the leader's range of travel in a run, and the end of the run.
 
-A run ends at its stop, when a link locks, or when a handle reaches an end of the track. The positions of handles depend
-on the distance travelled by the leader, not on the time, so everything here is in terms of that distance.
+A run ends at its stop, when a link locks, or when a handle reaches an end of the track. The positions of handles
+depend only on the distance travelled by the leader, so everything in this module is expressed by that distance
+instead of time.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,13 +22,13 @@ from dragon_ros.verify.segments import HALF, TWO, Link, SpiralSegment, about_spa
 from dragon_ros.verify.track import Place, Track
 
 _SAMPLES = 4000         # number of positions at which a lock is searched for
-_HALVINGS = 80          # bisections for times and positions that are only reported or are proved later
-_SHARE = 10             # number of links placed in floats that count as one step of the budget
+_HALVINGS = 80          # number of bisections for times and positions that are only printed or are proved later
+_SHARE = 10             # number of links that, placed in floats, count as one step of the budget
 
 
 @dataclass(frozen=True)
 class Limit:
-    """An end of the model: the leader's distance, the slack to within which it is proved, and the reason."""
+    """An end of the model: the distance travelled by the leader, the slack of the proof, and the reason."""
 
     gone: arb
     slack_m: float
@@ -36,7 +37,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class Run:
-    """A run up to a time: bounds on the leader's travel since 0 s and since the start, and the reason for its end."""
+    """A run up to a time: bounds on the leader's travel since 0 s and since the start, and the reason for the end."""
 
     whole: Range
     part: Range
@@ -46,10 +47,10 @@ class Run:
 
 
 class Leader:
-    """The leader on the track: the head's position for each distance travelled by the leader, and the model's ends."""
+    """The leader on the track: the head's position for each distance travelled, and the ends of the model."""
 
     def __init__(self, track: Track, dragon: Dragon, tail_leads: bool, budget: Budget) -> None:
-        """Place the chain at 0 s. Raises Refused if it does not fit the track."""
+        """Place the chain at 0 s. Raises Refused if the chain does not fit on the track."""
         self._track, self._dragon, self._budget = track, dragon, budget
         place = track.place_at(track.start)
         self._tail: arb | None = None
@@ -60,7 +61,7 @@ class Leader:
             self._tail = track.distance(place)
 
     def head(self, gone: arb) -> arb:
-        """Return the distance of the head along the track when the leader has travelled a distance."""
+        """Return the distance of the head along the track when the leader has travelled ``gone``."""
         if self._tail is None:
             return self._track.start + gone
         return self._ahead(self._tail - gone) if not gone.is_zero() else self._track.start
@@ -74,9 +75,9 @@ class Leader:
         return self._track.distance(place)
 
     def limits(self, slack_m: float, furthest: arb | None) -> tuple[Limit | None, Limit | None]:
-        """Return the ends of the model when the leader goes back and when it goes on; None if there is no end.
+        """Return the ends of the model when the leader goes back and when it goes on (None if there is no end).
 
-        ``furthest`` bounds how far on the leader goes (None for no bound).
+        ``furthest`` is a bound on how far the leader goes on, or None.
         """
         track, begin, end = self._track, self._track.begin, self._track.end
         if self._tail is not None:
@@ -88,9 +89,9 @@ class Leader:
         return back, None if end is None else Limit(end - track.start, slack_m, 'the head leaves the track')
 
     def _lock(self, slack_m: float, furthest: arb | None) -> Limit:
-        """Return the first lock on a spiral that leads to its centre, or the centre.
+        """Return the first lock on a spiral that leads to its centre, or the centre if there is no lock.
 
-        This proves that the chain does not exist one slack further in; its existence up to there is proved later.
+        This proves that the chain does not exist one slack further in; its existence up to the lock is proved later.
         """
         track, segment = self._track, self._track.segments[0]
         assert isinstance(segment, SpiralSegment)
@@ -107,20 +108,20 @@ class Leader:
         return Limit(gone, slack_m, f'the chain locks at link {self._locking(segment, gone + exact(slack_m))}')
 
     def _locking(self, segment: SpiralSegment, gone: arb) -> int:
-        """Return the first link that provably cannot be placed after the leader has travelled a distance."""
+        """Return the first link that provably cannot be placed when the leader has travelled ``gone``."""
         u = self._track.place_at(self._track.start + gone).u
         for number, bench in enumerate(self._dragon.benches):
             try:
                 u = u + segment.span(u, bench.link)
             except Refused:
                 certainly(never_reaches(segment, u, bench.link),
-                          f'the end of the run: link {number} seems to lock, which could not be proved')
+                          f'the end of the run: link {number} seems to lock, but this could not be proved')
                 return number
         raise Refused('the end of the run: a link seemed to lock but can be placed')
 
 
 class _Locks:
-    """A search for locks in floats; ``chords``, and the longest from each on, are in units of b."""
+    """A search for locks in floats; ``chords``, and ``longest`` from each chord on, are in units of b."""
 
     def __init__(self, chords: Sequence[float], longest: Sequence[float], budget: Budget) -> None:
         self._chords, self._longest, self._budget = chords, longest, budget
@@ -128,7 +129,7 @@ class _Locks:
     def first(self, start: float, until: float) -> float | None:
         """Return the approximate outermost position of the head at which the chain does not exist, or None.
 
-        If the front handle of the longest link is so far out that this link can be placed, all links can be placed.
+        If the front handle of the longest link is so far out that this link can be placed, every link can be placed.
         """
         outer = min(start, 0.5 * (self._longest[0] - pi))
         last = outer
@@ -140,13 +141,13 @@ class _Locks:
         return None
 
     def _between(self, low: float, high: float) -> float:
-        """Return the approximate boundary between a position without a chain and a position with one."""
+        """Return the approximate boundary between a position without a chain and a position with a chain."""
         while low < (middle := 0.5 * (low + high)) < high:
             low, high = (low, middle) if self._stands(middle) else (middle, high)
         return high
 
     def _stands(self, theta: float) -> bool:
-        """Return whether all links can be placed, judging by floats."""
+        """Return whether all links can be placed, according to floats."""
         for number, (chord, most) in enumerate(zip(self._chords, self._longest, strict=True)):
             if number % _SHARE == 0:
                 self._budget.spend(1)
@@ -160,11 +161,11 @@ class _Locks:
 
 
 def never_reaches(segment: SpiralSegment, theta: arb, link: Link) -> bool:
-    """Return whether the chord from a handle provably decreases before it reaches a link's length.
+    """Return whether the chord from a handle provably decreases before it reaches the length of a link.
 
-    It grows up to a span of pi. The claim therefore holds if the chord decreases at some larger span and is shorter
-    than the link at all spans from pi up to it. Close to the peak, where the chord hardly grows, the mean value theorem
-    bounds it.
+    The chord grows up to a span of pi. The claim therefore holds if the chord decreases at a larger span and is
+    shorter than the link at all spans from pi up to that span. Close to the peak, where the chord hardly grows, the
+    mean value theorem bounds the chord.
     """
     half_square, near = segment.chord(link).half_square, segment.chord(link).near
     at, delta = float(theta), pi
@@ -193,13 +194,13 @@ def _half_square(theta: arb, delta: arb) -> arb:
 
 
 def _slope(theta: arb, delta: arb) -> arb:
-    """Return the derivative of half the squared chord by the span."""
+    """Return the derivative of half the squared chord with respect to the span."""
     sine, cosine = (HALF * delta).sin_cos()
     return delta + TWO * theta * sine * (sine + (theta + delta) * cosine)
 
 
 def run_of(law: Law, leader: Leader, scene: Scene, until_s: float | None, slack_m: float) -> Run:
-    """Return the leader's travel up to a time, or up to the end of the run (``until_s`` None).
+    """Return the leader's travel up to a time or, if ``until_s`` is None, up to the end of the run.
 
     Raises Refused if nothing ends the run, or if the model ends before it starts.
     """
@@ -221,14 +222,14 @@ def run_of(law: Law, leader: Leader, scene: Scene, until_s: float | None, slack_
 
 
 def _within(extent: Extent, limits: tuple[Limit | None, Limit | None]) -> Range:
-    """Return an extent, rounded outwards and cut off at the ends of the model."""
+    """Return an extent that is rounded outwards and limited to the ends of the model."""
     low, high = map(exact, extent)
     back, on = limits
     return (low if back is None else low.max(back.gone)).lower(), (high if on is None else high.min(on.gone)).upper()
 
 
 def _ended(law: Law, start: Fraction, before: Mark, after: Mark | None, limit: Limit, sense: int) -> Run:
-    """Return a run that a limit ends, without the slack; the leader moves in one direction from ``before`` on."""
+    """Return a run that a limit ends, less the slack; from ``before`` on the leader moves in one direction."""
     end_s = _passage(law, before, after, Fraction(float(limit.gone)), sense)
     if end_s < start:
         raise Refused(f'scene.run.start_s: the model ends before it, at {float(end_s):.12g} s: {limit.why}')
@@ -238,13 +239,13 @@ def _ended(law: Law, start: Fraction, before: Mark, after: Mark | None, limit: L
 
 
 def _up_to(extent: Extent, end: arb, sense: int) -> Range:
-    """Return an extent, rounded outwards and extended in one direction to an end."""
+    """Return an extent that is rounded outwards and extended in one direction to an end."""
     low, high = map(exact, extent)
     return (low.lower(), high.max(end).upper()) if sense > 0 else (low.min(end).lower(), high.upper())
 
 
 def _passage(law: Law, before: Mark, after: Mark | None, gone_m: Fraction, sense: int) -> Fraction:
-    """Return the approximate time when the leader has travelled this far, on a piece of the law without a reversal."""
+    """Return the approximate time at which the leader has travelled this far, on a piece without a reversal."""
     if (before.gone_m - gone_m) * sense >= 0:
         return before.t_s
     if after is None:

@@ -1,8 +1,9 @@
-"""The segments of a track in balls: lines, arcs and spirals, each with one coordinate u along it.
+"""The segments of a track in balls: lines, arcs and spirals.
 
-u is metres on a line, radians turned on an arc and the polar angle on a spiral. ``sense`` is 1 if u increases in the
-head's direction of travel and -1 if it decreases. The head enters at ``first`` and leaves at ``last``; None means that
-a segment has no end there. Points and unit tangents (in the head's direction) are complex balls.
+The coordinate u along a segment is the distance in metres on a line, the angle turned in radians on an arc, and the
+polar angle on a spiral. ``sense`` is 1 if u increases in the head's direction of travel and -1 if u decreases. The
+head enters at ``first`` and leaves at ``last``; None means that a segment has no end there. Points and unit tangents
+(in the head's direction) are complex balls.
 """
 from cmath import exp
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from dragon_ros.verify.roots import bracketed, certified
 
 ONE, TWO, HALF, ZERO = arb(1), arb(2), arb(0.5), arb(0)
 EYE = acb(0, 1)
-_HALVINGS = 40      # halvings of spans, for the proof that the chord grows even close to its peak
+_HALVINGS = 40      # limit of halvings of spans in the proof that the chord grows even close to its peak
 
 
 class Locked(Refused):
@@ -27,7 +28,7 @@ class Locked(Refused):
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """The distance between a bench's two handles, in balls, with its square and its inverse (None if it is 0)."""
+    """The distance between the two handles of a bench, in balls, with its square and its inverse (None if it is 0)."""
 
     length: arb
     near: float
@@ -44,12 +45,12 @@ class Link:
 
 
 class Segment(Protocol):
-    """The interface of segments that a track requires."""
+    """The interface that a track requires of its segments."""
 
     sense: int
     first: arb | None
     last: arb | None
-    bend: float         # largest curvature on it, in 1/m
+    bend: float         # largest curvature of the segment in 1/m
 
     def point(self, u: arb) -> acb:
         """Return the point."""
@@ -60,7 +61,7 @@ class Segment(Protocol):
         ...
 
     def speed(self, u: arb) -> arb:
-        """Return metres per unit of u, positive."""
+        """Return the distance in metres per unit of u, which is positive."""
         ...
 
     def metres(self, u: arb) -> arb:
@@ -68,11 +69,11 @@ class Segment(Protocol):
         ...
 
     def after(self, metres: arb) -> arb:
-        """Return u at a distance from the anchor."""
+        """Return the coordinate u at a distance from the anchor."""
         ...
 
     def next(self, u: arb, link: Link, way: int) -> arb:
-        """Return the nearest position at a link's length ahead (``way`` 1) or behind (-1), on the unlimited segment."""
+        """Return the nearest position a link ahead (``way`` 1) or behind (-1), as if the segment had no ends."""
         ...
 
     def near(self, u: float) -> complex:
@@ -81,7 +82,7 @@ class Segment(Protocol):
 
 
 class LineSegment:
-    """A straight line from a point in a direction; the anchor is that point."""
+    """A straight line from a point in a direction; the point is the anchor."""
 
     sense = 1
     bend = 0.0
@@ -108,7 +109,7 @@ class LineSegment:
         return u
 
     def after(self, metres: arb) -> arb:
-        """Return u at a distance from the start."""
+        """Return the coordinate u at a distance from the start."""
         return metres
 
     def curvature(self, u: arb) -> arb:
@@ -125,7 +126,7 @@ class LineSegment:
 
 
 class ArcSegment:
-    """An arc that leaves a point in a direction and turns left (``side`` 1) or right (-1); the anchor is that point."""
+    """An arc that leaves its anchor point in a direction and turns left (``side`` 1) or right (-1)."""
 
     sense = 1
 
@@ -155,7 +156,7 @@ class ArcSegment:
         return self.radius * u
 
     def after(self, metres: arb) -> arb:
-        """Return u at a distance from the start."""
+        """Return the coordinate u at a distance from the start."""
         return metres / self.radius
 
     def curvature(self, u: arb) -> arb:
@@ -163,7 +164,7 @@ class ArcSegment:
         return self.side / self.radius
 
     def next(self, u: arb, link: Link, way: int) -> arb:
-        """Return the position at a chord."""
+        """Return the position at a link's length."""
         if link not in self._turned:
             self._turned[link] = TWO * (link.length / (TWO * self.radius)).asin()
         turned = self._turned[link]
@@ -175,7 +176,7 @@ class ArcSegment:
 
 
 class Chord(NamedTuple):
-    """A link in units of b: approximate length, half square, inverse square, and the u beyond which it is wide."""
+    """A link in units of b: approximate length, half square, inverse square, and the u beyond which it cannot lock."""
 
     near: float
     half_square: arb
@@ -184,7 +185,7 @@ class Chord(NamedTuple):
 
     @classmethod
     def of(cls, chord: arb, segment: 'SpiralSegment') -> 'Chord':
-        """Return a chord; outwards the curvature decreases, and beyond ``wide`` it is below 2 / chord."""
+        """Return a chord. The curvature decreases outwards, and beyond ``wide`` it is below 2 / chord."""
         certainly(chord.is_finite(), 'scene.dragon: a link is too long for its spiral')
         square, wide = chord * chord, ZERO
         while not abs(segment.curvature(wide)) * segment.b * chord < 2:
@@ -193,11 +194,11 @@ class Chord(NamedTuple):
 
 
 class SpiralSegment:
-    """r = b u about ``centre``, turned by ``rotation``; ``side`` 1 winds out leftwards; anchored at ``anchor``."""
+    """A spiral r = b u about ``centre``, turned by ``rotation``; with ``side`` 1, it winds out to the left."""
 
     def __init__(self, b: arb, centre: acb, rotation: acb, side: int, sense: int, anchor: arb, first: arb | None,
                  last: arb | None) -> None:
-        """Store the numbers; ``sense`` is 1 if the head winds out."""
+        """Store the numbers; ``sense`` is 1 if the head winds out, and distances are measured from ``anchor``."""
         self.b, self.centre, self.side, self.sense, self.first, self.last = b, centre, side, sense, first, last
         self._rotation, self._anchored = rotation, arc(anchor)
         inner = last if sense < 0 else first
@@ -226,7 +227,7 @@ class SpiralSegment:
         return self._rotation * direction(u * self.side) * acb(ONE, u * self.side) * (self.sense / root_of(u))
 
     def speed(self, u: arb) -> arb:
-        """Return metres per radian."""
+        """Return the distance in metres per radian."""
         return self.b * root_of(u)
 
     def metres(self, u: arb) -> arb:
@@ -234,7 +235,7 @@ class SpiralSegment:
         return self.b * (arc(u) - self._anchored) * self.sense
 
     def after(self, metres: arb) -> arb:
-        """Return u at a distance from the anchor. Raises Refused beyond the centre."""
+        """Return the coordinate u at a distance from the anchor. Raises Refused beyond the centre."""
         wanted = self._anchored + metres / self.b * self.sense
         if not wanted > 0:
             if wanted < -1e-9:
@@ -248,15 +249,15 @@ class SpiralSegment:
         return (ONE + ONE / square) / (self.b * square.sqrt()) * (self.side * self.sense)
 
     def next(self, u: arb, link: Link, way: int) -> arb:
-        """Return the nearest position at a chord, further out or further in."""
+        """Return the nearest position at a link's length, either further out or further in."""
         if not link.near:
             return u
         return u + self.span(u, link) if way == self.sense else u - self._span_in(u, link)
 
     def span(self, u: arb, link: Link) -> arb:
-        """Return the smallest delta > 0 at which the handle at u + delta is a link away from the handle at u.
+        """Return the smallest delta > 0 at which the handle at u + delta is a link's length from that at u.
 
-        It is proved that the chord grows up to this delta. Raises Locked.
+        This also proves that the chord grows up to this delta. Raises Locked if the link cannot be placed.
         """
         if not link.near:
             return ZERO
@@ -280,7 +281,7 @@ class SpiralSegment:
         return found
 
     def _span_in(self, u: arb, link: Link) -> arb:
-        """Return a delta > 0 at which the handle at u - delta is a link away from the handle at u (see ``track``)."""
+        """Return a delta > 0 at which the handle at u - delta is a link's length from that at u (see ``track``)."""
         half_square, near = self.chord(link).half_square, self.chord(link).near
         theta, twice = float(u), TWO * u
 
@@ -320,7 +321,7 @@ def arc(u: arb) -> arb:
 
 
 def furthest_m(bend: float, length_m: float) -> float:
-    """Return the approximate upper bound on a link's arc, which is its arc on a circle of the largest curvature."""
+    """Return an approximate upper bound on a link's arc: the arc on a circle of the largest curvature."""
     half_turned = 0.5 * bend * length_m
     return 2 * asin(min(half_turned, 1.0)) / bend if half_turned > 1e-8 else length_m
 
@@ -330,7 +331,7 @@ def _about_arc(u: float) -> float:
 
 
 def _about_after(wanted: float) -> float:
-    """Return the approximate polar angle up to which a spiral has a given length, in units of b."""
+    """Return the approximate polar angle up to which a spiral has a given length (in units of b)."""
     guess = wanted if wanted < 1 else sqrt(2 * wanted)
     for _ in range(60):
         step = (_about_arc(guess) - wanted) / sqrt(1 + guess * guess)
@@ -357,7 +358,7 @@ def rises(theta: arb, low: arb, high: arb) -> bool:
 
 
 def about_span(theta: float, chord: float) -> float | None:
-    """Return the approximate smallest span of a chord (in units of b); None if it seems to have none."""
+    """Return the approximate smallest span of a chord (in units of b); None if there seems to be no such span."""
     if chord <= 2 * theta + pi:
         return bracketed(lambda delta: _excess(theta, chord, delta), 0.0, pi,
                          2 * asin(min(1.0, chord / (2 * theta + chord / (theta + 1)))))

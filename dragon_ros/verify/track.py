@@ -1,9 +1,10 @@
-"""A track in balls: its segments in the plane, positions on it, and the next handle a link away.
+"""A track in balls: its segments in the plane, positions on the track, and the next handle at a link's length.
 
-A position is a segment's index and a coordinate on it. If the curvature is at most K and K l < 2 for each link l, the
-chord from a handle grows along the track for at least pi / K, and reaches l before that (Schur). The next handle is
-therefore the only position at a link's length that is provably at most pi / K away. On a single spiral that the head
-follows to the centre, it is the smallest root instead (``SpiralSegment.span``).
+A position consists of the index of a segment and a coordinate on that segment. If the curvature is at most K and K l
+< 2 for each link l, the chord from a handle grows along the track for at least pi / K, and reaches l before that
+(Schur). The next handle is therefore the only position at a link's length that is provably at most pi / K away along
+the track. On a single spiral that the head follows to the centre, the smallest root is used instead
+(``SpiralSegment.span``).
 """
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -30,11 +31,11 @@ from dragon_ros.verify.segments import (
 )
 
 AnySegment = LineSegment | ArcSegment | SpiralSegment
-_NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # largest difference between a joint and a piece's stated start
-_HAIR = 1e-12                       # metres by which a position may be beyond the track's end, plus the rounding
-_ULPS = 2.0**-50                    # error relative to its distance
-_SHORTER = 1 - 1e-9                  # relative to a link: a chord that is certainly shorter, in floats
-_NARROW = 1e-15                     # times 1 m, or the tightest radius: the largest uncertainty next to a joint
+_NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # largest difference between a joint and the stated start of a piece
+_HAIR = 1e-12                       # metres by which a position may be beyond the track's end, in addition to rounding
+_ULPS = 2.0**-50                    # rounding error of a position relative to its distance
+_SHORTER = 1 - 1e-9                  # relative to a link: in floats, a chord below this is certainly shorter
+_NARROW = 1e-15                     # largest uncertainty next to a joint, relative to 1 m or the tightest radius
 
 
 def _hair_m(end: arb) -> float:
@@ -42,10 +43,11 @@ def _hair_m(end: arb) -> float:
 
 
 class Place(NamedTuple):
-    """A segment's index and the coordinate on it; within ``loose`` metres of a joint, the side is unknown.
+    """The index of a segment and the coordinate on it; if ``loose`` is not 0, a joint is at most so many metres away.
 
-    In this case the position is on the continuation of the segment's curve. At a distance d beyond the joint, the track
-    deviates from that curve by at most K d^2, and its direction by 2 K d (docs/contact.md).
+    In this case it is unknown on which side of the joint the position is, and the coordinate is on the continuation
+    of the segment's curve. At a distance d beyond the joint, the track deviates from that curve by at most K d^2, and
+    its direction by 2 K d (docs/contact.md).
     """
 
     segment: int
@@ -54,7 +56,7 @@ class Place(NamedTuple):
 
 
 class Track:
-    """Segments in the order in which the head passes them; ``origins`` are the distances at their anchors."""
+    """Segments in the order in which the head passes them; ``origins`` are the distances of their anchors."""
 
     def __init__(self, segments: Sequence[AnySegment], origins: Sequence[arb], start: arb, to_centre: bool,
                  poles: Sequence[int]) -> None:
@@ -70,14 +72,14 @@ class Track:
         self.end = None if last is None else self.distance(Place(len(segments) - 1, last))
 
     def distance(self, place: Place) -> arb:
-        """Return the distance of a position along the track, in the head's direction."""
+        """Return the distance of a position along the track, measured in the head's direction."""
         return self.origins[place.segment] + self.segments[place.segment].metres(place.u)
 
     def place_at(self, metres: arb) -> Place:
-        """Return the position at a distance along the track. Raises Refused beyond its ends."""
+        """Return the position at a distance along the track. Raises Refused beyond the ends of the track."""
         for end, sense in ((self.begin, -1), (self.end, 1)):
             if end is not None and (metres - end) * sense > _hair_m(end):
-                raise Refused(f'{float(metres):.12g} m along the track is beyond its end, at {float(end):.12g} m')
+                raise Refused(f'{float(metres):.12g} m along the track is beyond its end at {float(end):.12g} m')
         k = bisect_left(self._joints, float(metres))
         while k < len(self.joints) and metres >= self.joints[k]:
             k += 1
@@ -105,20 +107,20 @@ class Track:
         return out + acb(UNIT, UNIT) * up(2 * self.bend * place.loose) if place.loose else out
 
     def next(self, place: Place, link: Link, way: int) -> Place:
-        """Return the next handle ahead (``way`` 1) or behind (-1). Raises Refused if there is none."""
+        """Return the position of the next handle ahead (``way`` 1) or behind (-1). Raises Refused if there is none."""
         k, segment = place.segment, self.segments[place.segment]
         if not link.near:
             return place
         edge = segment.last if way > 0 else segment.first
         is_inwards = isinstance(segment, SpiralSegment) and way != segment.sense
         if is_inwards and edge is not None and self._is_beyond(place, edge, link) and 0 <= k + way < len(self.segments):
-            return self._across(place, link, way)       # the next handle may be beyond the spiral's end
+            return self._across(place, link, way)       # the next handle may be beyond the end of the spiral
         u = segment.next(place.u, link, way)
         if edge is None:
             return Place(k, u)
         inside = (edge - u) * (segment.sense * way)
         if inside < 0:
-            end = self.end if way > 0 else self.begin       # the end of the track; a position may round to beyond it
+            end = self.end if way > 0 else self.begin       # rounding may put a position beyond this end of the track
             if 0 <= k + way < len(self.segments) or end is None or size(inside * segment.speed(u)) > _hair_m(end):
                 return self._across(place, link, way)
             return Place(k, u)
@@ -127,7 +129,7 @@ class Track:
         return self._loosened(k, u, 0.0 if inside >= 0 else size(inside * segment.speed(u)))
 
     def _within(self, gone: arb) -> None:
-        certainly(gone * self.bend < half_turn(), 'a link could have two positions: the track bends too tightly for it')
+        certainly(gone * self.bend < half_turn(), 'a link could have two positions; the track bends too tightly')
 
     def _is_beyond(self, place: Place, edge: arb, link: Link) -> bool:
         """Return whether the next handle seems to be beyond the inner end of a spiral."""
@@ -136,7 +138,7 @@ class Track:
                 and abs(segment.metres(edge) - segment.metres(place.u)) < furthest_m(self.bend, link.near))
 
     def _across(self, place: Place, link: Link, way: int) -> Place:
-        """Return the next handle beyond one or more joints."""
+        """Return the position of the next handle beyond one or more joints."""
         k, here = place.segment, self.point(place)
         segment = self.segments[k]
         edge = segment.last if way > 0 else segment.first
@@ -156,13 +158,13 @@ class Track:
         raise Refused('a handle leaves the track: it is too short for the dragon')
 
     def _cut(self, k: int, here: acb, link: Link, way: int, gone: arb) -> Place:
-        """Return the position on a segment a link away from a point, whose distance from its near end is ``gone``."""
+        """Return the position on a segment at a link's length from a point; ``gone`` is the arc to the near end."""
         segment = self.segments[k]
         near, far = (segment.first, segment.last) if way > 0 else (segment.last, segment.first)
         assert near is not None
         sense = segment.sense * way
         begin, point, length = float(near), complex(here), link.near
-        # The arc to a link's length is longest on a circle of the largest curvature.
+        # The arc that a link spans is longest on a circle of the largest curvature.
         most_m = max(furthest_m(self.bend, length) - float(gone), 1e-9 * length)
         if far is not None:
             most_m = min(most_m, float(abs(segment.metres(far) - segment.metres(near))))
@@ -170,7 +172,7 @@ class Track:
         step = 1e-7 * most
 
         def about(x: float) -> tuple[float, float]:
-            """Return half the excess of the squared chord, and its slope, at x beyond the near end."""
+            """Return half the excess of the squared chord, and the slope, at x beyond the near end."""
             away = segment.near(begin + sense * x) - point
             after = segment.near(begin + sense * (x + step)) - point
             value = 0.5 * (abs(away)**2 - length * length)
@@ -193,7 +195,7 @@ class Track:
         return self._loosened(k, u, max(outside, default=0.0))
 
     def curvatures(self, one: Place, two: Place) -> arb:
-        """Return a ball of the curvatures between two positions; on a spiral curvature is monotone."""
+        """Return a ball of the curvatures between two positions; the curvature of a spiral is monotone."""
         first, last = (one, two) if one.segment < two.segment else (two, one)
         out = self.segments[first.segment].curvature(one.u if first.segment == last.segment else first.u)
         loose_m = max(one.loose, two.loose)
@@ -236,7 +238,7 @@ def _single(spiral: reading.Spiral, tail_leads: bool) -> Track:
 
 
 def _turn(turn: reading.Turn) -> Track:
-    """Return the S-turn: with tan gamma = R / b both arcs turn by 2 gamma, and their radii sum to R / sin gamma."""
+    """Return the S-turn. With tan gamma = R / b, both arcs turn by 2 gamma and their radii sum to R / sin gamma."""
     b, radius = exact(turn.pitch_m) / (TWO * half_turn()), HALF * exact(turn.diameter_m)
     theta = radius / b
     gamma = theta.atan()
@@ -252,7 +254,7 @@ def _turn(turn: reading.Turn) -> Track:
 
 
 class _Heading:
-    """A heading as an exact rational part in half turns and the rest in radians, so that turning hardly widens it."""
+    """A heading: an exact rational part in half turns plus a rest in radians, so that turning hardly widens it."""
 
     def __init__(self, degrees: float) -> None:
         self._halves, self._rest = Fraction(degrees) / 180, ZERO
@@ -274,7 +276,7 @@ class _Heading:
 
 
 def _joined(track: reading.Pieces) -> Track:
-    """Return the pieces joined end to end; the first is continued backwards if possible."""
+    """Return the pieces joined end to end; the first piece is continued backwards if possible."""
     pose = track.poses[0]
     heading = _Heading(pose.heading_deg or 0.0)
     point = acb(*map(exact, pose.at_m or (0.0, 0.0)))
@@ -292,7 +294,7 @@ def _joined(track: reading.Pieces) -> Track:
 
 
 def _segment(piece: reading.Piece, point: acb, heading: _Heading, is_open: bool) -> AnySegment:
-    """Return a piece that begins at a point in a direction, and turn the heading by its angle."""
+    """Return the segment of a piece that begins at a point in a direction, and turn the heading by its angle."""
     first = None if is_open else ZERO
     leaves = heading.direction
     if isinstance(piece, reading.Line):
@@ -305,7 +307,8 @@ def _segment(piece: reading.Piece, point: acb, heading: _Heading, is_open: bool)
     begin, last = (TWO * half_turn() * exact(turns) for turns in (piece.from_turns, piece.to_turns))
     sense = 1 if piece.to_turns > piece.from_turns else -1
     side = sense if piece.left else -sense
-    # At polar angle u the plain spiral has the heading side (u + atan u), and the opposite one if the head winds in.
+    # At polar angle u the plain spiral has the heading side (u + atan u), or the opposite heading if the head winds
+    # in.
     turned = begin + begin.atan()
     rotation = leaves * direction(-turned * side) * sense
     centre = point - rotation * direction(begin * side) * (b * begin)
@@ -318,10 +321,10 @@ def _check_joint(name: str, said: reading.Pose, point: acb, heading: _Heading) -
     """Raise Refused if a piece's stated start or heading differs from the end of the preceding piece."""
     if said.at_m is not None:
         away = abs(acb(*map(exact, said.at_m)) - point)
-        certainly(away < 2 * _NEAR_M, f'{name}.at_m: the piece before ends {float(away):.3g} m from there')
+        certainly(away < 2 * _NEAR_M, f'{name}.at_m: the preceding piece ends {float(away):.3g} m from there')
     if said.heading_deg is not None:
         turned = heading.direction * _Heading(-said.heading_deg).direction
         certainly(turned.real > 0 and abs(turned.imag) < 2 * _NEAR_RAD,
-                  f'{name}.heading_deg: the piece before ends {float(turned.arg()):.3g} rad from there')
+                  f'{name}.heading_deg: the preceding piece ends {float(turned.arg()):.3g} rad from there')
 
 

@@ -1,10 +1,10 @@
-"""The obstacles of a venue in balls: benches stay clear of their edges, and the dragon starts on the right side.
+"""Prove, in balls, that benches stay clear of a venue's edges and that the dragon starts on the right side.
 
-An edge is a rectangle of zero width. The bounds that separate two benches also separate a bench and an edge at rest
-(``interval``). In the frame of the edge, the corners of the bench accelerate with its middle and its turning; in the
-frame of the bench, the ends of the edge accelerate like points at rest. Only the part of an edge that the bench can
-reach matters; the rest is further away than the bench moves. Benches are linked, so if none meets an edge, all stay on
-one side of every outline.
+An edge is a rectangle of zero width. The bounds that separate two benches (``interval``) also separate a bench and an
+edge at rest. In the frame of the edge, the middle and the rotation of the bench determine the acceleration of its
+corners. In the frame of the bench, the ends of the edge accelerate like points at rest. Only the part of an edge that
+the bench can reach matters; the rest is further away than the bench moves. Benches are linked, so if no bench meets
+an edge, all benches stay on one side of every outline.
 """
 from cmath import rect
 from collections.abc import Iterator, Sequence
@@ -22,26 +22,26 @@ from dragon_ros.verify.posture import AXES, Bench, Dragon, Pose, Posture, about,
 from dragon_ros.verify.reading import Obstacle, Venue
 from dragon_ros.verify.segments import HALF, ZERO, Link
 
-_ROUNDED = 1e-12    # relative to coordinates: exceeds the error of a distance after a dozen float operations
-_CELL = 4.0         # times the longest bench: the side of a cell of the index
-_MOST_CELLS = 1000  # limit along an edge; longer edges are always checked
-_REACH = 2.0        # times the longest bench: intervals over which a bench moves further are cut without a check
-_NEAR_M = 1e-5      # times the scale of rounding: edges of an obstacle this close to a bench may touch it
-_INSIDE_HEAD = [rect(0.5, n) for n in range(6)]     # points in a bench, in halves of its length and width
+_ROUNDED = 1e-12    # relative to coordinates: more than the error of a distance after a dozen float operations
+_CELL = 4.0         # side of a cell of the index, relative to the longest bench
+_MOST_CELLS = 1000  # largest number of cells along an edge; longer edges are always checked
+_REACH = 2.0        # relative to the longest bench: intervals in which a bench moves further are cut without a check
+_NEAR_M = 1e-5      # times the scale of rounding: edges of an obstacle that are this close to a bench may touch it
+_INSIDE_HEAD = [rect(0.5, n) for n in range(6)]     # points of a bench, relative to its half length and half width
 
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """An edge of an obstacle, between two points that are exact floats."""
+    """An edge of an obstacle between two points, which are exact floats."""
 
     name: str
     start: complex
     stop: complex
 
     def near(self, point: complex, reach_m: float) -> Pose | None:
-        """Return a part of the edge that includes all points within a distance of a point; None if there is none.
+        """Return the part of the edge that includes all its points within a distance of a point, or None.
 
-        The distance of a point on the edge is at least its distance from the foot of the perpendicular.
+        The distance of a point of the edge is at least its distance from the foot of the perpendicular.
         """
         way, seen = self.stop - self.start, point - self.start
         length = abs(way)
@@ -70,7 +70,7 @@ def _width(value: acb) -> float:
 
 
 class Edges:
-    """All edges of a venue, indexed by the cells of the plane through which they pass."""
+    """All edges of a venue, indexed by the cells of a grid through which they pass."""
 
     def __init__(self, venue: Venue, longest_m: float) -> None:
         """Index a venue; ``longest_m`` is the length of the longest bench."""
@@ -86,7 +86,7 @@ class Edges:
                 self._cells.setdefault(cell, []).append(edge)
 
     def _passed(self, edge: Edge, low: float, high: float) -> Iterator[tuple[int, int]]:
-        """Return the cells that a part of an edge may pass."""
+        """Return the cells through which a part of an edge may pass."""
         one, two = (edge.start + share * (edge.stop - edge.start) for share in (low, high))
         return self._within(min(one.real, two.real), max(one.real, two.real), min(one.imag, two.imag),
                             max(one.imag, two.imag))
@@ -106,7 +106,7 @@ class Edges:
         return [*found.values(), *self._long]
 
     def met(self, bench: Pose, name: str, coarse: float) -> list[Pose]:
-        """Return the edges of an obstacle that a bench may touch or come close to, the nearest first."""
+        """Return the edges of an obstacle that a bench may touch or be close to, nearest first."""
         reach_m = 2 * (bench.shape.arm_m + bench.unsure_m + _NEAR_M * coarse)
         parts = [part for edge in self.every if edge.name == name and (part := edge.near(bench.near, reach_m))]
         return sorted(parts, key=lambda part: max(about(bench, part)))
@@ -117,12 +117,12 @@ def _pairs(line: Sequence[tuple[float, float]]) -> list[tuple[complex, complex]]
 
 
 class SweptBench(Interval):
-    """The leading bench of an interval, to be proved clear of edges."""
+    """The leading bench of an interval, which is to be proved clear of edges."""
 
     def meets(self, edges: Edges, reach_m: float) -> str | None:
-        """Return the obstacle of the first edge from which the bench is not proved clear; None if it is clear of all.
+        """Return the name of the obstacle of the first edge that is not proved clear of the bench, or None.
 
-        Raises Met if they overlap at an end.
+        Raises Met if the bench and an edge overlap at an end.
         """
         moved_m = self._moved_m(0)
         if not moved_m <= reach_m:
@@ -139,7 +139,7 @@ class SweptBench(Interval):
         return None
 
     def _parts(self, part: Pose) -> bool:
-        """Return whether an edge line separates bench and edge at both ends by more than the corners' deviation."""
+        """Return whether an edge line separates bench and edge at both ends by more than the corners deviate."""
         ends = [(end.pose(0), part) for end in self._ends]
         rough = [min(both) for both in zip(*(about(*pair) for pair in ends), strict=True)]
         half = len(AXES) // 2
@@ -150,7 +150,7 @@ class SweptBench(Interval):
         return False
 
     def _sag_at(self, part: Pose, other: bool) -> float:
-        """Return how far the bench's corners, or the edge's ends, deviate from straight lines in the other's frame."""
+        """Return how far the corners of the bench (or the ends of the edge) deviate from lines in the other's frame."""
         front, rear, turning = self._motion(0).speeds, self._motion(1).speeds, self._turning(0)
         acceleration = HALF * (front.acceleration + rear.acceleration)
         turned = hypot_above(size(turning.rate), up(size(turning.w) * size(turning.w)))
@@ -165,7 +165,7 @@ class SweptBench(Interval):
         return sag if sag == sag else inf
 
     def _stays(self, part: Pose, moved_m: float) -> bool:
-        """Return whether the gaps at both ends exceed the bench's motion in between."""
+        """Return whether the sum of the gaps at both ends exceeds the motion of the bench in between."""
         gaps = 0.0
         for end in self._ends:
             rough = about(end.pose(0), part)
@@ -183,12 +183,12 @@ class Met(Refused):
 
 
 class ObstacleCover(Cover):
-    """Proves all benches clear of the edges of a venue, those of one length together."""
+    """Proves all benches clear of the edges of a venue, with benches of equal length together."""
 
     edges: Edges
 
     def _stuck(self, way: Way, low: arb, high: arb, begin: Posture, end: Posture) -> Stuck | None:
-        """Return the obstacle from which benches of one length are not proved clear between two positions."""
+        """Return why benches of equal length are not proved clear of obstacles between two positions, or None."""
         placed = begin.placed + end.placed
         interval = SweptBench(self._track, self._dragon, way.lead, (begin, end), self._bend)
         try:
@@ -205,7 +205,7 @@ class ObstacleCover(Cover):
 
 
 def ways_by_length(dragon: Dragon, places: Sequence[tuple[arb, arb]]) -> list[Way]:
-    """Return the positions of the benches of each length; a bench's pose depends only on its length and position."""
+    """Return the positions of the benches of each length; the pose of a bench depends only on length and position."""
     sets: dict[float, list[int]] = {}
     for bench, length_m in enumerate(dragon.lengths_m):
         sets.setdefault(length_m, []).append(bench)
@@ -213,7 +213,7 @@ def ways_by_length(dragon: Dragon, places: Sequence[tuple[arb, arb]]) -> list[Wa
 
 
 def check_sides(venue: Venue, head: Pose) -> None:
-    """Reject a venue in which the dragon starts within an obstacle, or not within the inside.
+    """Reject a venue in which the dragon starts within an obstacle or outside the inside.
 
     One point of the head is checked: if no bench touches an edge, all benches are on the same side as this point.
     """
@@ -231,7 +231,7 @@ def check_sides(venue: Venue, head: Pose) -> None:
 
 
 def _covers(area: Obstacle, point: acb) -> bool | None:
-    """Return whether a point lies within an odd number of an area's rings; None if its ball is too wide to decide."""
+    """Return whether a point lies within an odd number of an area's rings; None if its ball is too wide for that."""
     odd = False
     for line in area.lines:
         for one, two in _pairs(line):
@@ -249,6 +249,6 @@ def _covers(area: Obstacle, point: acb) -> bool | None:
 
 
 def _over(end: complex, point: acb) -> bool | None:
-    """Return whether a corner is above a point; None if its ball is too wide to decide."""
+    """Return whether a corner is above a point; None if the ball of the point is too wide to decide this."""
     y = exact(end.imag)
     return True if y > point.imag else False if y < point.imag else None

@@ -129,7 +129,7 @@ TAMPERINGS = [
     ('joined', scene('track', 'start_m'), 0.01, FALSE), ('other', scene('track', 'start_m'), 70.0, 'beyond its end'),
     ('other', (*PIECES, 1, 'radius_m'), 1.0, 'links could lock'),
     # Intervals with invalid benches or positions
-    ('contact', (*ROW, 'lead'), 'tail', 'does not name a bench'),
+    ('contact', (*ROW, 'lead'), 'tail', 'is not a valid lead'),
     ('contact', (*ROW, 'lead'), 'bench 10', 'no two benches behind'),
     ('contact', (*ROW, 'behind'), 12, 'only 11 benches'), ('contact', (*ROW, 'behind'), -1, 'not between'),
     ('contact', (*ROW, 'stop_m'), 412.6, 'exceeds the track'),

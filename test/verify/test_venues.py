@@ -133,7 +133,7 @@ def test_a_run_without_a_venue_touches_no_obstacle_and_a_family_has_none():
     values['contact'] = {'t_s': 5.0, 'benches': [0], 'obstacle': 'wall'}
     assert "'wall' is not in the venue" in refusal(values)
     family = {'family': 1, 'scene': written(CLEAR)['scene'], 'within': {}, 'proved_s': 1.0}
-    assert 'scene.venue: contacts of a family with a venue are not checked' in refusal(family)
+    assert 'scene.venue: family certificates with a venue are not supported' in refusal(family)
 
 
 def test_an_obstacle_that_the_last_bench_alone_comes_to_is_not_missed():
