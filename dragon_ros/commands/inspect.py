@@ -34,14 +34,14 @@ if TYPE_CHECKING:       # modules for checking and repairing are imported lazily
     from dragon_ros.bags.check.compare import Comparison
 
 _SHOWN = 20     # largest number of faults shown
-_STEPS = 8      # number of values shown for the clearance over time
+_STEPS = 8      # number of clearance values over time that are shown
 _LOOKS = 200    # default number of ticks examined for the clearance
 _TAKES: dict[str, set[str]] = {'--repair': set(), '--check': {'--check', '--trust', '--namespace', '--workers'},
                                'a summary': {'--trust', '--looks', '--namespace'}}
 
 
 def run(arguments: Namespace) -> int:
-    """Inspect, check or repair; return the exit code."""
+    """Inspect, check or repair a bag; return the exit code."""
     what = '--repair' if arguments.repair is not None else '--check' if arguments.check else 'a summary'
     given = {'--check': arguments.check, '--trust': arguments.trust, '--looks': arguments.looks is not None,
              '--namespace': arguments.namespace is not None, '--workers': arguments.workers is not None}
@@ -84,7 +84,7 @@ def _examined(path: Path) -> Contents:
 
 
 def _dragon(arguments: Namespace, damaged: bool = False) -> dict[str, Any]:
-    """Return the data about the dragon in a bag, or in the intact part of a damaged one."""
+    """Return the data about the dragon in a bag, or in the intact part of a damaged bag."""
     with BagReader(arguments.bag, damaged) as bag:
         return _about_dragon(bag, arguments)
 
@@ -157,7 +157,7 @@ def _repair(arguments: Namespace) -> tuple[dict[str, Any], int]:
 
 
 def _bag_text(values: dict[str, Any]) -> str:
-    """Return the text of an inspection."""
+    """Return the result of an inspection as text."""
     chunks = ', '.join(f'{count} chunks in {name}' for name, count in values['chunks'].items()) or 'no chunks'
     lines = [f'{values["bag"]}: {len(values["files"])} file{"s"[:len(values["files"]) != 1]}, '
              f'{values["bytes"] / 1e6:.3f} MB, {chunks}; written by {", ".join(sorted(set(values["written_by"])))}']
@@ -171,7 +171,7 @@ def _bag_text(values: dict[str, Any]) -> str:
 
 
 def _check_text(values: dict[str, Any]) -> str:
-    """Return the text of a check."""
+    """Return the result of a check as text."""
     line = f'{values["bag"]}: {values["equal"]} messages are bit-identical to the model'
     if values['close']:
         why = (f'version {values["other_version"]} made the bag, so the limit is twice the promise for all topics'
@@ -184,15 +184,15 @@ def _check_text(values: dict[str, Any]) -> str:
     lines = [line] + [f'  {fault}' for fault in values['faults'][:_SHOWN]]
     lines += _more(len(values['faults'][:_SHOWN]), len(values['faults']))
     if values['end_proved']:
-        lines.append(f'  its end is proved by the certificate in the bag: {values["end_proved"]}')
+        lines.append(f'  the certificate in the bag proves the end of the run: {values["end_proved"]}')
     if values['once']:
-        lines.append(f'  scene and track: {values["once"]} messages are those of the scene')
+        lines.append(f'  scene and track: {values["once"]} messages match the scene')
     return '\n'.join([*lines, *(f'  unchecked: {row["messages"]} of {name} ({row["reason"]})'
                                 for name, row in values['unchecked'].items())])
 
 
 def _repair_text(values: dict[str, Any]) -> str:
-    """Return the text of a repair."""
+    """Return the result of a repair as text."""
     lines = [f'{values["repaired"]}: {values["messages"]} messages saved from {values["bag"]}']
     lines += [f'  {line}' for line in values['lost'][:_SHOWN]]
     return '\n'.join(lines + _more(len(values['lost'][:_SHOWN]), values['lost_count']))
@@ -268,15 +268,15 @@ def _integrity_lines(values: dict[str, Any]) -> list[str]:
     lines = [f'  NOT READ: {values["unread"]}'] if 'unread' in values else []
     lines += [f'  {line}' for line in values['notes']] + _length_lines(values['topics'])
     count = values['problem_count']
-    lines.append(f'  integrity: {count} problems' if count else '  integrity: every length, index and CRC holds')
+    lines.append(f'  integrity: {count} problems' if count else '  integrity: every length, index and CRC is correct')
     return lines + [f'    {line}' for line in values['problems'][:_SHOWN]] + _more(
         len(values['problems'][:_SHOWN]), count)
 
 
 def _length_lines(topics: list[dict[str, Any]]) -> list[str]:
-    """Return lines on how many message lengths were compared with their types, and why others were not."""
+    """Return lines that state how many messages have the length of their type, and why others were not compared."""
     compared = sum(row['lengths_compared'] for row in topics)
-    return [f'  lengths: {compared} messages compared with their types',
+    return [f'  lengths: {compared} messages were compared with their types',
             *(f'  lengths not compared: {row["messages"] - row["lengths_compared"]} of {row["topic"]} '
               f'({row["lengths_not_compared_because"]})' for row in topics if row['lengths_not_compared_because'])]
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 SCALES = (50, 100, 200, 250, 500, 1000)
 PAPERS_MM = {'A4': (297.0, 210.0), 'A3': (420.0, 297.0)}
-_EDGE_MM, _FOOT_MM = 12.0, 34.0     # margins around a page and below its drawing
+_EDGE_MM, _FOOT_MM = 12.0, 34.0     # margins around a page and below the drawing
 _MARK_M = 10.0
 _MOST_PAGES = 24
 _COARSEST, _FEW_PAGES = 500, 4      # up to four pages at 1:500 are preferred to a smaller scale
@@ -37,7 +37,7 @@ _TEXT_PT = 9
 _BROKEN = '#C00000'
 _OBSTACLE_HATCH = '\\\\\\'      # distinguishes obstacles from swept areas in black and white
 _CENTRE_LINE = (0, (12, 2, 2, 2))
-_ROWS = 34              # rows of a table per page
+_ROWS = 34              # number of table rows per page
 _NARROWEST = 3          # number of positions for which the required room is shown
 _NEARLY_M = 0.01
 _WIDE = 0.62            # width of a letter relative to the text height
@@ -66,9 +66,9 @@ def run(arguments: Namespace) -> int:
 
 @dataclass(frozen=True)
 class Gap:
-    """The smallest gap to a named part of the venue, between two points (2, 2) in m.
+    """The smallest gap to a named part of the venue, and the two points (2, 2) in m between which it was found.
 
-    The exact gap is smaller by at most ``within_m``.
+    The exact gap is smaller than ``gap_m`` by at most ``within_m``.
     """
 
     name: str
@@ -91,7 +91,7 @@ class Plan:
         return say(WORDS, key, self.lang, **parameters)
 
     def exact_gap(self, gap: Gap) -> str:
-        """Return a gap to the millimetre, as text."""
+        """Return a gap as text, rounded to millimetres."""
         return self.say('broken_gap' if gap.is_broken else 'exact_gap', name=gap.name, gap=gap.gap_m)
 
     @property
@@ -112,13 +112,13 @@ class Plan:
 
     @cached_property
     def marks_m(self) -> Floats:
-        """Distances along the track of the marks that front handles pass."""
+        """Distances in m along the track of those marks that front handles pass."""
         at = self.swept.at_m
         return np.arange(ceil(at[0] / _MARK_M), at[-1] // _MARK_M + 1) * _MARK_M
 
     @cached_property
     def room_m(self) -> tuple[Floats, Floats]:
-        """Positions at every metre of the track, and the room required there to its left and right."""
+        """Distances along the track at every metre, and the room required there to the left and right, all in m."""
         from dragon_ros.core.search.swept_area import room_every_metre
         return room_every_metre(self.scene, self.swept)
 
@@ -148,7 +148,7 @@ class Plan:
 
     @cached_property
     def passes_s(self) -> tuple[Floats, Floats]:
-        """The times when head and tail pass the marks, to 1/400 of the run; nan if they do not pass a mark."""
+        """The times in s at which head and tail pass the marks, to 1/400 of the run; nan if a mark is not passed."""
         from dragon_ros.core.batches import states
         simulation = compile_scene(self.scene)
         run = self.scene.run
@@ -173,7 +173,7 @@ class Plan:
 
 
 def _passed(at_m: Floats, times_s: Floats, marks_m: Floats) -> Floats:
-    """Return the first time at which a handle reaches each mark."""
+    """Return, for each mark, the first time in s at which a handle reaches the mark."""
     out = np.full(marks_m.shape, np.nan)
     for n, mark in enumerate(marks_m.tolist()):
         side = at_m >= mark
@@ -187,7 +187,7 @@ def _passed(at_m: Floats, times_s: Floats, marks_m: Floats) -> Floats:
 
 
 def geojson(plan: Plan) -> str:
-    """Return swept area, track and gaps as GeoJSON, in degrees (RFC 7946) with an origin, else in metres."""
+    """Return swept area, track and gaps as GeoJSON, in degrees (RFC 7946) if the venue has an origin, or metres."""
     from shapely import LineString, normalize, reverse
     from shapely.geometry import mapping
     swept, origin_deg = plan.swept, plan.origin_deg
@@ -206,7 +206,7 @@ def geojson(plan: Plan) -> str:
 
 
 def _sheet(arguments: Namespace, plan: Plan) -> tuple[str, int, Floats]:
-    """Return paper, scale and drawn window (2, 2) in m. Raises FieldError for an invalid scale."""
+    """Return the paper size, the scale and the window (2, 2) in m to draw. Raises FieldError for an invalid scale."""
     x, y = plan.line.T
     left, bottom, right, top = plan.swept.whole.bounds
     low = np.array((min(left, x.min()), min(bottom, y.min()))) - _AROUND_M
@@ -227,11 +227,11 @@ def _scale(text: str) -> int:
     one, _, many = text.partition(':')
     if one.strip() == '1' and many.strip().isdecimal() and SCALES[0] <= int(many) <= SCALES[-1]:
         return int(many)
-    raise FieldError('--scale', text, f'scales go from 1:{SCALES[0]} to 1:{SCALES[-1]}', 'write for example 1:200')
+    raise FieldError('--scale', text, f'scales go from 1:{SCALES[0]} to 1:{SCALES[-1]}', 'write, for example, 1:200')
 
 
 def _drawn_mm(paper: str) -> Floats:
-    """Return the size of the drawing on a page."""
+    """Return the size of the drawing on a page, in mm."""
     return np.array(PAPERS_MM[paper]) - (2 * _EDGE_MM, 2 * _EDGE_MM + _FOOT_MM)
 
 
@@ -244,7 +244,7 @@ def _pages(plan: Plan, paper: str, scale: int, window: Floats) -> list['Figure']
     page_m = _drawn_mm(paper) * scale / 1000
     counts = np.maximum(1, np.ceil((window[1] - window[0]) / page_m - 1e-9)).astype(int)
     if counts.prod() > _MOST_PAGES:
-        raise InputError(f'--scale 1:{scale}: it takes {counts.prod()} pages of {paper}, and the limit is '
+        raise InputError(f'--scale 1:{scale}: the drawing takes {counts.prod()} pages of {paper}, and the limit is '
                          f'{_MOST_PAGES}; give a smaller scale, or --paper A3', field='scale')
     begin = window.mean(axis=0) - 0.5 * counts * page_m
     tables = _tables(plan)
@@ -257,7 +257,7 @@ def _pages(plan: Plan, paper: str, scale: int, window: Floats) -> list['Figure']
 
 
 def _page(plan: Plan, paper: str, number: tuple[int, int], title: str) -> 'Figure':
-    """Return an empty page with its title, its date and its number."""
+    """Return a page that contains only its title, its date and its number."""
     from matplotlib.figure import Figure
     width, height = PAPERS_MM[paper]
     figure = Figure(figsize=(width / 25.4, height / 25.4))
@@ -347,7 +347,7 @@ def _poses(plan: Plan, along_m: Floats) -> tuple[Floats, Floats]:
 
 
 def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> list[tuple[Floats, float]]:
-    """Draw a mark every ten metres, labelled with its distance on a side of the track that has no other label.
+    """Draw a mark every ten metres, and label it with its distance on a side of the track without other labels.
 
     Return the positions of the labels and half their widths, in points.
     """
@@ -365,7 +365,7 @@ def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> list[tuple[Floats, 
 
 
 def mark_offsets(places: Floats, headings: Floats, labels: list[str]) -> list[tuple[float, float]]:
-    """Return the offsets in points of labels from marks at places (n, 2), left or, if taken, right of the track.
+    """Return the offsets in points of labels from marks at places (n, 2), left of the track or, if taken, right of it.
 
     If both sides are taken, a label is placed further out.
     """
@@ -404,7 +404,7 @@ def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Float
 
 
 def _free_offset(axes: 'Axes', at: Floats, label: str, taken: list[tuple[Floats, float]]) -> tuple[float, float]:
-    """Return the offset of a label in points: the nearest one at which it overlaps no other label."""
+    """Return the smallest offset in points at which a label overlaps no other label."""
     scale = axes.figure.dpi / 72
     here = np.asarray(axes.transData.transform(at)) / scale
     half = 0.5 * _WIDE * _TEXT_PT * len(label)
@@ -420,11 +420,11 @@ def _free_offset(axes: 'Axes', at: Floats, label: str, taken: list[tuple[Floats,
 
 
 def _widest(plan: Plan) -> list[tuple[float, float, float]]:
-    """Return where the most room is required, as distances along the track with the room to its left and right."""
+    """Return the distances along the track at which the most room is required, with the room to the left and right."""
     stations, room = plan.room_m
     out: list[tuple[float, float, float]] = []
     for n in np.argsort(-room.sum(axis=1), kind='stable').tolist():
-        if room[n].sum() < room.min(axis=0).sum() + _NEARLY_M:      # hardly more than on a straight line
+        if room[n].sum() < room.min(axis=0).sum() + _NEARLY_M:      # hardly more room than on a straight line
             break
         if all(abs(stations[n] - at) > _MARK_M for at, *_ in out):
             out.append((float(stations[n]), float(room[n, 0]), float(room[n, 1])))
@@ -434,7 +434,7 @@ def _widest(plan: Plan) -> list[tuple[float, float, float]]:
 
 
 def _draw_room(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Floats, float]]) -> None:
-    """Draw the required room at the widest positions."""
+    """Draw the required room at the positions where it is largest."""
     for at_m, left, right in _widest(plan):
         points, headings = _poses(plan, np.array([at_m]))
         normal = np.array((-headings[0, 1], headings[0, 0]))
@@ -474,7 +474,7 @@ def _time(t_s: float) -> str:
 
 
 def _table(plan: Plan, paper: str, rows: list[tuple[str, ...]], number: tuple[int, int]) -> 'Figure':
-    """Return a page with the times when head and tail pass each mark, the gaps and the room."""
+    """Return a page with the times at which head and tail pass each mark, the gaps and the room."""
     width, height = PAPERS_MM[paper]
     figure = _page(plan, paper, number, plan.say('tables', title=plan.title))
     x, top, line = _EDGE_MM + 2, height - _EDGE_MM - 4, 4.3

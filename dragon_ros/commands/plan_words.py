@@ -17,15 +17,16 @@ WORDS: Words = {
     'room_at': ('at {at:g} m: {left:.2f} m left, {right:.2f} m right',
                 '{at:g} m 处：左 {left:.2f} m，右 {right:.2f} m'),
     'unbounded': ('the speeds of benches have no upper bound in this run', '本次运行中板凳的速度没有上界'),
-    'slower': ('no handle exceeds {ratio:.4f} times the leader', '各把手的速度都不超过领头把手的 {ratio:.4f} 倍'),
-    'slower_than': ('no handle exceeds {ratio:.4f} times the leader: {speed:.3f} m/s',
+    'slower': ('no handle exceeds {ratio:.4f} times the speed of the leader',
+               '各把手的速度都不超过领头把手的 {ratio:.4f} 倍'),
+    'slower_than': ('no handle exceeds {speed:.3f} m/s, which is {ratio:.4f} times the speed of the leader',
                     '各把手的速度都不超过领头把手的 {ratio:.4f} 倍，即 {speed:.3f} m/s'),
     'proved': ('Proved: {fastest}.', '已证明：{fastest}。'),
-    'proved_gaps': ('Proved: {fastest}; apart from rounding, no smallest gap is more than {within:.1g} mm '
-                    'below its value, shown rounded.',
+    'proved_gaps': ('Proved: {fastest}. Apart from rounding in the drawing, every smallest gap is at most '
+                    '{within:.1g} mm below its value.',
                     '已证明：{fastest}；除舍入外，各最小间隙比其值至多小 {within:.1g} mm（图中数值已舍入）。'),
-    'sampled': ('Not proved: swept area and room are computed every {step:.0f} cm, which misses about '
-                'a millimetre in bends.',
+    'sampled': ('Not proved: the swept area and the room are computed every {step:.0f} cm, which misses '
+                'about a millimetre in bends.',
                 '未证明：扫过的区域与所需宽度每 {step:.0f} cm 计算一次，弯道处约有 1 mm 未计入。'),
     'people': ('People, poles and overhanging parts are not included.',
                '不包括抬龙的人、立杆以及伸出板凳之外的物品。'),

@@ -30,7 +30,7 @@ _FORMATS = '.svg, .geojson, .wkt, .csv, or a bag with a nav_msgs/Path'
 
 @dataclass(frozen=True)
 class _Laid:
-    """A scene along a drawing, and the data from which it was made."""
+    """A scene along a drawing, and the data from which the scene was made."""
 
     scene: 'Scene'
     line: DrawnLine
@@ -109,10 +109,11 @@ def _recorded(path: Path, arguments: Namespace) -> DrawnLine:
 
 
 def _live(arguments: Namespace) -> DrawnLine:
-    """Return the first path that arrives on a topic, received by a process with ROS."""
+    """Return the first path that a process with ROS receives on a topic."""
     from dragon_ros.messages.decode import read_path
     if arguments.topic is None:
-        raise InputError(f'DRAWING: it is missing; give one ({_FORMATS}), or --topic for a live path', field='drawing')
+        raise InputError(f'DRAWING: it is missing; give a drawing ({_FORMATS}), or --topic for a live path',
+                         field='drawing')
     timeout_s = number('--timeout', arguments.timeout, above=0.0, high=_LONGEST_S)
     done = subprocess.run([sys.executable, '-m', _RECEIVER, arguments.topic, repr(timeout_s)], capture_output=True,
                           check=False, stdin=subprocess.DEVNULL)
@@ -123,7 +124,7 @@ def _live(arguments: Namespace) -> DrawnLine:
 
 
 def _moved(topic: str, message: 'PathMessage', arguments: Namespace) -> DrawnLine:
-    """Return a path in the dragon's frame, transformed by --frame-pose. Raises InputError if that is missing."""
+    """Return a path transformed by --frame-pose to the dragon's frame. Raises InputError if the option is missing."""
     points = message.points_m
     if arguments.frame_pose is not None:
         shift, turn = plane_pose('--frame-pose', arguments.frame_pose)
@@ -136,7 +137,7 @@ def _moved(topic: str, message: 'PathMessage', arguments: Namespace) -> DrawnLin
 
 
 def _laid(arguments: Namespace, base: 'Scene', line: DrawnLine) -> _Laid:
-    """Return the scene of a line for a dragon. Raises InputError."""
+    """Return the scene in which a dragon walks along a line. Raises InputError."""
     from dragon_ros.core.tracks.composite import least_radius_m, track_of
     from dragon_ros.core.tracks.drawn import along
     from dragon_ros.core.tracks.spec import Composite
@@ -144,8 +145,9 @@ def _laid(arguments: Namespace, base: 'Scene', line: DrawnLine) -> _Laid:
     given = arguments.radius
     radius_m = _EASY * least_m if given is None else number('--radius', given, above=0.0, high=1e6)
     if radius_m < least_m:
-        raise FieldError('--radius', radius_m, f'these benches can walk bends of {least_m:.4g} m or more, '
-                         '1.01 times half the longest link', f'give at least {least_m:.4g}, or use shorter benches')
+        raise FieldError('--radius', radius_m, f'these benches can walk bends with a radius of {least_m:.4g} m or '
+                         'more, 1.01 times half the longest link',
+                         f'give at least {least_m:.4g}, or use shorter benches')
     tolerance_m = number('--tolerance', arguments.tolerance, low=1e-5, high=1e3)
     route = along(line.parts, radius_m, least_m * (1 + 1e-9), tolerance_m)
     track = track_of(Composite(route.pieces))
@@ -155,12 +157,12 @@ def _laid(arguments: Namespace, base: 'Scene', line: DrawnLine) -> _Laid:
 
 
 def _without_venue(arguments: Namespace) -> 'Scene':
-    """Return the scene of the options without its venue, which was made for another track."""
+    """Return the scene that the options describe, but without its venue, which was made for another track."""
     return command_line.scene_from(Namespace(**{**vars(arguments), 'overrides': [*arguments.overrides, 'venue=null']}))
 
 
 def _on(arguments: Namespace, track: 'Composite') -> 'Scene':
-    """Return the scene of the options on a track. Raises InputError if an obstacle is in the way at the start."""
+    """Return the options' scene on the given track. Raises InputError if an obstacle is in the way at the start."""
     pieces = [{'kind': type(piece).__name__.lower(), **{key: value for key, value in asdict(piece).items()
                                                         if value is not None}} for piece in track.pieces]
     values = json.dumps({'kind': 'joined', 'start_m': track.start_m, 'pieces': pieces})
@@ -169,7 +171,7 @@ def _on(arguments: Namespace, track: 'Composite') -> 'Scene':
 
 
 def _start_m(arguments: Namespace, base: 'Scene', route: 'Route', track: 'Track') -> float:
-    """Return the distance along the track at which the head starts."""
+    """Return the distance in m along the track at which the head starts."""
     drawn_m = track.end_m - route.lead_in_m
     if arguments.start is not None:
         return route.lead_in_m + number('--start', arguments.start, low=0.0, high=drawn_m)
@@ -199,20 +201,21 @@ def _notes(laid: _Laid, tolerance_m: float) -> list[str]:
     route, track = laid.route, laid.track
     arcs = sum(hasattr(piece, 'radius_m') for piece in route.pieces)
     notes = [f'{laid.line.name}: {track.end_m - route.lead_in_m:.3f} m, {len(route.pieces)} pieces ({arcs} arcs)',
-             f'apart from the changes, it deviates from the drawing by at most {1000 * route.strays_m:.2f} mm '
+             f'apart from the changes, the track deviates from the drawing by at most {1000 * route.strays_m:.2f} mm '
              f'(tolerance {1000 * tolerance_m:g} mm)', _tightest(laid), *map(_changed, route.changes)]
     if route.lead_in_m:
-        notes.append(f'changed: it starts with a bend, so a line of {route.lead_in_m:g} m was added before it')
+        notes.append(f'changed: the drawing starts with a bend, so a line of {route.lead_in_m:g} m was added before '
+                     'the bend')
     return [*notes, _start(laid)]
 
 
 def _tightest(laid: _Laid) -> str:
     if not laid.track.bend:
-        return 'it has no bends'
+        return 'the track has no bends'
     k = max(range(len(laid.track.segments)), key=lambda k: laid.track.segments[k].bend)
     at = complex(laid.track.segments[k].at(laid.track.segments[k].after(0.0).hi))
-    return (f'the tightest bend is {1 / laid.track.bend:.4g} m, piece {k + 1} at ({at.real:.3f}, {at.imag:.3f}) m; '
-            f'the smallest that these benches can walk is {laid.least_m:.4g} m')
+    return (f'the tightest bend has a radius of {1 / laid.track.bend:.4g} m: piece {k + 1} at ({at.real:.3f}, '
+            f'{at.imag:.3f}) m; the smallest radius that these benches can walk is {laid.least_m:.4g} m')
 
 
 def _changed(change: 'Change') -> str:

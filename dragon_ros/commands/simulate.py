@@ -23,8 +23,8 @@ from dragon_ros.messages.once import once
 from dragon_ros.scenes import provenance
 
 _FRAME_ID = 'dragon'
-_CHUNKS = 4     # most chunks per job of a process, since handing over a job takes a tenth of the time of a chunk
-_JOBS = 8       # fewest jobs per process, if there are enough chunks, so that all processes end together
+_CHUNKS = 4     # largest number of chunks per job; sending a job to a process takes a tenth of a chunk's time
+_JOBS = 8       # smallest number of jobs per process if there are enough chunks, so that all processes end together
 
 
 def run(arguments: Namespace) -> int:
@@ -33,7 +33,7 @@ def run(arguments: Namespace) -> int:
     if arguments.rate is not None:
         scene = replace(scene, run=replace(scene.run, rate_hz=arguments.rate))
     count, began = compile_scene(scene).last_tick + 1, time.perf_counter()
-    tick(scene, 0)      # reject a scene that cannot be simulated before replacing another bag
+    tick(scene, 0)      # rejects a scene that cannot be simulated before another bag is replaced
     writer = BagWriter(arguments.output, arguments.force, BagOptions(arguments.compression), pool.workers == 1)
     with prompt_switches(), stopped_by_signals() as stop, writer as bag:
         _introduce(scene, bag, arguments.namespace)
@@ -60,10 +60,10 @@ def _introduce(scene: Scene, bag: BagWriter, namespace: str) -> None:
 
 
 def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event, pool: Pool = ALONE) -> int:
-    """Write the messages of every tick of the run until ``stop`` is set; return how many ticks were written.
+    """Write the messages of every tick of the run until ``stop`` is set; return the number of written ticks.
 
     The size of the first tick determines the ticks at which chunks begin, so a bag has the same bytes with any number
-    of workers. A single worker is this process, which compresses on a thread; several workers are separate processes.
+    of workers. A single worker is this process, which compresses on a thread. Several workers are separate processes.
     """
     encoded = {f'{namespace}/{name}': encode for name, encode in encoders(scene, _FRAME_ID).items()}
     numbers, frame = [bag.channel_of(topic) for topic in encoded], tick(scene, 0)
@@ -111,11 +111,11 @@ class _PackedTicks:
         self._encoders = list(zip(numbers, encoders(scene, _FRAME_ID).values(), strict=True))
 
     def __reduce__(self) -> tuple[type['_PackedTicks'], tuple[Scene, list[int], str]]:
-        """Return how another process creates its own instance."""
+        """Return the class and the arguments with which another process creates its own instance."""
         return _PackedTicks, self._settings
 
     def __call__(self, parts: list[tuple[int, int]]) -> list[PackedChunk]:
-        """Return the chunks of parts of the run, each of which is given as its first tick and its end."""
+        """Return the chunks of parts of the run; a part is a pair of its first tick and the tick after its last."""
         return [chunk for part in parts for chunk in self._packer.pack(
             (number, encode(frame), frame.t_ns, k) for k, frame in enumerate(ticks(self._scene, *part), part[0] + 1)
             for number, encode in self._encoders)]

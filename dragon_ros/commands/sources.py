@@ -24,7 +24,7 @@ from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.venue import Venue
 
-if TYPE_CHECKING:       # imported lazily, because a scene's picture needs none, or few, of these
+if TYPE_CHECKING:       # imported lazily, because a picture of a scene needs at most a few of these modules
     from dragon_ros.bags.read.frames import BagFrame, RecordedObstacles
     from dragon_ros.bags.read.reader import BagReader
     from dragon_ros.core.geometry.contacts import Observation
@@ -36,16 +36,16 @@ if TYPE_CHECKING:       # imported lazily, because a scene's picture needs none,
 _AT_ONCE = 64               # number of states per batch
 _SAG_M = 1e-4               # largest deviation of the drawn track, which is smooth even in a picture of one bench
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
-Check = Callable[[], None]      # raises an exception when the work is no longer wanted
-_REMEMBERED = 8             # number of ticks before a contact that its tracker may use
+Check = Callable[[], None]      # a function that raises an exception when its caller's work is no longer wanted
+_REMEMBERED = 8             # number of ticks before a contact that the tracker may use
 _HAIR_S = 1e-9
 _AROUND = 2.0               # largest extent of the shown track beyond the dragon, relative to the dragon's size
-_MARGIN = 0.03              # margin relative to the window
+_MARGIN = 0.03              # margin around the content, relative to the window
 
 
 @dataclass(frozen=True)
 class Moment:
-    """A dragon at one time: handles (N+1, 2) in m, benches, and speeds (N+1,) in m/s, None if unknown."""
+    """A dragon at one time: handles (N+1, 2) in m, benches, and speeds (N+1,) in m/s, which are None if unknown."""
 
     t_s: float
     p: Floats
@@ -55,10 +55,10 @@ class Moment:
 
 @dataclass(frozen=True)
 class Touch:
-    """A first contact: its time, benches (inner first), point, and the corner and edge that meet.
+    """A first contact: its time, its benches (inner first), its point, and the corner and the edge that meet.
 
     If a bench touches an obstacle, ``benches`` contains only this bench, and ``obstacle`` is the obstacle's name.
-    ``decimals`` is the number of correct decimals of the point; interpolation from ticks reduces it.
+    ``decimals`` is the number of correct decimals of the point, which is smaller for points interpolated between ticks.
     """
 
     t_s: float
@@ -70,7 +70,7 @@ class Touch:
 
     @property
     def words(self) -> str:
-        """The touching parts, as text."""
+        """The parts that touch, as text."""
         if self.obstacle is not None:
             return f'bench {self.benches[0]} touches {self.obstacle}'
         return f'benches {self.benches[0]} and {self.benches[1]} touch'
@@ -81,28 +81,28 @@ class Source(Protocol):
 
     @property
     def name(self) -> str:
-        """The name in pictures."""
+        """The name of the dragon in pictures."""
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """Times of the first and last tick."""
+        """The times of the first and the last tick, in s."""
 
     @property
     def track(self) -> Floats | None:
-        """Points (P, 2) of the track, None if unknown."""
+        """Points (P, 2) of the track in m, or None if the track is unknown."""
 
     @property
     def venue(self) -> Venue | None:
-        """The venue, None if unknown or absent."""
+        """The venue, or None if it is unknown or absent."""
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
-        """Return at most ``most`` ticks between two times, both included, evenly spaced."""
+        """Return the times in s of at most ``most`` evenly spaced ticks between two times, both included."""
 
     def moments(self, times_s: Floats) -> Iterator[Moment]:
-        """Yield the dragon at increasing times; a source that has only ticks yields the nearest ones."""
+        """Yield the dragon at increasing times; a source with only recorded ticks yields the nearest ticks."""
 
     def gaps(self, times_s: Floats) -> Iterator[tuple[float, float]]:
-        """Yield the time and the smallest signed gap of benches in m at increasing times, as ``moments`` does."""
+        """Yield the time in s and the smallest signed gap of benches in m at the times at which ``moments`` yields."""
 
     def first_touch(self, progress: Progress) -> Touch | None:
         """Return the first contact, or None."""
@@ -118,7 +118,7 @@ class SceneSource:
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """Times of the run's first and last tick."""
+        """The times of the run's first and last tick, in s."""
         run = self.scene.run
         return run.start_ns / NS, run.time_ns(compile_scene(self.scene).last_tick) / NS
 
@@ -133,7 +133,7 @@ class SceneSource:
         return self.scene.venue
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
-        """Return at most ``most`` of the run's ticks between two times, evenly spaced."""
+        """Return the times in s of at most ``most`` evenly spaced ticks of the run between two times."""
         run = self.scene.run
         first, last = (run.tick_at(round(t_s * NS)) for t_s in (start_s, stop_s))
         numbers = thinned(max(0, first + (run.time_ns(first) < round(start_s * NS))), last, most)
@@ -145,7 +145,7 @@ class SceneSource:
             yield from moments_of(self.scene, group)
 
     def gaps(self, times_s: Floats) -> Iterator[tuple[float, float]]:
-        """Yield the time and the smallest signed gap in m at these times."""
+        """Yield each of these times in s, and the smallest signed gap in m at that time."""
         yield from joined.from_iterable(self.pool.in_order(partial(_gaps_of, self.scene), _groups(times_s)))
 
     def searched(self, progress: Progress) -> 'Contact | NoContact':
@@ -165,7 +165,7 @@ class SceneSource:
 
 
 def _groups(times_s: Floats) -> list[list[float]]:
-    """Return times in groups that are computed at once."""
+    """Return times in groups; the states of a group are computed at once."""
     return [times_s[first:first + _AT_ONCE].tolist() for first in range(0, len(times_s), _AT_ONCE)]
 
 
@@ -187,7 +187,7 @@ def _gaps_of(scene: Scene, group: list[float]) -> list[tuple[float, float]]:
 
 
 def moment(source: Source, t_s: float) -> Moment:
-    """Return the dragon at one time. Raises InputError outside the source's ticks."""
+    """Return the dragon at one time. Raises InputError for a time outside the source's ticks."""
     check_times(source, [t_s])
     for one in source.moments(np.array([t_s])):
         return one
@@ -197,7 +197,7 @@ def moment(source: Source, t_s: float) -> Moment:
 def window(track: Floats | None, moments: Iterable[Moment]) -> Floats:
     """Return the window of a picture of these moments: its lower left and upper right corners (2, 2) in m.
 
-    It contains the dragon and its track or, if the track is much longer, only the part around the dragon.
+    The window contains the dragon and its track or, if the track is much longer, the dragon and the track around it.
     """
     corners = np.concatenate([one.benches.corners.reshape(-1, 2) for one in moments])
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -210,31 +210,31 @@ def window(track: Floats | None, moments: Iterable[Moment]) -> Floats:
 
 
 def decimals_of(step_s: float) -> int:
-    """Return the number of correct decimals of a point in m, interpolated from ticks ``step_s`` apart.
+    """Return the number of correct decimals of a point in m that is interpolated between ticks ``step_s`` apart.
 
     The error of a cubic through ticks is about the fourth power of the step in units of the bend radius. The third
-    power is used because there are fewer ticks near the start of a run.
+    power is used, because only a few ticks are available near the start of a run.
     """
     return 6 if step_s <= 0 else min(6, max(0, floor(-3 * log10(step_s))))
 
 
 def check_times(source: Source, times_s: Iterable[float]) -> None:
-    """Raise InputError for a time outside the source."""
+    """Raise InputError if any time is outside the source's ticks."""
     first, last = source.span_s
     for t_s in times_s:
         if not first - 1e-9 <= t_s <= last + 1e-9:
-            raise InputError(f'--times {t_s:g}: {source.name} goes from {first:g} to {last:g} s; choose a '
+            raise InputError(f'--times {t_s:g}: {source.name} has times from {first:g} to {last:g} s; choose a '
                              'time in this range')
 
 
 def clearances(source: Source, times_s: Floats, progress: Progress) -> tuple[Floats, Floats]:
-    """Return times (T,) and the smallest signed gap in m at each (T,), nan if no two benches are close."""
+    """Return times (T,) in s and smallest signed gaps (T,) in m; a gap is nan if no two benches are close."""
     rows = np.array(list(progress(source.gaps(times_s)))).reshape(-1, 2)
     return rows[:, 0], np.where(np.isfinite(rows[:, 1]), rows[:, 1], np.nan)
 
 
 def thinned(first: int, last: int, most: int) -> Ints:
-    """Return the integers from first to last, or ``most`` evenly spaced ones, both ends included."""
+    """Return the integers from ``first`` to ``last``, or ``most`` evenly spaced integers that include both ends."""
     count = last - first + 1
     return np.linspace(first, last, min(count, most)).round().astype(int) if count > most else np.arange(
         first, last + 1)
@@ -261,7 +261,7 @@ def witness_at(moment: Moment, pair: tuple[int, int]) -> 'Witness':
 
 @dataclass(frozen=True)
 class BagSource:
-    """A dragon whose topics are in one namespace of an open bag, available at its ticks; a pool reads long bags."""
+    """A dragon at the ticks of an open bag, with its topics in one namespace; a pool's processes read long bags."""
 
     bag: 'BagReader'
     namespace: str
@@ -274,7 +274,7 @@ class BagSource:
 
     @cached_property
     def _scene(self) -> Scene | None:
-        """The scene in the bag, including the walk of a led dragon; None if there is none."""
+        """The scene in the bag, including the walk of a led dragon; None if the bag has no scene."""
         from dragon_ros.bags.read.frames import scene_of_bag, walked_scene
         try:
             scene = scene_of_bag(self.bag, self.namespace)
@@ -284,7 +284,7 @@ class BagSource:
 
     @cached_property
     def track(self) -> Floats | None:
-        """The part of the track that handles cover during the run, by the scene in the bag; None without a scene."""
+        """The part of the track that handles cover during the run; None if the bag has no scene."""
         return compile_scene(self._scene).track_line(_SAG_M) if self._scene else None
 
     @property
@@ -294,7 +294,7 @@ class BagSource:
 
     @cached_property
     def _ticks(self) -> list[tuple[int, int]]:
-        """Stamp and log time of each tick in ns, ordered by stamp."""
+        """The stamp and the log time of each tick in ns, in the order of stamps."""
         from dragon_ros.bags.read.parts import stamps_of
         handles = f'{self.namespace}/handles'
         count = next(topic.messages for topic in self.bag.topics if topic.name == handles)
@@ -309,11 +309,11 @@ class BagSource:
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """Times of the first and the last tick."""
+        """The times of the bag's first and last tick, in s."""
         return float(self._times_s[0]), float(self._times_s[-1])
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
-        """Return at most ``most`` ticks between two times, evenly spaced."""
+        """Return the times in s of at most ``most`` evenly spaced ticks between two times."""
         first = int(np.searchsorted(self._times_s, start_s - _HAIR_S))
         last = int(np.searchsorted(self._times_s, stop_s + _HAIR_S, 'right')) - 1
         out: Floats = self._times_s[thinned(first, last, most)]
@@ -329,14 +329,14 @@ class BagSource:
                 yield Moment(observation.t_ns / NS, observation.p, observation.benches, speed)
 
     def _nearest(self, times_s: Floats) -> Ints:
-        """Return the numbers of the ticks nearest to times, without duplicates."""
+        """Return the numbers of the ticks nearest to the given times, without duplicates."""
         ticks = self._times_s
         after = np.clip(np.searchsorted(ticks, times_s), 0, len(ticks) - 1)
         before = np.maximum(after - 1, 0)
         return np.unique(np.where(times_s - ticks[before] < ticks[after] - times_s, before, after))
 
     def first_touch(self, progress: Progress) -> Touch | None:
-        """Return the first contact that a monitor finds in the bag, at a time interpolated within its bracket."""
+        """Return the first contact that a monitor would find in the bag, with a time interpolated between two ticks."""
         for touch in progress(self._touches()):
             if touch is not None:
                 return touch     # type: ignore[no-any-return]
@@ -345,9 +345,9 @@ class BagSource:
     def _touches(self) -> Iterator[Touch | None]:
         """Yield the first contact, and None for each tick before it.
 
-        Parts of the bag are searched for touching benches. The tracker then observes the last ticks before that part,
-        because earlier ticks do not affect it. If time goes back or the dragon changes, the tracker observes all ticks
-        of the bag.
+        The parts of the bag are searched for touching benches. The tracker observes only the first part with a contact
+        and the last ticks before this part, because earlier ticks do not affect the result. If time goes back or the
+        dragon changes, the tracker observes all ticks of the bag.
         """
         from dragon_ros.bags.read.frames import RecordedObstacles
         from dragon_ros.bags.read.parts import in_parts
@@ -372,7 +372,7 @@ class BagSource:
 
     def _tracked(self, observations: Iterable['Observation'],
                  obstacles: 'RecordedObstacles | None' = None) -> Iterator[Touch | None]:
-        """Yield the contact that a monitor finds, and None for each observation before it."""
+        """Yield the contacts that a monitor would find, and None after each observation."""
         from dragon_ros.core.geometry.tracker import ContactTracker
         tracker = ContactTracker()
         for observation in observations:
@@ -384,7 +384,7 @@ class BagSource:
             yield None
 
     def gaps(self, times_s: Floats) -> Iterator[tuple[float, float]]:
-        """Yield the time and the smallest signed gap in m of the ticks that ``moments`` yields."""
+        """Yield the time in s and the smallest signed gap in m of the ticks that ``moments`` yields."""
         from dragon_ros.bags.read.parts import in_parts
         rows = self._nearest(times_s)
         wanted = frozenset(self._ticks[row][0] for row in rows.tolist())
@@ -393,7 +393,7 @@ class BagSource:
                                                  self.pool.in_order, first_ns, last_ns + 1))
 
     def _observations(self, first_ns: int, last_ns: int) -> Iterator[tuple['Observation', Floats | None]]:
-        """Yield observations and speeds of the ticks logged between two times, in order."""
+        """Yield the observations and the speeds of the ticks that were logged between two times, in order."""
         from dragon_ros.bags.read.frames import frames
         for frame in frames(self.bag, self.namespace, first_ns, last_ns + 1):
             if frame.benches is not None:
@@ -416,9 +416,9 @@ def _gaps_in(wanted: frozenset[int], frames: 'Iterator[BagFrame]') -> list[tuple
 
 
 class _Searched(NamedTuple):
-    """Ticks of a bag up to the first in which benches touch; ``last`` contains all if any touch, else the last few.
+    """The ticks of a part of a bag up to the first contact; without a contact, ``last`` contains only the last few.
 
-    The ticks are regular if each one follows the previous one.
+    The ticks are regular if each tick directly follows the previous one.
     """
 
     ticks: int
@@ -428,7 +428,7 @@ class _Searched(NamedTuple):
 
 
 def _searched(frames: 'Iterator[BagFrame]') -> _Searched:
-    """Find the first tick in which benches touch, and leave later ticks unread."""
+    """Search ticks up to the first tick in which benches touch; later ticks are not read."""
     from dragon_ros.core.geometry.near_pairs import NearPairs
     near, seen, is_regular = NearPairs(), list['Observation'](), True
     for frame in frames:
@@ -446,7 +446,7 @@ def _follows(one: 'Observation', before: 'Observation') -> bool:
 
 
 def dragon_in(bag: 'BagReader', namespace: str | None = None, pool: Pool = ALONE) -> BagSource:
-    """Return the dragon in a bag. Raises InputError if it is ambiguous or if its topics are missing."""
+    """Return the dragon in a bag. Raises InputError if the namespace is ambiguous or topics are missing."""
     from dragon_ros.bags.read.frames import namespace_of
     chosen = namespace_of(bag, namespace)
     having = {topic.name for topic in bag.topics if topic.messages}
@@ -462,11 +462,11 @@ def opened(arguments: Namespace, pool: Pool = ALONE) -> Iterator[Source]:
     """Open the source that ``command_line.add_source_options`` selects, for the duration of a ``with`` block."""
     if arguments.bag is None:
         if arguments.namespace is not None:
-            raise InputError('--namespace: it requires --bag; omit it for a scene')
+            raise InputError('--namespace: requires --bag; omit --namespace for a scene')
         yield SceneSource(Path(arguments.scene).stem, command_line.scene_from(arguments), pool)
         return
     if command_line.gives_scene(arguments):
-        raise InputError('--bag: it replaces the scene; omit --scene, --set and --accuracy')
+        raise InputError('--bag: a bag replaces the scene; omit --scene, --set and --accuracy')
     from dragon_ros.bags.read.reader import BagReader
     with BagReader(arguments.bag) as bag:
         yield dragon_in(bag, arguments.namespace, pool)

@@ -20,20 +20,23 @@ if TYPE_CHECKING:
 
 
 def main(argv: list[str]) -> int:
-    """Compute or draw a study; return the exit code (1 if a signal ended it; the same command then continues it)."""
+    """Compute or draw a study; return the exit code.
+
+    The exit code is 1 if a signal ended the study; the same command then continues the study.
+    """
     options = command_line.parser(
         'study', 'Vary a scene as described in a study file, answer its questions for each variant, and store one row '
         'per variant as Parquet\n(docs/studies.md). Existing rows are not computed again.',
         'study pitch_map --output pitch_map --plot')
     options.add_argument('study', metavar='NAME|FILE|FOLDER',
-                         help='name or file of a study, or the folder of one to continue or draw')
+                         help='name or file of a study, or the folder of a study to continue or draw')
     options.add_argument('--output', type=Path, metavar='DIR', help='folder for the data set')
     options.add_argument('--samples', type=int, metavar='N', help='number of samples (as in the study)')
-    options.add_argument('--workers', type=int, metavar='N', help='processes on this host (one per core)')
-    options.add_argument('--scheduler', metavar='ADDRESS|FILE', help='running Dask cluster to use, by the address or '
-                         'file of its scheduler')
-    options.add_argument('--plot', action='store_true', help='draw the results into the folder, as PNG and SVG; with a '
-                         'FOLDER, only draw')
+    options.add_argument('--workers', type=int, metavar='N', help='number of processes on this host (one per core)')
+    options.add_argument('--scheduler', metavar='ADDRESS|FILE', help='address or file of the scheduler of a '
+                         'running Dask cluster to use')
+    options.add_argument('--plot', action='store_true', help='draw the results as PNG and SVG in the folder; if a '
+                         'FOLDER is given, nothing is computed')
     options.add_argument('--format', choices=('text', 'json'), default='text', help='output format (%(default)s)')
     return command_line.guarded('study', partial(_run, options.parse_args(argv)))
 
@@ -43,9 +46,8 @@ def _run(arguments: Namespace) -> int:
         from dragon_ros.studies import answers, cluster, dataset
         from dragon_ros.studies.study import load_study
     except ImportError as error:
-        raise MissingError(f"{error.name}: it is not installed; studies need it: pip install 'dragon_ros[study]', or "
-                           "use "
-                           './dragon study, which installs it') from None
+        raise MissingError(f"{error.name}: it is not installed, but studies need it; pip install 'dragon_ros[study]', "
+                           'or use ./dragon study, which installs it') from None
     folder, is_folder = _folder_of(arguments)
     data = dataset.open_set(folder) if is_folder else dataset.DataSet(folder, load_study(arguments.study))
     if arguments.samples is not None:
@@ -55,7 +57,7 @@ def _run(arguments: Namespace) -> int:
     if not (is_folder and arguments.plot):
         code = _computed(arguments, data, cluster.complete)
     elif arguments.workers is not None or arguments.scheduler is not None:
-        raise InputError('--plot: a folder is drawn without computing; omit --workers and --scheduler', field='plot')
+        raise InputError('--plot: a folder is drawn without computation; omit --workers and --scheduler', field='plot')
     found = answers.summary(data)
     print(json.dumps(found) if arguments.format == 'json' else answers.text(found))
     if arguments.plot:
@@ -71,7 +73,7 @@ def _folder_of(arguments: Namespace) -> tuple[Path, bool]:
     given = Path(arguments.study)
     if given.is_dir():
         if arguments.output is not None:
-            raise InputError('--output: the folder of a study is its own output; omit it', field='output')
+            raise InputError('--output: the folder of a study is its own output; omit --output', field='output')
         return given, True
     if arguments.output is None:
         raise InputError('--output: it is missing; give a folder for the rows, such as --output study', field='output')

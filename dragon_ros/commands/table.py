@@ -17,7 +17,7 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
 
-if TYPE_CHECKING:       # imported lazily, since a table of a scene needs no bag reader
+if TYPE_CHECKING:       # imported lazily, because a table of a scene needs no bag reader
     from dragon_ros.bags.read.frames import BagFrame
     from dragon_ros.bags.read.reader import BagReader
 
@@ -66,7 +66,7 @@ def run(arguments: Namespace) -> int:
 
 
 def _write_contest(folder: Path, scene: Scene, lang: str) -> int:
-    """Write the contest's files and list them."""
+    """Write the contest's files and print their paths."""
     from dragon_ros.commands.contest import result_files
     from dragon_ros.commands.contest.words import WORDS
     from dragon_ros.scenes.load import load_scene
@@ -80,7 +80,7 @@ def _write_contest(folder: Path, scene: Scene, lang: str) -> int:
 
 def table(scene: Scene, times_s: list[float], handles: list[int],
           progress: Callable[[int], object] = lambda times: None) -> list[Row]:
-    """Return one row for each time and handle, in the order of COLUMNS; ``progress(times)`` is called regularly."""
+    """Return a row for each time and handle, as COLUMNS; ``progress(times)`` receives the number of further times."""
     rows: list[Row] = []
     for some in batches(scene, times_s):
         p, velocity = some.handles_m[:, handles], some.velocity_m_s[:, handles]
@@ -92,7 +92,7 @@ def table(scene: Scene, times_s: list[float], handles: list[int],
 
 
 def _bag_rows(arguments: Namespace) -> list[Row]:
-    """Return rows from a bag, like those of a scene; missing velocities are nan."""
+    """Return the rows of a bag, which are like those of a scene; missing velocities are nan."""
     from dragon_ros.bags.read.frames import namespace_of
     from dragon_ros.bags.read.reader import BagReader
     out: list[Row] = []
@@ -104,7 +104,8 @@ def _bag_rows(arguments: Namespace) -> list[Row]:
             values = values_of(frame, handles).tolist()
             out += [(frame.t_ns / NS, handle, *row) for handle, row in zip(handles, values, strict=True)]
     if not out:
-        raise InputError(f'{arguments.bag}: it has no tick at or after the --times; it ends at {bag.end_ns / NS:.9f} s')
+        raise InputError(f'{arguments.bag}: it has no tick at or after the --times; the bag ends at '
+                         f'{bag.end_ns / NS:.9f} s')
     return out
 
 
@@ -132,7 +133,7 @@ _FORMATS: dict[str, Callable[[list[Row]], str | bytes]] = {'text': _text, 'csv':
 
 
 def values_of(frame: 'BagFrame', handles: list[int]) -> Floats:
-    """Return (handles, 5): x and y in m, vx, vy and speed in m/s; nan if the bag has no velocities."""
+    """Return x and y in m, and vx, vy and speed in m/s (handles, 5); velocities are nan if the bag has none."""
     out = np.full((len(handles), 5), np.nan)
     out[:, :2] = frame.handles_m[handles]
     if frame.velocity_m_s is not None:
@@ -142,7 +143,7 @@ def values_of(frame: 'BagFrame', handles: list[int]) -> Floats:
 
 
 def at_times(bag: 'BagReader', namespace: str, times_s: Iterable[float]) -> Iterator['BagFrame']:
-    """Yield, for each time, the first tick in the bag at or after it, up to the last tick."""
+    """Yield, for each time that is not after the last tick, the first tick in the bag at or after this time."""
     from dragon_ros.bags.read.frames import frames
     for t_s in times_s:
         frame = next(frames(bag, namespace, max(0, round(t_s * NS))), None)

@@ -8,8 +8,8 @@ from dragon_ros.cli import command_line
 def main(argv: list[str]) -> int:
     """Write the URDF; return the exit code."""
     options = command_line.parser('urdf', 'Write the dragon of a scene as a URDF robot: benches are links of real '
-                                  'size, handles are revolute joints.\nThe topic joint_states (effect joints) has '
-                                  'their angles.',
+                                  'size, and handles are revolute joints.\nThe topic joint_states (effect joints) '
+                                  'contains the angles of the joints.',
                                   'urdf winding --set dragon.benches=9 --output dragon.urdf')
     command_line.add_scene_options(options)
     options.add_argument('scene', nargs='?', default=SUPPRESS, metavar='SCENE', help='the same as --scene')

@@ -9,7 +9,7 @@ _MOST_ROWS = 2**20 - 1      # largest number of rows on a sheet below the column
 
 
 class _NumberedRows(Sized, Iterable[Iterable[Any]], Protocol):
-    """Rows with a known number."""
+    """Rows whose number is known."""
 
 
 def xlsx_of(head: Iterable[str], rows: _NumberedRows) -> bytes:
@@ -22,7 +22,7 @@ def xlsx_of(head: Iterable[str], rows: _NumberedRows) -> bytes:
     except ImportError:
         raise MissingError("xlsx: openpyxl is not installed: pip install 'dragon_ros[xlsx]'") from None
     if len(rows) > _MOST_ROWS:
-        raise InputError(f'xlsx: {len(rows)} rows do not fit on a sheet of {_MOST_ROWS}; request fewer times or '
+        raise InputError(f'xlsx: {len(rows)} rows do not fit on a sheet of {_MOST_ROWS} rows; request fewer times or '
                          'handles, or write CSV')
     book, out = Workbook(write_only=True), BytesIO()
     sheet = book.create_sheet('dragon_ros')

@@ -56,7 +56,7 @@ def test_the_bag_of_another_robot_is_read_and_reported_to_hold_no_dragon(tmp_pat
     assert main(['inspect', str(path)]) == 0
     out = capsys.readouterr().out
     assert 'std_msgs/msg/String' in out
-    assert 'lengths: 3 messages compared with their types' in out
+    assert 'lengths: 3 messages were compared with their types' in out
     assert ('3 of /where (the schema of geometry_msgs/msg/Point is not known here)' in out) == (
         make is robot_of_mcap_ros2)
 

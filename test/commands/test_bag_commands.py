@@ -170,7 +170,7 @@ def test_inspect_shows_topics_scene_contact_and_clearance(capsys, bag):
     assert gaps[412.46] > 0 > gaps[412.48]
     text = run(capsys, 'inspect', bag)[1]
     assert 'benches 0 and 8 at 412.47383768' in text
-    assert 'every length, index and CRC holds' in text
+    assert 'every length, index and CRC is correct' in text
 
 
 @pytest.mark.parametrize('command', [['inspect'], ['inspect', '--check'], ['table'], ['export', '--output', 'a.csv']])
@@ -248,7 +248,7 @@ def test_inspect_counts_messages_that_their_type_cannot_hold_and_says_how_many_i
     assert (code, values['problem_count']) == (1, TICKS)
     assert '/dragon/handles at 412200000000 ns: geometry_msgs/msg/PoseArray: the message ends' in values['problems'][0]
     assert {row['lengths_compared'] == row['messages'] for row in values['topics']} == {True}
-    assert f'lengths: {3 * TICKS + 2} messages compared with their types' in run(capsys, 'inspect', bag)[1]
+    assert f'lengths: {3 * TICKS + 2} messages were compared with their types' in run(capsys, 'inspect', bag)[1]
 
 
 def test_a_repair_that_loses_a_message_that_parses_says_how_many_and_exits_with_1(capsys, tmp_path):

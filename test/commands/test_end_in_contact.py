@@ -63,7 +63,7 @@ def test_a_certificate_in_the_bag_stands_in_for_a_search(capsys, tmp_path, scene
     bag = bag_of(tmp_path / 'a.mcap', scene, claim_of(FOUND[scene]))
     code, out, _ = checked(capsys, bag)
     assert code == 0
-    assert f'its end is proved by the certificate in the bag: {said[:60]}' in out
+    assert f'the certificate in the bag proves the end of the run: {said[:60]}' in out
     values = json.loads(checked(capsys, bag, '--format', 'json')[1])
     assert values['end_proved'].startswith(said[:60])
     assert (values['missing_count'], values['fault_count']) == (0, 0)

@@ -117,4 +117,4 @@ def test_a_missing_library_is_named_with_the_cure(tmp_path):
                f'sys.exit(main(["study", "pitch_map", "--output", {str(tmp_path)!r}]))'
         done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
         assert done.returncode == 2
-        assert f"{name}: it is not installed; studies need it: pip install 'dragon_ros[study]'" in done.stderr
+        assert f"{name}: it is not installed, but studies need it; pip install 'dragon_ros[study]'" in done.stderr

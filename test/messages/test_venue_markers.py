@@ -54,6 +54,6 @@ def test_a_bag_carries_the_venue_and_is_checked_with_it(tmp_path, capsys):
     assert main(['simulate', '--scene', 'street', '--set', 'run.stop_s=0.1', '--output', path]) == 0
     assert main(['inspect', path, '--check']) == 0
     out = capsys.readouterr().out
-    assert 'scene and venue and track' in out or '3 messages are those of the scene' in out, out
+    assert 'scene and venue and track' in out or '3 messages match the scene' in out, out
     names = load_scene('street').venue.names
     assert [one['text'] for one in markers_of(load_scene('street'))[len(names):]] == list(names)
