@@ -150,10 +150,10 @@ def merged_book():
 
 HOSTILE = {
     'empty file': (lambda: b'', 'is empty'), 'no zip': (lambda: b'x,y\n1,2\n', 'is not an XLSX'),
-    'truncated': (lambda: plain_book()[:-400], 'damaged or cut off'),
+    'truncated': (lambda: plain_book()[:-400], 'damaged or truncated'),
     'xls': (lambda: b'\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1' + bytes(512), 'Excel 97'),
     'password': (lambda: b'\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1' + 'EncryptedPackage'.encode('utf-16-le'), 'password'),
-    'macros': (lambda: changed(plain_book(), **{'xl/vbaProject.bin': b'x'}), 'has macros'),
+    'macros': (lambda: changed(plain_book(), **{'xl/vbaProject.bin': b'x'}), 'contains macros'),
     'links': (lambda: changed(plain_book(), **{'xl/externalLinks/externalLink1.xml': '<a/>'}), 'links to other'),
     'formula': (lambda: changed(plain_book(), **{SHEET: PAGE.format('<row r="1"><c r="A1"><f>1+1</f></c></row>')}),
                 'formula without a value in A1'),
@@ -172,8 +172,8 @@ HOSTILE = {
              'unpacks to'),
     'entities': (lambda: changed(plain_book(), **{SHEET: '<!DOCTYPE a [<!ENTITY b "c">]>' + PAGE.format('')}),
                  'plain XML'),
-    'many parts': (lambda: changed(plain_book(), **{f'a{n}': b'' for n in range(limits.BOOK_PARTS)}), 'files in it'),
-    'no sheets': (lambda: changed(plain_book(), **{SHEET: None}), 'holds no sheets'),
+    'many parts': (lambda: changed(plain_book(), **{f'a{n}': b'' for n in range(limits.BOOK_PARTS)}), 'files; the'),
+    'no sheets': (lambda: changed(plain_book(), **{SHEET: None}), 'contains no sheets'),
     'no xml': (lambda: changed(plain_book(), **{SHEET: 'x'}), ''),
     'no workbook': (lambda: changed(plain_book(), **{'xl/workbook.xml': '<'}), 'damaged'),
 }
@@ -214,7 +214,7 @@ def test_macros_in_a_file_that_is_called_xlsm_are_refused_in_a_folder_too(tmp_pa
     (tmp_path / 'a').mkdir()
     (tmp_path / 'a' / 'result1.xlsm').write_bytes(changed(plain_book(), **{'xl/vbaProject.bin': b'x'}))
     (grade,) = map(grade_team, teams_of([tmp_path]))
-    assert 'has macros' in grade.problems[0]
+    assert 'contains macros' in grade.problems[0]
 
 
 @pytest.fixture(scope='module')
@@ -272,7 +272,7 @@ def test_ctrl_c_writes_the_report_of_the_teams_that_are_done(room, tmp_path, cap
     assert main(['grade', str(room), '--output', str(out)]) == 1
     done = len(json.loads(out.read_text())['teams'])
     assert 1 <= done < 4
-    assert f'interrupted: {done} of 4 teams are graded' in capsys.readouterr().err
+    assert f'interrupted: {done} of 4 teams were graded' in capsys.readouterr().err
 
 
 def test_formats_by_suffix(room, tmp_path, capsys):

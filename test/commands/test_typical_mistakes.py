@@ -24,7 +24,7 @@ COMMANDS = {
     'contact --set run.stop_s=-1': 'give a later stop', 'design': 'QUESTION', 'design turns': "choose from 'turn'",
     'design turn --set track.diameter_m=5': 'give more than 5.752', 'design min-pitch --diameter 0': 'more than 0',
     'design max-speed --scene winding': 'stop earlier', 'design fit --rectangle 3': 'design fit --help', 'plot': 'KIND',
-    'plot speeds --time 9999': 'choose a time in', 'plot dragon --output a.bmp': 'end it in .png, .svg, .pdf',
+    'plot speeds --time 9999': 'choose a time in', 'plot dragon --output a.bmp': 'use the suffix .png or .svg or .pdf',
     'design fit winding': 'write --scene winding', 'contact --scene WINDING': 'did you mean winding',
     'inspect': 'BAG', 'inspect nowhere.mcap': 'cannot be read', 'export a.mcap': '--output',
     'simulate --output a.mcap': '--force', 'simulate --rate fast --output b.mcap': 'write it like 0.5',

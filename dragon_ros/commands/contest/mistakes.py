@@ -1,8 +1,8 @@
-"""Reproduce common mistakes in the contest problem CUMCM 2024 A: each recipe contains one mistake.
+"""Reproduce common mistakes in the contest problem CUMCM 2024 A; each recipe contains one mistake.
 
-``docs/examples/common_mistakes.py`` prints them as the tables of the contest page, and ``grade`` compares answers with
-them. Times are arrays (T,) in seconds, angles are polar angles of the spiral r = pitch / (2 pi) theta in radians, and
-handles are in metres.
+``docs/examples/common_mistakes.py`` prints the results of the recipes as the tables of the contest page, and ``grade``
+compares answers with them. Times are arrays (T,) in seconds, angles are polar angles of the spiral r = pitch / (2 pi)
+theta in radians, and handles are in metres.
 """
 from collections.abc import Callable, Iterator
 from functools import cache, lru_cache
@@ -27,11 +27,11 @@ PITCH_M, START, SPEED_M_S, HANDLES = 0.55, 32 * pi, 1.0, 224
 HEAD_LINK_M, BODY_LINK_M = 2.86, 1.65
 FOLLOWING = 25          # number of handles of the benches that the head can touch
 RADIUS_M = 4.5                                      # radius of the turning circle
-_LATEST_S = 420.0       # last time for which Euler steps are computed
+_LATEST_S = 420.0       # last time for which Euler steps are computed, in s
 _MOST_NEWTON, _SETTLED = 60, 4e-15
 Head = Callable[[Floats], Floats]                   # seconds (T,) -> polar angles (T,)
 Rule = Callable[[Floats, float], Floats]            # polar angles (T,) and a link in metres -> the next handle's angles
-Gap = Callable[[Floats, float], float]              # handles (N+1, 2) and a width -> metres
+Gap = Callable[[Floats, float], float]              # handles (N+1, 2) and a width, in m -> gap in m
 
 
 class MistakenAnswer(NamedTuple):
@@ -50,14 +50,14 @@ def arc_length(theta: Floats) -> Floats:
 
 
 def without_radial(theta: Floats) -> Floats:
-    """Return the arc length of r = theta without its radial part."""
+    """Return the arc length of r = theta, but without its radial part."""
     length: Floats = 0.5 * theta * theta
     return length
 
 
 def solved(length: Callable[[Floats], Floats], late: float = 0.0, start: float = START, speed_m_s: float = SPEED_M_S,
            pitch_m: float = PITCH_M) -> Head:
-    """Return the head by inverting an arc length to the last digit; ``late`` is an error in the start value."""
+    """Return the head's motion by inverting an arc length to the last digit; ``late`` is an error in its start."""
     def head(times_s: Floats) -> Floats:
         wanted = length(np.array(start)) + late - speed_m_s * times_s * 2 * pi / pitch_m
         return inverted(length, wanted)
@@ -65,7 +65,7 @@ def solved(length: Callable[[Floats], Floats], late: float = 0.0, start: float =
 
 
 def inverted(length: Callable[[Floats], Floats], wanted: Floats) -> Floats:
-    """Return the angles at which an increasing length, which is about half the angle squared, has values (T,).
+    """Return the angles (T,) at which an increasing arc length, about half the squared angle, has the wanted values.
 
     Bisection needs no derivative, so it can invert the length of any recipe.
     """
@@ -79,12 +79,12 @@ def inverted(length: Callable[[Floats], Floats], wanted: Floats) -> Floats:
 
 
 def bracket_slip() -> Head:
-    """Return the head if the arc length at the start has ln(theta + sqrt(theta^2) + 1) but is otherwise correct."""
+    """Return the head's motion if only the arc length at the start is wrong, with ln(theta + sqrt(theta^2) + 1)."""
     return solved(arc_length, 0.5 * (log(2 * START + 1) - asinh(START)))
 
 
 def euler(step_s: float, radial: bool = True) -> Head:
-    """Return the head by explicit Euler steps, with or without the radial part of its speed."""
+    """Return the head's motion by explicit Euler steps, with or without the radial part of its speed."""
     def head(times_s: Floats) -> Floats:
         angles = _steps(step_s, radial)
         theta: Floats = np.interp(times_s / step_s, np.arange(angles.size), angles)
@@ -106,12 +106,12 @@ def _steps(step_s: float, radial: bool) -> Floats:
 
 
 def chord(short_m: float = 0.0, pitch_m: float = PITCH_M) -> Rule:
-    """Return the next handle at the first chord that a tolerance accepts, which is slightly too short."""
+    """Return the rule that places the next handle where its chord is shorter than the link by ``short_m``."""
     def following(theta: Floats, link_m: float) -> Floats:
         wanted = (link_m - short_m) * 2 * pi / pitch_m
         delta: Floats = np.zeros_like(theta)
         change = wanted / np.maximum(theta, 1.0)
-        for _ in range(_MOST_NEWTON):       # Newton's method; links span less than pi before the first contact
+        for _ in range(_MOST_NEWTON):       # Newton's method; before the first contact, a link spans less than pi
             delta = delta + change
             half = np.sin(0.5 * delta)
             excess = delta * delta + 4 * theta * (theta + delta) * half * half - wanted * wanted
@@ -123,14 +123,14 @@ def chord(short_m: float = 0.0, pitch_m: float = PITCH_M) -> Rule:
 
 
 def along(theta: Floats, link_m: float) -> Floats:
-    """Return the next handle one link length along the spiral, instead of one chord away."""
+    """Return the angle of the next handle, which is one link length along the spiral away instead of one chord."""
     return inverted(arc_length, arc_length(theta) + link_m * 2 * pi / PITCH_M)
 
 
 def grid(step_rad: float, within_m: float) -> Rule:
-    """Return the next handle by steps of the angle: the first one whose chord is within a tolerance of the link.
+    """Return the rule that increases the angle by steps until the chord is within a tolerance of the link.
 
-    With a tolerance of 0, it is the first one whose chord is at least as long as the link.
+    With a tolerance of 0, the steps end when the chord is at least as long as the link.
     """
     def following(theta: Floats, link_m: float) -> Floats:
         short = chord(within_m)(theta, link_m)
@@ -141,18 +141,18 @@ def grid(step_rad: float, within_m: float) -> Rule:
 
 def links_of(head_m: float = HEAD_LINK_M, body_m: float = BODY_LINK_M, last_m: float | None = None,
              handles: int = HANDLES) -> list[float]:
-    """Return the links of a dragon: the head's, followed by the body's; the tail's link equals the body's."""
+    """Return the link lengths of a dragon in m: the head's, followed by the body's; the tail's equals the body's."""
     return [head_m, *[body_m] * (handles - 3), body_m if last_m is None else last_m][:handles - 1]
 
 
 def points(theta: Floats, pitch_m: float = PITCH_M) -> Floats:
-    """Return the points (..., 2) of polar angles."""
+    """Return the points (..., 2) in m at polar angles (...)."""
     p: Floats = pitch_m / 2 / pi * theta[..., None] * np.stack((np.cos(theta), np.sin(theta)), axis=-1)
     return p
 
 
 def placed_angles(first: Floats, rule: Rule, links_m: list[float]) -> Floats:
-    """Return the polar angles (T, handles) of all handles, given those of the head (T,)."""
+    """Return the polar angles (T, handles) of all handles, given the angles (T,) of the head."""
     theta = [first]
     for link_m in links_m:
         theta.append(rule(theta[-1], link_m))
@@ -182,19 +182,19 @@ def true_handles_m(times_s: Floats) -> Floats:
 
 
 def worst_m(p: Floats) -> float:
-    """Return the largest position error of the handles (224, 2) at 300 s."""
+    """Return the largest position error in m of the handles (224, 2) at 300 s."""
     return float(np.max(np.hypot(*(p - true_handles_m(np.array([300.0]))[0]).T)))
 
 
 def head_mistakes() -> dict[tuple[str, tuple[tuple[str, float], ...]], Head]:
-    """Return the wrong heads of the contest page's table, by key and parameters."""
+    """Return the wrong motions of the head in the contest page's table, by key and parameters."""
     return {('radial_arc', ()): solved(without_radial), ('bracket_slip', ()): bracket_slip(),
             ('euler', (('step', 1.0),)): euler(1.0), ('euler', (('step', 0.01),)): euler(0.01),
             ('euler_radial', (('step', 0.01),)): euler(0.01, radial=False)}
 
 
 def errors_at_300_s() -> Iterator[MistakenAnswer]:
-    """Yield mistakes with the largest position error of the 224 handles at 300 s."""
+    """Yield the mistakes, each with the largest position error of the 224 handles at 300 s."""
     at, exact = np.array([300.0]), solved(arc_length)
     for (key, parameters), head in head_mistakes().items():
         yield MistakenAnswer(key, dict(parameters), worst_m(placed(head, chord(), at)[0]))
@@ -206,7 +206,7 @@ def errors_at_300_s() -> Iterator[MistakenAnswer]:
 
 # Question 1: speeds.
 def differences(scene: Scene, times_s: Floats, step_s: float, kind: str) -> Floats:
-    """Return speeds (T, N+1) as differences of positions; ``kind`` is 'forward', 'backward' or 'central'."""
+    """Return speeds (T, N+1) in m/s from differences of positions of kind 'forward', 'backward' or 'central'."""
     before, after = {'forward': (0.0, 1.0), 'backward': (1.0, 0.0), 'central': (1.0, 1.0)}[kind]
     ahead = states(scene, (times_s + after * step_s).tolist()).p
     behind = states(scene, (times_s - before * step_s).tolist()).p
@@ -216,7 +216,7 @@ def differences(scene: Scene, times_s: Floats, step_s: float, kind: str) -> Floa
 
 
 def projected(theta: Floats, leader_m_s: float = SPEED_M_S, swapped: bool = False) -> Floats:
-    """Return speeds (..., N+1) of rigid links on the spiral at angles (..., N+1), or those of the inverted ratio."""
+    """Return speeds (..., N+1) of rigid links at angles (..., N+1); ``swapped`` inverts the ratio of cosines."""
     p, slope = points(theta), np.sqrt(1 + theta * theta)
     tangent = np.stack((np.cos(theta) - theta * np.sin(theta), np.sin(theta) + theta * np.cos(theta)), axis=-1)
     along_m = p[..., 1:, :] - p[..., :-1, :]
@@ -237,14 +237,14 @@ def rectangles(p: Floats, width_m: float) -> Benches:
 
 
 def head_gap(p: Floats, width_m: float = 0.3) -> float:
-    """Return the smallest gap between the head and the benches behind it, except its neighbour."""
+    """Return the smallest gap in m between the head and the benches behind it, except its neighbour."""
     benches = rectangles(p, width_m)
     others = np.arange(2, len(benches.centre))
     return float(np.min(gaps(benches, np.zeros_like(others), others)))
 
 
 def front_gap(p: Floats, width_m: float = 0.3) -> float:
-    """Return the distance of the head's front corners from these benches; negative means inside."""
+    """Return the smallest gap in m between the head's front corners and the same benches; it is negative inside."""
     benches = rectangles(p, width_m)
     seen, axis = benches.corners[0, (0, 3)][:, None] - benches.centre[2:], benches.axis[2:]
     ahead = np.abs(np.sum(seen * axis, axis=-1)) - benches.half_length[2:]
@@ -253,7 +253,7 @@ def front_gap(p: Floats, width_m: float = 0.3) -> float:
 
 
 def first_touch_s(gap: Callable[[float], float], from_s: float = 405.0, to_s: float = 413.5) -> float:
-    """Return the first time at which a gap is not positive, found by steps of 0.05 s and bisection."""
+    """Return the first time in s at which a gap is not positive, found by steps of 0.05 s and bisection."""
     high = next((t_s for t_s in np.arange(from_s, to_s, 0.05).tolist() if gap(t_s) <= 0), inf)
     low = high - 0.05
     while low < (middle := 0.5 * (low + high)) < high:
@@ -262,7 +262,7 @@ def first_touch_s(gap: Callable[[float], float], from_s: float = 405.0, to_s: fl
 
 
 def touch_s(head: Head, rule: Rule, links_m: list[float] | None = None) -> float:
-    """Return the time of the head's first contact according to a recipe; inf without one."""
+    """Return the time in s of the head's first contact according to a recipe, or inf without a contact."""
     links = links_of(handles=FOLLOWING) if links_m is None else links_m
     times: Floats = np.linspace(405.0, 413.45, 170)
     every = points(placed_angles(head(times), rule, links))
@@ -276,18 +276,18 @@ def touch_s(head: Head, rule: Rule, links_m: list[float] | None = None) -> float
 
 
 def gap_of(dragon: dict[str, float], gap: Gap = head_gap) -> Callable[[float], float]:
-    """Return the gap as a function of time for the correct handles of a dragon that differs from the classic one."""
+    """Return the gap as a function of time, for the correct handles of a dragon with the given dimensions."""
     scene = Scene(dragon=Dragon(FOLLOWING, **dragon))
     return lambda t_s: gap(state(scene, t_s).p, dragon.get('width_m', 0.3))
 
 
 def stepped_touch_s(gap: Callable[[float], float], step_s: float) -> float:
-    """Return the first multiple of a step at which a gap is not positive, from 405 s on."""
+    """Return the first multiple of a time step, from 405 s on, at which a gap is not positive."""
     return next(k * step_s for k in range(ceil(405 / step_s), ceil(414 / step_s)) if gap(k * step_s) <= 0)
 
 
 def contact_times_s() -> Iterator[MistakenAnswer]:
-    """Yield mistakes with the time of the first contact."""
+    """Yield the mistakes, each with its time of the first contact."""
     exact, right = solved(arc_length), gap_of({})
     yield MistakenAnswer('none', {}, touch_s(exact, chord()))
     for step_s in (1.0, 0.1, 0.01):
@@ -302,13 +302,13 @@ def contact_times_s() -> Iterator[MistakenAnswer]:
 
 
 def _less(gap: Callable[[float], float], near_m: float) -> Callable[[float], float]:
-    """Return the gap function reduced by a distance."""
+    """Return a function whose gap is smaller by a given distance."""
     return lambda t_s: gap(t_s) - near_m
 
 
 # Question 3: the smallest pitch.
 def gap_at(pitch_m: float, radius_m: float, gap: Gap = head_gap) -> float:
-    """Return the gap when the head is at a radius, on a spiral with the given pitch."""
+    """Return the gap in m when the head is at a radius of a spiral with the given pitch."""
     scene = Scene(dragon=Dragon(27), track=Spiral(pitch_m, radius_m / pitch_m), solver='march')
     return gap(state(scene, 0.0).p, 0.3)
 
@@ -329,7 +329,7 @@ def sampled_pitch_m(step_s: float) -> float:
 
 
 def least_pitch_m(gap: Callable[[float], float], low_m: float, high_m: float) -> float:
-    """Return the pitch at which a gap changes sign."""
+    """Return the pitch in m at which a gap changes sign."""
     while high_m - low_m > 2e-7:
         middle = 0.5 * (low_m + high_m)
         low_m, high_m = (middle, high_m) if gap(middle) <= 0 else (low_m, middle)
@@ -337,7 +337,7 @@ def least_pitch_m(gap: Callable[[float], float], low_m: float, high_m: float) ->
 
 
 def pitches_m() -> Iterator[MistakenAnswer]:
-    """Yield mistakes with the smallest pitch."""
+    """Yield the mistakes, each with its smallest pitch."""
     yield MistakenAnswer('on_circle', {}, least_pitch_m(lambda p: gap_at(p, RADIUS_M), 0.40, 0.44))
     way_m = np.linspace(4.621, 4.627, 20).tolist()  # the time of the smallest gap, within half a turn before the circle
     front_m = least_pitch_m(lambda p: min(gap_at(p, r, front_gap) for r in way_m), 0.4495, 0.4503)
@@ -348,12 +348,12 @@ def pitches_m() -> Iterator[MistakenAnswer]:
 
 # Questions 4 and 5: the turn, and the speeds on it.
 def turn_length_m(gamma: float) -> float:
-    """Return the length of two tangent arcs in the circle that meet the spirals at an angle to the radius."""
+    """Return the length in m of two tangent arcs in the circle that meet the spirals at an angle to the radius."""
     return 2 * RADIUS_M * gamma / sin(gamma)
 
 
 def turn_lengths_m() -> Iterator[MistakenAnswer]:
-    """Yield mistakes with the length of the turn."""
+    """Yield the mistakes, each with its length of the turn."""
     theta = RADIUS_M * 2 * pi / 1.7
     slip = atan(atan(theta) + theta + pi)
     yield MistakenAnswer('half_turns', {}, pi * RADIUS_M)
@@ -362,7 +362,7 @@ def turn_lengths_m() -> Iterator[MistakenAnswer]:
 
 
 def euler_on_turn_m(times_s: Floats, step_s: float) -> Floats:
-    """Return the head's distance from the entry, found by Euler steps outwards from the circle on both spirals."""
+    """Return the head's distance in m from the entry, found by Euler steps from the circle outwards on both spirals."""
     track = turning().track
     assert isinstance(track, STurn)
     b_m = track.pitch_m / 2 / pi
@@ -378,17 +378,17 @@ def euler_on_turn_m(times_s: Floats, step_s: float) -> Floats:
 
 
 def along_turn(head_m: Floats, links_m: list[float], turn: STurn) -> Floats:
-    """Return handles (T, handles, 2) at the links' lengths along the curve; ``head_m`` (T,) counts from the entry."""
+    """Return handles (T, handles, 2) spaced by link lengths along the curve; ``head_m`` (T,) counts from the entry."""
     track = track_of(turn)
     metres = head_m[:, None] - np.concatenate(([0.0], np.cumsum(links_m)))
     return turn_points(metres, track)
 
 
 class TurnAngle:
-    """The angle along the turn, 0 at the entry: the polar angle on the spirals, and the arc's angle on the arcs."""
+    """The angle along the turn, counted from the entry: the polar angle on the spirals, and the arc's angle on arcs."""
 
     def __init__(self, turn: STurn) -> None:
-        """Take the arcs of a turn."""
+        """Compute the angles at which the pieces of a turn meet."""
         track = track_of(turn)
         arcs = [one for one in track.segments if isinstance(one, ArcSegment)]
         self._b_m, self._entry = turn.pitch_m / 2 / pi, turn.radius_m / (turn.pitch_m / 2 / pi)
@@ -397,7 +397,7 @@ class TurnAngle:
         self.joints = np.concatenate(([0.0], np.cumsum(np.diff(self._joints_m) / self._radii_m)))
 
     def of(self, metres: Floats) -> Floats:
-        """Return the angles at distances (T,) from the entry."""
+        """Return the angles in rad at distances (T,) in m from the entry."""
         before, after = np.maximum(-metres, 0.0), np.maximum(metres - self._joints_m[-1], 0.0)
         start = arc_length(np.array(self._entry))
         angle: Floats = (np.interp(metres, self._joints_m, self.joints)
@@ -411,7 +411,7 @@ class TurnAngle:
         return theta
 
     def metres(self, angle: Floats) -> Floats:
-        """Return the distances from the entry at angles (T,)."""
+        """Return the distances in m from the entry at angles (T,) in rad."""
         before, after = np.maximum(-angle, 0.0), np.maximum(angle - self.joints[-1], 0.0)
         metres: Floats = (np.interp(angle, self.joints, self._joints_m)
                           + self._b_m * (arc_length(self._entry + after) - arc_length(self._entry + before)))
@@ -419,15 +419,15 @@ class TurnAngle:
 
 
 def turn_points(metres: Floats, track: Track) -> Floats:
-    """Return the points (..., 2) of a turn at distances from its entry."""
+    """Return the points (..., 2) of a turn at distances (...) from its entry, in m."""
     return track.points(*track.places_at(metres, np.zeros_like(metres)))
 
 
 def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float, within_m: float,
                  of_angle: bool) -> Floats:
-    """Return handles (T, handles, 2) on the turn, found by steps: the first ones whose chord is within a tolerance.
+    """Return handles (T, handles, 2) on the turn, each found by steps until its chord is within a tolerance.
 
-    Steps are either radians of each piece's own angle, which restart at its ends, or metres along the curve.
+    The steps are radians of a piece's angle, which restart at the ends of each piece, or metres along the curve.
     """
     track, angle = track_of(turn), TurnAngle(turn)
     metres = [head_m]
@@ -439,7 +439,7 @@ def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float,
             for joint in joints[::-1]:
                 at = np.where((short < joint) & (joint < at), joint, at)
             stepped = at - np.ceil((at - short) / step - 1e-9) * step
-            for joint in joints:        # a step beyond the end of a piece ends there, which is far enough
+            for joint in joints:        # a step beyond the end of a piece is cut at the end, which is far enough
                 stepped = np.where((stepped < joint) & (joint <= short), joint, stepped)
             metres.append(angle.metres(stepped))
         else:
@@ -448,7 +448,7 @@ def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float,
 
 
 def _chord_behind(metres: Floats, chord_m: float, track: Track) -> Floats:
-    """Return the distances (T,) of points one chord behind; Newton's method starts at the length along the curve."""
+    """Return the distances (T,) in m along the turn of the points that are one chord behind, by Newton's method."""
     here, behind = turn_points(metres, track), metres - chord_m
     for _ in range(_MOST_NEWTON):
         place = track.places_at(behind, np.zeros_like(behind))
@@ -462,13 +462,13 @@ def _chord_behind(metres: Floats, chord_m: float, track: Track) -> Floats:
 
 
 def sampled_speed_m_s(step_s: float) -> float:
-    """Return the largest head speed at which no sampled speed on the turn exceeds 2 m/s."""
+    """Return the largest head speed in m/s at which no sampled speed on the turn exceeds 2 m/s."""
     times = np.arange(0, 200 + step_s / 2, step_s).tolist()
     velocity = velocity_of(turning(), states(turning(), times), times)
     return 2 / float(np.max(np.hypot(velocity[..., 0], velocity[..., 1])))
 
 
 def head_speeds_m_s() -> Iterator[MistakenAnswer]:
-    """Yield mistakes with the largest speed of the head."""
+    """Yield the mistakes, each with its largest speed of the head."""
     for step_s in (1.0, 0.5, 0.1):
         yield MistakenAnswer('speed_looked', {'step': step_s}, sampled_speed_m_s(step_s))

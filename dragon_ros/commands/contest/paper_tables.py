@@ -1,4 +1,4 @@
-"""The paper's three tables: values as printed, as reproduced by its recipe, the true ones, and the errors."""
+"""The paper's three tables: the printed values, the values that its recipe gives, the true values, and the errors."""
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -19,12 +19,12 @@ from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 
-_LABEL, _KIND, _CELL = 20, 11, 12       # terminal columns per value
+_LABEL, _KIND, _CELL = 20, 11, 12       # number of terminal columns per value
 
 
 @dataclass(frozen=True)
 class PrintedNumber:
-    """A printed number and its true value; ``printed`` restores the signs lost in print."""
+    """A printed number and its true value; ``printed`` includes signs that are missing in print."""
 
     table: int
     handle: int
@@ -73,7 +73,7 @@ def csv_text(rows: list[PrintedNumber]) -> str:
 
 
 def json_text(rows: list[PrintedNumber]) -> str:
-    """Return a list with one object for each printed number."""
+    """Return JSON: a list with one object for each printed number."""
     return json.dumps([_values(cell) for cell in rows])
 
 
@@ -95,7 +95,7 @@ def _lines(label: str, row: list[PrintedNumber], lang: str) -> list[str]:
 
 
 def _padded(text_: str, width: int) -> str:
-    """Pad a text to terminal columns; a Chinese character takes two."""
+    """Pad a text to a number of terminal columns; a Chinese character takes two columns."""
     wide = sum(east_asian_width(letter) in 'WF' for letter in text_)
     return text_ + ' ' * (width - len(text_) - wide)
 

@@ -29,7 +29,7 @@ _NO_NAME = '<c t="inlineStr"><is><t></t></is></c>'
 
 @dataclass(frozen=True)
 class ResultSheet:
-    """One sheet: title, names of columns and rows, and values (rows, columns)."""
+    """One sheet: its title, the names of its columns and rows, and its values (rows, columns)."""
 
     title: str
     file: str
@@ -50,7 +50,7 @@ def result_1(scene: Scene) -> list[ResultSheet]:
 
 
 def result_2(scene: Scene) -> list[ResultSheet]:
-    """Return positions and speeds at the first contact. Raises InputError if there is none."""
+    """Return positions and speeds at the first contact. Raises InputError if there is no contact."""
     found = first_contact(scene)
     if not isinstance(found, Contact):
         raise InputError('--contest: result2 needs a first contact, which this scene does not have; choose a scene '
@@ -80,21 +80,21 @@ def _by_time(scene: Scene, times_s: list[float], shown_s: list[float]) -> list[R
 
 
 def _speed_row(name: str) -> str:
-    """Return a row's name in the sheet of speeds: one space after the names of the ends, and two after others."""
+    """Return a row's name in the sheet of speeds, with one space after the names of the ends and two after others."""
     return f'{name} (m/s)' if name in ENDS else f'{name}  (m/s)'
 
 
 def _state(scene: Scene, times_s: list[float]) -> tuple[Floats, Floats]:
-    """Return handles (M, N+1, 2) and speeds (M, N+1)."""
+    """Return handles (M, N+1, 2) in m and speeds (M, N+1) in m/s."""
     chain = states(scene, times_s)
     velocity = velocity_of(scene, chain, times_s)
     return chain.p, np.hypot(velocity[..., 0], velocity[..., 1])
 
 
 def write(folder: Path, wound: Scene, turning: Scene, progress: Callable[[], object] = lambda: None) -> list[Path]:
-    """Write all results into a folder and return the paths; XLSX only if openpyxl is installed.
+    """Write all results into a folder and return the paths; XLSX files are written only if openpyxl is installed.
 
-    ``progress()`` is called after each of 3 results and up to 8 files.
+    ``progress()`` is called after each of the 3 results and each of up to 8 files.
     """
     results = {}
     for name, make, scene in (('result1', result_1, wound), ('result2', result_2, wound),
@@ -124,7 +124,7 @@ def _cells(sheet: ResultSheet) -> list[list[str]]:
 
 def _write_csv(folder: Path, name: str, sheet: ResultSheet) -> Path:
     path = folder / (f'{name}.csv' if sheet.file == name else f'{name}_{sheet.file}.csv')
-    with path.open('w', encoding='utf-8-sig', newline='') as file:     # without the BOM, Excel reads it as GBK
+    with path.open('w', encoding='utf-8-sig', newline='') as file:     # without the BOM, Excel would read GBK
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(('', *sheet.columns))
         writer.writerows([row, *cells] for row, cells in zip(sheet.rows, _cells(sheet), strict=True))
@@ -132,7 +132,7 @@ def _write_csv(folder: Path, name: str, sheet: ResultSheet) -> Path:
 
 
 def _write_xlsx(path: Path, sheets: list[ResultSheet]) -> Path:
-    """Write a workbook with openpyxl, except for the cells, for which openpyxl takes twenty times as long."""
+    """Write a workbook with openpyxl, but insert the cells directly, because openpyxl takes twenty times as long."""
     from openpyxl import Workbook
     book, saved = Workbook(), BytesIO()
     book.remove(book.active)

@@ -10,6 +10,6 @@ WORDS: Words = {
     'quantity': ('{quantity} of {name}', '{name}{quantity}'),
     'printed': ('printed', '论文值'), 'reproduced': ('reproduced', '复现值'), 'true': ('true', '真值'),
     'error': ('error', '误差'),
-    'no_xlsx': ('table: no XLSX, openpyxl is not installed: pip install openpyxl',
+    'no_xlsx': ('table: XLSX files are not written, because openpyxl is not installed: pip install openpyxl',
                 'table：未写出 XLSX，因为没有安装 openpyxl；请运行 pip install openpyxl'),
 }

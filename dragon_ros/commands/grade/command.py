@@ -17,9 +17,9 @@ _ANSWERS = {'t_s': '--t', 'pitch_m': '--pitch', 'turn_m': '--turn', 'speed_m_s':
 
 
 def main(argv: list[str]) -> int:
-    """Grade; return the exit code (1 if a signal ended it early)."""
+    """Grade teams; return the exit code (1 if a signal ended the command early)."""
     options = command_line.parser('grade', 'Grade result1, result2 and result4 of the contest (CUMCM 2024 A), and '
-                                  'answers to questions 2 to 5: report errors and the mistakes that explain them.',
+                                  'answers to questions 2 to 5; report errors, and the mistakes that explain them.',
                                   'grade result1.xlsx result2.xlsx --t 412.473838')
     options.add_argument('paths', nargs='*', type=Path, metavar='FILE|FOLDER',
                          help='workbooks of one team, or a folder with a folder for each team')
@@ -28,10 +28,10 @@ def main(argv: list[str]) -> int:
     options.add_argument('--turn', type=float, metavar='M', help='answer to question 4: the length of the turn')
     options.add_argument('--speed', type=float, metavar='M/S', help='answer to question 5: the largest head speed')
     options.add_argument('--answers', type=Path, metavar='FILE', help='a YAML file with t_s, pitch_m, turn_m, '
-                         'speed_m_s, or with these by the name of each team')
+                         'speed_m_s, or with these keys under the name of each team')
     add_lang_option(options, 'text and report')
-    options.add_argument('--output', type=Path, metavar='FILE', help='write to a file: report.html is a page with '
-                         'pictures, .json and .csv are tables')
+    options.add_argument('--output', type=Path, metavar='FILE', help='file to write: report.html is a page with '
+                         'pictures, and .json and .csv are tables')
     options.add_argument('--format', choices=('text', 'csv', 'json', 'html'), default=None,
                          help='output format (text, or by the suffix of --output)')
     arguments = options.parse_args(argv)
@@ -47,7 +47,7 @@ def _run(arguments: Namespace) -> int:
         grades, complete = grade_all(teams, stop, bar.update)
     command_line.write_output(arguments.output, _content(form, grades, len(teams), language_of(arguments.lang)))
     if not complete:
-        print(f'grade: interrupted: {len(grades)} of {len(teams)} teams are graded', file=sys.stderr)
+        print(f'grade: interrupted: {len(grades)} of {len(teams)} teams were graded', file=sys.stderr)
         return command_line.FAILED
     if arguments.output is not None:
         print(arguments.output)
@@ -59,11 +59,11 @@ def _run(arguments: Namespace) -> int:
 
 
 def _format_of(arguments: Namespace) -> str:
-    """Return the requested format; the default is that of the output's suffix, or text. Raises InputError."""
+    """Return the requested format; by default, it depends on the suffix of --output, or is text. Raises InputError."""
     suffix = {'.html': 'html', '.htm': 'html', '.json': 'json', '.csv': 'csv', '.txt': 'text'}
     of_output = None if arguments.output is None else suffix.get(arguments.output.suffix.lower())
     if arguments.output is not None and of_output is None and arguments.output.suffix:
-        raise InputError(f'--output {arguments.output}: is not a format of grade; end it in .html, .json, .csv or .txt')
+        raise InputError(f'--output {arguments.output}: the suffix must be .html, .json, .csv or .txt; rename it')
     if arguments.format and of_output and arguments.format != of_output:
         raise InputError(f'--format {arguments.format}: contradicts --output {arguments.output}; omit one of them')
     form = str(arguments.format or of_output or 'text')
@@ -83,15 +83,15 @@ def _teams(arguments: Namespace) -> 'list[Team]':
         raise InputError('grade: nothing is given; give workbooks, a folder, or an answer such as --t 412.473838')
     teams = teams_of(arguments.paths) if arguments.paths else [Team('answers', [])]
     if given and len(teams) > 1:
-        raise InputError(f'{_ANSWERS[next(iter(given))]}: is the answer of one team, and {len(teams)} are given; write '
-                         '--answers FILE with the answers of each')
+        raise InputError(f'{_ANSWERS[next(iter(given))]}: is the answer of one team, but {len(teams)} teams are given; '
+                         'give --answers FILE with the answers of each team')
     if arguments.answers is not None and len(teams) == 1:
         teams[0].answers = answers_of(arguments.answers)
     elif arguments.answers is not None:
         by_team = answers_by_team(arguments.answers)
         unknown = sorted(by_team.keys() - {team.name for team in teams})
         if unknown:
-            raise InputError(f'{arguments.answers}: {unknown[0]} is not a team here; the first is {teams[0].name}')
+            raise InputError(f'{arguments.answers}: {unknown[0]} is not a given team; the first is {teams[0].name}')
         for team in teams:
             team.answers = by_team.get(team.name, {})
     if given:

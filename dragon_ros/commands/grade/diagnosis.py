@@ -1,9 +1,9 @@
-"""Diagnose why a result is wrong: first units, order and axes, then mistakes reproduced with fitted parameters.
+"""Diagnose why a result is wrong: check units, order and axes, and reproduce mistakes with fitted parameters.
 
 Three stages are examined one by one: the head's position, the rule by which each handle follows the previous one, and
-the speeds. The findings of all stages are combined and reproduced. They are reported only if they explain the result.
-The measure is the share of the squared error that vanishes when the result is compared with the reproduced mistakes
-instead of the truth.
+the speeds. The findings of all stages are combined and reproduced. The findings are reported only if they explain the
+result. The measure of an explanation is the share of the squared error that vanishes when the result is compared with
+the reproduced mistakes instead of the truth.
 """
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -36,18 +36,18 @@ from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import STurn
 
-EXPLAINED = 0.99        # smallest share of the squared error for which a mistake is reported
-RIGHT = 2e-6            # in m and m/s; allows six decimals, rounded or truncated
+EXPLAINED = 0.99        # smallest share of the squared error that a reported mistake explains
+RIGHT = 2e-6            # largest error of right values in m and m/s; allows six decimals, rounded or truncated
 _B_M = PITCH_M / 2 / pi
-_ON_TRACK_M = 0.02      # largest rms distance of handles that count as on the spiral
-_MOST_OFF_M = 1.0       # largest difference between chord and link if handles follow by steps
-_FRONT = 20             # number of handles near the head, which errors of links hardly move
-_BETTER = 0.2           # fraction to which another order or axis must reduce the error
+_ON_TRACK_M = 0.02      # largest rms distance from the spiral, in m, of handles that count as on it
+_MOST_OFF_M = 1.0       # largest difference in m between chord and link if steps place the handles
+_FRONT = 20             # number of handles near the head, on which errors of links have little effect
+_BETTER = 0.2           # fraction to which another order or other axes must reduce the error
 _NICE = tuple(m * 10.0 ** -e for e in range(5) for m in (1.0, 0.5, 0.25, 0.2))
 _GRIDS = tuple(sorted((*(m * 10.0 ** -e for e in range(1, 5) for m in (1.0, 0.5, 0.2)), pi / 180, pi / 360, pi / 1800),
                       reverse=True))
 _DIFFERENCES_S = (2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.001)
-_LEAST_STEP_S, _MOST_STEP_S = 0.0004, 30.0      # limits of Euler steps
+_LEAST_STEP_S, _MOST_STEP_S = 0.0004, 30.0      # smallest and largest Euler step considered
 _UNITS = {100.0: 'centimetres', 1000.0: 'millimetres', 0.001: 'kilometres'}
 _AXES = {'': (1, 0, 0, 1), 'mirrored_x': (1, 0, 0, -1), 'mirrored_y': (-1, 0, 0, 1), 'rotated_180': (-1, 0, 0, -1),
          'swapped': (0, 1, 1, 0), 'rotated_90': (0, -1, 1, 0), 'rotated_270': (0, 1, -1, 0),
@@ -55,7 +55,7 @@ _AXES = {'': (1, 0, 0, 1), 'mirrored_x': (1, 0, 0, -1), 'mirrored_y': (-1, 0, 0,
 
 
 class Finding(NamedTuple):
-    """One finding: its key in ``words``, the parameters of its sentence, and the share that it explains."""
+    """One finding: its key in ``words``, its sentence's parameters, and the share of the error that it explains."""
 
     key: str
     parameters: dict[str, object]
@@ -75,7 +75,7 @@ class Diagnosis:
 
 
 def share(given: Floats, remade: Floats, truth: Floats) -> float:
-    """Return the share of the squared error that reproduced values explain; it is negative if they fit worse."""
+    """Return the share of the squared error that reproduced values explain; it is negative if they increase it."""
     there = np.isfinite(given) & np.isfinite(truth)
     if not np.isfinite(remade[there]).all():
         return 0.0
@@ -84,7 +84,7 @@ def share(given: Floats, remade: Floats, truth: Floats) -> float:
 
 
 def rounded_to(values: Floats) -> int | None:
-    """Return the number of decimals of rounded values if this is below six, else None."""
+    """Return the number of decimals of rounded values if it is below six, otherwise None."""
     some = values[np.isfinite(values)]
     for digits in range(6):
         scaled = some * 10.0 ** digits
@@ -98,7 +98,7 @@ def _tolerance(digits: int | None) -> float:
 
 
 def nice(value: float, within: float = 0.03) -> float:
-    """Return the round number near a fitted value, or the value itself."""
+    """Return the round number near a fitted value, or the value itself if there is none."""
     near = min(_NICE, key=lambda one: abs(one - value))
     return near if abs(near - value) <= within * near else value
 
@@ -154,7 +154,7 @@ def _few_differ(found: Diagnosis, given: Floats, right: Floats, digits: int | No
 
 
 def _in_metres(found: Diagnosis, given: Floats, right: Floats) -> Floats:
-    """Convert values to metres, and report another unit."""
+    """Return the values in metres, and report if they were in another unit."""
     there = np.isfinite(given) & np.isfinite(right)
     ratio = float(np.sqrt(np.sum(np.square(given[there])) / np.sum(np.square(right[there]))))
     for factor, name in _UNITS.items():
@@ -165,7 +165,7 @@ def _in_metres(found: Diagnosis, given: Floats, right: Floats) -> Floats:
 
 
 def _polar(found: Diagnosis, given: Floats, right: Floats) -> bool:
-    """Report whether values are polar coordinates, or whether angles were used in the wrong unit."""
+    """Report polar coordinates or angles in the wrong unit; return whether either was found."""
     radius = np.hypot(right[..., 0], right[..., 1])
     theta = radius / _B_M
     for key, angle in (('radians_as_degrees', np.radians(theta)), ('degrees_as_radians', np.degrees(theta))):
@@ -187,9 +187,9 @@ def _said(found: Diagnosis, key: str, given: Floats, remade: Floats, right: Floa
 
 
 def _in_order(found: Diagnosis, given: Floats, right: Floats) -> Floats:
-    """Return handles in the right order and axes, and report a wrong order or wrong axes.
+    """Return handles in the right order with the right axes, and report a wrong order or wrong axes.
 
-    Orders and axes are compared for the first handles, which errors of links hardly move.
+    Orders and axes are compared for the first handles, on which errors of links have little effect.
     """
     some = np.unique(np.linspace(0, len(given) - 1, 24).astype(int))
     before = _misfit(given[some], right[some])
@@ -221,7 +221,7 @@ def _matrix(axes: str) -> Floats:
 
 
 def _ordered(given: Floats, order: int | None) -> Floats:
-    """Return handles shifted by ``order`` positions and filled up with nan; None reverses their order."""
+    """Return handles shifted by ``order`` positions, with nan where handles are missing; None reverses the order."""
     if order is None:
         return given[:, ::-1]
     out = np.full_like(given, np.nan)
@@ -233,14 +233,14 @@ def _ordered(given: Floats, order: int | None) -> Floats:
 
 
 def _misfit(given: Floats, right: Floats) -> float:
-    """Return the root mean square error of the front handles; huge if too few are given."""
+    """Return the root mean square error of the front handles, or a huge value if too few handles are given."""
     error = np.square(given[:, :_FRONT] - right[:, :_FRONT])
     there = np.isfinite(error)
     return float(np.sqrt(error[there].mean())) if there.mean() > 0.3 else 1e9
 
 
 def _matched(given: Floats, right: Floats) -> Callable[[Floats], Floats] | None:
-    """Return a function that sorts permuted rows of x and y by matching each row with the nearest true one."""
+    """Return a function that sorts permuted rows of x and y by matching each row with the nearest true row."""
     if len(given) < 4 or not np.isfinite(given).all():
         return None
     rows, wanted = (each.transpose(1, 2, 0).reshape(2 * HANDLES, -1) for each in (given, right))
@@ -260,7 +260,7 @@ def _matched(given: Floats, right: Floats) -> Callable[[Floats], Floats] | None:
 
 
 def _rigid(given: Floats, right: Floats, before: float, otherwise: float) -> tuple[Finding, Floats] | None:
-    """Return the best rigid motion of the front handles, and the handles moved back, unless something simpler fits."""
+    """Return the best rigid motion of the front handles, and the handles moved back, unless a simpler change fits."""
     front, wanted = given[:, :_FRONT].reshape(-1, 2), right[:, :_FRONT].reshape(-1, 2)
     there = np.isfinite(front).all(axis=1) & np.isfinite(wanted).all(axis=1)
     if there.sum() < 8 or before < 10 * RIGHT:
@@ -283,11 +283,11 @@ def _rigid(given: Floats, right: Floats, before: float, otherwise: float) -> tup
 # On the spiral: results 1 and 2.
 class _HeadFit(NamedTuple):
     findings: list[Finding]
-    angles: Floats | None       # reproduced angles; None if no mistake explains the given ones
+    angles: Floats | None       # reproduced angles; None if no mistake explains the given angles
 
 
 def _angles_of(p: Floats) -> tuple[Floats, float]:
-    """Return the polar angles (...) of handles on the spiral, and their rms distance from it in m."""
+    """Return the polar angles (...) of handles on the spiral, and the rms distance in m of the handles from it."""
     radius, angle = np.hypot(p[..., 0], p[..., 1]), np.arctan2(p[..., 1], p[..., 0])
     theta = angle + 2 * pi * np.round((radius / _B_M - angle) / (2 * pi))
     off = (radius - _B_M * theta)[np.isfinite(radius)]
@@ -332,14 +332,14 @@ def _wound(result: str, times_s: Floats, given: Floats, right: Floats, digits: i
 
 
 def _links_seen(given: Floats, noise_m: float) -> list[Finding]:
-    """Return the range of differences between chords and links, if they exceed noise."""
+    """Return a finding with the range of differences between chords and links if these differences exceed noise."""
     off = np.hypot(*np.moveaxis(np.diff(given, axis=1), -1, 0)) - links_of()
     low, high = np.nanpercentile(off, (0.5, 99.5)).tolist() if np.isfinite(off).any() else (0.0, 0.0)
     return [Finding('tolerance', {'low': low, 'high': high})] if max(-low, high) > noise_m else []
 
 
 def _unknown(findings: list[Finding], explains: float = 0.0) -> Diagnosis:
-    """Return a diagnosis with the observed facts, which states that the rest is unexplained."""
+    """Return a diagnosis of the observed facts, and of the finding that the rest is unexplained."""
     return Diagnosis([*findings, Finding('unknown', {})], max(explains, 0.0))
 
 
@@ -367,12 +367,12 @@ def _head_of(times_s: Floats, head: Floats, theta: Floats, right: Floats, noise_
 
 def _head_candidates(times_s: Floats, head: Floats, theta: Floats,
                      ) -> Iterator[tuple[str, dict[str, object], Floats, float]]:
-    """Yield reproduced heads as key, parameters, angles (T,) and pitch, in order of the number of parameters."""
+    """Yield reproduced motions of the head: key, parameters, angles (T,) and pitch; few parameters come first."""
     exact = solved(arc_length)
     radial_arc = mistakes.solved(mistakes.without_radial)(times_s)
     yield 'radial_arc', {}, radial_arc, PITCH_M
     yield 'bracket_slip', {}, mistakes.bracket_slip()(times_s), PITCH_M
-    late = (arc_length(np.array(START)) - arc_length(theta)) * _B_M - times_s      # metres, which at 1 m/s are seconds
+    late = (arc_length(np.array(START)) - arc_length(theta)) * _B_M - times_s       # in m and, at 1 m/s, also in s
     there = np.isfinite(late)
     if not there.any():
         return
@@ -396,13 +396,13 @@ def _head_candidates(times_s: Floats, head: Floats, theta: Floats,
 
 
 def _euler_step(theta: Floats, base: Floats, at_a_tenth: Floats) -> float:
-    """Return the step whose error, which is scaled from that of 0.1 s, fits the head's error."""
+    """Return the Euler step whose error fits that of the head; errors are scaled from the error of a step of 0.1 s."""
     per_step = (at_a_tenth - base) / 0.1
     return nice(float(np.sum((theta - base) * per_step) / np.sum(np.square(per_step))))
 
 
 def _other_pitch(times_s: Floats, head: Floats) -> Iterator[tuple[str, dict[str, object], Floats, float]]:
-    """Yield the head on a spiral with another pitch that starts at the same angle."""
+    """Yield the motion of a head that starts at the same angle on a spiral with another pitch."""
     if np.max(np.diff(times_s), initial=0.0) > 2 or not np.isfinite(head).all():
         return
     turned = np.unwrap(np.arctan2(head[:, 1], head[:, 0]))
@@ -416,7 +416,7 @@ def _other_pitch(times_s: Floats, head: Floats) -> Iterator[tuple[str, dict[str,
 
 def _link_candidates(theta: Floats, given: Floats, noise_m: float,
                      ) -> Iterator[tuple[Rule, list[float], list[Finding]]]:
-    """Yield the rules that chords and angles permit for the next handle, each as function, links and name."""
+    """Yield the rules for the next handle that chords and angles permit, each as a function, links and findings."""
     exact = links_of()
     off = np.hypot(*np.moveaxis(np.diff(given, axis=1), -1, 0)) - exact
     if not np.isfinite(off).any():
@@ -433,7 +433,7 @@ def _link_candidates(theta: Floats, given: Floats, noise_m: float,
 
 
 def constant_links(off: Floats, noise_m: float) -> tuple[list[float], list[Finding]] | None:
-    """Return link lengths and their name from errors (T, 223) that are the same at all times; None if they vary."""
+    """Return link lengths and the findings about them from errors (T, 223); None if the errors vary with time."""
     head, body, last = (float(np.nanmedian(each)) for each in (off[:, 0], off[:, 1:-1], off[:, -1]))
     middle = np.concatenate(([head], np.full(off.shape[1] - 2, body), [last]))
     if np.nanpercentile(np.abs(off - middle) - np.maximum(noise_m, 0.05 * np.abs(middle)), 98) > 0:
@@ -443,7 +443,7 @@ def constant_links(off: Floats, noise_m: float) -> tuple[list[float], list[Findi
 
 
 def _named_links(head_m: float, body_m: float, last_m: float, noise_m: float) -> Finding:
-    """Return the mistake that results in these link lengths."""
+    """Return the mistake that leads to these link lengths."""
     def are(*wanted: float) -> bool:
         near = max(noise_m, 1e-5)
         return all(abs(one - other) <= near for one, other in zip((head_m, body_m, last_m), wanted, strict=True))
@@ -467,7 +467,7 @@ def _grid_of(theta: Floats, step: Floats, off: Floats, noise_m: float,
     if grid is None:
         return None
     before = np.hypot(*np.moveaxis(points(theta[:, 1:] - grid) - points(theta[:, :-1]), -1, 0)) - links_of()
-    body = slice(0, -1)         # because the paper's last link differs
+    body = slice(0, -1)         # without the last link, which is different in the paper
     within = _within_of(off[:, body], before[:, body], noise_m)
     if within is None:
         return None
@@ -475,7 +475,7 @@ def _grid_of(theta: Floats, step: Floats, off: Floats, noise_m: float,
 
 
 def _step_of(step: Floats, blur: float, percent: float = 95.0) -> float | None:
-    """Return the largest common step size that divides all steps to within a blur; None if there is none."""
+    """Return the largest step size that divides all steps to within ``blur``, or None if there is none."""
     for grid in _GRIDS:
         if blur > 0.2 * grid:
             return None
@@ -486,7 +486,7 @@ def _step_of(step: Floats, blur: float, percent: float = 95.0) -> float | None:
 
 
 def _within_of(off: Floats, before: Floats, noise_m: float) -> float | None:
-    """Return a tolerance that all chords meet but that no chord one step earlier meets; None if there is none."""
+    """Return a tolerance that all chords meet, but no chord one step earlier; None if there is none."""
     lowest, highest = -float(np.nanmin(off)), -float(np.nanmax(before))
     return next((w for w in (0.0, *_NICE) if lowest - noise_m <= w <= highest + noise_m), None)
 
@@ -498,7 +498,7 @@ def _paper_at(times_s: tuple[float, ...]) -> Floats:
 
 
 def _as_paper(times_s: Floats, given: Floats, right: Floats) -> Diagnosis | None:
-    """Return the diagnosis that positions are the paper's own if a sample of times confirms this."""
+    """Return the diagnosis that the positions are those of the paper, if a sample of times confirms this."""
     some = [n for n in np.unique(np.linspace(0, times_s.size - 1, 6).astype(int)).tolist()
             if 0 <= times_s[n] <= 412 and abs(times_s[n] * 100 - round(times_s[n] * 100)) < 1e-9]
     if not some:
@@ -525,7 +525,7 @@ def _known_contacts() -> tuple[mistakes.MistakenAnswer, ...]:
 
 
 def contact_findings(t_s: float, near_s: float) -> list[Finding]:
-    """Return the mistakes that lead to a contact time to ``near_s``, as they are or with a fitted parameter."""
+    """Return the mistakes that lead to a contact time within ``near_s``, with known or fitted parameters."""
     for answer in _known_contacts():
         if answer.key != 'none' and abs(answer.value - t_s) <= near_s:
             return [Finding(answer.key, dict(answer.parameters))]
@@ -627,7 +627,7 @@ def _turn_links(head_m: Floats, given: Floats, off: Floats, turn: STurn, noise_m
 
 
 def _along_track(given: Floats, head_m: Floats, turn: STurn) -> tuple[Floats, float]:
-    """Return distances (T, N+1) of handles from the entry along the turn, and the rms distance from the turn (m)."""
+    """Return distances (T, N+1) in m of handles from the entry along the turn, and their rms distance from the turn."""
     track, metres, aside = track_of(turn), [head_m], [np.zeros_like(head_m)]
     for handle in range(1, given.shape[1]):
         at = metres[-1] - np.hypot(*(given[:, handle] - given[:, handle - 1]).T)
@@ -661,7 +661,7 @@ def _turn_euler(times_s: Floats, head: Floats, right: Floats) -> tuple[Finding, 
 
 _TURN_STARTS: dict[str, tuple[float, ...]] = {'shift': (0.0, 100.0, -100.0), 'speed': (1.0,), 'ratio': (2.0, 1.0, 3.0),
                                               'diameter': (9.0,), 'pitch': (1.7,)}
-_ALONE = Dragon(1, head_length_m=0.65)      # the turn's radii do not limit a single head
+_ALONE = Dragon(1, head_length_m=0.65)      # no radius of a turn is too small for a single head
 Turn = tuple[Finding, STurn | None, float, float]
 
 
@@ -702,7 +702,7 @@ def _before_turn(times_s: Floats, head: Floats, noise_m: float) -> Finding:
 
 
 def _turn_of(name: str, value: float, circle_m: float) -> tuple[STurn | None, float, float]:
-    """Return track, time shift and speed for a value of a parameter."""
+    """Return the track, the time shift in s and the speed in m/s for a value of a parameter."""
     if name in ('shift', 'speed'):
         return None, value if name == 'shift' else 0.0, value if name == 'speed' else 1.0
     if name == 'both':
@@ -712,7 +712,7 @@ def _turn_of(name: str, value: float, circle_m: float) -> tuple[STurn | None, fl
 
 def _fitted(name: str, value: float, circle_m: float, times: Floats, wanted: Floats, right: Floats,
             ) -> tuple[float, float]:
-    """Fit one parameter by Gauss-Newton; return the share that it explains, and its value."""
+    """Fit one parameter by the Gauss-Newton method; return the share of the error that it explains, and its value."""
     def at(one: float) -> Floats:
         return _turn_state(times, _ALONE, *_turn_of(name, one, circle_m)).handles_m[:, 0]
     here = at(value)
@@ -727,7 +727,7 @@ def _fitted(name: str, value: float, circle_m: float, times: Floats, wanted: Flo
 
 
 def _circles_m(times: Floats, head: Floats) -> tuple[float, ...]:
-    """Return the diameter of the circle that the head enters at 0 s, from its earlier positions on the spiral."""
+    """Return the diameter in m of the circle that the head enters at 0 s, from earlier positions on the spiral."""
     before = (times < 0) & np.isfinite(head).all(axis=1)
     if not before.any():
         return ()
@@ -771,7 +771,7 @@ def diagnose_speeds(result: str, times_s: Floats, given: Floats, truth: TrueStat
 
 def _speed_candidates(result: str, times_s: Floats, given: Floats, truth: TrueStates, positions: Diagnosis,
                       ) -> Iterator[tuple[Finding, Floats]]:
-    """Yield reproduced speeds (T, 224) with their names, in order of the number of parameters."""
+    """Yield reproduced speeds (T, 224) with their findings; findings with few parameters come first."""
     right = truth.speed_m_s
     yield Finding('all_one', {}), np.ones_like(right)
     for order in (1, -1, None):
@@ -784,7 +784,7 @@ def _speed_candidates(result: str, times_s: Floats, given: Floats, truth: TrueSt
 
 
 def _wound_speeds(given: Floats, truth: TrueStates, positions: Diagnosis) -> Iterator[tuple[Finding, Floats]]:
-    """Yield speeds on the spiral: those of the given positions, of the inverted ratio, and of the paper's power law."""
+    """Yield speeds on the spiral: from the given positions, from the inverted ratio and from the paper's power law."""
     places = [(truth.handles_m, '')]
     if positions.undone is not None and positions.findings and np.isfinite(positions.undone).all():
         places.append((positions.undone, '_given'))
@@ -800,7 +800,7 @@ def _wound_speeds(given: Floats, truth: TrueStates, positions: Diagnosis) -> Ite
 
 
 def _by_differences(result: str, times_s: Floats, given: Floats, right: Floats) -> Iterator[tuple[Finding, Floats]]:
-    """Yield speeds as differences of positions, with a fitted time step."""
+    """Yield speeds from differences of positions, with a fitted time step."""
     if result == 'result2':
         times_s = np.array([contact_s()])
     scene, offset_s = turned_scene() if result == 'result4' else wound_scene()

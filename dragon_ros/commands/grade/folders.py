@@ -16,14 +16,14 @@ from dragon_ros.core.limits import GRADED_BOOKS
 _BOOKS = ('.xlsx', '.xlsm', '.xls', '.xlsb', '.xltx')
 _ANSWERS = ('.yaml', '.yml')
 _RESULT = re.compile(r'[\s_\-]*(?:result|结果|附件|res)[\s_\-]*0?[124](?!\d)[\s_\-]*', re.IGNORECASE)
-_AT_ONCE_S = 0.2        # interval between checks whether to stop
-_ALONE = 2              # with fewer teams, starting processes takes longer than grading
+_AT_ONCE_S = 0.2        # interval in s between checks for a signal to stop
+_ALONE = 2              # for at most this many teams, starting processes would take longer than grading
 
 
 def teams_of(paths: list[Path]) -> list[Team]:
     """Return the teams of files and folders.
 
-    Given files form one team. In a given folder, each subfolder with workbooks is a team; workbooks in one folder
+    The given files form one team. In a given folder, each subfolder with workbooks is a team; workbooks in one folder
     belong to several teams if their names differ in more than the number of the result. Raises InputError or
     MissingError.
     """
@@ -36,8 +36,8 @@ def teams_of(paths: list[Path]) -> list[Team]:
         if path.is_dir():
             teams += list(_in_folder(path))
     if not teams:
-        raise InputError(f'{paths[0]}: holds no workbook (.xlsx); give result1.xlsx, result2.xlsx, result4.xlsx, or a '
-                         'folder with a folder for each team')
+        raise InputError(f'{paths[0]}: contains no workbook (.xlsx); give result1.xlsx, result2.xlsx, result4.xlsx, or '
+                         'a folder with a folder for each team')
     return teams
 
 
@@ -56,7 +56,7 @@ def _in_folder(root: Path) -> Iterator[Team]:
         books = [here / name for name in sorted(names) if _is(name, _BOOKS)]
         room -= len(books)
         if room < 0:
-            raise InputError(f'{root}: holds more than {GRADED_BOOKS} workbooks; grade it in parts')
+            raise InputError(f'{root}: contains more than {GRADED_BOOKS} workbooks; grade the folder in parts')
         answers = [here / name for name in sorted(names) if _is(name, _ANSWERS)]
         if books or answers:
             name = here.relative_to(root).as_posix()
@@ -71,7 +71,7 @@ def _is(name: str, kinds: tuple[str, ...]) -> bool:
 
 
 def _split(name: str, books: list[Path]) -> list[Team]:
-    """Return the teams of a folder; there are several if names differ in more than the number of the result."""
+    """Return the teams of a folder; there are several if file names differ in more than the number of the result."""
     if not books:
         return [Team(name, [])]
     groups: dict[str, list[Path]] = {}
@@ -86,7 +86,7 @@ def grade_all(teams: list[Team], stop: Event, done: Callable[[], object],
               ) -> tuple[list[TeamGrade], bool]:
     """Return the teams' grades in order, and whether they are complete; ``done()`` is called after each team.
 
-    A signal sets ``stop``: unfinished grades are abandoned, and finished ones are kept.
+    When a signal sets ``stop``, unfinished grades are abandoned, and finished grades are kept.
     """
     grades: dict[int, TeamGrade] = {}
     if len(teams) <= _ALONE:
@@ -108,13 +108,13 @@ def _in_processes(teams: list[Team], grades: dict[int, TeamGrade], stop: Event, 
     for n in range(len(teams)):
         if n not in grades and not stop.is_set() and not _run(teams, [n], 1, grades, stop, done):
             grades[n] = TeamGrade(teams[n].name, tuple(path.name for path in teams[n].files), (), (), (),
-                                  ('a workbook ended the process that read it; save it again as .xlsx',))
+                                  ('a workbook crashed the process that read it; save it again as .xlsx',))
             done()
 
 
 def _run(teams: list[Team], numbers: list[int], workers: int, grades: dict[int, TeamGrade], stop: Event,
          done: Callable[[], object]) -> bool:
-    """Grade teams; return False if a process has died."""
+    """Grade teams in processes; return False if a process has died."""
     with ProcessPoolExecutor(workers, get_context('spawn'), initializer=_ignore_interrupts) as pool:
         waiting: dict[Future[TeamGrade], int] = {pool.submit(grade_team, teams[n]): n for n in numbers}
         while waiting and not stop.is_set():
@@ -130,5 +130,5 @@ def _run(teams: list[Team], numbers: list[int], workers: int, grades: dict[int, 
 
 
 def _ignore_interrupts() -> None:
-    """Leave Ctrl-C to the parent process."""
+    """Ignore Ctrl-C, which the parent process handles."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,4 +1,4 @@
-"""The error of a table by handle and time, small enough for one file to hold a report of many teams."""
+"""The error of a table by handle and time, in a form so small that one file can contain the report of many teams."""
 from typing import NamedTuple
 
 import numpy as np
@@ -6,14 +6,15 @@ import numpy as np
 from dragon_ros.core.numerics.types import Floats
 
 _MOST_ROWS, _MOST_COLUMNS = 76, 112     # largest number of rows (handles) and of columns (times)
-LEAST, MOST = -7.0, 1.0                 # number of decades shown
+LEAST, MOST = -7.0, 1.0                 # smallest and largest error shown, as powers of ten
 _SHADES = 63
 
 
 class Heat(NamedTuple):
-    """The largest error in each cell of a grid, as shades 1 to 63 by decade, or 0 if nothing is given.
+    """The largest error in each cell of a grid, as logarithmic shades 1 to 63, or 0 if no values are given.
 
-    ``grid`` has one byte per cell, row by row from handle 0 on; ``by_handle`` and ``by_time`` are largest errors.
+    ``grid`` has one byte per cell, row by row from handle 0 on; ``by_handle`` and ``by_time`` contain the largest
+    errors.
     """
 
     rows: int

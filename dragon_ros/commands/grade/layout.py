@@ -1,7 +1,7 @@
-"""Find the meaning of a workbook's cells: the handle, quantity and time of each, from the labels around it.
+"""Find the meaning of a workbook's cells: the handle, the quantity and the time of each cell, from its labels.
 
 A label may be in a row, in a column, in a heading over several columns, or in the name of a sheet, in Chinese or
-English. The contest's layout is one case; others are transposed tables, long tables, and positions beside speeds.
+English. The contest's layout is one case; other cases are transposed tables, long tables, and positions beside speeds.
 """
 import re
 import unicodedata
@@ -41,14 +41,14 @@ class Label(NamedTuple):
     number: float | None = None     # a bare number, which is a time or a handle, depending on the other labels
 
     def over(self, other: 'Label') -> 'Label':
-        """Return this label, with missing fields filled in from another one."""
+        """Return this label, with missing fields filled in from another label."""
         return Label(other.handle if self.handle is None else self.handle, self.quantity or other.quantity,
                      other.t_s if self.t_s is None else self.t_s, other.number if self.number is None else self.number)
 
 
 @dataclass
 class GivenResult:
-    """One result in workbooks: times (T,), nan if unlabelled, and cells (T, 224, 3) of x, y and speed.
+    """One result in workbooks: times (T,) in s, which are nan if unlabelled, and cells (T, 224, 3) of x, y and speed.
 
     ``notes`` contains keys of ``words`` with the parameters of their sentences.
     """
@@ -101,7 +101,7 @@ class _SheetBlock(NamedTuple):
 
 
 def _block_of(sheet: WorkbookSheet, refuse: Callable[[str, dict[str, object]], Exception]) -> _SheetBlock | None:
-    """Return the values of a sheet and its labels; None if it has no values."""
+    """Return the values and the labels of a sheet, or None if the sheet has no values."""
     rows = _trimmed(sheet.rows)
     if not rows:
         return None
@@ -131,7 +131,7 @@ def _transposed(rows: list[list[Cell]]) -> list[list[Cell]]:
 
 
 def _carried(lines: list[list[Cell]]) -> list[list[Cell]]:
-    """Repeat each heading that spans several cells in all of them; the last line has no such headings."""
+    """Copy each heading that spans several cells to all these cells; the last line has no such headings."""
     out = []
     for n, line in enumerate(lines):
         if n < len(lines) - 1:
@@ -157,7 +157,7 @@ def _trimmed(rows: list[list[Cell]]) -> list[list[Cell]]:
 
 
 def _plain(cell: object) -> Cell:
-    """Return a cell as a number or a text, or None if it is empty."""
+    """Return a cell as a number or a text, or None if the cell is empty."""
     if isinstance(cell, str):
         return cell if cell and not cell.isspace() else None
     if cell is None:
@@ -166,7 +166,7 @@ def _plain(cell: object) -> Cell:
 
 
 def _number(cell: Cell) -> float:
-    """Return a cell's number, even if it is stored as text; nan if it is not a number."""
+    """Return a cell's number, even if the number is stored as text, or nan for any other cell."""
     if isinstance(cell, float):
         return cell
     try:
@@ -176,7 +176,7 @@ def _number(cell: Cell) -> float:
 
 
 def _numbers(rows: list[list[Cell]]) -> tuple[Floats, bool]:
-    """Return cells as numbers (nan for other cells), and whether most of them are stored as text."""
+    """Return cells as numbers (nan for other cells), and whether numbers are stored as text."""
     as_text = sum(isinstance(cell, str) for row in rows[:20] for cell in row[:20]) > 0
     try:
         values = np.array(rows, dtype=np.float64)
@@ -210,7 +210,7 @@ def _label_columns(rows: list[list[Cell]], top: int) -> int:
 
 
 def _is_progression(numbers: list[float]) -> bool:
-    """Return whether numbers are evenly spaced or increasing integers, like times and handles (perhaps doubled)."""
+    """Return whether numbers are evenly spaced or increasing integers, as times and handles are (perhaps doubled)."""
     values = np.array(numbers)
     steps = np.diff(values[::2] if values.size > _FEW and values[0] == values[1] else values)
     if values.size < _FEW or np.any(steps <= 0):
@@ -232,7 +232,7 @@ def _check_merged(sheet: WorkbookSheet, top: int, left: int,
 
 
 def _letters(column: int) -> str:
-    """Return the letters of a column, counted from 0."""
+    """Return the letters that name a column, whose number counts from 0."""
     text, column = '', column + 1
     while column:
         column, rest = divmod(column - 1, 26)
@@ -255,7 +255,7 @@ def label_of(cells: Iterable[Cell]) -> Label:
 
 
 def _parsed(text: str) -> Label:
-    """Return the meaning of a text."""
+    """Return the meaning of a label's text."""
     quantity = ('v' if _SPEED.search(text) else 'x' if _X.search(text) else 'y' if _Y.search(text) else None)
     time = _TIME.search(text)
     t_s = next((float(one) for one in time.groups() if one is not None), None) if time else None
@@ -318,7 +318,7 @@ def _handles_on(labels: list[Label]) -> int:
 
 
 def _row_label(cells: list[Cell], keys: list[str]) -> Label:
-    """Return the meaning of a row's label cells; a number below a heading for times or handles is a time or handle."""
+    """Return the meaning of a row's label cells; the heading above a number shows whether it is a time or a handle."""
     label = Label()
     for cell, key in zip(cells, keys, strict=True):
         value = _number(cell)
@@ -333,7 +333,7 @@ def _row_label(cells: list[Cell], keys: list[str]) -> Label:
 
 def _context(sheet: WorkbookSheet, block: _SheetBlock, before: list[tuple[Floats, Floats]], rows: list[Label],
              columns: list[Label]) -> int:
-    """Return the code of a whole sheet's quantity, from its name, its titles or, after positions, its values."""
+    """Return the code of a whole sheet's quantity, from its name, its titles or, for sheets after positions, values."""
     text = f'{_normal(sheet.name)} {_normal(block.text)}'
     if _SPEED.search(text) and not _PLACE.search(text):
         return 2
@@ -345,7 +345,7 @@ def _context(sheet: WorkbookSheet, block: _SheetBlock, before: list[tuple[Floats
 
 
 def _numbers_told(rows: list[Label], columns: list[Label], keys: list[str]) -> tuple[list[Label], list[Label]]:
-    """Interpret bare numbers as times or handles, by a heading, by the other labels, or by how many there are."""
+    """Interpret bare numbers as times or handles, by a heading, by the other labels, or by their count."""
     has_handles = _handles_on(rows) + _handles_on(columns) > 0
     has_times = any(label.t_s is not None for label in (*rows, *columns))
     out = []
@@ -404,6 +404,6 @@ def _axis(labels: list[Label]) -> _AxisLabels:
 
 
 def _both(rows: Ints, columns: Ints, otherwise: int) -> Ints:
-    """Return the codes (rows, columns) of cells from the labels of rows and columns."""
+    """Return the codes (rows, columns) of cells from the codes of rows and columns."""
     code: Ints = np.where(rows[:, None] != _NONE, rows[:, None], columns[None])
     return np.where(code == _NONE, otherwise, code)

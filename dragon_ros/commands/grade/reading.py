@@ -1,7 +1,7 @@
-"""Read untrusted workbooks as rows of cells, within budgets (``core.limits``); nothing in them is executed.
+"""Read untrusted workbooks as rows of cells, within budgets (``core.limits``); no content is executed.
 
-Only the parts with cells are unpacked, into a plain archive for the reader. This is python-calamine if it is installed,
-and otherwise openpyxl, which takes about six times as long. Nothing else in a workbook is opened.
+Only the parts with cells are unpacked, into a plain archive for the reader. The reader is python-calamine if it is
+installed, and otherwise openpyxl, which takes about six times as long. No other part of a workbook is opened.
 """
 import re
 import struct
@@ -33,7 +33,7 @@ _NEEDED = re.compile(r'\[content_types\]\.xml|_rels/\.rels|xl/workbook\.xml|xl/_
                      r'xl/sharedstrings\.xml|xl/styles\.xml|xl/worksheets/[^/]*\.xml', re.IGNORECASE)
 _PLACE = re.compile(rb'\sr\s*=\s*["\']([A-Za-z]{0,4})(\d{1,9})["\']')
 _LINE = re.compile(rb"\s[^>]*?\br\s*=\s*[\"'](\d{1,9})[\"']")
-_FAR = re.compile(rb'\sr="[A-Za-z]{3}|\sr=\'|\sr\s+=|\sr=\s')    # columns from AAA on, or position in another notation
+_FAR = re.compile(rb'\sr="[A-Za-z]{3}|\sr=\'|\sr\s+=|\sr=\s')    # columns from AAA on, or positions in another notation
 _TWO_LETTERS = 26 * 27                                   # number of columns up to ZZ
 _PREFIX = re.compile(rb'<([\w.-]+:)?worksheet[\s>]')
 _MERGED = re.compile(rb'<(?:[\w.-]+:)?mergeCell\s[^>]*ref\s*=\s*["\']([A-Z]+)(\d+):([A-Z]+)(\d+)["\']')
@@ -44,7 +44,7 @@ _SIZES = 64 * 1024
 
 
 class WorkbookSheet(NamedTuple):
-    """A sheet: its name, rows of cells, and merged ranges as (first row, first column, last row, last column).
+    """A sheet: its name, its rows of cells, and merged ranges as (first row, first column, last row, last column).
 
     Rows and columns count from 0.
     """
@@ -55,13 +55,13 @@ class WorkbookSheet(NamedTuple):
 
 
 def read_book(path: Path) -> list[WorkbookSheet]:
-    """Return the sheets of an XLSX workbook. Raises InputError in one line if it is invalid or too large."""
+    """Return the sheets of an XLSX workbook. Raises InputError if the workbook is invalid or too large."""
     data = _bytes_of(path)
     try:
         parts = _parts(path, data)
         merged = {name: _checked(path, name, part) for name, part in parts.items() if _SHEET.fullmatch(name)}
         if not merged:
-            raise InputError(f'{path}: holds no sheets; save it again as an Excel workbook (.xlsx)')
+            raise InputError(f'{path}: contains no sheets; save it again as an Excel workbook (.xlsx)')
         if len(merged) > BOOK_SHEETS:
             raise InputError(f'{path}: has {len(merged)} sheets; the limit is {BOOK_SHEETS}')
         files = _files_of_sheets(parts)
@@ -72,8 +72,8 @@ def read_book(path: Path) -> list[WorkbookSheet]:
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, LookupError, NotImplementedError, OSError,
             OverflowError, RuntimeError, ValueError, ElementTree.ParseError) as error:
         if isinstance(error, RuntimeError) and 'password' in str(error):
-            raise InputError(f'{path}: is protected by a password; save it without one') from None
-        raise InputError(f'{path}: is damaged or cut off ({_said(error)}); save it again as .xlsx') from None
+            raise InputError(f'{path}: is protected by a password; save it without a password') from None
+        raise InputError(f'{path}: is damaged or truncated ({_said(error)}); save it again as .xlsx') from None
 
 
 def _bytes_of(path: Path) -> bytes:
@@ -84,12 +84,12 @@ def _bytes_of(path: Path) -> bytes:
     except OSError as error:
         raise MissingError(f'{path}: cannot be read: {error.strerror}') from None
     except ValueError as error:
-        raise MissingError(f'a path cannot be read: {error}') from None
+        raise MissingError(f'a file cannot be read: {error}') from None
     if len(data) > BOOK_BYTES:
         raise InputError(f'{path}: has more than {BOOK_BYTES} bytes, the limit for a workbook; keep only the '
                          'result sheets')
     if data.startswith(_OLD):
-        raise InputError(f'{path}: is protected by a password; save it without one' if _ENCRYPTED in data else
+        raise InputError(f'{path}: is protected by a password; save it without a password' if _ENCRYPTED in data else
                          f'{path}: is a workbook of Excel 97 (.xls); save it as .xlsx')
     if not data.startswith(b'PK'):
         what = 'is empty' if not data else 'is not an XLSX workbook'
@@ -102,25 +102,25 @@ def _parts(path: Path, data: bytes) -> dict[str, bytes]:
     with zipfile.ZipFile(BytesIO(data)) as book:
         entries = book.infolist()
         if len(entries) > BOOK_PARTS:
-            raise InputError(f'{path}: has {len(entries)} files in it; the limit for a workbook is {BOOK_PARTS}')
+            raise InputError(f'{path}: contains {len(entries)} files; the limit for a workbook is {BOOK_PARTS}')
         names = [entry.filename for entry in entries]
         lower = [name.lower() for name in names]
         if any('vbaproject' in name or 'macrosheets' in name for name in lower):
-            raise InputError(f'{path}: has macros; save it as .xlsx without them')
+            raise InputError(f'{path}: contains macros; save it as .xlsx without macros')
         if any(name.startswith('xl/externallinks/') for name in lower):
-            raise InputError(f'{path}: has links to other workbooks; paste the values and save it again')
+            raise InputError(f'{path}: contains links to other workbooks; replace them by values and save it again')
         if any(name.endswith('.bin') and name.startswith('xl/work') for name in lower):
             raise InputError(f'{path}: is a binary workbook (.xlsb); save it as .xlsx')
         needed = [entry for entry in entries if _NEEDED.fullmatch(entry.filename)]
         if len({entry.filename.lower() for entry in needed}) < len(needed):
-            raise InputError(f'{path}: has a part twice; save it again as .xlsx')
+            raise InputError(f'{path}: contains a part twice; save it again as .xlsx')
         if any(entry.flag_bits & 1 for entry in needed):
-            raise InputError(f'{path}: is protected by a password; save it without one')
+            raise InputError(f'{path}: is protected by a password; save it without a password')
         return dict(_unpacked(path, book, needed))
 
 
 def _unpacked(path: Path, book: zipfile.ZipFile, needed: list[zipfile.ZipInfo]) -> Iterator[tuple[str, bytes]]:
-    """Yield parts with their bytes, regardless of the sizes that they claim."""
+    """Yield parts with their bytes, within a budget that does not rely on the sizes stated in the archive."""
     room = BOOK_UNPACKED_BYTES
     for entry in needed:
         pieces = []
@@ -137,7 +137,7 @@ def _unpacked(path: Path, book: zipfile.ZipFile, needed: list[zipfile.ZipInfo]) 
 
 
 def _checked(path: Path, name: str, part: bytes) -> tuple[tuple[int, int, int, int], ...]:
-    """Return the merged ranges of a sheet. Raises InputError if it is too large, or has formulas without values.
+    """Return the merged ranges of a sheet. Raises InputError for too large a sheet and for formulas without values.
 
     A reader allocates a full rectangle of rows and columns, so their product has a budget.
     """
@@ -150,7 +150,7 @@ def _checked(path: Path, name: str, part: bytes) -> tuple[tuple[int, int, int, i
     if b'f>' in part and _FORMULA.search(part) and (empty := _UNVALUED.search(part)):
         place = re.search(rb'r\s*=\s*["\'](\w+)["\']', empty[1])
         raise InputError(f'{path}: {name} has a formula without a value{f" in {place[1].decode()}" if place else ""}; '
-                         'open it in a spreadsheet, let it compute, and save it')
+                         'open the workbook in a spreadsheet program, recalculate it, and save it')
     return tuple((int(top) - 1, _column(left) - 1, int(bottom) - 1, _column(right) - 1)
                  for left, top, right, bottom in _MERGED.findall(part, max(part.rfind(b'</sheetData'), 0)))
 
@@ -161,23 +161,23 @@ def _extent(part: bytes) -> tuple[int, int]:
     prefix = b'<' + ((found[1] or b'') if found else b'')
     part = part[max(part.find(b'sheetData'), 0):]
     lines = part.split(prefix + b'row')
-    counts = [line.count(prefix + b'c') for line in lines]      # cells and other elements with this initial
+    counts = [line.count(prefix + b'c') for line in lines]      # cells and other elements with the same initial
     rows = max((int(found[1]) for line in lines if (found := _LINE.match(line))), default=0)
     named = part.count(b' r="')
-    if not _FAR.search(part) and (named <= len(lines) or named >= sum(counts)):    # none or all state a position
+    if not _FAR.search(part) and (named <= len(lines) or named >= sum(counts)):    # no or all cells state a position
         rows, columns = max(rows, len(lines)), max(counts) if named <= len(lines) else max(_TWO_LETTERS, *counts)
         if rows * columns <= BOOK_CELLS:
             return rows, columns
     places = set(_PLACE.findall(part))
     rows = max(rows, max((int(row) for _, row in places), default=0))
     columns = max(map(_column, {letters for letters, _ in places if letters}), default=0)
-    if sum(1 for letters, _ in places if letters) < sum(counts):    # the order of some cells determines their position
+    if sum(1 for letters, _ in places if letters) < sum(counts):    # some positions follow only from the cells' order
         rows, columns = rows + len(lines) - 1, columns + max(counts)
     return rows, columns
 
 
 def _column(letters: bytes) -> int:
-    """Return the number of a column, from 1, given its letters."""
+    """Return the number of a column, counted from 1, from its letters."""
     number = 0
     for letter in letters.upper():
         number = 26 * number + letter - 64
@@ -195,7 +195,7 @@ def _plain(parts: dict[str, bytes]) -> BytesIO:
 
 
 def _files_of_sheets(parts: dict[str, bytes]) -> dict[str, str]:
-    """Return a dict from sheet names to the paths of their parts in the file. Raises ParseError."""
+    """Return a dict from sheet names to the paths of the sheets' parts in the file. Raises ParseError."""
     targets = {one.get('Id'): one.get('Target', '').removeprefix('/').removeprefix('xl/')
                for one in ElementTree.fromstring(parts.get('xl/_rels/workbook.xml.rels', b'<none/>'))}
     found = {}
@@ -207,7 +207,7 @@ def _files_of_sheets(parts: dict[str, bytes]) -> dict[str, str]:
 
 
 def _read(path: Path, plain: BytesIO) -> list[tuple[str, list[list[Cell]]]]:
-    """Return names and rows of the sheets with the fastest installed reader. Raises InputError if it fails."""
+    """Return the names and rows of the sheets, by the fastest installed reader. Raises InputError if it fails."""
     try:
         return _by_calamine(plain) if find_spec('python_calamine') else _by_openpyxl(path, plain)
     except (InputError, KeyboardInterrupt, SystemExit, MemoryError):
@@ -245,6 +245,6 @@ def _by_openpyxl(path: Path, plain: BytesIO) -> list[tuple[str, list[list[Cell]]
 
 
 def _said(error: BaseException) -> str:
-    """Return an error's message on one short line."""
+    """Return an error's message as one short line."""
     text = ' '.join(str(error).split())
     return text[:100] or type(error).__name__

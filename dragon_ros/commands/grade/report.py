@@ -1,7 +1,7 @@
 """The report as one self-contained page, light or dark, with a row and a page for each team, and pictures of errors.
 
-The page has no script and loads nothing; its content policy forbids both. A team's page is selected by the address
-(``:target``).
+The page has no script and loads nothing; its content policy forbids both. The fragment of the address selects a team's
+page (``:target``).
 """
 from base64 import b64encode
 from collections.abc import Iterable, Iterator
@@ -18,9 +18,10 @@ from dragon_ros.commands.grade.truth import RESULTS
 from dragon_ros.commands.grade.words import sentence
 from dragon_ros.version import __version__
 
-# Anchors of viridis by Smith and van der Walt (CC0), which has even lightness and which colour-blind people can read.
+# Anchors of the colour map viridis by Smith and van der Walt (CC0). Its lightness increases evenly, and colour-blind
+# people can read it.
 _VIRIDIS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))
-_WIDE, _HIGH = 448, 304         # size of a picture of errors, in the picture's units
+_WIDE, _HIGH = 448, 304         # width and height of a picture of errors, in the picture's units
 _LINE_HIGH = 110
 _STYLE = Path(__file__).with_name('report.css')
 
@@ -48,7 +49,7 @@ def page(teams: list[TeamGrade], whole: int, lang: str) -> str:
 
 
 def _said(key: str, lang: str, **parameters: object) -> str:
-    """Return a sentence for the page, escaped."""
+    """Return an escaped sentence for the page."""
     return escape(sentence(key, parameters, lang))
 
 
@@ -81,7 +82,7 @@ def _pill_of(one: SheetGrade | None, lang: str) -> str:
 
 
 def _cell(head: str, content: str, kind: str = '') -> str:
-    """Return a cell; on a narrow screen, it shows the (escaped) head of its column."""
+    """Return a table cell; on a narrow screen, the cell also shows the (escaped) head of its column."""
     return f'<td{kind} data-head="{head}">{content}</td>'
 
 
@@ -163,7 +164,7 @@ def _answers(answers: Iterable[AnswerGrade], lang: str) -> Iterator[str]:
 
 # Pictures.
 def _picture(one: SheetGrade, lang: str) -> Iterator[str]:
-    """Yield pictures of the error by handle and time (coloured by decade), and of the largest errors by each."""
+    """Yield a heat map of the error by handle and time, and curves of the largest error by handle and by time."""
     heat = one.heat
     assert heat is not None
     many_times = len(heat.by_time) > 1
@@ -197,7 +198,7 @@ def _text(x: float, y: float, anchor: str, text: str) -> str:
 
 
 def _curve(values: tuple[float, ...], first: float, last: float, across: str, up: str) -> str:
-    """Return a curve of largest errors by decade."""
+    """Return a curve of largest errors on a logarithmic scale."""
     left, top, width, height = 40, 10, _WIDE - 46, _LINE_HIGH - 34
     levels = [max(LEAST, min(MOST + 2, log10(value))) if value > 0 else LEAST for value in values]
     low, high = floor(min(levels)), max(floor(max(levels)) + 1, floor(min(levels)) + 1)
@@ -217,7 +218,7 @@ def _curve(values: tuple[float, ...], first: float, last: float, across: str, up
 
 
 def _png(heat: Heat) -> bytes:
-    """Return the colours of a picture, with handle 0 at the bottom; missing cells are transparent."""
+    """Return a heat map as PNG, with handle 0 at the bottom; missing cells are transparent."""
     from PIL import Image
     image = Image.frombytes('P', (heat.columns, heat.rows), heat.grid).transpose(Image.Transpose.FLIP_TOP_BOTTOM)
     shades = [(0, 0, 0), *(_shade(n / 62) for n in range(63))]

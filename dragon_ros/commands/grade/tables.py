@@ -13,7 +13,7 @@ FORMAT = 1      # version of the JSON and CSV formats
 
 
 def json_text(teams: list[TeamGrade]) -> str:
-    """Return all grades as one object."""
+    """Return all grades as one JSON object."""
     return json.dumps({'format': FORMAT, 'bounds': BOUNDS, 'teams': [_values(team) for team in teams]},
                       ensure_ascii=False, indent=1)
 
@@ -82,7 +82,7 @@ def keys_of(findings: Iterable[Finding]) -> str:
 
 
 def looks_like(one: SheetGrade | AnswerGrade, lang: str) -> str:
-    """Return the diagnosis as a sentence, with the mistake and how much it explains, or with the observed facts."""
+    """Return the diagnosis as text: the mistakes and the share that they explain, or the observed facts."""
     if not one.findings:
         return ''
     explains = one.explains if isinstance(one, SheetGrade) else None
@@ -97,7 +97,7 @@ def looks_like(one: SheetGrade | AnswerGrade, lang: str) -> str:
 
 
 def place_of(one: SheetGrade, lang: str) -> str:
-    """Return the place of the worst error, as text."""
+    """Return the handle and the time of the worst error, as text."""
     if one.handle is None or one.t_s is None:
         return ''
     return sentence('at_time', {'handle': handle_name(one.handle, lang), 't': one.t_s}, lang)

@@ -1,4 +1,4 @@
-"""Grade one team: compare its workbooks and answers with the truth, as plain values that processes can exchange."""
+"""Grade one team: compare its workbooks and answers with the truth. Processes can exchange teams and grades."""
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -33,7 +33,7 @@ SHEETS = ('positions', 'speeds')
 _TIMES = {'result1': 301, 'result2': 1, 'result4': 201}
 _LEAST_DECIMALS = {'t_s': 2}    # smallest number of decimals of a right answer; four for the other questions
 _NAMED = re.compile(r'(?:result|结果|附件|res)[\s_\-]*0?([124])(?!\d)', re.IGNORECASE)
-_HALF_ULP = 0.5000001           # above 0.5, since differences of numbers with six decimals are not exact
+_HALF_ULP = 0.5000001           # above 0.5, because differences of numbers with six decimals are not exact
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class SheetGrade:
 
     @property
     def verdict(self) -> str:
-        """``missing``, ``right``, ``close`` (all within the largest bound), or ``wrong``."""
+        """The verdict: ``missing``, ``right``, ``close`` (all errors are within the largest bound), or ``wrong``."""
         if self.worst is None:
             return 'missing'
         if self.worst <= RIGHT:
@@ -84,7 +84,7 @@ class AnswerGrade:
 
 @dataclass(frozen=True)
 class TeamGrade:
-    """A team's grades. ``notes`` has keys of ``words`` with parameters; ``problems`` has lines about bad input."""
+    """A team's grades; ``notes`` contains keys of ``words`` with parameters, and ``problems`` lines about bad input."""
 
     name: str
     files: tuple[str, ...]
@@ -96,7 +96,7 @@ class TeamGrade:
 
 @dataclass
 class Team:
-    """A team to grade: name, workbooks, and single-number answers by question."""
+    """A team to grade: its name, its workbooks, and its single-number answers by question."""
 
     name: str
     files: list[Path]
@@ -105,7 +105,7 @@ class Team:
 
 
 def grade_team(team: Team) -> TeamGrade:
-    """Return the grade of a team; anything that cannot be read becomes a line in its problems."""
+    """Return the grade of a team, whose problems contain a line for anything that cannot be read."""
     problems: list[str] = []
     notes: list[tuple[str, dict[str, object]]] = []
     given: dict[str, GivenResult] = {}
@@ -133,7 +133,7 @@ def _take(path: Path, given: dict[str, GivenResult], notes: list[tuple[str, dict
     found = given_by(read_book(path), refuse)
     notes += found.notes
     if not found.times_s.size:
-        raise InputError(f'{path}: {sentence("no_result")}; give it the layout of the contest (docs/grading.md)')
+        raise InputError(f'{path}: {sentence("no_result")}; use the layout of the contest (docs/grading.md)')
     named = _NAMED.search(path.stem)
     for held, part in _by_result(found, f'result{named[1]}' if named else None):
         if named and held != f'result{named[1]}':
@@ -209,7 +209,7 @@ def _checked(field_name: str, value: object) -> float:
 
 
 def answer_grade(question: str, given: float) -> AnswerGrade:
-    """Return the grade of an answer, which is right if it has enough decimals and all of them are right."""
+    """Return the grade of an answer, which is right if it has enough decimals and all its decimals are right."""
     truth = truth_of(question)
     decimals = len(repr(given).partition('.')[2].rstrip('0')) if 'e' not in repr(given) else 9
     error = abs(given - truth)

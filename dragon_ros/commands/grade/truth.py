@@ -18,7 +18,7 @@ from dragon_ros.core.tracks.spec import Spiral, STurn
 
 RESULTS = ('result1', 'result2', 'result4')
 _MORE_TURNS = 2                 # number of turns added before the start, for results with shifted times
-_BEFORE_S = 300.0               # time added before the turn, for the same reason
+_BEFORE_S = 300.0               # time in s added before the turn, for results with shifted times
 _LATEST_S = 1000.0
 
 
@@ -31,14 +31,14 @@ class TrueStates(NamedTuple):
 
 @cache
 def contact_s() -> float:
-    """Return the time at which benches first touch."""
+    """Return the time in s at which benches first touch."""
     found = first_contact(winding())
     assert isinstance(found, Contact)
     return found.t_s
 
 
 def wound_scene(dragon: Dragon | None = None, pitch_m: float = Spiral.pitch_m) -> tuple[Scene, float]:
-    """Return the dragon that winds in, from two turns before its start on, and the time when it is at the start."""
+    """Return the scene of the dragon that winds in from two turns before its start, and the time in s of this start."""
     b_m = pitch_m / 2 / pi
     ahead = np.array((START + 2 * pi * _MORE_TURNS, START))
     longer, start = arc_length(ahead).tolist()
@@ -47,7 +47,7 @@ def wound_scene(dragon: Dragon | None = None, pitch_m: float = Spiral.pitch_m) -
 
 
 def turned_scene(dragon: Dragon | None = None, track: STurn | None = None) -> tuple[Scene, float]:
-    """Return the turning dragon, from 300 s before its turn, and the time at which it enters the turn."""
+    """Return the scene of the turning dragon from 300 s before the turn, and the time in s at which the turn begins."""
     default = turning().track
     assert isinstance(default, STurn)
     run = Run(stop_s=_BEFORE_S + _LATEST_S)
@@ -55,7 +55,7 @@ def turned_scene(dragon: Dragon | None = None, track: STurn | None = None) -> tu
 
 
 def state_at(scene: Scene, times_s: Floats) -> TrueStates:
-    """Return the state of a scene at many times, nan if it has none."""
+    """Return the states of a scene at many times; they are nan at times outside the run."""
     end_s = compile_scene(scene).end.t_s
     there = (times_s >= 0) & (times_s <= end_s)
     handles = np.full((times_s.size, scene.dragon.benches + 1, 2), np.nan)
@@ -74,6 +74,6 @@ def _scene_of(result: str) -> tuple[Scene, float]:
 
 
 def truth_at(result: str, times_s: Floats) -> TrueStates:
-    """Return the true states of a result at its times; result2 has the state at the contact."""
+    """Return the true states of a result at its times; for result2, all are the state at the contact."""
     scene, offset_s = _scene_of(result)
     return state_at(scene, (np.full(times_s.size, contact_s()) if result == 'result2' else times_s) + offset_s)

@@ -1,6 +1,6 @@
-"""All sentences of ``grade``, in English and Chinese; the Chinese ones use the contest's terms.
+"""All sentences of ``grade``, in English and Chinese; the Chinese sentences use the contest's terms.
 
-A key has the same parameters in both languages, and none is missing (``test/commands/test_grade_words.py``).
+Each sentence has the same parameters in both languages, and no key is missing (``test/commands/test_grade_words.py``).
 """
 from collections.abc import Mapping
 
@@ -29,7 +29,7 @@ WORDS: Words = {
              '以 {step:g} rad 为步长逐步试角度，直到弦长误差小于 {within:g} m'),
     'grid_past': ('steps of {step:g} rad until the chord is not shorter than the link (within {within:g} m)',
                   '以 {step:g} rad 为步长逐步试角度，直到弦长不小于孔距（误差 {within:g} m）'),
-    'tolerance': ('chords differ from their links by {low:.3g} to {high:.3g} m: a tolerance or a step is too wide',
+    'tolerance': ('chords differ from their links by {low:.3g} to {high:.3g} m: a tolerance or a step is too large',
                   '弦长与孔距相差 {low:.3g} 至 {high:.3g} m：容差或步长过大'),
     'body_link_for_head': ("the body's link of 1.65 m also used for the head", '龙头也用了龙身的孔距 1.65 m'),
     'head_link_for_body': ("the head's link of 2.86 m also used for the body", '龙身也用了龙头的孔距 2.86 m'),
@@ -50,10 +50,10 @@ WORDS: Words = {
     'pitch': ('a pitch of {pitch:.6g} m', '螺距取 {pitch:.6g} m'),
     'turn_shift': ('times are shifted by {shift:.6g} s', '时间平移 {shift:.6g} s'),
     'turn_speed': ('the head moves at {speed:.6g} m/s', '龙头速度为 {speed:.6g} m/s'),
-    'turn_ratio': ('a turn whose first arc has {ratio:.6g} times the radius of the second, not twice',
+    'turn_ratio': ('a turn whose first arc has {ratio:.6g} times the radius of the second, not 2 times',
                    '调头曲线前一段圆弧半径是后一段的 {ratio:.6g} 倍，而不是 2 倍'),
     'turn_diameter': ('a turning circle of {diameter:.6g} m, not 9 m', '调头空间直径取 {diameter:.6g} m，而不是 9 m'),
-    'turn_both': ('a turning circle of {diameter:.6g} m, not 9 m, and a first arc {ratio:.6g} times as wide',
+    'turn_both': ('a turning circle of {diameter:.6g} m, not 9 m, and a first arc with {ratio:.6g} times the radius',
                   '调头空间直径取 {diameter:.6g} m，前一段圆弧半径是后一段的 {ratio:.6g} 倍'),
     'circle_before': ('up to the turn, the head moves towards a circle of {diameter:.6g} m, not 9 m; '
                       'the rest is unexplained',
@@ -115,7 +115,8 @@ WORDS: Words = {
     'mirrored_rigid': ('mirrored, rotated by {angle:.6g} degrees and moved by ({dx:.6g}, {dy:.6g}) m',
                        '镜像后旋转 {angle:.6g}°，平移 ({dx:.6g}, {dy:.6g}) m'),
     'rows_reversed': ('handles in reverse order', '把手顺序颠倒'),
-    'handles_shifted': ('rows are shifted: each has the handle {by} further back', '每行错位：实为其后第 {by} 个把手'),
+    'handles_shifted': ('rows are shifted: each contains the handle {by} places further back',
+                        '每行错位：实为其后第 {by} 个把手'),
     'rows_mixed': ('rows are not in the order of their names', '行的顺序与名称不符'),
     # Observed facts without an explanation
     'off_track': ('handles are {off:.3g} m off the spiral (root mean square)', '把手偏离螺线 {off:.3g} m（均方根）'),
@@ -133,7 +134,7 @@ WORDS: Words = {
                        '工作表 {sheet} 中没有可识别的数据'),
     'merged': ('{sheet}: cells {place} are merged among the values; unmerge them',
                '{sheet}：数据区 {place} 有合并单元格，请取消合并'),
-    'other_result': ('it is named {named} and contains {held}', '文件名为 {named}，内容是 {held}'),
+    'other_result': ('it is named {named}, but contains {held}', '文件名为 {named}，内容是 {held}'),
     'given_twice': ('{result} is given twice; {name} is ignored', '{result} 重复，忽略 {name}'),
     'no_result': ('it contains no table of handles', '其中没有找到把手数据表'),
     # The report
@@ -174,10 +175,11 @@ WORDS: Words = {
     'axis_time': ('time (s)', '时间 (s)'),
     'axis_error': ('worst error (m)', '最大误差 (m)'),
     'axis_error_speed': ('worst error (m/s)', '最大误差 (m/s)'),
-    'made_by': ('dragon_ros {version}. A result is right within 2e-6 (six decimals). Times in s, lengths in m.',
+    'made_by': ('dragon_ros {version}. A result is right if its errors are within 2e-6 (six decimals). '
+                'Times are in s, and lengths are in m.',
                 'dragon_ros {version}。误差不超过 2e-6（六位小数）视为正确。时间单位 s，长度单位 m。'),
     'notes': ('Notes', '备注'), 'problems': ('Not graded', '未评分'),
-    'interrupted': ('interrupted: {done} of {whole} teams are graded', '已中断：{whole} 支队伍中评了 {done} 支'),
+    'interrupted': ('interrupted: {done} of {whole} teams were graded', '已中断：{whole} 支队伍中评了 {done} 支'),
     'forward': ('forward', '前向'), 'backward': ('backward', '后向'), 'central': ('central', '中心'),
 }
 _NAMES = ('kind', 'quantity')       # parameters that are keys

@@ -33,12 +33,12 @@ from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.version import __version__
 
 MOST_FRAMES = 3000
-_INCHES = 4.6               # longer side of the axes
+_INCHES = 4.6               # longer side of the axes, in inches
 _SAMPLES = 24               # number of moments that determine the window
 _HAIR_S = 1e-9
 _FILM_IN = 7.2             # height of a film in inches, for any size in pixels, so that text has the same relative size
 _FILM_INSET = (0.52, 0.66, 0.12, 0.21)
-_HAIR_PX = 0.1              # keeps a size in inches from being rounded down by a pixel
+_HAIR_PX = 0.1              # added to a size, so that the conversion to inches does not lose a pixel
 _CURVE = 400                # number of points on a film's clearance curve
 _GRID = 5                   # smallest number of ground lines across a moving window
 
@@ -52,15 +52,15 @@ def frame_times(source: Source, start_s: float | None, stop_s: float | None, pac
     check_times(source, (first, last))
     frames = 1 + int((last - first) * fps / pace)
     if not 2 <= frames <= MOST_FRAMES:
-        raise InputError(f'--pace {pace:g}: gives {frames} frames from {first:g} to {last:g} s; 2 to {MOST_FRAMES} can '
-                         'be drawn: change --pace, --fps, --start or --stop')
+        raise InputError(f'--pace {pace:g}: gives {frames} frames from {first:g} to {last:g} s, but only 2 to '
+                         f'{MOST_FRAMES} can be drawn; change --pace, --fps, --start or --stop')
     times_s = first + np.arange(frames, dtype=np.float64) * pace / fps
     return times_s if last - times_s[-1] < _HAIR_S else np.append(times_s, last)
 
 
 def animate(source: Source, times_s: Floats, fps: int, path: Path, drawn: 'AnimatedFigure', progress: Progress,
             codec: str | None = None, pool: Pool = ALONE) -> Path:
-    """Draw a frame for each time into a file and return its path; the processes of a pool draw the frames."""
+    """Write a file with a frame for each time, and return the path; the processes of a pool draw the frames."""
     with movie(path, drawn.size, fps, len(times_s), codec) as writer:
         frames = pool.in_order(_Frames(drawn, writer.prepare), source.moments(times_s), len(times_s))
         with closing(frames):
@@ -84,7 +84,7 @@ class _Frames:
 class AnimatedFigure:
     """A figure that shows one moment at a time; the parts that do not move are drawn only once.
 
-    Without a ``zoom``, its window contains the dragon at all times. With a following zoom, the window moves with the
+    Without a ``zoom``, the window contains the dragon at all times. With a zoom that follows, the window moves with the
     head or tail, and lines on the ground make this motion visible. A film also shows the clearance over time and the
     speeds beside the dragon.
     """
@@ -114,7 +114,7 @@ class AnimatedFigure:
         self._show(first)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state without the pixels."""
+        """Return the state to be pickled, without the pixels."""
         self._draw_background()
         return {key: value for key, value in vars(self).items() if key not in ('_canvas', '_background')}
 
@@ -123,7 +123,7 @@ class AnimatedFigure:
         vars(self).update(state, _canvas=FigureCanvasAgg(state['figure']), _background=None)
 
     def _laid_out(self, film: tuple[int, int] | None, dpi: int) -> tuple[Figure, Any, Any]:
-        """Return the figure, the axes of the dragon, and those of the inset."""
+        """Return the figure, the axes of the dragon, and the axes of the inset."""
         if film:
             size_in = (np.array(film) + _HAIR_PX) / film[1] * _FILM_IN
             width_in, wide = float(size_in[0]), 0.57 if self._zoom is None else 0.45
@@ -142,14 +142,14 @@ class AnimatedFigure:
         return figure, axes, *(small or [None])
 
     def _touching(self, one: Moment, clearance_m: float) -> Overlaps:
-        """Return the overlapping benches and, from its contact on, the bench that touches an obstacle."""
+        """Return the overlapping benches and, from the first contact on, the bench that touches an obstacle."""
         areas = overlaps(one) if clearance_m < 0 else Overlaps()
         if self._touch is None or one.t_s < self._touch.t_s:
             return areas
         return replace(areas, benches=tuple(sorted({*areas.benches, *self._touch.benches})))
 
     def _heading(self, one: Moment, clearance_m: float) -> str:
-        """Return the title: name and clock, followed by the clearance and the largest speed."""
+        """Return the title: the name and the time, followed by the clearance and the largest speed."""
         gap = f'clearance {1e3 * clearance_m:.1f} mm' if np.isfinite(clearance_m) else 'no benches that could touch'
         if one.speed_m_s is not None:
             gap = figures.joined(f'{gap},', f'fastest handle {np.max(one.speed_m_s):.3f} m/s', ' ', self._width_in)
@@ -185,7 +185,7 @@ class AnimatedFigure:
         return np.asarray(self._canvas.buffer_rgba())
 
     def _draw_background(self) -> None:
-        """Lay out the figure and draw the parts that do not move, once."""
+        """Lay out the figure and draw the parts that do not move, unless this has been done."""
         if self._background is None:
             self._canvas.draw()
             self.figure.set_layout_engine('none')
@@ -211,7 +211,7 @@ class AnimatedFigure:
 
 
 def _ground_lines(seen: Floats) -> tuple[Floats, float]:
-    """Return the lines (2, K) of a square grid at round coordinates, separated by nan, and their distance in m."""
+    """Return the lines (2, K) of a square grid at round coordinates, separated by nan, and their spacing in m."""
     side = float(np.max(seen[1] - seen[0]))
     step = 10.0 ** floor(log10(side / _GRID))
     step = next(step * many for many in (1, 2, 5, 10) if side / (step * many) <= 2 * _GRID)
@@ -261,12 +261,12 @@ class _Beside:
 
 
 def film_size(text: str) -> tuple[int, int]:
-    """Return WIDTHxHEIGHT as pixels. Raises InputError."""
+    """Return the width and the height in pixels of a text WIDTHxHEIGHT. Raises InputError."""
     parts = text.lower().split('x')
     if len(parts) != 2 or not all(part.isascii() and part.isdigit() and len(part) < 6 for part in parts):
         raise InputError(f'--size {text}: is not a size; write WIDTHxHEIGHT in pixels, such as 1920x1080')
     width, height = map(int, parts)
     if width % 2 or height % 2 or not (320 <= width <= 7680 and 240 <= height <= 4320):
-        raise InputError(f'--size {text}: both must be even, from 320x240 to 7680x4320; try 1920x1080')
+        raise InputError(f'--size {text}: both numbers must be even, from 320x240 to 7680x4320; try 1920x1080')
     return width, height
 

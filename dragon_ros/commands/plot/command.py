@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from dragon_ros.cli.pool import Pool
     from dragon_ros.commands.plot.zoom import Zoom
     from dragon_ros.commands.sources import Source
-    Drawing = tuple[Figure, str]        # the run and the times named in a caption
+    Drawing = tuple[Figure, str]        # a figure, and the caption's text about the run and its times
 
 _MOST_TIMES = 8         # largest number of times named in a caption
 _KINDS = {      # description and example of each kind
     'dragon': ('the dragon at one time, or up to six side by side', '--times 60,240 --output dragon.png'),
     'contact': ('the first contact, with a close-up', '--bag run.mcap --output contact.svg'),
     'clearance': ('the smallest gap between benches over time', '--output clearance.png --output clearance.svg'),
-    'speeds': ('the speed of each handle along the chain, at some times', '--times 0,60,120,180,240,300'),
+    'speeds': ('the speed of each handle along the chain, at several times', '--times 0,60,120,180,240,300'),
     'animation': ('the run as an animation: .gif, .mp4 (a film with clearance and speeds), .html (the web view in one '
                   'file)', '--start 400 --stop 413 --pace 2 --around head --follow --output run.mp4'),
 }
@@ -37,7 +37,7 @@ def main(argv: list[str]) -> int:
 
 def options() -> argparse.ArgumentParser:
     """Return the parser."""
-    parser = command_line.parser('plot', 'Draw a scene or a bag. For more: `plot KIND --help`.',
+    parser = command_line.parser('plot', 'Draw a scene or a bag. For the options, run `plot KIND --help`.',
                                  f'plot dragon {_KINDS["dragon"][1]}')
     kinds = parser.add_subparsers(dest='kind', required=True, metavar='KIND')
     for kind, (text, example) in _KINDS.items():
@@ -52,20 +52,21 @@ def options() -> argparse.ArgumentParser:
         one.add_argument('--dpi', type=int, default=130, help='dots per inch (%(default)s)')
         command_line.add_workers_option(one, 'animation' if kind == 'animation' else 'picture')
         if kind in ('dragon', 'speeds'):
-            command_line.add_times_option(one, 'seconds (the start of the run)')
+            command_line.add_times_option(one, 'times in seconds (the start of the run)')
         if kind in ('dragon', 'animation'):
             one.add_argument('--around', metavar='head|tail|contact|X,Y', help='show only a part, around this centre')
-            one.add_argument('--span', type=float, metavar='METRES', help='the side of the window (6 bench lengths)')
+            one.add_argument('--span', type=float, metavar='METRES', help='side of the window (6 bench lengths)')
     _add_animation_options(kinds.choices['animation'])
     return parser
 
 
 def _add_animation_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('--start', type=float, metavar='S', help='first time (of the run)')
-    parser.add_argument('--stop', type=float, metavar='S', help='last time (of the run)')
+    parser.add_argument('--start', type=float, metavar='S', help='time of the first frame (start of the run)')
+    parser.add_argument('--stop', type=float, metavar='S', help='time of the last frame (end of the run)')
     parser.add_argument('--pace', type=float, default=20.0, help='simulated seconds per second (%(default)g)')
     parser.add_argument('--fps', type=int, help='frames per second (20; 30 for .mp4)')
-    parser.add_argument('--follow', action='store_true', help='the window moves with the head, or with --around tail')
+    parser.add_argument('--follow', action='store_true', help='move the window with the head, or with the tail '
+                        'if --around is tail')
     parser.add_argument('--size', default='1920x1080', metavar='WIDTHxHEIGHT', help='pixels of an .mp4 (%(default)s)')
     parser.add_argument('--codec', choices=('av1', 'h264'), help='codec of an .mp4: av1 by Pillow, h264 by an '
                         'installed ffmpeg (the first available one)')
@@ -78,7 +79,7 @@ def _run(arguments: Namespace) -> int:
     if arguments.kind != 'animation':
         for path in paths:
             if path.suffix.lower() not in figures.FORMATS:
-                raise InputError(f'--output {path}: is not a picture; end it in {", ".join(figures.FORMATS)}')
+                raise InputError(f'--output {path}: is not a picture; use the suffix {" or ".join(figures.FORMATS)}')
     from dragon_ros.cli.pool import Pool
     from dragon_ros.commands.sources import opened
     pool = Pool(arguments.workers)
@@ -89,7 +90,7 @@ def _run(arguments: Namespace) -> int:
 
 
 def _draw(arguments: Namespace, source: 'Source', paths: list[Path], pool: 'Pool') -> list[Path]:
-    """Draw and write one kind of picture."""
+    """Draw one kind of picture, and write it to files."""
     if arguments.kind == 'animation':
         return [_moving(arguments, source, path, pool) for path in paths]
     figure, what = _FIGURES[arguments.kind](arguments, source)
@@ -112,7 +113,7 @@ def _moving(arguments: Namespace, source: 'Source', path: Path, pool: 'Pool') ->
 
 
 def _zoom(arguments: Namespace) -> 'Zoom | None':
-    """Return the part to show. Raises InputError if --follow has nothing that moves."""
+    """Return the part of the picture to show. Raises InputError if --follow is given for a fixed centre."""
     from dragon_ros.commands.plot.zoom import zoom_of
     follow = getattr(arguments, 'follow', False)
     zoom = zoom_of(arguments.around or ('head' if follow else None), arguments.span)
@@ -148,7 +149,7 @@ def _speeds(arguments: Namespace, source: 'Source') -> 'Drawing':
 
 
 def _said(times_s: list[float]) -> str:
-    """Return the text of times for a caption."""
+    """Return times as text for a caption."""
     some = ', '.join(f'{t_s:g}' for t_s in times_s[:_MOST_TIMES])
     return f'{some}{" ..." if len(times_s) > _MOST_TIMES else ""} s'
 

@@ -27,21 +27,21 @@ _ROUNDING_M = 1e-9          # a shallower overlap counts as a touch
 _CLOSE_LENGTHS = 0.62       # half the side of the close-up, in bench lengths
 RING: dict[str, Any] = {'linestyle': 'none', 'marker': 'o', 'markersize': 12, 'markerfacecolor': 'none',
                         'markeredgecolor': POINT, 'markeredgewidth': 1.4}
-_LARGEST_IN = 6.4           # longest side of the axes
+_LARGEST_IN = 6.4           # longest side of the axes, in inches
 _LEAST_IN = np.array((2.7, 1.6))            # smallest axes that have space for a title and ticks
 _DECORATION_IN = np.array((0.85, 0.85))     # space around the axes for title, labels and ticks
-_TICKS_PER_INCH = 1.3       # few, since labels of places far from the origin are long
+_TICKS_PER_INCH = 1.3       # few, because labels of places far from the origin are long
 _LEGEND_IN = 5.0, 0.7       # width and height of the legend, including the figure's title
 
 
 def dragon_picture(source: Source, times_s: list[float], zoom: Zoom | None = None) -> Figure:
-    """Return a figure with one panel per time and the same window in all (as figure 7 of the paper: 60 s and 240 s).
+    """Return a figure with one panel per time, all with the same window (like figure 7 of the paper: 60 s and 240 s).
 
-    With a ``zoom``, each panel has its own window, and an inset that shows its position. Raises InputError for times
-    outside the source or for more panels than fit on a page.
+    With a ``zoom``, each panel has its own window, and an inset that shows the position of the window. Raises
+    InputError for times outside the source or for more panels than fit on a page.
     """
     if len(times_s) > _MOST_PANELS:
-        raise InputError(f'--time: {len(times_s)} times; the limit for a picture is {_MOST_PANELS}')
+        raise InputError(f'--time: {len(times_s)} times are given; the limit for a picture is {_MOST_PANELS}')
     shown, point_m = [moment(source, t_s) for t_s in times_s], contact_of(zoom, source)
     columns = min(len(shown), 2)
     rows = -(-len(shown) // columns)
@@ -86,7 +86,7 @@ class Overlaps:
 
 
 def overlaps(one: Moment) -> Overlaps:
-    """Return the overlaps of benches that are not neighbours, if they exceed rounding."""
+    """Return the overlaps of benches that are not neighbours; overlaps within rounding are omitted."""
     from dragon_ros.core.geometry.near_pairs import closeness
     found = closeness(one.p, one.benches)
     deep = found.gap_m < -_ROUNDING_M
@@ -100,7 +100,7 @@ def overlaps(one: Moment) -> Overlaps:
 
 
 def contact_picture(source: Source, touch: Touch) -> Figure:
-    """Return a figure of the whole dragon at the contact, with a close-up (as figure 8 of the paper)."""
+    """Return a figure of the whole dragon at the contact, with a close-up (like figure 8 of the paper)."""
     one = moment(source, touch.t_s)
     side_in = 0.5 * PAGE_IN - _DECORATION_IN[0]
     inches, seen = panel(window(source.track, [one]), side_in)
@@ -119,7 +119,7 @@ def contact_picture(source: Source, touch: Touch) -> Figure:
 
 
 def _meeting(touch: Touch) -> str:
-    """Return a text about the corner and the edge that meet."""
+    """Return a text that names the corner and the edge that meet."""
     seen = touch.witness
     if touch.obstacle is not None:
         if seen.owner == NO_BENCH:
@@ -131,7 +131,7 @@ def _meeting(touch: Touch) -> str:
 
 
 def panel(seen: Floats, longest_in: float) -> tuple[Floats, Floats]:
-    """Return the size (2,) of axes in inches for a window, and the window, which is widened if it is too slim."""
+    """Return the size (2,) of axes in inches for a window, and the window, which is widened if it is too narrow."""
     size, middle = seen[1] - seen[0], seen.mean(axis=0)
     inches = np.maximum(size / size.max() * longest_in, _LEAST_IN)
     half = 0.5 * inches * float(np.max(size / inches))
@@ -139,13 +139,13 @@ def panel(seen: Floats, longest_in: float) -> tuple[Floats, Floats]:
 
 
 def sheet(inches: Floats, panels: tuple[int, int], legend: bool = True) -> tuple[float, float]:
-    """Return the size of a figure for panels (columns, rows) whose axes have a given total size."""
+    """Return the size in inches of a figure for panels (columns, rows) whose axes have a given total size."""
     width, height = (inches + np.array(panels) * _DECORATION_IN).tolist()
     return (max(width, _LEGEND_IN[0]), height + _LEGEND_IN[1]) if legend else (width, height)
 
 
 class Drawn:
-    """A dragon in axes: its benches, the touching benches, their overlaps (ringed), and the handles.
+    """A dragon in axes: its benches, its touching benches, their overlaps (in rings), and its handles.
 
     Outlines and handles scale with the benches' width on paper. Benches that touch are hatched, so that they can be
     told apart without colours.
@@ -224,13 +224,13 @@ def _draw_track(axes: Axes, track: Floats) -> None:
 
 
 def _frame(axes: Axes, seen: Floats) -> None:
-    """Show a window with the same scale on both axes, and label them."""
+    """Show a window with the same scale on both axes, and label the axes."""
     (left, bottom), (right, top) = seen.tolist()
     axes.set(aspect='equal', xlim=(left, right), ylim=(bottom, top), xlabel='x (m)', ylabel='y (m)')
 
 
 def _points_per_m(axes: Any) -> float:
-    """Return the scale of axes before their layout; this scale is slightly too small."""
+    """Return the scale of axes in points per m before their layout; this scale is slightly too small."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     pixels_per_m = min(axes.bbox.width / (right - left), axes.bbox.height / (top - bottom))
     return 72 * float(pixels_per_m) / float(axes.figure.dpi)

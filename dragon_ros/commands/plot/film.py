@@ -24,16 +24,16 @@ from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.numerics.types import Array
 
 FORMATS = '.gif, .html, .mp4'
-_HOLD_MS = 1500             # duration of a GIF's last frame
+_HOLD_MS = 1500             # duration of a GIF's last frame in ms
 _AHEAD = 4                  # largest number of frames that wait for the encoder
-_QUALITY, _SPEED = 80, 10   # of AV1: quality that keeps fine lines sharp; fastest speed
+_QUALITY, _SPEED = 80, 10   # AV1 quality that keeps fine lines sharp, and fastest AV1 speed
 _WAIT_S = 0.2
-_BRANDS = (b'iso6', b'mp41', b'av01')       # replace the brands of an image sequence
+_BRANDS = (b'iso6', b'mp41', b'av01')       # brands that replace those of an image sequence
 _PARENTS = (b'moov', b'trak', b'mdia', b'edts')
 
 
 class FilmWriter(Protocol):
-    """Takes frames of one size."""
+    """A writer of frames that all have the same size."""
 
     @property
     def prepare(self) -> Callable[[Array], Any]:
@@ -51,7 +51,7 @@ class FilmWriter(Protocol):
 
 @contextmanager
 def movie(path: Path, size: tuple[int, int], fps: int, frames: int, codec: str | None = None) -> Iterator[FilmWriter]:
-    """Write frames to a temporary file and rename it at the end; an interrupted film leaves nothing.
+    """Write frames to a temporary file and rename it at the end; an interrupted film leaves no file.
 
     Raises InputError for other formats, and MissingError if no program can write the format, or if the file cannot be
     written.
@@ -79,7 +79,7 @@ def _writer(path: Path, part: Path, size: tuple[int, int], fps: int, frames: int
     if kind == '.gif':
         return _Gif(part, fps)
     if kind != '.mp4':
-        raise InputError(f'--output {path}: an animation is {FORMATS}')
+        raise InputError(f'--output {path}: the formats of an animation are {FORMATS}')
     if codec in (None, 'av1') and has_av1():
         return _Av1(part, fps, frames)
     ffmpeg = which('ffmpeg')
@@ -101,7 +101,7 @@ def has_av1() -> bool:
 
 
 class _Gif:
-    """GIF frames with few colours and without dithering, which reduces the size to a sixth."""
+    """A writer of GIF with few colours and without dithering, which reduces the size to a sixth."""
 
     def __init__(self, path: Path, fps: int) -> None:
         self._path, self._fps, self._frames = path, fps, list[Any]()
@@ -142,7 +142,7 @@ def _palette() -> Any:
 
 
 class _Later:
-    """A frame that Pillow's sequence writer requests when needed; a thread encodes it while others are drawn."""
+    """A frame that Pillow's sequence writer reads on demand; a thread encodes frames while others are drawn."""
 
     mode, is_animated, has_transparency_data = 'RGB', False, False
 
@@ -150,7 +150,7 @@ class _Later:
         self._queue = queue
 
     def seek(self, frame: int) -> None:
-        """Take the next frame. Raises EOFError if there are no more."""
+        """Move to the next frame. Raises EOFError if there are no more frames."""
         if frame:
             raise EOFError
         self._image = self._queue.get()
@@ -166,7 +166,7 @@ class _Later:
 
 
 class _Av1:
-    """MP4 with AV1, encoded by Pillow in a thread; Pillow releases the interpreter lock."""
+    """A writer of MP4 with AV1, which Pillow encodes in a thread; Pillow releases the interpreter lock."""
 
     def __init__(self, path: Path, fps: int, frames: int) -> None:
         self._path, self._frames = path, frames
@@ -194,7 +194,7 @@ class _Av1:
                 return
 
     def _start(self) -> None:
-        """Start the thread once frames wait for it, because a process can be forked until then."""
+        """Start the thread only when frames wait for it, because processes can be forked until then."""
         if self._thread is None:
             self._thread = Thread(target=self._encode, args=(self._queue.get(),), daemon=True)
             self._thread.start()
@@ -204,7 +204,7 @@ class _Av1:
         try:
             first.save(self._data, 'AVIF', save_all=True, append_images=later, duration=self._each_ms, codec='aom',
                        quality=_QUALITY, speed=_SPEED, subsampling='4:2:0', range='limited', max_threads=2)
-        except BaseException as error:  # noqa: BLE001 - it is raised where frames are added
+        except BaseException as error:  # noqa: BLE001 - raised again when a frame is added
             self._error.append(error)
 
     def finish(self) -> None:
@@ -216,7 +216,7 @@ class _Av1:
         self._path.write_bytes(mp4_of(self._data.getvalue()))
 
     def stop(self) -> None:
-        """Let the encoder finish the frames that it already has."""
+        """Let the encoder finish the frames that it has already received."""
         with suppress(Full):
             self._queue.put(None, timeout=_WAIT_S)
 
@@ -232,10 +232,10 @@ def mp4_of(sequence: bytes) -> bytes:
     brands = [_BRANDS[n % len(_BRANDS)] for n in range((size - 16) // 4)]
     out[at + 8:at + size] = struct.pack('>4sI', b'iso6', 0) + b''.join(brands)
     at = places[b'meta'][0]
-    out[at + 4:at + 8] = b'free'        # describes the first frame as a still picture
+    out[at + 4:at + 8] = b'free'        # this box describes the first frame as a still picture
     at = places[b'hdlr'][0]
     out[at + 16:at + 20] = b'vide'
-    length = sequence[places[b'mdhd'][0] + 32:][:8]     # all boxes have version 1, with 64 bits
+    length = sequence[places[b'mdhd'][0] + 32:][:8]     # all boxes have version 1, with 64-bit times
     for kind, place in ((b'mvhd', 32), (b'tkhd', 36), (b'elst', 16)):
         at = places[kind][0]
         out[at + place:at + place + 8] = length
@@ -248,7 +248,7 @@ def mp4_of(sequence: bytes) -> bytes:
 
 
 def _boxes(data: bytes, start: int, end: int) -> Iterator[tuple[bytes, int, int]]:
-    """Yield kind, start and size of boxes, including those nested in containers on the path to a track."""
+    """Yield the kind, start and size of boxes, including boxes nested in containers on the path to a track."""
     while start < end:
         size, kind = struct.unpack_from('>I4s', data, start)
         yield kind, start, size or end - start
@@ -258,7 +258,7 @@ def _boxes(data: bytes, start: int, end: int) -> Iterator[tuple[bytes, int, int]
 
 
 class _Ffmpeg:
-    """MP4 with H.264 by an ffmpeg on the PATH, which receives the frames through a pipe."""
+    """A writer of MP4 with H.264, which an ffmpeg on the PATH encodes; a pipe carries the frames."""
 
     def __init__(self, path: Path, size: tuple[int, int], fps: int, program: str) -> None:
         raw = ['-f', 'rawvideo', '-pix_fmt', 'rgba', '-s', f'{size[0]}x{size[1]}', '-r', str(fps), '-i', '-']

@@ -9,10 +9,10 @@ from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_t
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 
-MOST_POINTS = 1500          # points per curve, which is more than a screen resolves
-_CLOSE_S = 15.0             # time shown before the contact
+MOST_POINTS = 1500          # number of points per curve, which is more than a screen can show
+_CLOSE_S = 15.0             # duration in s that is shown before the contact
 _MOST_LABELS = 20           # largest number of labels beside lines
-_WIDE_IN, _NARROW_IN = 7.4, 3.6     # widths of the two panels
+_WIDE_IN, _NARROW_IN = 7.4, 3.6     # widths of the two panels, in inches
 
 
 def clearance_picture(source: Source, progress: Progress) -> Figure:
@@ -59,7 +59,7 @@ def _mark(axes: Axes, touch: Touch, fully: bool) -> None:
 
 
 def speeds_picture(source: Source, times_s: list[float]) -> Figure:
-    """Return a figure of the speed of each handle, with one line per time. Raises InputError if there are no speeds."""
+    """Return a figure of the speed of each handle, with one line per time. Raises InputError if speeds are unknown."""
     check_times(source, times_s)
     figure = Figure(figsize=(8.4, 5))
     axes = figure.subplots()
@@ -77,7 +77,7 @@ def speeds_picture(source: Source, times_s: list[float]) -> Figure:
 
 
 def _label_ends(axes: Axes, source: Source, labelled: list[Moment], moments: list[Moment]) -> None:
-    """Write times beside the ends of their lines, spread apart; guide lines connect those that had to move."""
+    """Write times beside the ends of their lines, spread apart; guide lines lead to the times that had to move."""
     low, high = axes.get_ylim()
     colours = {one.t_s: LINES[number % len(LINES)] for number, one in enumerate(moments)}
     ends = sorted((float(speeds_of(source, one)[-1] - low) / (high - low), one.t_s) for one in labelled)
@@ -88,7 +88,7 @@ def _label_ends(axes: Axes, source: Source, labelled: list[Moment], moments: lis
 
 
 def speeds_of(source: Source, one: Moment) -> Floats:
-    """Return the speeds of a moment. Raises InputError if there are none."""
+    """Return the speeds of a moment in m/s. Raises InputError if they are unknown."""
     if one.speed_m_s is None:
         raise InputError(f'{source.name}: it has no velocities; record with the effect velocity, or plot the scene')
     return one.speed_m_s

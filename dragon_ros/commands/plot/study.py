@@ -1,7 +1,8 @@
 """Pictures of a study: maps with contours and first pairs, curves, distributions with bands, and Sobol indices.
 
-The picture depends on the design. A grid gives the main answers over one key or the first two keys, random and Sobol
-designs give the distributions of the answers, and Saltelli designs give the Sobol indices of the inputs.
+The pictures depend on the design. For a grid, they show the main answers over one key or the first two keys. For random
+and Sobol designs, they show the distributions of the answers. For Saltelli designs, they show the Sobol indices of the
+inputs.
 """
 from collections.abc import Iterator
 from string import ascii_lowercase
@@ -34,7 +35,7 @@ _UNITS = {'_m': 'm', '_s': 's', '_m_s': 'm/s', '_m_s2': 'm/s²', '_rad': 'rad', 
 _FEW = 8            # smallest number of rows for a distribution
 _CONTOURS = 12
 _MOST_PAIRS = 12    # largest number of pairs of benches that colours can distinguish
-_EDGE = '#444444'   # outlines white lines and letters, which would vanish at the light end of a map
+_EDGE = '#444444'   # outlines white lines and letters, which would be invisible on the light colours of a map
 _MOST_LETTERS = 20  # largest number of letters in a row or a column of a map
 _PAIRS = {'contact_t_s': ('contact_inner', 'contact_outer'), 'min_pitch_m': ('min_pitch_inner', 'min_pitch_outer')}
 
@@ -72,7 +73,7 @@ def _rows_text(data: DataSet, count: int) -> str:
 
 
 def _curve(data: DataSet, table: pa.Table, key: str, name: str) -> Figure:
-    """Return a figure of an answer over the only varied key; mark rows without an answer below the curve."""
+    """Return a figure of an answer over the only varied key; rows without an answer are marked below the curve."""
     figure = Figure(figsize=(8.4, 5))
     axes = figure.subplots()
     at, values = table.column(key).to_numpy(zero_copy_only=False), numbers(table, name)
@@ -123,7 +124,7 @@ def _levels(data: DataSet, key: str) -> list[float]:
 
 
 def _on_grid(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Floats:
-    """Return a column over two keys, at the first values of all other keys; nan without a row."""
+    """Return a column over two keys, at the first values of all other keys; it is nan where a row is missing."""
     sizes = [len(levels_of(variation)) for _, variation in data.study.vary]
     whole = np.full(int(np.prod(sizes)), np.nan)
     whole[table.column('index').to_numpy()] = numbers(table, name)
@@ -134,7 +135,7 @@ def _on_grid(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -
 
 
 def _pairs_panel(figure: Figure, axes: Axes, at: tuple[list[float], list[float]], inner: Floats, outer: Floats) -> None:
-    """Draw which pair of benches touches first; if there are over a dozen pairs, draw only the outer bench's number."""
+    """Draw which pair of benches touches first; for more than a dozen pairs, draw only the outer bench's number."""
     code = inner * 1e6 + outer
     kinds = np.unique(code[~np.isnan(code)])
     place = np.where(np.isnan(code), np.nan, np.searchsorted(kinds, code).astype(float))
@@ -152,7 +153,7 @@ def _pairs_panel(figure: Figure, axes: Axes, at: tuple[list[float], list[float]]
 
 
 def _letters(axes: Axes, at: tuple[list[float], list[float]], place: Floats) -> None:
-    """Write a letter for its kind on each cell of a map (if there are many, on some), so that no colour is needed."""
+    """Write the letter of its pair on each cell of a map, or on some of many cells, so that colour is not needed."""
     steps = [-(-count // _MOST_LETTERS) for count in place.shape]
     for n, k in ((n, k) for n in range(steps[0] // 2, place.shape[0], steps[0])
                  for k in range(steps[1] // 2, place.shape[1], steps[1])):
@@ -162,7 +163,7 @@ def _letters(axes: Axes, at: tuple[list[float], list[float]], place: Floats) -> 
 
 
 def _spread(data: DataSet, values: Floats, name: str) -> Figure:
-    """Return a figure of the histogram, the distribution with its band, and the 1-in-1000 quantile."""
+    """Return a figure of an answer's histogram, its distribution with a band, and its 1-in-1000 quantile."""
     figure = Figure(figsize=(8.4, 10))
     above, below = figure.subplots(2, 1)
     above.hist(values, bins=max(8, min(60, int(2 * values.size ** 0.5))), color=BODY, edgecolor='white', linewidth=0.4)

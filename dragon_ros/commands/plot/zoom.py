@@ -1,4 +1,4 @@
-"""A part of a picture: a window around the head, the tail, the contact or a point, and an inset of the whole."""
+"""Show a part of a picture: a window around the head, the tail, the contact or a point, and an inset of the whole."""
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ from dragon_ros.core.numerics.types import Floats
 _PLACES = ('head', 'tail', 'contact')
 _LENGTHS = 6.0              # default side of a window, in bench lengths
 INSET_WIDTH = 0.36          # width of an inset, relative to the axes
-_LEAST = 0.05               # smallest window, relative to the inset, without a ring
+_LEAST = 0.05               # size relative to the inset below which a ring marks the window
 _MOST_POINTS = 1000         # largest number of points of the dragon in an inset
 
 
@@ -27,7 +27,7 @@ class Zoom:
     span_m: float | None = None
 
     def side_m(self, one: Moment) -> float:
-        """Return the side of the window."""
+        """Return the side of the window in m."""
         return self.span_m or _LENGTHS * 2 * float(np.median(one.benches.half_length))
 
     def window(self, one: Moment, point_m: tuple[float, float] | None) -> Floats:
@@ -39,7 +39,7 @@ class Zoom:
 
 
 def zoom_of(around: str | None, span_m: float | None) -> Zoom | None:
-    """Return the window selected by --around and --span; None without them. Raises InputError."""
+    """Return the window that --around and --span select, or None without these options. Raises InputError."""
     if span_m is not None:
         number('--span', span_m, above=0.0, high=1e6)
     if around is None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dragon_ros.commands.view.data import ViewData
     from dragon_ros.commands.view.variants import Variants
 
-_LOOKS_S = 0.1         # interval at which the server checks whether to end
+_LOOKS_S = 0.1         # interval in s at which the server checks whether to end
 
 
 def main(argv: list[str]) -> int:
@@ -30,22 +30,22 @@ def main(argv: list[str]) -> int:
 
 def options() -> argparse.ArgumentParser:
     """Return the parser."""
-    parser = command_line.parser('view', 'Play a scene or a bag in the browser: play, pause, scrub, speed, zoom to the '
-                                 'contact, with clearance and speeds beside it. The page is reachable only from this '
-                                 'host. Ctrl-C ends it.',
+    parser = command_line.parser('view', 'Play a scene or a bag in the browser, with controls for play, pause, time, '
+                                 'speed and zoom, and with the clearance and the speeds beside the dragon. The page is '
+                                 'reachable only from this host. Ctrl-C ends the server.',
                                  'view --scene first_contact')
     command_line.add_source_options(parser)
     parser.add_argument('--try', action='store_true', dest='tries',
-                        help='also change values of the scene with sliders, and see the effect')
-    parser.add_argument('--lang', choices=LANGUAGES, help='language of the page (that of the browser)')
-    parser.add_argument('--port', type=int, default=0, help='port of the page (any free one)')
-    parser.add_argument('--no-browser', action='store_true', help='only print the address')
+                        help='show sliders that change values of the scene')
+    parser.add_argument('--lang', choices=LANGUAGES, help='language of the page (by the browser)')
+    parser.add_argument('--port', type=int, default=0, help='port of the page (any free port)')
+    parser.add_argument('--no-browser', action='store_true', help='print the address, but open no browser')
     return parser
 
 
 def _run(arguments: Namespace) -> int:
     if not 0 <= arguments.port <= 65535:
-        raise FieldError('--port', arguments.port, 'ports are 0 to 65535', 'omit it to use any free one')
+        raise FieldError('--port', arguments.port, 'ports are 0 to 65535', 'omit it to use any free port')
     if arguments.tries:
         from dragon_ros.commands.view.variants import Variants
         if arguments.bag is not None:

@@ -11,26 +11,26 @@ from dragon_ros.core.limits import VIEW_TICKS
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.venue import PolygonObstacle, Venue
 
-MOST_BENCHES = 2000         # most benches sent as rectangles; beyond this, the page computes them from the handles
+MOST_BENCHES = 2000         # largest number of benches sent as rectangles; otherwise, only handles are sent
 MOST_POINTS = 1500          # largest number of points per line
-_CURVE_BENCHES = 4_000_000   # benches for which the clearance curve is computed, in a few seconds
-_CHUNK_VALUES = 250_000     # numbers per chunk of frames
+_CURVE_BENCHES = 4_000_000   # benches times points of a clearance curve; takes a few seconds
+_CHUNK_VALUES = 250_000     # number of values per chunk of frames
 _SEEN = 5                   # number of moments that determine the window
 
 
 def _wanted() -> None:
-    """Do nothing, so that the work continues, because the client is still waiting for the answer."""
+    """Do nothing, so that the work continues; this is the check if the client keeps waiting."""
 
 
 class ViewData:
     """The data of a source for a browser; only one thread at a time computes them.
 
-    ``check`` is called at every step of long work. An exception that it raises ends the work, and no part of it is
-    kept.
+    ``check`` is called at every step of long work. An exception that ``check`` raises ends the work, and no part of the
+    work is kept.
     """
 
     def __init__(self, source: Source, progress: Progress, times_s: Floats | None = None) -> None:
-        """Describe a source; it is shown at its ticks unless other times are given."""
+        """Prepare the data of a source, at its ticks unless other times are given."""
         self._source, self._progress, self._lock = source, progress, threading.Lock()
         self._touch, self._curve = list[Touch | None](), dict[str, Any]()       # filled when known
         self.times_s = source.ticks_s(*source.span_s, VIEW_TICKS) if times_s is None else times_s
@@ -49,7 +49,7 @@ class ViewData:
 
     @cached_property
     def run(self) -> dict[str, Any]:
-        """All constant data as JSON values."""
+        """All data that do not depend on time, as JSON values."""
         track, first, last = self._source.track, float(self.times_s[0]), float(self.times_s[-1])
         shown = None if track is None else track.astype(np.float32).T.tolist()
         seen = [moment(self._source, t_s) for t_s in np.linspace(first, last, _SEEN).tolist()]
@@ -76,7 +76,7 @@ class ViewData:
         return self._touch[0]
 
     def contact(self, check: Check = _wanted) -> dict[str, Any] | None:
-        """Return the first contact as JSON values; None if there is none. The search starts at the first call."""
+        """Return the first contact as JSON values, or None without a contact. The search starts at the first call."""
         with self._lock:
             touch = self._first_touch(check)
         return None if touch is None else {'t_s': touch.t_s, 'benches': touch.benches, 'point_m': touch.point_m,
@@ -109,7 +109,7 @@ class ViewData:
         return out.tobytes()
 
     def contact_frame(self, check: Check = _wanted) -> bytes:
-        """Return the frame at the contact; empty if there is none."""
+        """Return the frame at the contact, which is empty if there is no contact."""
         with self._lock:
             touch = self._first_touch(check)
             return b'' if touch is None else self._row(moment(self._source, touch.t_s)).astype('<f4').tobytes()
@@ -129,7 +129,7 @@ class ViewData:
 
 
 def _walls(venue: Venue | None) -> list[list[float | None]] | None:
-    """Return x and y of the outlines of obstacles and inside, each followed by None; return None without a venue."""
+    """Return x and y of the outlines of a venue and its obstacles, each followed by None; None without a venue."""
     if venue is None:
         return None
     x, y = list[float | None](), list[float | None]()
@@ -144,7 +144,7 @@ def _walls(venue: Venue | None) -> list[list[float | None]] | None:
 
 
 def _sizes(one: Moment) -> list[tuple[int, float, float]]:
-    """Return runs of equal benches: the number of benches, and half their length and width in m."""
+    """Return groups of consecutive equal benches: their number, half their length and half their width in m."""
     halves = np.column_stack((one.benches.half_length, one.benches.half_width))
     starts = np.flatnonzero(np.any(np.diff(halves, axis=0, prepend=np.nan) != 0, axis=1))
     counts = np.diff(starts, append=len(halves))

@@ -1,7 +1,7 @@
 """The server of the web view: a page, a plotting library and data, on this host only.
 
 With ``--try``, the data are those of the variant that the query of the address describes. Long work ends early at a
-deadline, or when the page no longer waits for it, for instance because a slider has moved on.
+deadline, or when the page no longer waits for it, for instance because a slider has moved.
 """
 import json
 import re
@@ -37,7 +37,7 @@ _TRY_PATH = '/try.js'
 _ANSWERS: dict[str, Callable[[ViewData, Check], Any]] = {
     '/run.json': lambda data, check: data.run, '/contact.json': ViewData.contact,
     '/clearance.json': ViewData.clearance}
-_ROOM_S = 1.0       # longest wait for the end of a connection that was closed to free its place
+_ROOM_S = 1.0       # longest wait in s for the end of a connection that was closed to free its place
 _CHUNK = re.compile('[0-9]{1,9}')
 _JSON, _BINARY = 'application/json', 'application/octet-stream'
 # The page may use only resources of this server; plotly.js adds inline styles.
@@ -52,7 +52,7 @@ class _GoneError(Exception):
 
 
 class ViewServer(ThreadingHTTPServer):
-    """Serves one run, or variants of a scene; ``port`` 0 selects any free port.
+    """A server of one run or of a scene's variants; if ``port`` is 0, any free port is used.
 
     Raises MissingError if the port is taken.
     """
@@ -71,9 +71,9 @@ class ViewServer(ThreadingHTTPServer):
             raise MissingError(f'--port {port}: cannot be used: {reason}; omit it to use any free one') from None
 
     def verify_request(self, request: object, client_address: object) -> bool:
-        """Accept a connection. If there are too many, close the one that has been idle longest.
+        """Accept a connection. If there are too many connections, close the one that has been idle longest.
 
-        If all connections are being served, close the new one at once.
+        If no connection is idle, close the new connection at once.
         """
         return self._room.acquire(blocking=False) or (self._close_oldest() and self._room.acquire(timeout=_ROOM_S))
 
@@ -82,7 +82,7 @@ class ViewServer(ThreadingHTTPServer):
             oldest = next(iter(self._waiting), None)
             self._waiting.pop(oldest, None)     # type: ignore[arg-type]
         if oldest is not None:
-            with suppress(OSError):     # its thread has already ended
+            with suppress(OSError):     # the connection's thread has already ended
                 oldest.shutdown(socket.SHUT_RDWR)
         return oldest is not None
 
@@ -98,7 +98,7 @@ class ViewServer(ThreadingHTTPServer):
             self._waiting.pop(connection, None)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Serve a connection, and release its place for another one."""
+        """Serve a connection, and then release its place for another connection."""
         self.wait_for(request)
         try:
             super().process_request_thread(request, client_address)
@@ -118,7 +118,7 @@ class ViewServer(ThreadingHTTPServer):
 
 
 class _Request(RawIOBase):
-    """The input of a connection, with a deadline for each request, even if it arrives slowly."""
+    """The input of a connection, with a deadline for each request, even for a request that arrives slowly."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection, self.deadline_s = connection, 0.0
@@ -136,14 +136,14 @@ class _Request(RawIOBase):
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers GET."""
+    """A handler of GET requests."""
 
     server: ViewServer
     protocol_version = 'HTTP/1.1'
     timeout = VIEW_IDLE_S
 
     def setup(self) -> None:
-        """Set up the reading of requests within a deadline."""
+        """Replace the input of the connection by an input with a deadline."""
         super().setup()
         self.rfile.close()
         self._incoming = _Request(self.connection)

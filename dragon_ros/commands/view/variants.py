@@ -23,13 +23,13 @@ if TYPE_CHECKING:       # imported lazily, by the first question
     from dragon_ros.core.search.certificate import Contact, NoContact
 
 _KEPT = 8               # number of cached variants
-_MOST_FIELDS = 60       # for a route with hundreds of pieces, the page shows only the first ones
-_CHARACTERS = 32        # longest value in an address
+_MOST_FIELDS = 60       # the page shows only the first fields of a route with hundreds of pieces
+_CHARACTERS = 32        # maximum length of a value in an address, in characters
 _SECTIONS = ('dragon', 'track', 'head', 'run', 'venue')
 _OMITTED = ('rate_hz',)
 _CIRCLE_M = 9.0         # default turning circle of ``design min-pitch``
-# The range and the step of a slider, by the last part of a key. A value outside the range widens it; a field accepts
-# any value.
+# The range and the step of a slider, by the last part of a key. A value outside the range widens the range, and the
+# field beside the slider accepts any value.
 _RANGES = {'benches': (1, 400, 1), 'count': (1, 400, 1), 'head_length_m': (0.6, 6, 0.01),
            'body_length_m': (0.6, 6, 0.01), 'width_m': (0.05, 1, 0.005), 'hole_inset_m': (0, 0.6, 0.005),
            'pitch_m': (0.3, 3, 0.005), 'start_turns': (2, 40, 0.25), 'diameter_m': (4, 20, 0.05),
@@ -40,7 +40,7 @@ _RANGES = {'benches': (1, 400, 1), 'count': (1, 400, 1), 'head_length_m': (0.6, 
 
 @dataclass(frozen=True)
 class PageValue:
-    """A value on the page: its key as in ``--set``, the current value (None: not set), and the range of its slider."""
+    """A value on the page: its key as in ``--set``, its current value (or None), and the range of its slider."""
 
     key: str
     value: float | None
@@ -51,10 +51,10 @@ class PageValue:
 
 @dataclass(frozen=True)
 class Answer:
-    """An answer: the key of its sentence in words.js, the sentence's values, and how certain it is.
+    """An answer: the key of its sentence in words.js, the sentence's values, and the certainty of the answer.
 
-    ``how`` is ``proved``, ``sampled``, or empty if there is no answer. With ``until_contact``, later times were not
-    examined.
+    ``how`` is ``proved``, ``sampled``, or empty if there is no answer. If ``until_contact`` is true, times after the
+    contact were not examined.
     """
 
     key: str
@@ -77,7 +77,7 @@ class _Searched(SceneSource):
 
 
 class Variant:
-    """The scene of an address, and the page's data about it."""
+    """The scene of an address, and the page's data about this scene."""
 
     def __init__(self, name: str, scene: Scene) -> None:
         """Take a scene."""
@@ -95,7 +95,7 @@ class Variant:
         return self.scene if t_s is None else replace(self.scene, run=replace(self.scene.run, stop_s=t_s))
 
     def contact_s(self, check: Check) -> float | None:
-        """Return the time of the first contact; None if there is none."""
+        """Return the time of the first contact in s, or None without a contact."""
         touch = self.data.contact(check)
         return None if touch is None else float(touch['t_s'])
 
@@ -104,15 +104,15 @@ class Variants:
     """The variants of one scene."""
 
     def __init__(self, name: str, scene: str, overrides: list[str]) -> None:
-        """Take the scene of a name or file, with overrides. Raises InputError."""
+        """Load the scene with this name or file, changed by overrides. Raises InputError."""
         self._name, self._scene, self._overrides = name, scene, overrides
         self._own = load_scene(scene, overrides)
         self._made, self._lock = OrderedDict[str, Variant](), threading.Lock()
 
     def form(self, query: str) -> dict[str, Any]:
-        """Return the fields of an address as JSON values and, if a field is invalid, an error about it.
+        """Return the fields of an address as JSON values and, if a field is invalid, an error about this field.
 
-        In that case, the fields are those of the original scene, with the values of the address.
+        If a field is invalid, the fields are those of the original scene.
         """
         try:
             scene, error = self.variant(query).scene, None
@@ -145,8 +145,8 @@ class Variants:
             changes.append(f'{key}={_number(key, text)}')
         scene = load_scene(self._scene, [*self._overrides, *changes])
         if scene.dragon.benches > SEARCHED_BENCHES:
-            raise FieldError('dragon.benches', scene.dragon.benches, f'a page supports at most {SEARCHED_BENCHES}',
-                             'give fewer')
+            raise FieldError('dragon.benches', scene.dragon.benches,
+                             f'a page supports at most {SEARCHED_BENCHES} benches', 'give fewer')
         return scene
 
     def scene_file(self, query: str) -> bytes:
@@ -155,7 +155,7 @@ class Variants:
         return scene_file(self.variant(query).scene).encode()
 
     def answer(self, question: str, query: str, check: Check) -> dict[str, Any]:
-        """Answer one of QUESTIONS about a variant, as JSON values; ``check`` raises when the client no longer waits."""
+        """Return the answer to one of QUESTIONS as JSON values; ``check`` raises an exception to end the work."""
         variant = self.variant(query)
         try:
             return vars(QUESTIONS[question](variant, check))
@@ -185,7 +185,7 @@ def _fields(key: str, value: Any) -> list[PageValue]:
 
 
 def _number(key: str, text: str) -> str:
-    """Return the text of a number; an empty text becomes null, which only some keys accept."""
+    """Return a number in its usual form; an empty text becomes null, which only some keys accept."""
     if text.strip() in ('', 'null'):
         return 'null'
     try:
@@ -230,7 +230,7 @@ def _clearance(variant: Variant, check: Check) -> Answer:
 
 
 def _speed(variant: Variant, check: Check) -> Answer:
-    """Return the largest speed of any handle, up to the contact."""
+    """Return the largest speed of any handle up to the contact."""
     from dragon_ros.core.search.max_speed import max_speed
     most = max_speed(variant.until_contact(check), lambda looks: check())
     return Answer('fastest', {'handle': str(most.handle), 'ratio': f'{most.ratio:.9g}', 'along': f'{most.along_m:.6g}'},

@@ -5,14 +5,14 @@
 'use strict';
 
 const LEAST_PX = 2.5;       // smallest width of a bench that is drawn as a rectangle
-const STEP_PX = 0.5;        // a line omits handles that are closer than this to the last one drawn
-const EACH = 400;           // number of benches filled, or of steps of a line stroked, at once
+const STEP_PX = 0.5;        // a line omits handles that are closer than this to the last handle drawn
+const EACH = 400;           // number of benches that are filled, or of a line's steps that are stroked, at once
 const TRACK_PX = 0.8, HEAD_PX = 2;      // width of the track, and smallest width of the head
 
 const cost = {calls: 0, drawn: 0, webgl: false};
 let canvas = null, paint = null;        // the surface, and the function that draws on it
 
-/** Draw on a new canvas, by WebGL if this is wanted and available, otherwise by the processor. */
+/** Draw on a new canvas, by WebGL if WebGL is wanted and available, otherwise by the processor. */
 function drawBy(webgl) {
   canvas?.remove();
   canvas = document.createElement('canvas');
@@ -27,7 +27,7 @@ function drawBy(webgl) {
   });
 }
 
-/** Half lengths and half widths of all benches, from runs of equal benches. */
+/** Half lengths and half widths of all benches, from groups of consecutive equal benches. */
 function sizesOf(runs) {
   const total = runs.reduce((sum, [count]) => sum + count, 0), halves = new Float32Array(2 * total);
   let at = 0;
@@ -35,7 +35,7 @@ function sizesOf(runs) {
   return halves;
 }
 
-/** The corners of a bench on its handles p[2n], p[2n + 1] and p[2n + 2], p[2n + 3], in m. */
+/** The corners in m of bench n, whose handles are at p[2n], p[2n + 1] and p[2n + 2], p[2n + 3]. */
 function cornersOf(p, halves, bench) {
   const [x, y, u, v] = p.subarray(2 * bench, 2 * bench + 4), long = Math.hypot(u - x, v - y) || 1;
   const [a, b] = [(x - u) / long, (y - v) / long], [l, w] = [halves[2 * bench], halves[2 * bench + 1]];
@@ -56,7 +56,7 @@ function scaleOf(plot) {
   return {left, top, right, bottom, x: width / (right - left), y: height / (top - bottom), ratio};
 }
 
-/** Draw a line of a given width in pixels, without points out of view or on the last drawn pixel. */
+/** Draw a line of a given width in pixels, without points that are out of view or on the last drawn pixel. */
 function strokeLine(context, scale, count, xOf, yOf, shade, width) {
   const margin = width + 2, [wide, high] = [canvas.width, canvas.height];
   const toX = (n) => (xOf(n) - scale.left) * scale.x, toY = (n) => (scale.top - yOf(n)) * scale.y;
@@ -110,7 +110,7 @@ function fillBenches(context, scale, p, halves, benches, shade, line) {
   flush();
 }
 
-/** Draw track and dragon on the canvas by the processor. */
+/** Draw the track and the dragon on the canvas by the processor. */
 function paintOnCanvas(scale, track, p, halves, touching, width, line) {
   const context = canvas.getContext('2d'), many = halves.length / 2;
   [cost.calls, cost.drawn] = [0, 0];
@@ -128,7 +128,7 @@ function paintOnCanvas(scale, track, p, halves, touching, width, line) {
   fillBenches(context, scale, p, halves, touching, COLOUR.touching, line);
 }
 
-/** Draw track and dragon; `touching` are the benches of the first contact, and the head keeps its colour. */
+/** Draw the track and the dragon; `touching` lists the benches of the first contact, but the head keeps its colour. */
 function drawBenches(plot, track, p, halves, touching) {
   if (!paint) drawBy(hasProcessor());
   const scale = scaleOf(plot), width = 2 * halves[1] * scale.x;

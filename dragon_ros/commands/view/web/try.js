@@ -1,11 +1,11 @@
-// Fields and sliders that change the values of the scene. The address contains the changed values, and it alone selects
-// the dragon on the server. A change cancels the questions about the previous dragon.
+// Fields and sliders that change the values of the scene. The address contains the changed values, and only the
+// address selects the dragon on the server. A change cancels the questions about the previous dragon.
 'use strict';
 
 const UNITS = {m: 'm', m_s: 'm/s', m_s2: 'm/s²', s: 's', deg: '°', hz: 'Hz', rad: 'rad'};
-const QUESTIONS = ['contact', 'speed', 'room', 'pitch', 'clearance'];     // the one answered fastest comes first
+const QUESTIONS = ['contact', 'speed', 'room', 'pitch', 'clearance'];     // in the order of the time of an answer
 const WAIT_MS = 40;         // delay after the last move of a slider
-const fields = new Map();   // by key: the value in the scene's file, and the elements of the field
+const fields = new Map();   // by key: the value in the scene's file, and the field's elements
 let waiting = null;
 
 /** An element with properties and children. */
@@ -27,7 +27,7 @@ function wordsOf(key) {
     unit ? UNITS[unit] : ''];
 }
 
-/** The address with the changed values; it is shown, so that it can be stored and shared. */
+/** Show the address with the changed values, so that the user can store and share the address. */
 function keepAddress() {
   const changed = new URLSearchParams();
   for (const [key, {own, number}] of fields) if (number.value !== textOf(own)) changed.set(key, number.value);
@@ -79,7 +79,7 @@ function changed() {
   waiting = setTimeout(() => follow().catch(complain), WAIT_MS);
 }
 
-/** Update the dragon and all answers; if a value is impossible, show why and keep the dragon. */
+/** Update the dragon and all answers; if a value is impossible, show the reason and keep the dragon. */
 async function follow() {
   asking.abort();
   asking = new AbortController();
@@ -91,12 +91,12 @@ async function follow() {
   await Promise.all([load().then(loadContact), answerAll()]);
 }
 
-/** Clear the answers, since the values are impossible. */
+/** Clear the answers, because the values are impossible. */
 function forget() {
   for (const place of Object.values(answers)) place.replaceChildren('–');
 }
 
-/** Ask the questions in turn; each shows a progress bar until it is answered. */
+/** Ask the questions in turn; each question shows a progress bar until its answer arrives. */
 async function answerAll() {
   const mine = asking;
   for (const place of Object.values(answers)) {

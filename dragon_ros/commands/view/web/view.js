@@ -2,7 +2,7 @@
 'use strict';
 
 const COLOUR = {body: '#56B4E9', head: '#D55E00', touching: '#E69F00'};
-const OUTLINE = 0.035;      // fraction of a bench's width; 2.5 pixels at most
+const OUTLINE = 0.035;      // width of an outline as a fraction of a bench's width; at most 2.5 pixels
 const NARROW = window.matchMedia('(max-width: 800px)');
 const DARK = window.matchMedia('(prefers-color-scheme: dark)');
 const AT_ONCE = {mode: 'immediate', transition: {duration: 0}, frame: {duration: 0, redraw: false}};
@@ -16,7 +16,7 @@ const element = (id) => document.getElementById(id);
 
 let run, curve = null, contact = null;
 let query = location.search;            // selects the run to show if the server has several
-let asking = new AbortController();     // cancels the requests about that run
+let asking = new AbortController();     // cancels the requests about the shown run
 let prepare = async () => {};           // try.js replaces this first step
 const chunks = new Map();
 const player = {t: 0, tick: 0, playing: false, pace: 1, last: 0, drawing: false, wanted: null};
@@ -53,7 +53,7 @@ function chunk(number) {
   return chunks.get(number);
 }
 
-/** The frame of a tick; null until it has arrived. The next chunk is requested in advance. */
+/** The frame of a tick, which is null until the frame has arrived. The next chunk is requested in advance. */
 function frameOf(tick) {
   const number = Math.floor(tick / run.frames_each);
   const entry = chunk(number);
@@ -180,7 +180,7 @@ function lookAt([x, y], ratio = 1) {
   return Plotly.relayout('scene', {'xaxis.range': [x - wide, x + wide], 'yaxis.range': [y - high, y + high]});
 }
 
-/** Zoom about the middle of the window, which is the head if it is followed. */
+/** Zoom about the middle of the window, where the head is while the window follows the head. */
 function zoom(ratio) {
   const {xaxis, yaxis} = element('scene')._fullLayout;
   return lookAt([xaxis, yaxis].map(({range}) => 0.5 * (range[0] + range[1])), ratio);
@@ -198,7 +198,7 @@ function remembered(name) {
   try { return localStorage.getItem(name); } catch { return null; }
 }
 
-/** Follow the head, or stop following; a window that shows everything zooms in. The next page remembers this. */
+/** Follow the head, or stop following; zoom in from a large window. The choice is stored for the next page. */
 async function follow(on) {
   player.following = on;
   element('follow').setAttribute('aria-pressed', on);
@@ -248,7 +248,7 @@ async function drawScene(frame) {
     fillcolor: fills[n], line: {color: colour('outline'), width: 0.5, simplify: false}, name: names[n], hoveron: 'points',
     text: groups()[n].flatMap((bench) => Array(6).fill(say('bench', {bench}))), hovertemplate: '%{text}<br>%{x:.4f}, %{y:.4f} m<extra></extra>',
   }));
-  const own = run.track && run.drawn;         // the canvas has the track of many benches
+  const own = run.track && run.drawn;         // the canvas shows the track if there are many benches
   const track = {x: own ? run.track[0] : [], y: own ? run.track[1] : [], type: 'scatter', mode: 'lines', name: say('track'),
     line: {color: colour('track'), width: 0.8}, hoverinfo: 'skip'};
   const point = {x: contact ? [contact.point_m[0]] : [], y: contact ? [contact.point_m[1]] : [],
@@ -302,7 +302,7 @@ function speedRange(speeds) {
   return [low - margin, high + margin];
 }
 
-/** Draw a frame; while one is being drawn, only the newest request waits. */
+/** Draw a frame; while a frame is being drawn, only the newest request waits. */
 async function show(frame, t) {
   player.wanted = {frame, t};
   if (player.drawing) return;
@@ -369,7 +369,7 @@ function step(now) {
   const t = player.t + passed * player.pace;
   const tick = tickAt(t);
   const frame = frameOf(tick);
-  if (frame) {          // time stands still until a chunk has arrived
+  if (frame) {          // playing pauses until the chunk has arrived
     player.t = t;
     if (tick !== player.tick) { player.tick = tick; show(frame, run.times_s[tick]); }
     if (tick === run.times_s.length - 1) pause();
@@ -412,7 +412,7 @@ async function goToHash() {
 // ---- the page
 
 function complain(error) {
-  if (error.name === 'AbortError') return;      // another run was requested
+  if (error.name === 'AbortError') return;      // another run has been requested
   element('note').textContent = `${error.message || error}; ${say('server')}`;
 }
 
@@ -433,7 +433,7 @@ function connect() {
     const to = (tick) => { pause(); goTo(tick); };
     const action = {' ': toggle, ArrowLeft: () => by(-1), ArrowRight: () => by(1), Home: () => to(0), End: () => to(run.times_s.length - 1),
       f: () => follow(!player.following), g: otherDrawing, '+': () => zoom(1 / CLOSER), '=': () => zoom(1 / CLOSER), '-': () => zoom(CLOSER)}[event.key];
-    const own = {INPUT: event.key !== ' ', SELECT: true, BUTTON: event.key === ' '}[event.target.tagName];    // keys of the element itself
+    const own = {INPUT: event.key !== ' ', SELECT: true, BUTTON: event.key === ' '}[event.target.tagName];    // keys of the element
     if (action && !own && !event.ctrlKey && !event.altKey && !event.metaKey) { event.preventDefault(); action(); }
   });
 }
@@ -473,7 +473,7 @@ async function refit() {
   sayScale();
 }
 
-/** Redraw everything, in other colours or on a page of another width. */
+/** Redraw everything after a change of the colours or of the page's width. */
 async function redraw() {
   if (!player.frame) return;
   await drawScene(player.frame);
@@ -481,7 +481,7 @@ async function redraw() {
   if (curve) await drawClearance();
 }
 
-/** Fetch and draw a run, at the current time if the run contains it, and then its contact and its clearance. */
+/** Fetch and draw a run at the current time or the nearest time of the run. */
 async function load() {
   const loaded = await json('run.json');
   chunks.clear();

@@ -1,23 +1,23 @@
 // Draws a dragon of many benches by WebGL, as benches.js does on a canvas: one upload and one draw call per frame. Six
 // vertices of that call form a rectangle, which is a piece of the track, a bench or its outline. Each pixel is shaded
 // by the fraction of it that the rectangle covers. Positions are in pixels, computed by the page in double precision.
-// (Instances would need only four vertices, but software renderers draw each one separately, a hundred times slower.)
+// (Instances would need only four vertices, but software renderers draw them one by one, a hundred times more slowly.)
 'use strict';
 
-const ROW = 1024;           // positions per row of a texture
+const ROW = 1024;           // number of positions per row of a texture
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
 const VERTEX = `#version 300 es
 precision highp float;
 uniform highp sampler2D places;     // positions of handles, followed by those of the track, in pixels
 uniform highp sampler2D halves;     // half lengths and half widths of benches, in m
-uniform vec2 size;                  // of the canvas, in pixels
+uniform vec2 size;                  // size of the canvas, in pixels
 uniform float scale;                // pixels per m
-uniform int benches, track;         // number of benches, and of pieces of the track
+uniform int benches, track;         // number of benches, and number of pieces of the track
 uniform float trackWidth, lineWidth, headWidth, outline;    // in pixels; benches are a line if lineWidth is not 0
 uniform ivec2 touching;             // benches, or -1
-uniform vec3 shades[5];             // of the body, the head, benches that touch, outlines and the track
-out vec2 at;                        // along and across the rectangle, from its middle
+uniform vec3 shades[5];             // colours of the body, the head, benches that touch, outlines and the track
+out vec2 at;                        // position along and across the rectangle, from its middle
 flat out vec2 reach;                // half its length and half its width
 flat out float edge;                // half the width of its outline; 0 to fill it, -1 for a piece of a line
 flat out vec3 shade;
@@ -90,7 +90,7 @@ function partsOf(shade) {
   return [0, 1, 2].map((n) => parseInt(shade.slice(1 + digits * n, 1 + digits * (n + 1)), 16) / (16 ** digits - 1));
 }
 
-/** Whether this machine draws with a graphics processor instead of software that emulates one. */
+/** Whether this machine draws with a graphics processor instead of software that emulates a graphics processor. */
 function hasProcessor() {
   const gl = document.createElement('canvas').getContext('webgl2', {failIfMajorPerformanceCaveat: true});
   if (!gl) return false;
@@ -112,7 +112,7 @@ function programOf(gl) {
   return gl.getProgramParameter(program, gl.LINK_STATUS) ? program : null;
 }
 
-/** A texture of pairs of numbers: `put` uploads them, in a larger texture if they no longer fit. */
+/** A texture of pairs of numbers: `put` uploads the numbers, to a larger texture if they no longer fit. */
 function pairsOf(gl, unit) {
   let rows = 0, values = null;
   gl.activeTexture(gl.TEXTURE0 + unit);
@@ -135,7 +135,7 @@ function pairsOf(gl, unit) {
   };
 }
 
-/** A function that draws on a canvas as paintOnCanvas does; null without WebGL 2. */
+/** A function that draws on a canvas like paintOnCanvas, or null without WebGL 2. */
 function webglPainter(surface) {
   const gl = surface.getContext('webgl2', {antialias: false, depth: false});
   const program = gl && programOf(gl);

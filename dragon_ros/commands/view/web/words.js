@@ -1,4 +1,4 @@
-// Every text of the page in English and Chinese; --lang selects the language, and without it the browser does.
+// Every text of the page in English and Chinese; --lang or, by default, the browser selects the language.
 'use strict';
 
 const WORDS = {
@@ -46,7 +46,7 @@ const WORDS = {
   until_contact: ['; up to the contact', '；到碰撞为止'], refused: ['{text}', '无法计算：{text}'],
   proved: ['proved', '已证明'], sampled: ['sampled', '抽样'],
 };
-// Names of values and of their sections; in English they are the words in their keys.
+// Chinese names of values and of their sections. The English names are the words in the keys.
 const NAMES = {
   dragon: '板凳龙', track: '轨迹', head: '龙头', run: '运行', venue: '场地', piece: '段', group: '组', benches: '板凳节数',
   count: '节数', head_length: '龙头长度', body_length: '龙身长度', width: '宽度', hole_inset: '孔距板端', length: '长度',
