@@ -19,8 +19,8 @@ from dragon_ros.core.numerics.types import Floats
 
 Number = Union['Ball', float, Floats]
 LEAST = 2.0**-36        # smallest radius, relative to the number
-OUTWARDS = 1 + 2.0**-14     # covers the rounding of the middle and of the radius
-_EACH = 2.0**-17        # u / LEAST, per number in a sum
+OUTWARDS = 1 + 2.0**-14     # factor that covers the rounding of the middle and of the radius
+_EACH = 2.0**-17        # u / LEAST, added to the factor for each number in a sum
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Ball:
 
     mid: Floats
     rad: Floats
-    __array_ufunc__ = None      # an array times a ball uses the ball's operator
+    __array_ufunc__ = None      # makes an array times a ball use the ball's operator
 
     def __add__(self, other: Number) -> 'Ball':
         """Return the sum."""

@@ -10,8 +10,8 @@ Let m = theta - p, which is 0 for the leading handle. Then F = c^2 / 2 gives
     delta'' = d1 a + (delta^2 + 2 (1 - cos delta) (theta delta + m (2 theta - m)) - 2 F_td p delta' - F_dd delta'^2)
               / F_delta,
 
-where no large terms cancel, because c^2 was replaced by 2 F. The link's direction is theta + psi, and as in
-``on_spiral``
+where no large terms cancel, because c^2 was replaced by 2 F. The link's direction is theta + psi, where, as in
+``on_spiral``,
 
     psi' = delta' / 2 + N / c^2,     N = sin delta (delta p - theta delta') + (theta + delta / 2) delta delta',
     psi'' = delta'' / 2 + (N' - 2 N) / c^2.

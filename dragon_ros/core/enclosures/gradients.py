@@ -1,8 +1,8 @@
 """Numbers and their first derivatives as balls, for all values that variables can have in a box.
 
 A number is an array (n,) of balls, one per box; its slopes (V, n) are its derivatives by the V variables. By the mean
-value theorem, a function that is smooth on a box is nowhere below its value in the middle minus the sum of the half
-widths times the largest absolute slopes; this is exact to first order.
+value theorem, a function that is smooth on a box is never less than its value in the middle minus the sum of the half
+widths times the largest absolute slopes; this bound is exact to first order.
 """
 from dataclasses import dataclass
 

@@ -53,7 +53,7 @@ from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints
 from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND
 
-ABOVE = 1 + 2.0**-40    # factor for bounds: covers more than eight thousand roundings of positive numbers
+ABOVE = 1 + 2.0**-40    # factor for bounds that covers more than eight thousand roundings of positive numbers
 _SETTLED = 0.5      # a first-order bound above this fraction of the gap is sufficient
 _SURE = 8           # multiple of the position error that exceeds any tolerance
 _STILL = 1e-9  # margin around the follower's turning position, where motion is below the position error
@@ -81,7 +81,7 @@ class BenchSamples:
 
     @property
     def places(self) -> Floats:
-        """Polar angles (M,) of the leading handle."""
+        """The polar angles (M,) of the leading handles."""
         return self.theta[:, 0]
 
     def rows(self, index: Ints | slice) -> 'BenchSamples':
@@ -99,7 +99,7 @@ def joined(samples: list[BenchSamples]) -> BenchSamples:
 
 def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floats], theta: Floats,
                lead: Ints) -> BenchSamples:
-    """Return the samples of leading benches at positions (M,), with links (K,) for all or (M, K) for each of them.
+    """Return the samples of leading benches at positions (M,); links are (K,) for all benches or (M, K) for each.
 
     ``half_m`` holds half lengths (M or 1, K), and half widths (M, 1) or one half width for all benches.
     """
@@ -116,7 +116,7 @@ def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floa
 
 @dataclass(frozen=True)
 class Sizes:
-    """Links and half lengths (L, K) and the half width of the sampled benches, and a bound on position errors, in m.
+    """The links (L, K), half lengths (L, K) and half width of sampled benches, and a bound on position errors, in m.
 
     There is one row per leading bench or, after ``of``, per sample. ``longest_m`` (L, 1) is the longest of these links
     and all links behind them, or 0 if all links behind the first are equal. If there are fewer than K benches, copies
@@ -168,7 +168,7 @@ class BenchSampler:
     error_m: float
 
     def sample(self, theta: Floats, lead: Ints | None = None) -> BenchSamples:
-        """Return the samples at positions (M,) of leading benches given by index (M,), or of the first bench."""
+        """Return the samples at positions (M,) of the leading benches with indices ``lead`` (M,), by default 0."""
         lead = np.zeros(theta.size, dtype=np.int64) if lead is None else lead
         return joined([self._sample(theta[at:at + _AT_ONCE], lead[at:at + _AT_ONCE])
                        for at in range(0, theta.size, _AT_ONCE)])
@@ -221,7 +221,7 @@ def beyond(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
     inner, chord = np.minimum(a.theta, b.theta)[:, 2:-1], sizes.links_m[:, 2:] / sizes.b_m
     linked = chord > 0
     across = line_distance(np.where(linked, chord, 1), np.where(linked, span, 1), 2 * sizes.angle_errors(inner))
-    along = inner * inner / np.sqrt(1 + inner * inner)      # distance of a tangent, for a link of zero length
+    along = inner * inner / np.sqrt(1 + inner * inner)      # distance of the tangent, for links of zero length
     overhang = sizes.half_length_m[:, 0] - 0.5 * sizes.links_m[:, 0]
     reach = sizes.b_m * outer + 2 * sizes.error_m + np.hypot(overhang, sizes.half_width_m)
     off = sizes.rounding_m(np.maximum(a.theta[:, -1], b.theta[:, -1]))
@@ -291,7 +291,7 @@ def _some_pairs(row: Ints, bench: Ints) -> _Pairs:
 
 @dataclass(frozen=True)
 class _Slopes:
-    """First and second derivatives of delta and psi by theta, each (M, K)."""
+    """The first and second derivatives (M, K) of delta and psi by theta."""
 
     delta_1: Ball
     delta_2: Ball
@@ -329,7 +329,7 @@ class Spans:
 
 @dataclass(frozen=True)
 class SpiralMotion:
-    """Angles, p, a and ``turned`` of handles (M, K+1), and the turning ``w`` of links (M, K) with its rate.
+    """The angles, p, a and ``turned`` of handles (M, K+1), and the turning ``w`` of links (M, K) with its rate.
 
     ``turned`` and ``w`` exclude the part of p that is common to all handles, because only differences matter.
     """
@@ -414,7 +414,7 @@ def _slopes(theta: Ball, delta: Ball, chord: Ball) -> _Slopes:
 
 
 def _with_joined(slopes: _Slopes, theta: Ball, joined: Array) -> _Slopes:
-    """Return the slopes, completed for links of zero length, which lie along the track."""
+    """Return the slopes with values for links of zero length, which lie along the track."""
     none = Ball(np.zeros_like(theta.mid), np.zeros_like(theta.mid))
     flat = (1 + theta.squared()).inverse()
     along = none, none, flat, -2 * theta * flat.squared()
@@ -443,9 +443,9 @@ def _handles(slopes: _Slopes) -> tuple[Ball, Ball]:
 def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tuple[Floats, Floats]:
     """Return lower bounds (M,) on the gaps in intervals between samples a and b, and a factor for each interval.
 
-    An interval is cleared if its bound is positive. Its parts should be as long as its length times its factor, which
-    is at most 1. Only the next ``behind`` (M,) benches count. Pairs are not examined further if the bound from the
-    benches' motion, or from the circle, retains most of their gap.
+    An interval is cleared if its bound is positive. Otherwise it should be cut into parts whose length is at most its
+    own length times the factor, which is at most 1. Only the next ``behind`` (M,) benches count. A pair is not examined
+    further if the bound from the benches' motion, or the bound from the circle, is not far below its gap.
     """
     sizes = sizes.of(a.lead)
     circle, one, two = beyond(a, b, sizes), a.apart, b.apart
@@ -465,7 +465,7 @@ def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tupl
 
 
 def _bent(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, other: Ints) -> tuple[Floats, Floats]:
-    """Return second-order bounds (P,) on gaps, and factors; ``other`` counts from the second bench behind."""
+    """Return second-order bounds (P,) on the gaps of pairs, and factors; ``other`` 0 is the second bench behind."""
     sizes_at = row if sizes.links_m.shape[0] > 1 else np.zeros_like(row)
     half_length_m = sizes.half_length_m[sizes_at, 0], sizes.half_length_m[sizes_at, other + 2]
     half_m = [(each, sizes.half_width_m) for each in half_length_m]
@@ -494,7 +494,7 @@ def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints)
     length = (a.places - b.places)[used][row, None]
     with np.errstate(invalid='ignore', over='ignore'):
         out: Floats = most * (sizes.b_m * length * length / 8)
-    return np.where(np.isnan(out), np.inf, out)     # infinity times an interval of zero length: there is no bound
+    return np.where(np.isnan(out), np.inf, out)     # infinity times zero length means that there is no bound
 
 
 def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
@@ -534,8 +534,8 @@ def _straight(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
 
     The track turns by less than 2 radians per radian of the polar angle, so the directions of any two links between a
     bench's front handle and another bench's rear handle differ by at most twice the span between these handles. This
-    value is called the turn here. The links in between lead away from the leading bench by at least their lengths times
-    the cosine of the turn. The result is minus infinity if the turn exceeds a radian.
+    value is called the turn. The links in between lead away from the leading bench by at least their lengths times the
+    cosine of the turn. The result is minus infinity if the turn exceeds a radian.
     """
     off = sizes.angle_errors(np.minimum(a.theta, b.theta)[:, :-1])
     turn = 2 * np.cumsum(ABOVE * np.maximum(a.delta, b.delta) + 4 * off, axis=1)[:, 2:]

@@ -30,11 +30,11 @@ frame. Then
 
     x' = V_2 - V_1 - omega J x,      x'' = A_2 - A_1 - 2 omega J x' - omega' J x + omega^2 x,
 
-where V and A are the means of v (cos tau, sin tau) and of v' (cos tau, sin tau) + k v^2 (-sin tau, cos tau) over both
-handles, and J is a quarter turn. If everything turns together, x' vanishes and all terms of x'' cancel up to rounding.
-In the frame of the other bench, which turns faster by D, the bound is |x''| + 2 |D| |x'| + (|D'| + D^2) |x|; a corner
-at a distance from the middle adds this distance times |(D', D^2)|. Curvatures jump at joints, so first derivatives have
-kinks there; the argument only requires bounded second derivatives.
+where V and A are the means, over both handles of a bench, of v (cos tau, sin tau) and of v' (cos tau, sin tau) + k v^2
+(-sin tau, cos tau), and J is a quarter turn. If everything turns together, x' vanishes and all terms of x'' cancel up
+to rounding. In the frame of the other bench, which turns faster by D, the bound is |x''| + 2 |D| |x'| + (|D'| + D^2)
+|x|; a corner at a distance from the middle adds this distance times |(D', D^2)|. Curvatures jump at joints, so first
+derivatives have kinks there; the argument only requires bounded second derivatives.
 
 All bounds are evaluated in ball arithmetic and rounded outwards: balls by their arithmetic, combinations of balls by
 the factor ABOVE (``on_spiral``). States are known only to within the position error e. The direction of a link of
@@ -53,7 +53,7 @@ from dragon_ros.core.enclosures.on_spiral import ABOVE
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 
 _ROUNDED_RAD = 2.0**-46 # rounding error of an angle between unit vectors
-_PASSES = 8     # maximum number of passes; each shrinks the part beyond the ends by about motion / (2 link length)
+_PASSES = 8     # maximum number of passes; each pass multiplies what is beyond the ends by about motion / (2 link)
 _WORTH = 0.9    # passes end when almost all radii stay above this fraction of their previous values
 _FEW = 0.02     # fraction of the radii that may still fall below ``_WORTH``
 
@@ -62,7 +62,7 @@ Range = tuple[Floats, Floats]
 
 @dataclass(frozen=True)
 class LinkStates:
-    """Links of M chains at one state each, from the leader on: N + 1 handles, and N angles from links to the track.
+    """The links of M chains at one state each, from the leader on: N + 1 handles, and angles from links to the track.
 
     ``along_m`` holds the distances of handles along the track, and ``segment`` and ``curvature`` (1/m, signed) the
     values of the track there. ``near`` and ``far`` hold the angles at a link's handle nearer to the leader and at its
@@ -134,7 +134,7 @@ class LinkMotion:
 
     ``k`` holds curvatures, ``near`` and ``far`` the sines and cosines of the angles, and ``inverse_l`` the inverse
     lengths with the sign of e. ``rigid`` links have constant angles, and ``joined`` links have zero length. Rates are
-    with respect to the distance of the nearer handle.
+    derivatives by the distance of the nearer handle.
     """
 
     k: Ball
@@ -172,7 +172,7 @@ class LinkMotion:
 
     @cached_property
     def w_dot(self) -> Ball:
-        """The rate of change of ``w``; unbounded for a link of zero length across a jump of the track's curvature."""
+        """The rate of ``w``, which is unbounded for a link of zero length across a jump of the track's curvature."""
         (sin_f, cos_f), (near, far) = self.far, self._dots
         rate = (self.near[1] * near - self.r * (self.g * sin_f + cos_f * far)) * self.inverse_l
         unknown = Ball(self._none.mid, np.where(self.k.rad[:, :-1] > 0, np.inf, 0.0))
@@ -182,7 +182,7 @@ class LinkMotion:
 def speeds_along(r: Ball, g: Ball) -> tuple[Ball, Ball]:
     """Return handle speeds (M, N+1) relative to the leader, and the rates of their logs by the leader's distance.
 
-    ``r`` and ``g`` (M, N) are as in ``LinkMotion``.
+    ``r`` and ``g`` (M, N) have the same meaning as in ``LinkMotion``.
     """
     leader = Ball(np.zeros((len(r.mid), 1)), np.zeros((len(r.mid), 1)))
     v = side_by_side([leader + 1.0, r.running_product()])
@@ -259,7 +259,7 @@ def _first_angles(ends: list[Ball], k: Ball, most: Floats, way: Floats, links_m:
 
 def _narrowed(angles: list[Ball], ends: list[Ball], k: Ball, way: Floats, rigid: Array, inverse_l: Floats,
               off: Floats, passes: int) -> list[Ball]:
-    """Return enclosures of both angles, which each pass narrows by their rates."""
+    """Return enclosures of both angles; each pass narrows them by the rates of the angles."""
     ways = way[:, :-1], way[:, 1:]
     for _ in range(passes):
         (sin_n, cos_n), (sin_f, cos_f) = (angle.sin_cos() for angle in angles)
@@ -275,7 +275,7 @@ def _narrowed(angles: list[Ball], ends: list[Ball], k: Ball, way: Floats, rigid:
 
 
 def _settled(before: Sequence[Ball], now: Sequence[Ball]) -> bool:
-    """Return whether a pass has changed almost no radius noticeably."""
+    """Return whether almost all radii are almost the same after a pass as before."""
     return not any(np.count_nonzero(b.rad < _WORTH * a.rad) > _FEW * b.rad.size
                    for a, b in zip(before, now, strict=True))
 
@@ -321,7 +321,7 @@ def kinematics(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, 
 
 @dataclass(frozen=True)
 class Views:
-    """Pairs of benches (K,) at one state, in the frames of their first benches.
+    """K pairs of benches at one state, each in the frame of its first bench.
 
     ``middle`` holds the coordinates of the middles of the second benches. ``track`` (K, 4, 2) holds the cosines and
     sines of the track's headings at both handles of the first benches and then of the second benches.
@@ -347,7 +347,7 @@ def _turned(u: Floats, vectors: Floats) -> tuple[Floats, Floats]:
 
 def second_derivatives(moving: Kinematics, one: Views, two: Views, row: Ints, i: Ints, j: Ints, gone_m: Floats,
                        arm: Floats) -> tuple[Floats, Floats]:
-    """Return bounds (K,) on second derivatives of the second bench's corners in the first one's frame, and vice versa.
+    """Return bounds (K,) on second derivatives of either bench's corners in the frame of the other bench.
 
     ``gone_m`` (K,) holds the distances that the leader moves, and ``arm`` (N,) the distances of corners from middles. A
     bound is infinite if the derivative is unbounded.

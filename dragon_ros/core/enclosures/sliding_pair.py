@@ -1,4 +1,4 @@
-"""Bounds on the gap between two benches at any two positions on a spiral, over boxes of the gap's variables.
+"""Bounds on the gap between two benches at any two positions on a spiral, over boxes of the variables of the gap.
 
 In units of b = pitch / 2 pi all spirals have the equation r = theta, and a dragon is ``scale`` = 1 / b times as large.
 The gap between two benches depends on five variables, the rows of a box:
@@ -33,7 +33,7 @@ _ABOVE = 1 + 2.0**-40   # covers the rounding of a sum of positive numbers
 
 
 class Separations(NamedTuple):
-    """Lower bounds ``low`` (n,) on the gaps in boxes, in units of b; positive if the benches are apart.
+    """Lower bounds ``low`` (n,) on the gaps in boxes, in units of b, which are positive if the benches are apart.
 
     In the middle of a box, ``middle`` (n,) is the distance of the nearest corner from the edge that separates the
     benches most. ``slope`` (5, n) holds the derivatives of this distance, and ``spread`` (5, n) bounds, for each
@@ -111,7 +111,7 @@ def _nothing(like: Graded) -> Graded:
 def _span(theta: Graded, chord: Graded, theta_low: Floats, theta_high: Floats, chord_low: Floats,
           chord_high: Floats) -> Graded:
     """Return enclosures of the spans of links, given bounds on their starting polar angles and on their lengths."""
-    out, off = 1 + 2.0**-50, 2.0**-50 * theta_high      # cover rounding of sums and products of the given floats
+    out, off = 1 + 2.0**-50, 2.0**-50 * theta_high      # cover the rounding of sums and products of floats
     delta = between(least_span(theta_high + off, chord_low / out), largest_span(theta_low - off, chord_high * out))
     sin, less = delta.sin_cos()[0], delta.versine()
     by_theta = (2 * theta.value + delta) * less

@@ -51,7 +51,7 @@ from dragon_ros.core.tracks.segments import BEHIND
 SIDES = ('x', '-x', 'y', '-y')
 _TOWARDS = np.array([1, -1, 1j, -1j])
 _AT_ONCE = 512      # number of intervals that are bounded together
-_FIRST, _PARTS = 32, 6      # numbers of parts of first and of later intervals; fewer parts take more rounds
+_FIRST, _PARTS = 32, 6      # numbers of parts of the first and of later intervals; fewer parts take more rounds
 _SAME = 1e-13       # positions closer than this, relative to the distance along the track, count as equal
 _MOST = 200_000     # maximum number of benches that are placed
 
@@ -94,7 +94,7 @@ class BoundingBox:
 
 
 def fits(bounds_m: tuple[float, float], side_m: float) -> bool | None:
-    """Return whether a square whose side lies within bounds fits into one of side ``side_m``; None if undecided."""
+    """Return whether a square with given bounds on its side fits into one of side ``side_m``; None if undecided."""
     return True if bounds_m[1] <= side_m else False if bounds_m[0] > side_m else None
 
 
@@ -157,7 +157,7 @@ def turning_m(track: Track, link_m: float) -> list[float]:
 
 
 class _Reaching(InOrder):
-    """A search for the farthest corner on each side: best values so far, their positions, and bounds for the rest."""
+    """A search for the farthest corner on each side: the best corners so far, and bounds for the other intervals."""
 
     at_once = _AT_ONCE
 
@@ -267,7 +267,7 @@ class SweptBench:
                            _sides(two * (to_rear if link else 1j * to)[:, None]))
 
     def _rears(self, fronts: Places) -> Places:
-        """Return the rear handles; solve one by one at a lock, as only the scalar solver accepts the longest chord."""
+        """Return the rear handles, solved singly at a lock: only the scalar solver accepts the longest chord."""
         try:
             return next_places(self.track, fronts, self.link_m, BEHIND)[0]
         except ChainLockError:
@@ -319,7 +319,7 @@ def _mean(a: Floats, b: Floats, gone: Floats) -> Ball:
 
 
 class HandleRanges:
-    """The ranges of a dragon's front handles along the track during a run, and the time when a handle is at a position.
+    """The ranges of a dragon's front handles along the track during a run, and the times when handles are at positions.
 
     Each handle moves in one direction while the leader goes from one of ``_stops_m`` to the next. The stops are the
     smallest and the largest distance travelled by the leader, and the distances in between at which a handle turns

@@ -3,11 +3,11 @@
 The larger of two bounds is used. Both bounds hold if no link can lock. The handles then move only in the direction of
 the leader, so between two states handle i moves by exactly the distance D_i between its positions. A point of a bench
 at a fraction t of the way between its handles moves by at most (1 - t) D_i + t D_(i+1). A point at a distance e beside
-or beyond them moves further by at most e times the bench's rotation, which is at most (D_i + D_(i+1)) / 2 times the
+or beyond the link moves further by at most e times the bench's rotation, which is at most (D_i + D_(i+1)) / 2 times the
 track's largest curvature. If two benches met between the two states, the points that meet would be at least the gap
 apart at each state, so together they would have to move by at least the sum of both gaps.
 
-This first bound loosens with the motion of benches, even if they move together. The second bound is used for pairs that
+The first bound loosens with the motion of benches, even if they move together. The second bound is used for pairs that
 the first bound does not clear. The second bound loosens with the square of the step, and only with the relative motion
 of benches: over a step h no corner deviates from the line between its positions at both ends by more than B h^2 / 8,
 with B from ``on_track``. docs/contact.md has the proofs. All bounds are rounded outwards: gaps and separations by
@@ -29,10 +29,13 @@ from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
 _TOLERANCE = 4          # multiple of the position error, for two benches at two states
-_SPACING = 0.3          # spacing of the first states in longest benches; pairs two benches apart do not allow more
-_LEAST_SPACING = 0.05   # smallest fraction of this spacing; intervals are cut later, and short roots reach few pairs
+# The spacing of the first states, in longest benches; pairs two benches apart could not be cleared with a larger
+# spacing.
+_SPACING = 0.3
+# The smallest fraction of this spacing for later roots. Roots are cut anyway, and shorter roots would reach few pairs.
+_LEAST_SPACING = 0.05
 _PARTS_OF_ROOT = 1.05  # desired number of parts per root, to which the length of roots is adapted from block to block
-_FINER = 0.25           # smallest factor for such an adaptation; the largest factor is the inverse
+_FINER = 0.25           # smallest factor by which the length of roots is adapted; the largest factor is the inverse
 _MOST = 2_000_000       # maximum number of first intervals; a search with so many takes a few hours
 _FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, times min(1 m, longest bench)
 _REACH = 1.25           # reach of a root, relative to the motion of two benches; other pairs keep a fifth of their gap
@@ -46,7 +49,7 @@ _STILL_M = 1e-200       # avoids a division by zero if two states round to the s
 
 @dataclass(frozen=True)
 class ChainSamples:
-    """States of a chain with N benches at M leader positions: handles (M, N+1), and rectangles.
+    """States of a chain with N benches at M leader positions: handles (M, N+1) and the rectangles of the benches.
 
     For each handle, ``along_m`` is its distance along the track, and ``headings``, ``curvature`` (1/m) and ``segment``
     (index) are those of the track at this handle.
@@ -70,7 +73,7 @@ _FIELDS = tuple(each.name for each in fields(ChainSamples))
 
 
 class _ChainIntervals:
-    """The space of leader positions for ``clear``; pairs are found once per root, and its parts examine the rest.
+    """The space of leader positions for ``clear``; pairs are found once per root, and parts examine those that remain.
 
     A group is a set of pairs, with a bound on the gaps of all other pairs in an interval. The group of a root holds the
     pairs within reach. If the bound on a pair's gap in an interval is not far below the gaps at both ends, the pair
@@ -277,7 +280,7 @@ class WholeChain:
             here_m, size = end_m, min(2 * size, most)
 
     def _within(self, place_m: float) -> float:
-        """Return the position or, if only benches beyond the first segment count, the nearest one with such a bench."""
+        """Return the position; if benches must be beyond the first segment, the nearest position with such a bench."""
         domain = self._domain
         if not self._only_beyond:
             return place_m

@@ -25,7 +25,7 @@ from dragon_ros.core.numerics.types import Floats, Ints
 
 _SHARE = 0.9        # length of a part, relative to its room; below 1 because gaps shrink within an interval
 _MOST_PARTS = 3     # maximum number of parts per cut; shorter intervals have more room than a long one suggests
-_AT_ONCE = 4096     # number of intervals that are bounded together; the others wait, which limits memory
+_AT_ONCE = 4096     # maximum number of intervals that are bounded together; the others wait, which limits memory
 _FINEST = 1e-14     # intervals shorter than this, relative to their times or distances, are not cut
 Bools = NDArray[np.bool_]
 
@@ -136,7 +136,7 @@ class Samples(Protocol):
 
 @dataclass(frozen=True)
 class Judgement:
-    """A judgement of M intervals: lower bounds on gaps, whether benches touch at each end (2, M), numbers of parts.
+    """A judgement of M intervals: lower bounds on gaps, whether benches touch at each end (2, M), and part counts.
 
     ``group`` (M,) holds the groups for which the parts are judged; a space may omit pairs that are settled for the
     whole interval.
@@ -195,7 +195,7 @@ class Cleared:
 
 
 def parts_for(room: Floats) -> Ints:
-    """Return the number of parts for each interval, which would be cleared at a fraction ``room`` of its length."""
+    """Return the number of parts of each interval, given the fraction ``room`` of its length that would be cleared."""
     parts = np.ceil(1 / (_SHARE * np.maximum(room, 0.5 / _MOST_PARTS)))
     return np.clip(parts, 2, _MOST_PARTS).astype(np.int64)
 

@@ -44,7 +44,7 @@ from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve, arc_between
 
 TOLERANCES = ('dragon.width_m', 'dragon.head_length_m', 'dragon.body_length_m', 'dragon.hole_inset_m', 'track.pitch_m')
-_WITHIN = 0.01          # leader travel before a touching dragon at which a proof ends, times min(1 m, longest link)
+_WITHIN = 0.01          # a proof ends at most this leader travel before a touching dragon, times min(1 m, longest link)
 _AT_ONCE, _MOST = 1000, 200_000     # numbers of boxes: judged together, and in all
 _FIRST_RAD = 2.0        # angle by which the inner bench moves about the centre in a first box
 _MOST_FIRST = 10_000    # maximum number of first boxes
@@ -99,7 +99,7 @@ class Family:
 
     @property
     def within_m(self) -> float:
-        """The leader travel, before the position of a touching dragon, at which a proof may end."""
+        """How much leader travel before the position of a touching dragon a proof may leave out."""
         return _WITHIN * min(1.0, self.head_link_m[1], self.body_link_m[1])
 
     @property
@@ -277,8 +277,8 @@ class _PairBoxes:
 class _FamilySearch:
     """Branch and bound over boxes, in the order in which the leader can reach them.
 
-    ``frontier_m`` is the distance that the leader can travel before it reaches a box that is not clear. At the distance
-    ``limit_m`` the leader reaches a position at which the two ``benches`` overlap.
+    ``frontier_m`` is the distance that the leader can travel before it reaches a box that has not been cleared. At the
+    distance ``limit_m`` the leader reaches a position at which the two ``benches`` overlap.
     """
 
     def __init__(self, family: Family, begin_m: float, end_m: float, progress: Callable[[int], object]) -> None:
@@ -386,7 +386,7 @@ class _FamilySearch:
         return _PairBoxes(low, high, boxes.inner, boxes.gone_m).some(which)
 
     def _strips(self, low: Floats, high: Floats, inner: Ints) -> tuple[Floats, Floats, Ints]:
-        """Return the range of the angle AHEAD of the other bench within each box, and the nearest bench in that range.
+        """Return the range of the angle AHEAD within each box, and the number of the nearest bench in this range.
 
         By lemma 1 of docs/contact.md, the angle from a handle to the handle a given number of links behind decreases as
         theta increases, and increases with the length of each link. The first end of an empty range is larger than its

@@ -37,7 +37,9 @@ _BEFORE_M = 1e-9        # clearing stops this far before a contact, times min(1 
 _TOLD_APART = 4         # where clearing stops, gaps are at least this multiple of the error that a bound must exceed
 _AHEAD_M = 1e-8         # first step of the search for a contact just beyond a position that cannot be cleared
 _AHEAD = 24             # number of doublings of this step, up to 8 cm
-_STEADY = 4             # a gap that takes longer than this multiple of its closing distance is a separate approach
+# The approach to a contact is separate if it takes more than this multiple of the leader travel that the final rate of
+# the gap requires.
+_STEADY = 4
 _ASIDE = 1e3            # the checker's step to either side of a contact for the closing rate, in units of ``_BEFORE_M``
 _LAST_PLACES = 4        # rounding error of a contact's time, in ulps, from which the error of the position follows
 _WIDEST_M = 1e-6        # largest slack, times min(1 m, longest bench)
@@ -142,7 +144,7 @@ class _ContactSearch:
         return Certificate(tuple(each for part in self._parts for each in part.intervals()), self._complete)
 
     def _clear(self) -> Bracket | None:
-        """Clear up to the first bracket that is not clear. Raises FieldError if contacts cannot be ruled out so far."""
+        """Clear up to the first bracket that is not clear. Raises FieldError if contacts cannot be ruled out there."""
         domain, hit = self._domain, None
         last_m, why = self._last()
         if why is not _TOO_FAR and (last_m == domain.stop_m or last_m != domain.start_m):
@@ -165,7 +167,7 @@ class _ContactSearch:
         return min(ends, key=lambda end: domain.sense * end[0])
 
     def _contact(self, bracket: Bracket) -> Contact:
-        """Return the contact in a bracket of positions, or a grazing if contact of the closest pair is undecided."""
+        """Return the contact in a bracket of positions, or a grazing if the closest pair may or may not touch."""
         domain = self._domain
         claim, later, grazing_m = self._touching(bracket)
         gone_m, pair = claim.gone_m, claim.pair
@@ -195,7 +197,7 @@ class _ContactSearch:
         return around.touch(benches, pair[0], edge)
 
     def _touching(self, bracket: Bracket) -> tuple['_Claim', list[tuple[float, Pair]], tuple[float, float] | None]:
-        """Return the first contact in a bracket, later touches and None; or a grazing, no touches and gap bounds.
+        """Return a contact in a bracket, later touches, and None; or a grazing, no touches, and bounds on its gap.
 
         If no pair touches at the bracket's other end, a pair may touch just beyond that end. Such a touch counts if the
         gap closes directly from the bracket's end, about as fast as at its zero. A touch where the leader turns back is
@@ -212,7 +214,7 @@ class _ContactSearch:
         return _Claim(domain, pair, gone_m), [], gap_m
 
     def _ahead(self, bracket: Bracket) -> list[tuple[float, Pair]]:
-        """Return where pairs begin to touch just beyond a bracket, in order; none if far or in a separate approach."""
+        """Return where pairs begin to touch directly beyond a bracket, in order, unless in a separate approach."""
         domain = self._domain
         for power in range(_AHEAD):
             ahead = bracket.other_m + domain.sense * _AHEAD_M * 2**power
@@ -257,8 +259,8 @@ class _ContactSearch:
     def _prove(self, clear_m: float, claim: '_Claim', most_m: float) -> tuple[float, Bracket | None]:
         """Clear up to a position just before a contact or a grazing.
 
-        Clearing stops a nanometre before the contact, or earlier if the gap would be too small to be distinct from zero
-        there, but at most ``most_m`` before the contact. Return the position up to which all is clear, and the first
+        Clearing stops a nanometre before the contact, or earlier if the gap is too small there to differ provably from
+        zero, but at most ``most_m`` before the contact. Return the position up to which all is clear, and the first
         bracket that is not clear.
         """
         sense, slope = self._domain.sense, claim.slope
@@ -304,7 +306,7 @@ class _Claim:
 
     @cached_property
     def _coarse(self) -> float:
-        """The ratio of the float spacing at the pair to that near the origin."""
+        """The ratio of the float spacing at the pair to the spacing near the origin."""
         return self.domain.coarse(self.pair, self._told_m)
 
     @cached_property
@@ -325,7 +327,7 @@ class _Claim:
 
     @cached_property
     def near_m(self) -> float:
-        """The largest gap of a grazing, and the longest leader travel before it that need not be clear."""
+        """The largest gap of a grazing, and the leader travel before a grazing that need not be clear."""
         return _GRAZING_M * self.domain.unit * self._coarse
 
     @cached_property
@@ -359,7 +361,7 @@ class _Claim:
         return self.domain.gap(self.pair, self._told_m + self.domain.sense * after_m) < -self._rounding_m
 
     def touches(self, cleared_m: float, as_asked: bool) -> bool:
-        """Return whether a part that is clear up to a position proves a contact; ``as_asked`` if this was requested."""
+        """Return whether a contact is proved if all is clear up to a position (``as_asked``: the requested one)."""
         return self.overlaps and (as_asked or self._within(cleared_m, self.slack_m))
 
     def grazes(self, cleared_m: float) -> bool:

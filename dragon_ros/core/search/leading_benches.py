@@ -2,9 +2,9 @@
 
 If the first segment winds in from afar, the chain behind a bench on this segment depends only on the position of that
 bench and on the links behind it. Benches are therefore grouped into classes with identical remaining link sequences.
-The first bench of a class is its lead, and the whole class is cleared over the track that its front handles pass. If
-that fails, each bench is cleared over its own part of the track, which no other bench of its class has passed before.
-Mixed benches form many classes, and all classes behind the head are sampled and bounded together.
+The first bench of a class is its lead, and the class is cleared as a whole over the track that its front handles pass.
+If that fails, each bench is cleared over its own part of the track, which no other bench of its class has passed
+before. Mixed benches form many classes, and all classes behind the head are sampled and bounded together.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -94,7 +94,7 @@ class _ClearedInterval:
 
 
 class LeadingBenches:
-    """One class of benches over a domain, with the cleared intervals of its pairs with the benches behind."""
+    """One class of benches over a domain, and the cleared intervals of its pairs with benches behind."""
 
     def __init__(self, domain: SearchDomain, benches: list[int]) -> None:
         """Represent the class of ``benches``, which are in order from the head; the first bench is the ``lead``."""
@@ -115,7 +115,7 @@ class LeadingBenches:
 
     @property
     def _single(self) -> bool:
-        """Whether this is the class of the head alone, whose positions are in the order of the leader's motion."""
+        """Whether the class is the head alone, whose positions are in the order of the leader's motion."""
         return self.benches == [0]
 
     def clear(self, stop_m: float) -> Bracket | None:
@@ -135,7 +135,7 @@ class LeadingBenches:
         yield from self._window(self.lead, outer, inner, self._behind)
 
     def clear_apart(self, stop_m: float, whole: Cleared) -> Bracket | None:
-        """Clear each bench's share of a window that was not cleared; return the first bracket that is not clear."""
+        """Clear bench by bench, after the whole window was not cleared; return the first bracket that is not clear."""
         phases, ends = self.phases(stop_m)
         if self._single:
             self._hit = self._bracket(self.lead, whole.hit, (phases[0], phases[-1])) if whole.hit else None

@@ -45,7 +45,8 @@ _SPACING_M = 0.2        # length of the first intervals, in leader travel
 _PARTS = 4              # number of parts into which an interval is cut
 _AT_ONCE = 256          # number of intervals that are bounded together
 _SAME = 1e-12           # speeds with a smaller relative difference count as equal
-_APART_M = 1e-9         # distance of a cut from the end of the inward segment; at the end itself, rounding would decide
+# The distance of a cut from the end of the inward segment; at the end itself, rounding would decide.
+_APART_M = 1e-9
 _MOST = 2_000_000       # maximum number of first intervals
 _BENT = 1.09            # the curvature of any spiral is at most 1.09 / r (see ``min_pitch``)
 _SURE = 1.98            # product of curvature and link below which a link's arc turns by less than pi (2 would suffice)
@@ -53,7 +54,7 @@ _SURE = 1.98            # product of curvature and link below which a link's arc
 
 @dataclass(frozen=True)
 class MaxSpeed:
-    """The ratio of the largest speed of any handle in a run to the leader's largest speed, with handle and position.
+    """The ratio of the largest speed of any handle in a run to the leader's largest speed, and where it occurs.
 
     ``gone_m`` is the distance that the leader has travelled since t = 0 when this speed occurs, and ``along_m`` is the
     leader's distance along the track at the same time (for an S-turn, from the entry). If several handles are equally
@@ -108,7 +109,7 @@ class _Speeding(InOrder):
         self._looks, self._tell = 0, progress
         self._best, self._bound = (-inf, scene.run.start_s, 0), -inf
         leader = self._leader
-        self._behind_m = np.concatenate(([0.0], np.cumsum(leader.links_m)))    # lower bounds on distances
+        self._behind_m = np.concatenate(([0.0], np.cumsum(leader.links_m)))    # lower bounds, in m
         self._sure_m = _sure_m(leader.track, leader.links_m) if leader.direction == BEHIND else -inf
 
     def run(self) -> MaxSpeed:
@@ -198,7 +199,7 @@ class _Speeding(InOrder):
         return np.stack((np.max(tops, axis=1), np.max(sure, axis=1), states.gone_m[starts], states.gone_m[stops]))
 
     def _relative(self, states: 'SpeedStates') -> Floats:
-        """Return, for each handle (K+1,), the largest position error of the handles up to it, over the mean link."""
+        """Return the largest position error up to each handle (K+1,), counted from the leader, over the mean link."""
         mean_m = compile_scene(self._scene).model.length_m / self._scene.dragon.benches
         if not mean_m:      # all handles coincide
             return np.zeros(1)
@@ -261,7 +262,7 @@ class _Varying:
     largest_m_s: float
 
     def between(self, start_s: Floats, stop_s: Floats) -> LawBetween:
-        """Return logs and slopes on intervals between the law's breaks; at a jump, the speed is one-sided.
+        """Return logs and slopes on intervals between the law's breaks; a jump counts with the speed inside.
 
         The slope of log |v| by distance is dv/dt / v^2. At rest the slope is unbounded, and log |v| is -inf.
         """

@@ -1,12 +1,12 @@
 """Bounds on the smallest pitch at which the head winds in to a circle without a contact.
 
-A smaller pitch need not mean contact, because benches can also slip past each other. The search therefore looks for the
-largest pitch with a contact before the circle is reached, by branch and bound in the plane of head radius and pitch,
-from the largest pitch downwards. Any pair that touches gives a lower bound. A cell of the plane is clear, for every
-pitch and radius in it, if each pair has an edge that separates the two benches at all four corners of the cell by more
-than the benches' corners can sag in between. This sag is at most B1 h1^2 / 8 + B2 h2^2 / 8, because no function differs
-more from its bilinear interpolation. B1 and B2 are proved bounds on the second derivatives by radius and by scale over
-the whole cell (``on_spiral``, ``by_scale``).
+A contact at one pitch does not imply a contact at smaller pitches, because benches can also slip past each other. The
+search therefore looks for the largest pitch with a contact before the circle is reached, by branch and bound in the
+plane of head radius and pitch, from the largest pitch downwards. Any pair that touches gives a lower bound on the
+pitch. A cell of the plane is clear, for every pitch and radius in it, if each pair has an edge that separates the two
+benches at all four corners of the cell by more than the benches' corners can sag in between. This sag is at most B1
+h1^2 / 8 + B2 h2^2 / 8, because no function differs more from its bilinear interpolation. B1 and B2 are proved bounds on
+the second derivatives by radius and by scale over the whole cell (``on_spiral``, ``by_scale``).
 
 Everything is computed in units of b = pitch / 2 pi. In these units all spirals have the equation r = theta, and the
 dragon is ``scale`` = 1 / b times as large: a smaller pitch means a larger dragon. A state consists of a scale and a
@@ -46,18 +46,19 @@ from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
 
-_WAY_RAD, _STEP = 0.8, 0.1  # size of first cells: angle of the leading handle, and fraction of the pitch
+# The size of the first cells: the angle of the leading handle about the centre, and a fraction of the pitch.
+_WAY_RAD, _STEP = 0.8, 0.1
 _AT_ONCE, _MOST = 256, 100_000      # numbers of cells: judged together, and in all
 _TINY = 1e-2            # side of the smallest boxes, relative to ``within_m``
 _OUTWARDS = 1 + 2.0**-50    # rounding factor for a pitch, which is the quotient of a rounded number and a scale
-_SAME = 1e-15               # relative error of a pitch that is the inverse of a scale, rounded twice
+_SAME = 1e-15               # relative rounding error of a pitch, the inverse of a scale
 _UNIT = track_of(Spiral(2 * pi, 1.0), BEHIND)   # the spiral in units of b
 _BENT = 1.09               # the curvature of any spiral is at most 1.09 / r: (u^3 + 4 u^2 + 4 u) / (1 + u)^3 <= 32 / 27
 
 
 @dataclass(frozen=True)
 class MinPitch:
-    """A pitch ``low_m`` with a contact, and a pitch ``high_m`` without contacts from there to ``largest_m``.
+    """A pitch ``low_m`` with a contact, and a pitch ``high_m``; no contact occurs from there up to ``largest_m``.
 
     At ``low_m`` the ``benches`` touch when the head's front handle is at ``radius_m``; ``states`` is the number of
     windings placed, or of states for mixed benches. For mixed benches ``proved`` is False: ``high_m`` and ``largest_m``
@@ -99,7 +100,7 @@ class _PitchTask:
         return sqrt((self.turns * pitch_m) ** 2 + pitch_m / pi * arc)
 
     def innermost_m(self, pitch_m: float, first: int) -> float:
-        """Return a lower bound on the radius at this and larger pitches, as no arc is shorter than its chord."""
+        """Return a lower bound on the radius at this and larger pitches; no arc is shorter than its chord."""
         b_m, radius_m = pitch_m / (2 * pi), self.radius_m
         inward = 2 * b_m * float(self.dragon.link_lengths_m[0]) / sqrt(1 + (b_m / radius_m) ** 2)
         return sqrt(radius_m**2 + inward * first)
@@ -108,7 +109,7 @@ class _PitchTask:
 def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_turns: float = 16.0,
               largest_m: float = 1.0, within_m: float = 2e-11,
               progress: Callable[[int], object] = lambda states: None, smallest_m: float | None = None) -> MinPitch:
-    """Return the smallest pitch such that, from it up to ``largest_m``, the head reaches the circle without contact.
+    """Return the smallest pitch such that the head reaches the circle without contact up to ``largest_m``.
 
     The head starts ``start_turns`` turns from the centre of the spiral, which is also the centre of the circle of
     diameter ``diameter_m``. ``low_m`` and ``high_m`` differ by at most ``within_m``. Mixed benches require
@@ -250,7 +251,7 @@ class _Descending:
         self._best = self._limit = 2 * pi / floor_m     # scale of the contact found, and scale up to which all is clear
         self._done = 0
         size_m = task.widest_m(task.largest_m, 1)
-        self._tolerance_m = 2 * EXACT.promise_for_m(size_m)     # the position errors of both benches
+        self._tolerance_m = 2 * EXACT.promise_for_m(size_m)     # covers the position errors of both benches
 
     def run(self) -> tuple[float, float]:
         """Return a pitch with a contact (or the floor), and the smallest pitch above which everything is clear."""
@@ -338,7 +339,7 @@ class _Descending:
         return windings(dragon, self.first, follow, radius_m, scale)
 
     def _turns(self, radius_m: Floats, scale: Floats) -> float:
-        """Estimate after how many turns benches are clear of the leading bench; ``_check_rest`` makes sure."""
+        """Estimate after how many turns benches are clear of the leading bench; ``_check_rest`` checks the estimate."""
         dragon, pitch_m = self.task.dragon, 2 * pi / float(np.max(scale))
         overhang_m = 0.5 * float(dragon.bench_lengths_m[self.first] - dragon.link_lengths_m[self.first])
         sag_m = float(dragon.link_lengths_m[-1]) ** 2 / (8 * float(np.min(radius_m)))
@@ -401,7 +402,7 @@ class _Descending:
 
 
 def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale: Floats) -> BenchSamples:
-    """Place ``follow`` benches, the first being ``first``, behind radii (M,) on spirals of given scales, in units of b.
+    """Place ``follow`` benches from ``first`` on, behind radii (M,) on spirals of given scales, in units of b.
 
     Raises ChainLockError if a link cannot be placed.
     """

@@ -28,21 +28,22 @@ from dragon_ros.core.search.leading_benches import LeadingBenches, classes_of
 from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
-if TYPE_CHECKING:       # not imported for scenes without a venue
+if TYPE_CHECKING:       # scenes without a venue do not need this module
     from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
 
 MOST = 1000             # maximum number of listed near misses; the others are only counted
 _COARSE_M = 1.0         # spacing of positions for the coarse search for obstacles
 _SPACING_M = 0.02       # spacing of samples along the track; where corners pass benches, dips are decimetres long
-_LIPSCHITZ = 2.0    # rough rate of a gap by leader travel; it limits how far a dip's samples may exceed the threshold
+# The approximate rate of a gap by leader travel, which limits how far the samples of a dip may exceed the threshold.
+_LIPSCHITZ = 2.0
 _SHALLOW_M = 1e-9       # far above the error of gaps; shallower dips cannot be distinguished from a constant gap
 _AT_ONCE = 64           # number of samples that are evaluated together
 _GOLDEN = 0.5 * (5**0.5 - 1)
 _ROUNDS = 34            # number of golden-section steps: 0.618^34 of 4 cm is 3 nm, less than a flat minimum resolves
 _REFINED = 1024         # maximum number of minima that are refined together, to save memory
-_SAME_M = 1e-4          # leader travel; closer minima of the same pair count as one minimum
-_CLOSING_M = 1e-6       # leader travel, before a reversal, over which the gap must have decreased
-_NEWTON = 8             # maximum number of iterations; handles are about as fast as the leader, so three often suffice
+_SAME_M = 1e-4          # minima of the same pair that are closer than this, in leader travel, count as one minimum
+_CLOSING_M = 1e-6       # the gap must have decreased over this leader travel before a reversal
+_NEWTON = 8             # maximum number of iterations; three suffice if handles are about as fast as the leader
 _THERE_M = 1e-9         # tolerance for a position found by Newton's method
 
 Pair = tuple[int, int]
@@ -83,7 +84,7 @@ class _Dip:
 
 @dataclass(frozen=True)
 class _ClassDip:
-    """A dip of a class's first bench, transferred to another bench of the class in one phase of the leader's motion."""
+    """A dip of a class's first bench, transferred to one bench of the class in one phase of the leader's motion."""
 
     dip: _Dip
     bench: int

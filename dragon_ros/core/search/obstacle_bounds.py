@@ -20,12 +20,14 @@ from dragon_ros.core.geometry.venue import Surroundings
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 from dragon_ros.core.search.bounding_box import BenchStates, SweptBench
 
-_APART_M = 1e-9     # relative to the bench; closer points define no direction, so the axes of bench and edge are tried
+# The smallest gap, relative to the bench, at which the nearest points define a direction; for smaller gaps, the axes of
+# bench and edge are tried.
+_APART_M = 1e-9
 
 
 @dataclass(frozen=True)
 class ObstacleBounds:
-    """The gaps between a bench that moves along a track and the edges of a venue, and bounds between two positions.
+    """The gaps between a bench that moves along a track and the edges of a venue, at positions and between them.
 
     ``error_m`` is a bound on position errors; the bounds on gaps hold for benches with such errors.
     """
@@ -94,7 +96,7 @@ class ObstacleBounds:
         return out
 
     def _to_bench(self, corners: Complexes, edge: Ints) -> Complexes:
-        """Return the directions from the nearest points of edges to the nearest points of benches apart from them."""
+        """Return the directions from the nearest points of edges to the nearest points of benches; no pair touches."""
         around, half, (centre, axis) = self.around, self.half_m, self._seats(corners)
         seen = (corners - around.middle[edge][:, None]) * np.conj(around.axis[edge])[:, None]
         long = around.half_m[edge][:, None]

@@ -28,9 +28,9 @@ _SPACING = 0.5          # spacing of the first positions, in longest benches
 _MOST_PLACES = 50_000   # maximum number of first positions per window, to save memory
 _FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, times min(1 m, longest bench)
 _SHORTEST = 0.1         # shortest interval of ``prove``, relative to the tolerance; gaps before a contact are larger
-_FAR = 0.05             # edges that stay further away, in longest benches, are not examined
+_FAR = 0.05             # edges that stay further away than this many longest benches are not examined
 _PARTS = 3              # number of parts into which an interval is cut
-_LONG = 6.0             # longest move in longest benches; for a longer move, the bound would need too many edges
+_LONG = 6.0             # longest move that is bounded, in longest benches; a longer move would involve too many edges
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ class Obstacles:
 
     def _earliest(self, hits: list[tuple[int, tuple[float, float, float]]], phase: tuple[float, float]
                   ) -> Bracket | None:
-        """Return the bracket that the leader reaches first, given hits in the tracks of front handles."""
+        """Return the bracket that the leader reaches first, given the hits of front handles."""
         domain, first = self._domain, None
         while hits:
             bench, (clear_m, other_m, bound_m) = hits[0]
@@ -174,7 +174,7 @@ class Obstacles:
 
 
 def phases(domain: SearchDomain, stop_m: float) -> list[tuple[float, float]]:
-    """Return the leader's travel up to a position in parts, in each of which every handle moves in one direction."""
+    """Split the leader's travel up to a position into parts in which every handle moves in one direction."""
     start_m = domain.start_m
     turns = domain.leader.turning_m(start_m, stop_m, 2)[::1 if start_m < stop_m else -1]
     return [] if start_m == stop_m else [*pairwise(dict.fromkeys([start_m, *turns, stop_m]))]
@@ -188,7 +188,7 @@ def swept_bench(domain: SearchDomain, number: int) -> SweptBench:
 
 
 def windows_of(domain: SearchDomain, benches: Ints, phase: tuple[float, float], spacing_m: float) -> list[Window]:
-    """Return the windows of the benches of one length in a phase; each position that they pass is in one window.
+    """Return the windows of the benches of one length in a phase; each position that is passed is in one window.
 
     The window of a bench holds the positions that no bench of its length ahead of it has passed before.
     """

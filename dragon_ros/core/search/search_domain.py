@@ -31,16 +31,16 @@ from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place
 from dragon_ros.core.tracks.segments import BEHIND
 
-if TYPE_CHECKING:       # not imported for scenes without a venue
+if TYPE_CHECKING:       # scenes without a venue do not need this module
     from dragon_ros.core.geometry.venue import Surroundings
 
 _LOCK_RAD = 1e-9        # margin before a lock or the centre, where speeds are infinite, relative to 1 + polar angle
-_FLOATS = 1e-13         # error over largest coordinate: the exact tier's promise far out, also used further in
+_FLOATS = 1e-13         # position error over the largest coordinate, as promised by the exact tier far from the origin
 _SLOPE = 1e-6  # step to either side for slopes, for links of 1 to 2 m: gap errors of 1e-11 m give slope errors of 1e-5
 _COARSEST = 0.05        # largest position error, in longest benches, with which benches can be distinguished
 _KEPT = 6               # number of cached chains; the ends of domains and phases are used repeatedly
 _FEW = 12               # up to this number, placing chains one by one is faster than placing them together
-_MANY = 30              # above this number of chains, tables are built, which also serve later chains
+_MANY = 30              # above this number of chains, tables are built, which later chains use too
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class RangeOfTravel:
         return illinois(lambda t_s: self.gone_m(t_s) - gone_m, before, after, one - gone_m, two - gone_m)
 
     def arrival_s(self, gone_m: float, sense: int) -> float:
-        """Return when the leader first reaches a distance in a sense, or when it is nearest if it never does."""
+        """Return when the leader, moving in a sense, first reaches a distance, or comes nearest to it."""
         if isinstance(self.law, Head):
             return float(np.clip(gone_m / self.law.speed_m_s, self.start_s, self.end_s)) if self.law.speed_m_s else (
                 self.start_s)
@@ -273,7 +273,7 @@ class SearchDomain:
 
     @cached_property
     def step_m(self) -> float:
-        """The step for slopes: 1 µm times a power of 2 that follows the longest link; 1 µm if all links are points."""
+        """The step for slopes: 1 µm times the largest power of 2 up to half the longest link, or 1 µm without links."""
         longest_m = float(np.max(self.simulation.model.links_m, initial=0.0))
         return _SLOPE * 2.0 ** (floor(log2(longest_m)) - 1) if longest_m else _SLOPE
 

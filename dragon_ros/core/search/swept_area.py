@@ -1,8 +1,9 @@
-"""The area that benches sweep in a run, from closely spaced positions; for drawing and measuring, not for proofs.
+"""The area that benches sweep in a run, computed from closely spaced positions for drawing and measuring.
 
 The area consists of one part for the head and one part for each length of the other benches; a part covers the benches
 at all positions of their front handles. Each part is the union of overlapping benches, one step apart, and of the areas
-between their ends. On a track of radius R, the computed area is too narrow by about step^2 / (8 R).
+between their ends. Nothing is proved about the area. On a track of radius R, the computed area is too narrow by about
+step^2 / (8 R).
 """
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,7 +26,7 @@ _MOST_PLACES = 40_000   # maximum number of positions; if more are needed, the s
 
 @dataclass(frozen=True, eq=False)
 class SweptArea:
-    """The areas that the head and the body sweep, as polygons in m, and all parts (n,) of which they consist.
+    """The areas that the head and the body sweep, as polygons in m, and the small polygons (n,) of which they consist.
 
     ``at_m`` (n,) holds the distances of the front handles along the track, in increasing order. ``long_m`` is the
     length of the longest bench.
@@ -88,7 +89,7 @@ def room_every_metre(scene: Scene, swept: SweptArea) -> tuple[Floats, Floats]:
 
 
 def room_needed_m(track: Track, swept: SweptArea, stations_m: Floats) -> Floats:
-    """Return how far (n, 2), in m, benches reach to the left and right of a track at distances (n,) along the track.
+    """Return how far benches reach, (n, 2) in m, to the left and right of a track at distances (n,) along the track.
 
     Only benches near that distance along the track count; benches on another part of the track that passes nearby do
     not.

@@ -24,8 +24,8 @@ _AT_ONCE = 8192     # number of cells that are judged together
 _PARTS = 4          # number of parts into which a cell is cut
 _FIRST_M = 2.0      # approximate length of the first intervals
 _MOST_FIRST = 20_000    # maximum number of first intervals per kind of bench
-_PAIRS_AT_ONCE = 2_000_000      # maximum number of distances, of positions from edges, that are computed together
-_SAME_M = 4e-12     # twice the position error; a gap that falls short of the margin by at most this may still meet it
+_PAIRS_AT_ONCE = 2_000_000      # maximum number of distances from positions to edges that are computed together
+_SAME_M = 4e-12     # twice the position error; a gap smaller than the margin by at most this may still meet the margin
 _MOST = 3_000_000   # maximum number of cells that are examined
 
 
@@ -113,7 +113,7 @@ class _EdgeIntervals:
 
 
 class _Nearing(InOrder):
-    """A search for the smallest gap to each obstacle: best values so far, their positions, and bounds for the rest."""
+    """A search for the smallest gap to each obstacle: the best gaps so far, and bounds for the other intervals."""
 
     at_once = _AT_ONCE
 
@@ -156,7 +156,7 @@ class _Nearing(InOrder):
             least = np.min(np.minimum.reduceat(away, firsts, axis=1), axis=0)
             nearest[owner[firsts]] = np.minimum(nearest[owner[firsts]], least)
             low = 0.5 * (away[at[0]] + away[at[1]] - way[rows, None]) - arm
-            row, edge = np.nonzero(low <= nearest[owner])       # the nearest edges so far; later batches exclude more
+            row, edge = np.nonzero(low <= nearest[owner])       # edges that may be the nearest
             kept.append((rows[row], edge, low[row, edge]))
         cells = list[_EdgeIntervals]()
         for rows, edge, low in kept:

@@ -18,12 +18,13 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 FEWEST = 8              # smallest number of links for a table; for fewer links, marching is faster
 _MOST_MAPS = 4          # maximum number of shift maps per dragon, for the link lengths of its longest blocks
-_SHORTEST_LEAD = 0.05   # shortest leader's link, in links of the block; shorter links have too few digits for a series
-_TRIES = 8              # maximum number of links marched singly outside a table; then the rest is marched at once
+_SHORTEST_LEAD = 0.05   # shortest leader's link, in links of the block; the direction of shorter links is too inexact
+# The maximum number of links that are marched singly while no table covers a block; the rest is then marched at once.
+_TRIES = 8
 
 
 class _NextPlace(NamedTuple):
-    """The solver for the next position on a segment, the coordinates for which it applies, and the points."""
+    """The solver for the next position on a segment, the range of coordinates for which it applies, and the points."""
 
     next: Callable[[DoubleDouble, float, int], tuple[DoubleDouble, int]]
     low: float
@@ -39,7 +40,7 @@ class TabulatedLinks(NamedTuple):
 
     start: int
     links: int
-    at: int                 # index of the first coordinate in the chain
+    at: int                 # the index of the first coordinate in the chain
     spot: Spot
     products: list[Product]
     direction: int
@@ -178,7 +179,7 @@ class Placement:
 
     @cached_property
     def _plan(self) -> tuple[tuple[int, int, float, ShiftMap | None, list[_NextPlace]], ...]:
-        """The blocks as ``place`` needs them: first and last handle, link, shift map, and the step on each segment."""
+        """The blocks for ``place``: the first and last handle, link, shift map, and the step on each segment."""
         return tuple((*block, shift, [self._step(k, block.link_m) for k in range(len(self.track.segments))])
                      for block, shift in self.blocks)
 
@@ -271,7 +272,7 @@ class Placement:
 
     def _tabulated(self, flat: Floats, i: int, stop: int, spot: Spot,
                    leader: Place | None = None) -> TabulatedLinks | None:
-        """Write as many of the links ``i`` to ``stop`` as the table of a spot covers; return None if it covers none."""
+        """Write those of links ``i`` to ``stop`` that the table of a spot covers; return None if it covers no link."""
         (tile, cell, _), direction = spot, self.direction
         links = (tile.rows - 1 - cell.row if direction == BEHIND else cell.row) + (leader is not None)
         if links > stop - i:

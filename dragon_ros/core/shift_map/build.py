@@ -17,20 +17,22 @@ from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, reach_m
 from dragon_ros.core.tracks.spiral import SpiralSegment
 
-NODES = 24            # number of terms before truncation; parts whose series do not converge are cut into thirds
+NODES = 24            # number of terms of a series before truncation
 _MOST_STEPS = 40_000        # maximum total number of links from the joints to the span
 _MOST_BYTES = 256_000_000   # maximum size of the series of one table
 _ROUNDS = 5                 # maximum number of times that parts are cut into thirds
 NOISE = 4                  # the largest effect of rounding on the last terms, in units of the error
 _SPAN_NODES = 16            # number of terms for a whole span on a spiral, which is as smooth as a line
-_SPAN_ENDS = 2.0**-46       # largest last term, in half spans; rounding over hundreds of rows may reach a quarter of it
+# The largest last term of the series of a span, relative to half its length; rounding over hundreds of rows may cause a
+# quarter of it.
+_SPAN_ENDS = 2.0**-46
 _HAIR = 1e-12               # positions closer than this, relative to the distance along the track, count as equal
 _FREE = 12_000              # number of multiplications that take 0.3 times as long as the calls around the product
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """The images of a span in R rows of S parts, for links of one length; leaders are in L rows from ``first`` on.
+    """The images of a span in R rows of S parts, for links of one length; L rows from ``first`` on hold leaders.
 
     Part s of row r is on the segment ``segment[r, s]``; ``middle[r, s]`` holds the segment's coordinate in the middle
     as (hi, lo), and a scale, such that x = (coordinate - middle) * scale lies in [-1, 1]. Rounding may move |x| beyond
@@ -190,7 +192,7 @@ def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[_Spa
 def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
     """Move a position ahead, link by link, into the span that ends at ``back_m``, and return it."""
     sure = floor((back_m - track.distance_of(place)[0]) / reach_m(min(track.bend, 1 / link_m), link_m))
-    if sure > 0:        # this number of links certainly fits, given the longest arc of a link
+    if sure > 0:        # the number of links that certainly fit, given the longest arc of a link
         place = forward(track, (Block(0, sure, link_m),), place, AHEAD).place(-1)
     while track.distance_of(place)[0] <= back_m:
         place = track.next(place, link_m, AHEAD)[0]
@@ -207,7 +209,7 @@ def _part(track: Track, fore: Place, rear: Place) -> _SpanPart:
 
 
 def _thirds(part: _SpanPart) -> list[_SpanPart]:
-    """Return the thirds of a part; halves would more often need another round, which takes longer than more parts."""
+    """Return the thirds of a part; halves would need another round more often, which takes longer than more parts."""
     third = (part.rear[0] - part.fore[0]) / 3
     cuts = [np.array(plus(part.fore[0], part.fore[1], n * third)) for n in (1, 2)]
     return [_SpanPart(part.segment, *ends) for ends in pairwise((part.fore, *cuts, part.rear))]
@@ -238,14 +240,14 @@ def _built(track: Track, link_m: float, first: list[tuple[_SpanPart, _Pushed]], 
             return _table(rows, (x, middle, scale), inverse, link_m)
         before, pieces = pieces, []
         for (part, _, whole), one, over in zip(before, pushed, left.tolist(), strict=True):
-            if over > NOISE and over >= 0.5 * whole:        # due to rounding, which thirds would not reduce
+            if over > NOISE and over >= 0.5 * whole:        # caused by rounding, which thirds would not reduce
                 return None
             pieces += [(part, one, inf)] if over <= NOISE else [(third, None, over) for third in _thirds(part)]
     return None
 
 
 def _inverses(pushed: list[_Pushed], x: Floats, rows: slice) -> Floats:
-    """Return the inverses (S, K, L) of scaled coordinates (S, K, R) in the given rows, which the parts cache."""
+    """Return the inverses (S, K, L) of scaled coordinates (S, K, R) in the given rows; parts cache their inverses."""
     key = rows.start, rows.stop
     new = [n for n, one in enumerate(pushed) if key not in one.inverses]
     some = x[new, :, rows].transpose(1, 0, 2)
@@ -282,7 +284,7 @@ def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
     along = np.stack([one.along_m[:rows] for one in pushed], axis=1)
     reached = np.flatnonzero(np.any((along[..., 1] > low_m) & (along[..., 0] < high_m), axis=1))
     leading = slice(int(reached[0]), int(reached[-1]) + 1) if reached.size else slice(0, 0)
-    # Near the origin, a row is only as accurate as on a spiral that holds the dragon with turns one link apart.
+    # Near the origin, a row is only as accurate as a spiral that holds the whole dragon in turns one link apart.
     far_m = np.max([one.far_m[:rows] for one in pushed], axis=0)
     size_m = np.maximum(far_m, link_m * np.sqrt(stretch.links))
     error_m, allowed_m = (tier.series_m(size_m) for tier in tiers)
@@ -328,7 +330,7 @@ def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple
         return [(0, count - 1)]
     front = Place.of(*(values[NODES - 1].item() for values in first))
     links = count
-    if track.begin_m == -inf:       # nodes on the first segment stay there
+    if track.begin_m == -inf:       # nodes on the first segment stay on it
         links = min(count, max(1, ceil((track.distance_of(front)[0] - track.joints_m[0]) / link_m) + 2))
     try:
         fore = forward(track, (Block(0, links, link_m),), front, BEHIND).segment
@@ -367,9 +369,9 @@ def _along(segment: Segment, link_m: float, first: Places, count: int) -> Places
 
 
 def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: Floats) -> tuple[Floats, Floats] | None:
-    """Return the result of ``placed`` for the nodes of several parts by series, as a spiral is smooth across all cuts.
+    """Place the nodes of several parts by the series of a whole span, because a spiral is smooth across all cuts.
 
-    Only the nodes of one whole span are solved. The result is None if the series do not converge.
+    Only the nodes of the whole span are solved. The result is None if the series do not converge.
     """
     nodes = transform(_SPAN_NODES)[0]
     low, high = np.argmin(begin), np.argmax(begin)

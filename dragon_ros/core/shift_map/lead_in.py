@@ -3,8 +3,8 @@
 A dragon's head link is longer than its other links, so the leader is one link before the first block, outside all rows.
 However, while the first handle of the block is in one cell, at u in [-1, 1], the leader's position is a smooth function
 of the same u. The leader's coordinate, position and motion therefore have series in u, like all rows. The inverse of
-the coordinate gives u without solving for the first handle, and one product then gives the whole chain, including the
-leader.
+the coordinate's series gives u without solving for the first handle, and one product then gives the whole chain,
+including the leader.
 
 If the leader passes a joint while the handle is in one cell, no such series converges. However, lines, arcs and spirals
 can be extended beyond their ends, and on each extended segment the leader is again a smooth function of u. The cell
@@ -26,7 +26,8 @@ from dragon_ros.core.shift_map.build import NODES, NOISE, Table, scaled
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND, reach_m
 
-_MORE_NODES = 36        # number of nodes next to a joint, where series for a longer link converge more slowly
+# The number of nodes next to a joint, where series for a longer link converge more slowly than the block's series.
+_MORE_NODES = 36
 _NEWTON_STEPS = 12      # maximum number of steps on an extended segment, from the position at the same distance
 _SOLVED = 1e-14         # length of a final step, relative to the link, that leaves no error
 _SAME = 1e-9            # largest distance between equal solutions, relative to the link
@@ -85,7 +86,7 @@ class LeadIn:
 
 
 def towards_leader(track: Track, place: Place, link_m: float, direction: int) -> Place | None:
-    """Return the position of the leader whose follower, one link away in ``direction``, is at ``place``, or None."""
+    """Return the position of the leader whose follower is at ``place``, one link away in ``direction``, or None."""
     tame = track.without_locks(link_m)
     if tame is None or not _has_leader(tame, track.distance_of(place)[0], link_m, direction):
         return None
@@ -104,7 +105,7 @@ def lead_in(track: Track, table: Table, links_m: tuple[float, float], direction:
     if tame is None or not rows.size:
         return None
     followers, p, motion = _followers(track, table, rows, NODES)
-    along = track.distances(followers[0][:, [0, -1]], followers[1][:, [0, -1]])     # from rear to front
+    along = track.distances(followers[0][:, [0, -1]], followers[1][:, [0, -1]])     # in order from rear to front
     found = np.flatnonzero(_has_leader(tame, along[:, 1 if direction == BEHIND else 0], link_m, direction))
     leaders = _leaders(tame, followers, found, link_m, direction)
     if leaders is None:

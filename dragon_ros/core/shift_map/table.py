@@ -33,17 +33,24 @@ from dragon_ros.core.tiers import Tier
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
-_TERMS = 9000               # limit per product; BLAS splits larger products among threads, which could change last bits
+# The maximum number of multiplications per product: BLAS splits larger products among threads, which could change the
+# last bits.
+_TERMS = 9000
 _BOUNDARIES = 1024          # number of stretch boundaries whose positions are cached
-_MOST_CELLS = 64            # limit per shift map, for single states, at most 144 kB each; the oldest cells go first
+# The maximum number of cells that a shift map caches for single states, at most 144 kB each; the oldest cells are
+# dropped first.
+_MOST_CELLS = 64
 _MOST_BYTES = 512_000_000   # limit for the tiles of a shift map; the least recently used tiles are dropped first
-_MOST_TILES = 4096          # maximum number per shift map, including tiles without a table
-_FEWEST_LINKS = 512         # smallest tile in links; larger tiles are powers of two, at least as long as their blocks
+_MOST_TILES = 4096          # maximum number of tiles of a shift map, including tiles without a table
+# The smallest length of a tile, in links; the lengths of larger tiles are powers of two, at least the length of their
+# blocks.
+_FEWEST_LINKS = 512
 _FEWEST_JOINED = 64         # smallest tile on a composite track; larger tiles are at least half as long as their blocks
-_STRETCH_LINKS = 64        # length of a tile's stretches; each has its own series for the leader's link
-_STRETCH_JOINED = 32        # length of a tile's stretches on a composite track
-_SHORTEST = 1e-12           # shortest link over coordinates; floats cannot resolve the directions of shorter links
-_NEAR = 1e-9       # distance from a boundary, relative to stretch and position, below which rounding decides the side
+# The length of a tile's stretches, in links; a stretch has series for the leader's link once the leader reaches it.
+_STRETCH_LINKS = 64
+_STRETCH_JOINED = 32        # number of links per stretch on a composite track
+_SHORTEST = 1e-12           # shortest link, relative to coordinates, whose direction floats can resolve
+_NEAR = 1e-9       # relative distance from a boundary below which rounding could decide the side
 _BEFORE_LINKS = 64          # number of links from the start of a tile to the track's origin, where runs begin
 
 
@@ -59,7 +66,7 @@ class Product(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """One row of one part, in the fastest form for a single state: floats, and products by the number of links.
+    """One row of one part in the form that is fastest for single states: floats, and products for numbers of links.
 
     ``before`` holds the series (K, 2) of the leader's position and of its motion if the leader is one link before this
     row.
@@ -116,7 +123,7 @@ class _SegmentCells(NamedTuple):
 class Entrance:
     """The cells of a tile, found by the coordinates of leaders on a stretch between two positions.
 
-    Leaders of blocks are in the rows themselves. Leaders one link before a block are in no row; ``lead_in`` holds the
+    Leaders of blocks are in rows of the table. Leaders one link before a block are in no row; ``lead_in`` holds the
     series of these leaders. ``chart`` holds the charts of the cells.
     """
 
@@ -201,8 +208,8 @@ class Tile:
     table: Table
     fore: Place
     rear: Place
-    entrances: dict[tuple[float, int], Entrance | None]     # for leaders before the tile's blocks, by link and stretch
-    kept: deque[tuple[Entrance, int]]       # all cells cached by the shift map for single states
+    entrances: dict[tuple[float, int], Entrance | None]     # for leaders one link before a block, by link and stretch
+    kept: deque[tuple[Entrance, int]]       # all cells that the shift map caches for single states
 
     @property
     def memory_bytes(self) -> int:
@@ -266,7 +273,7 @@ class Tile:
         behind = links - 1 if before else links
         first, columns = cell.row if direction == BEHIND else cell.row - behind, 2 * behind + 2
         terms = int(table.terms[cell.part, first])
-        of_leader = len(before[0]) if before else 0     # number of terms of places and motions
+        of_leader = len(before[0]) if before else 0     # number of terms of both series
         places, motions = (series[cell.part, :terms, 2 * first:2 * first + columns]
                            for series in (table.places, table.motions))
         if max(terms, of_leader) * size <= _TERMS:
@@ -322,7 +329,7 @@ def links_of_tile(links: int, segments: int = 1) -> int:
 class ShiftMap:
     """The map from a handle to its followers, for blocks of up to ``links`` links of one length on a track.
 
-    Its tables are as accurate as ``tier`` requires.
+    The tables of the map are as accurate as ``tier`` requires.
     """
 
     def __init__(self, track: Track, link_m: float, links: int, direction: int, tier: Tier) -> None:
@@ -359,7 +366,7 @@ class ShiftMap:
                 return None
             self._last = entrance = tile.entrance
             found = entrance.spot(place)
-        return None if found is _ELSEWHERE else found       # the segment is too short for a part
+        return None if found is _ELSEWHERE else found       # if not found, the segment is too short for a part
 
     def spot_behind(self, leader: Place, link_m: float) -> Spot | None:
         """Return the location of a leader's follower across a link of another length; None if no series covers it."""
