@@ -111,7 +111,7 @@ def csv_text(rows: list[Row]) -> str:
 
 
 def picture(rows: list[Row]) -> Figure:
-    """Return a figure of stacked bars: a tick before and after, and the tick after again on a larger scale."""
+    """Return a figure of stacked bars: all rows, and again on a larger scale those whose messages are bytes."""
     figure = Figure(figsize=(PAGE_IN, 0.8 * len(rows) + 3.2), layout='constrained')
     before, after = figure.subplots(2, 1)
     _bars(before, rows)

@@ -83,7 +83,7 @@ def test_exact_is_within_1e_12_m_of_the_reference_on_the_whole_classic_run():
 
 
 def test_links_that_are_solved_one_step_less_break_the_exact_promise(monkeypatch):
-    broken = []     # cases that break their promise if Newton's method stops as for a promise a thousand times looser
+    broken = []     # cases that Newton's method breaks if it stops as it would for a promise a thousand times looser
     for name, problem in SPIRALS.items():
         simulation = compile_scene(problem.scene)
         if 'lock' in name or simulation.size_m > 20 or simulation.size_m < 1e-2:

@@ -310,7 +310,7 @@ def message(folder: Path) -> Target:
 
 
 def obstacles(folder: Path) -> Target:
-    """Venues, maps and transforms to the monitor: a byte that selects the reader, followed by the message."""
+    """Venues, maps and transforms for the monitor: a byte that selects the reader, followed by the message."""
     numbers = range(4)
     benches = Benches(np.array([[2.0 * n, 0.0] for n in numbers]), np.array([[1.0, 0.0] for _ in numbers]),
                       np.full(4, 0.9), np.full(4, 0.15))

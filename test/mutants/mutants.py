@@ -143,7 +143,7 @@ def mutants_of(path: str, source: str, known: dict[str, Operator]) -> Iterator[M
 
 
 def _unused(node: parso.tree.NodeOrLeaf) -> Iterator[parso.tree.NodeOrLeaf]:
-    """Yield the parts of a node that compute nothing: annotations, decorators, texts of errors, ``strict`` of zip."""
+    """Yield the parts of a node that compute nothing: annotations, decorators, error messages, ``strict`` of zip."""
     if node.type == 'annassign':
         yield node.children[1]
     elif node.type == 'tfpdef':

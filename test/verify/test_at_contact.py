@@ -36,7 +36,7 @@ def contacts(seeds):
 
 
 def around(scene, t_s):
-    """Return the time of a contact, and times one float, a nanometre and a micrometre of leader travel from it."""
+    """Return the time of a contact, and times one float, a nanometre and a micrometre of the leader's travel away."""
     unit = min(1.0, float(max(scene.dragon.bench_lengths_m))) / (abs(scene.head.speed_at_m_s(t_s)) or 1.0)
     return [t_s, nextafter(t_s, inf), nextafter(t_s, -inf), *(t_s + way * unit for way in (1e-9, -1e-9, 1e-6, -1e-6))]
 

@@ -1,4 +1,4 @@
-"""The checker's bounds hold on whole intervals: no corner deviates more than bounded, and no point moves further."""
+"""The checker's bounds hold on whole intervals: no corner deviates by more, and no point moves further."""
 from contextlib import suppress
 
 import pytest

@@ -195,7 +195,7 @@ def test_benches_are_apart_wherever_the_track_bends_so_little_that_links_lead_aw
     (Composite((Arc(40.0, 300.0),), 60.0), 40.0), (Composite((Arc(40.0, -300.0),), 60.0), 40.0),
     (Composite((SpiralArc(0.3, 40.0, 20.0, 'left'), Arc(0.9, 5.0)), 0.0), None)], ids=['left', 'right', 'spiral'])
 def test_links_lead_away_by_their_lengths_but_for_what_the_tightest_bend_turns_them_by(track, radius_m, n):
-    """On a circle, links turn by exactly the bound; on a spiral, it is that of the innermost leading position."""
+    """On a circle, links turn by exactly the bound, which on a spiral is that of the innermost leading position."""
     def piece(width_m):
         dragon = Mixed((Group(0.9), *(Group(0.5 + 0.1 * k) for k in range(8))), width_m, 0.2)
         return interval(compiled(dragon, track), start, start + 1.0)[0]

@@ -216,4 +216,4 @@ def test_gaps_of_many_pairs_take_little_more_memory_than_their_result():
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert peak < 8 * count * 8         # a dozen arrays of all pairs would take more
+    assert peak < 8 * count * 8         # a dozen arrays of all pairs would take more memory
