@@ -34,7 +34,7 @@ TASKS: dict[str, Question] = {'first contact of the classic dragon': FirstContac
 class Row:
     """A study on a number of workers; 0 is this process without Dask.
 
-    ``work_s`` are the CPU seconds of the rows themselves, ``cpu_s`` those of all processes together: workers, scheduler
+    ``work_s`` is the CPU time of the rows themselves in s, ``cpu_s`` that of all processes together: workers, scheduler
     and the client, which writes the rows. ``memory_mb`` is the largest resident memory of a worker.
     """
 

@@ -95,7 +95,7 @@ class Browser:
         self._call('/goog/cdp/execute', {'cmd': command, 'params': parameters})
 
     def violations(self, axe):
-        """Run axe, given as its script; return the violated rules with their elements."""
+        """Run the given script of axe; return the violated rules with their elements."""
         self.run(f'if (!window.axe) {{ {axe} }}')
         return self.run("""return axe.run({resultTypes: ['violations']}).then(({violations}) => violations.flatMap(
             ({id, nodes}) => nodes.map(({html}) => `${id}: ${html.slice(0, 200)}`)))""")

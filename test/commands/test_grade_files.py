@@ -114,7 +114,7 @@ def test_missing_and_empty_sheets_and_other_names_are_told(tmp_path):
 
 
 def changed(data, **parts):
-    """A workbook with other parts; None omits a part."""
+    """A workbook in which the given parts are replaced; None omits a part."""
     out = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(out, 'w', zipfile.ZIP_DEFLATED) as new:
         for entry in old.infolist():

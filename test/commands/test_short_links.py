@@ -1,4 +1,4 @@
-"""Links of almost zero length are supported if they have a direction, and rejected otherwise, by every part."""
+"""Every part supports links of almost zero length if they have a direction, and rejects them otherwise."""
 import json
 
 import numpy as np

@@ -40,7 +40,7 @@ def test_each_obstacle_and_the_inside_have_their_edges_and_their_name():
     assert {(one['header']['frame_id'], one['header']['stamp']['sec'], one['action']) for one in markers} == {
         ('sea', 0, 0)}
     assert not any(np.any(one['points'].reshape(-1, 3)[:, 2]) for one in markers[:3])
-    for name in markers[3:]:        # letters stand just above the ground
+    for name in markers[3:]:        # text is just above the ground
         (*_, z), (*_, size) = name['pose'][:3], name['scale']
         assert 0 < z - 0.5 * size < 0.5 * size
 

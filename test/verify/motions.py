@@ -49,7 +49,7 @@ def plain(dragon):
 
 
 def compiled(dragon, track, tail_leads=False):
-    """Return the track, the benches and the largest curvature (None to the centre), as an interval needs them."""
+    """Return the track, the benches and the largest curvature (None to the centre) in the form for an interval."""
     scene = plain(dragon)
     values = scene_values(Scene(dragon=Dragon(1, 0.2, 0.2, 0.1, 0.0), track=track))
     shape = reading._kind('scene.track', values['track'], reading._TRACKS)

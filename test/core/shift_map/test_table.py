@@ -330,7 +330,7 @@ LAST = {'places': (1.0, 1.0), 'motions': (1.0, 2.0), 'coordinates': (5.0, 1.0), 
 @pytest.mark.parametrize('term', [-2, -1])
 @pytest.mark.parametrize('name', LAST)
 def test_what_either_of_the_last_two_terms_contributes_is_told_in_units_of_the_error(name, term):
-    """A coordinate's term moves a position by half a part, 5 m, and a velocity's term counts times a link, 2 m."""
+    """A coordinate's term moves a position by half a part, 5 m, and a velocity's term is multiplied by a link, 2 m."""
     parts, rows, error_m = 2, 3, np.array([1e-3, 1e-6, 1e-3])
     series = {key: np.zeros((parts, build.NODES, rows * (2 if key in ('places', 'motions') else 1))) for key in LAST}
     series['places'][:, 1, ::2] = 5.0
