@@ -85,7 +85,7 @@ def _finite(text: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f'{shown(text)} is not a number; write it like 0.5') from None
+        raise argparse.ArgumentTypeError(f'{shown(text)} is not a number; write a number such as 0.5') from None
     if not isfinite(value):
         raise argparse.ArgumentTypeError(f'{shown(text)} is not a finite number')
     return value
@@ -172,7 +172,7 @@ def add_output_options(options: argparse.ArgumentParser, formats: tuple[str, ...
 
 def add_format_option(options: argparse.ArgumentParser, formats: tuple[str, ...], pictures: Collection[str] = (),
                       ) -> None:
-    """Add --format, which --output can replace by its suffix; ``pictures`` lists further allowed suffixes."""
+    """Add --format, which defaults to the suffix of --output; ``pictures`` lists further suffixes of --output."""
     options.add_argument('--format', choices=formats, default=_Default(formats[0]),
                          help='output format (%(default)s, or by the suffix of --output)')
     options.set_defaults(formats=formats, pictures=pictures)

@@ -51,7 +51,7 @@ def _completer(action: argparse.Action) -> Any:
 
 
 def _keys() -> list[str]:
-    """Return the scene keys for --set. This imports numpy, so it runs only when the user completes a key."""
+    """Return the scene keys for --set. The function imports numpy, so it is called only to complete a key."""
     from dataclasses import fields
 
     from dragon_ros.scenes.load import SECTIONS, SINGLES

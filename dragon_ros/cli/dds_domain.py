@@ -39,12 +39,12 @@ def _keep(domain: int) -> bool:
 
 
 def local_environment(domain: int) -> dict[str, str]:
-    """Return this process's environment and a domain; discovery is limited to this host unless a variable widens it."""
+    """Return the process's environment with a domain; discovery is limited to this host unless a variable widens it."""
     return {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', **os.environ, 'ROS_DOMAIN_ID': str(domain)}
 
 
 def _is_free(domain: int) -> bool:
-    """Return whether all ports of a domain are free. All are checked, because the first participants may have left."""
+    """Return whether all ports of a domain are free. All ports are checked, as the first participants may have left."""
     base, count = _PORTS
     for port in range(base + count * domain, base + count * (domain + 1)):
         probe = _bound(port)

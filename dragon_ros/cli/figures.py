@@ -16,7 +16,7 @@ DASHES: tuple[Any, ...] = ('solid', (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 
 QUIET = '#555555'       # colour of notes and guide lines
 OBSTACLE = '#DDD8CE'    # colour of a venue's obstacles and of the area outside its boundary
 
-PAGE_IN, TEXT_PT = 9.1, 9     # a page of about 880 pixels shows a figure of this width unscaled, with text of this size
+PAGE_IN, TEXT_PT = 9.1, 9     # a page about 880 pixels wide shows such a figure unscaled, with text of this size
 
 _STYLE = {
     'figure.constrained_layout.use': True, 'figure.constrained_layout.h_pad': 0.1,
@@ -27,7 +27,7 @@ _STYLE = {
     'svg.hashsalt': 'dragon_ros', 'axes.formatter.useoffset': False,
     'figure.titlesize': 12, 'hatch.linewidth': 0.5, 'svg.fonttype': 'none', 'pdf.fonttype': 42,
 }
-_LONGEST_NAME = 40          # largest length of a name in a title, in characters
+_LONGEST_NAME = 40          # maximum length of a name in a title, in characters
 _CHARACTERS_PER_INCH = 11   # number of characters per inch at the text size of a title
 _UNDATED: dict[str, dict[str, Any]] = {'.png': {'Software': None}, '.svg': {'Date': None},
                                        '.pdf': {'CreationDate': None}}
@@ -90,7 +90,10 @@ def style(chinese: bool = False) -> Iterator[None]:
 
 
 def _chinese_font() -> str:
-    """Return the name of an installed Chinese font. Matplotlib's font list may be outdated, so files are searched."""
+    """Return the name of an installed Chinese font.
+
+    The font files of the system are searched, because Matplotlib's font list may be outdated.
+    """
     from matplotlib.font_manager import FontProperties, findSystemFonts, fontManager
     files = {Path(file).stem.lower(): file for file in findSystemFonts()}
     for stem in _CHINESE_FONTS:

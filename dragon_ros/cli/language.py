@@ -9,11 +9,11 @@ Words = Mapping[str, tuple[str, str]]       # key: (English, Chinese)
 
 def add_lang_option(parser: ArgumentParser, what: str) -> None:
     """Add --lang, which sets the language of ``what``; its value must be passed to ``language_of``."""
-    parser.add_argument('--lang', choices=LANGUAGES, help=f'language of {what} (by the locale)')
+    parser.add_argument('--lang', choices=LANGUAGES, help=f'language of {what} (from the locale)')
 
 
 def language_of(given: str | None) -> str:
-    """Return ``given`` or, if it is None, ``zh`` if the environment's locale is Chinese and ``en`` otherwise."""
+    """Return ``given`` or, if it is None, the language of the locale: ``zh`` for Chinese, otherwise ``en``."""
     if given is not None:
         return given
     locale = next((value for name in ('LC_ALL', 'LC_MESSAGES', 'LANG') if (value := os.environ.get(name))), '')

@@ -61,7 +61,7 @@ class Progress:
 
     def _show(self) -> None:
         from tqdm import tqdm
-        tqdm.monitor_interval = 0       # prevents a monitor thread, because this process may fork
+        tqdm.monitor_interval = 0       # tqdm must not start a thread, because this process may fork
         self._bar = tqdm(leave=False, **self._options)
         self._bar.start_t = self._began_s - time.monotonic() + self._bar.start_t
         self._bar.set_postfix_str(self._note, refresh=False)

@@ -18,7 +18,7 @@ def command(certificate: str, effort: str | None = None) -> list[str]:
 
 
 def prove(values: Any, most_s: float) -> str:
-    """Return the statement that a certificate proves. Raises InputError if it is not proved within the time limit."""
+    """Return the statement that a certificate proves. Raises InputError if the statement is not proved in time."""
     try:
         text = json.dumps(values)
     except (TypeError, ValueError):

@@ -42,7 +42,7 @@ def inspect(argv: list[str]) -> int:
                          'exceeds the budgets (docs/limits.md)')
     options.add_argument('--repair', type=Path, metavar='OUT', help='write all readable messages to a complete bag')
     options.add_argument('--looks', type=int, metavar='N', help='number of evenly spaced ticks at which the clearance '
-                         'is computed; 0 means all (200)')
+                         'is computed; 0 means all ticks (200)')
     command_line.add_namespace_option(options)
     command_line.add_workers_option(options, 'result', ' of --check')
     command_line.add_output_options(options, ('text', 'json'))
@@ -54,7 +54,7 @@ def inspect(argv: list[str]) -> int:
 def export(argv: list[str]) -> int:
     """Export a bag to a file; return the exit code."""
     options = command_line.parser('export', 'Export handles and velocities of a bag as a table with one row per tick '
-                                  'and handle (CSV, Parquet), or as arrays, with the benches too (npz).',
+                                  'and handle (CSV, Parquet), or as arrays that include the benches (npz).',
                                   'export run.mcap --format npz --output run.npz')
     command_line.add_bag(options, 'an .mcap file or a rosbag2 folder', required=True)
     command_line.add_format_option(options, EXPORT_FORMATS)
@@ -115,8 +115,8 @@ def route(argv: list[str]) -> int:
                          'GeoJSON feature')
     options.add_argument('--scale', metavar='1:N', help='scale of an SVG on paper, such as 1:200')
     options.add_argument('--unit', type=float, metavar='METRES', help='metres per unit of an SVG or CSV file')
-    options.add_argument('--origin', metavar='LON,LAT', help='origin (0, 0) for a GeoJSON in degrees (the centre of '
-                         'the file)')
+    options.add_argument('--origin', metavar='LON,LAT', help='longitude and latitude of the origin (0, 0), for a '
+                         'GeoJSON in degrees (the centre of the file)')
     options.add_argument('--radius', type=float, metavar='METRES', help='radius of rounded corners (twice the smallest '
                          'radius that these benches can walk)')
     options.add_argument('--tolerance', type=float, metavar='METRES', default=0.02,
@@ -124,8 +124,8 @@ def route(argv: list[str]) -> int:
     options.add_argument('--start', type=float, metavar='METRES', help='start of the head along the drawing (first '
                          'place where the whole dragon is on the drawing, or 0 if the drawing is too short)')
     options.add_argument('--reverse', action='store_true', help='walk the drawing in the opposite direction')
-    options.add_argument('--topic', metavar='NAME', help='topic of the nav_msgs/Path, in a bag or, without DRAWING, '
-                                                         'live')
+    options.add_argument('--topic', metavar='NAME', help='topic of the nav_msgs/Path in a bag or, without '
+                                                         'DRAWING, of a live path')
     options.add_argument('--timeout', type=float, metavar='S', default=10.0,
                          help='seconds to wait for a live path (%(default)g)')
     options.add_argument('--frame-pose', metavar='X,Y,DEG', help="pose of the path's frame in the frame dragon: "
@@ -139,7 +139,7 @@ def route(argv: list[str]) -> int:
 def plan(argv: list[str]) -> int:
     """Write the plan of a scene; return the exit code."""
     options = command_line.parser('plan', 'Draw a scene to scale for printing: track, swept area, gaps and times.\nA '
-                                  'GeoJSON file contains swept area, track and gaps.',
+                                  'GeoJSON file contains the swept area, the track and the gaps.',
                                   'plan --scene street --output plan.pdf')
     command_line.add_scene_options(options, 'street')
     options.add_argument('--output', type=Path, required=True, metavar='PLAN.pdf|AREA.geojson', help='file to write')

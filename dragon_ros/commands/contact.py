@@ -23,7 +23,7 @@ def main(argv: list[str]) -> int:
     options = command_line.parser('contact', 'Find the first contact between two benches that are not neighbours '
                                   'in the chain, or between a bench and an obstacle of the venue.',
                                   'contact --scene winding --format json')
-    command_line.add_bag(options, 'bag whose scene, with the walk of a led dragon, is searched (no scene options)')
+    command_line.add_bag(options, 'bag whose scene is searched, including the walk of a led dragon (no scene options)')
     command_line.add_scene_options(options)
     command_line.add_namespace_option(options)
     options.add_argument('--trust', action='store_true', help='search the scene in the bag even if it exceeds '
@@ -33,8 +33,8 @@ def main(argv: list[str]) -> int:
                          'and an obstacle')
     options.add_argument('--within', action='append', default=[], metavar='KEY=METRES',
                          help='prove a time before which no dragon within these tolerances touches itself; KEY is '
-                         'dragon.width_m, head_length_m, body_length_m or hole_inset_m, which differ from bench to '
-                         'bench, or track.pitch_m; requires a single spiral led by the head; repeatable')
+                         'dragon.width_m, head_length_m, body_length_m or hole_inset_m, which may differ from '
+                         'bench to bench, or track.pitch_m; requires a single spiral led by the head; repeatable')
     options.add_argument('--certificate', type=Path, metavar='FILE',
                          help='write the proof that no benches touch earlier, as JSON')
     options.add_argument('--verify', type=Path, metavar='FILE',
@@ -116,7 +116,7 @@ def _scene_of(arguments: Namespace) -> 'Scene':
 
 
 def _verify(certificate_file: Path, effort: str | None, output: Path | None) -> int:
-    """Check a certificate in a process without the solver, whose progress and errors go to standard error."""
+    """Check a certificate in a process without the solver; progress and errors go to standard error."""
     import subprocess
 
     from dragon_ros.commands.checker import command

@@ -116,8 +116,8 @@ def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
 
     Obstacles in the bag are included.
 
-    The topic ``clearance`` has no stamps. In a bag of an earlier version or of another recorder, its values may have
-    the log times of other ticks.
+    The topic ``clearance`` has no stamps. In a bag from an earlier version or from another recorder, the values of this
+    topic may have the log times of other ticks.
     """
     counts = {topic.name: topic.messages for topic in bag.topics}
     ticks = counts.get(f'{namespace}/handles', 0)

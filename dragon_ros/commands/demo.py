@@ -53,7 +53,7 @@ def _later() -> Iterator[None]:
 
 
 def run(arguments: Namespace) -> int:
-    """Run the demonstration; return the exit code. A signal ends the demonstration with all its processes."""
+    """Run the demonstration; return the exit code. A signal ends the demonstration and all its processes."""
     for number in ending():
         signal.signal(number, _end)
     folder: Path = arguments.output
@@ -143,7 +143,7 @@ def _drawn(scene: Scene, t_s: float, pair: tuple[int, int], point_m: tuple[float
 
 
 def say(line: str) -> None:
-    """Print a line without delay."""
+    """Print a line immediately."""
     print(line, flush=True)
 
 
@@ -210,7 +210,7 @@ def _interrupt_if_any_fails(others: 'list[subprocess.Popen[str]]', sim: 'subproc
 
 
 def _progress_of(sim: 'subprocess.Popen[str]') -> Iterator[float]:
-    """Read the simulator's log, show the progress, and yield the time of each line in the log."""
+    """Read the simulator's log, show the progress, and yield the time that each line reports."""
     run = load_scene(SCENE).run
     stop_s = run.stop_s or run.start_s
     assert sim.stdout is not None

@@ -1,4 +1,4 @@
-"""``design``: design questions; each is a subcommand whose answer has bounds."""
+"""``design``: answer design questions; each question is a subcommand, and each answer has bounds."""
 import json
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
@@ -112,11 +112,12 @@ def _turn_text(values: dict[str, Any]) -> str:
     least = values['least_radius_m']
     lines = [f'the turn is {values["length_m"]:.12g} m long: arcs of {first:.9g} m and {second:.9g} m, each turning by '
              f'{values["angle_rad"]:.9g} rad',
-             'another ratio does not shorten it: in this circle the sum of radii and the angle of the arcs are fixed']
+             'another ratio does not shorten the turn: in this circle, the sum of the radii and the angle of the arcs '
+             'are fixed']
     lines.append(_ratio_line(values['least_radius_m'], values['largest_ratio']))
     if values['length_there_m']:
-        lines.append(f'a smaller circle shortens it: at {values["smallest_diameter_m"]:.9g} m, with both arcs of '
-                     f'{least:.9g} m, it is {values["length_there_m"]:.12g} m long')
+        lines.append(f'a smaller circle shortens the turn: in a circle of {values["smallest_diameter_m"]:.9g} m, with '
+                     f'both arcs of {least:.9g} m, the turn is {values["length_there_m"]:.12g} m long')
     if bent := values['with_line']:
         lines.append(f'in this circle, arcs of {bent["radius_m"]:.9g} m with a line of {bent["line_m"]:.9g} m between '
                      f'them are shorter: {bent["length_m"]:.12g} m')
@@ -160,8 +161,8 @@ def _max_speed_text(values: dict[str, Any]) -> str:
     """Return the answer as text."""
     return (f'at a leader speed of {values["speed_m_s"]:.12g} m/s (to {values["uncertainty_m_s"]:.1g} m/s; for a '
             f'profile, the peak speed), no handle exceeds {values["limit_m_s"]:.9g} m/s\n'
-            f'handle {values["handle"]} is the fastest, {values["ratio"]:.12g} times the leader, when the leader is '
-            f'{values["along_m"]:.7g} m along the track (on a turn: from its entry)\n'
+            f'handle {values["handle"]} is the fastest, at {values["ratio"]:.12g} times the speed of the leader, '
+            f'when the leader is {values["along_m"]:.7g} m along the track (on a turn: from its entry)\n'
             f'{values["looks"]} positions were evaluated')
 
 
@@ -179,7 +180,7 @@ def _min_pitch_options(parser: ArgumentParser) -> None:
 
 
 def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the bracket of the smallest pitch; of the scene, only the dragon and track.start_turns are used."""
+    """Return the bracket of the smallest pitch, for the dragon and the track.start_turns of the scene."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.min_pitch import min_pitch
@@ -243,7 +244,7 @@ def _venue_answer(scene: 'Scene', arguments: Namespace) -> dict[str, Any]:
 
 
 def _room(scene: 'Scene') -> Values:
-    """Return how far benches reach to the left and right of the track at every metre, as sampled, not proved."""
+    """Return how far benches reach to the left and right of the track at every metre; this is sampled, not proved."""
     from dragon_ros.core.search.swept_area import room_every_metre, swept_area
     swept = swept_area(scene)
     at, room = room_every_metre(scene, swept)
@@ -274,8 +275,8 @@ def _venue_text(values: dict[str, Any]) -> str:
     lines += _room_text(values['room'])
     margin = f'a gap of {values["margin_m"]:g} m'
     lacking = ', '.join(values['lacking'])
-    lines.append(f'the dragon does not fit: there is less than {margin} to {lacking}' if lacking else
-                 f'the dragon fits, with {margin} to all obstacles' if values['fits'] else
+    lines.append(f'the dragon does not fit, because the gap is less than {values["margin_m"]:g} m to {lacking}'
+                 if lacking else f'the dragon fits, with {margin} to all obstacles' if values['fits'] else
                  f'it is undecided whether the dragon fits with {margin}, which is between the bounds')
     return '\n'.join(lines)
 
@@ -317,6 +318,6 @@ QUESTIONS = {
                           'max-speed --limit 2', _max_speed_options, _max_speed_answer, _max_speed_text),
     'min-pitch': Question('the smallest pitch at which the head reaches a circle without a contact',
                           'min-pitch --diameter 9', _min_pitch_options, _min_pitch_answer, _min_pitch_text),
-    'fit': Question('the smallest square that contains the dragon throughout a run, and whether it fits a given one',
+    'fit': Question('the smallest square that contains the dragon throughout a run, and whether it fits a given square',
                     'fit --square 24', _fit_options, _fit_answer, _fit_text),
 }

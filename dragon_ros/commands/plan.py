@@ -187,7 +187,7 @@ def _passed(at_m: Floats, times_s: Floats, marks_m: Floats) -> Floats:
 
 
 def geojson(plan: Plan) -> str:
-    """Return swept area, track and gaps as GeoJSON, in degrees (RFC 7946) if the venue has an origin, or metres."""
+    """Return swept area, track and gaps as GeoJSON, in degrees (RFC 7946) if the venue has an origin, else metres."""
     from shapely import LineString, normalize, reverse
     from shapely.geometry import mapping
     swept, origin_deg = plan.swept, plan.origin_deg
@@ -387,7 +387,7 @@ def mark_offsets(places: Floats, headings: Floats, labels: list[str]) -> list[tu
 
 
 def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Floats, float]]) -> None:
-    """Draw the smallest gaps as dimensions; gaps below the margin are red and marked as too small."""
+    """Draw the smallest gaps as dimension lines; gaps below the margin are red and marked as too small."""
     for gap in plan.gaps:
         middle = gap.ends_m.mean(axis=0)
         if not _seen(middle, window):

@@ -181,7 +181,7 @@ def moments_of(scene: Scene, group: list[float]) -> Iterator[Moment]:
 
 
 def _gaps_of(scene: Scene, group: list[float]) -> list[tuple[float, float]]:
-    from dragon_ros.core.geometry.near_pairs import NearPairs  # imported lazily, because few pictures need it
+    from dragon_ros.core.geometry.near_pairs import NearPairs  # imported lazily, because few pictures need this
     near = NearPairs()
     return [(one.t_s, near.look(one.p, one.benches).clearance_m) for one in moments_of(scene, group)]
 
@@ -343,7 +343,7 @@ class BagSource:
         return None
 
     def _touches(self) -> Iterator[Touch | None]:
-        """Yield the first contact, and None for each tick before it.
+        """Yield the first contact, and None for each tick before the contact.
 
         The parts of the bag are searched for touching benches. The tracker observes only the first part with a contact
         and the last ticks before this part, because earlier ticks do not affect the result. If time goes back or the
@@ -416,7 +416,7 @@ def _gaps_in(wanted: frozenset[int], frames: 'Iterator[BagFrame]') -> list[tuple
 
 
 class _Searched(NamedTuple):
-    """The ticks of a part of a bag up to the first contact; without a contact, ``last`` contains only the last few.
+    """The ticks of a part of a bag up to the first contact; without a contact, ``last`` has only the last few ticks.
 
     The ticks are regular if each tick directly follows the previous one.
     """

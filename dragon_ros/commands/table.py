@@ -80,7 +80,7 @@ def _write_contest(folder: Path, scene: Scene, lang: str) -> int:
 
 def table(scene: Scene, times_s: list[float], handles: list[int],
           progress: Callable[[int], object] = lambda times: None) -> list[Row]:
-    """Return a row for each time and handle, as COLUMNS; ``progress(times)`` receives the number of further times."""
+    """Return a row of COLUMNS for each time and handle; ``progress(times)`` receives numbers of completed times."""
     rows: list[Row] = []
     for some in batches(scene, times_s):
         p, velocity = some.handles_m[:, handles], some.velocity_m_s[:, handles]
@@ -104,7 +104,7 @@ def _bag_rows(arguments: Namespace) -> list[Row]:
             values = values_of(frame, handles).tolist()
             out += [(frame.t_ns / NS, handle, *row) for handle, row in zip(handles, values, strict=True)]
     if not out:
-        raise InputError(f'{arguments.bag}: it has no tick at or after the --times; the bag ends at '
+        raise InputError(f'{arguments.bag}: it has no tick at or after the given --times; the bag ends at '
                          f'{bag.end_ns / NS:.9f} s')
     return out
 
@@ -133,7 +133,7 @@ _FORMATS: dict[str, Callable[[list[Row]], str | bytes]] = {'text': _text, 'csv':
 
 
 def values_of(frame: 'BagFrame', handles: list[int]) -> Floats:
-    """Return x and y in m, and vx, vy and speed in m/s (handles, 5); velocities are nan if the bag has none."""
+    """Return an array (handles, 5): x and y in m, vx, vy and speed in m/s; missing velocities are nan."""
     out = np.full((len(handles), 5), np.nan)
     out[:, :2] = frame.handles_m[handles]
     if frame.velocity_m_s is not None:

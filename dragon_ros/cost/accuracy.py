@@ -115,7 +115,7 @@ def _ways(scene: Scene, known: dict[float, Reference | None], done: Callable[[st
 
 
 def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> Iterator[_TimedSolver]:
-    """Yield a tier with its default solver and, if that solver is not forward placement, with forward placement."""
+    """Yield a tier with its default solver and, if that is not forward placement, also with forward placement."""
     solvers = {}
     for solver in ('table',) if tier == PAPER.name else ('table', 'march'):
         name = tier + MARCHED * (solver == 'march')

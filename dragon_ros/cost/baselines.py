@@ -14,7 +14,7 @@ Solver = Callable[[Scene, float], Floats]
 
 
 def chain_by(next_angle: Callable[[float, float], float], scene: Scene, t_s: float) -> Floats:
-    """Return handles (N+1, 2) in m; ``next_angle(theta, chord)`` has the chord in units of b."""
+    """Return handles (N+1, 2) in m, placed by ``next_angle(theta, chord)``, whose chord is in units of b."""
     b = scene.spiral.b_m
     theta = [compile_scene(scene).model.leader.place(scene.head.travelled_m(t_s)).u.hi]
     for link in scene.dragon.link_lengths_m.tolist():

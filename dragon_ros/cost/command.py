@@ -39,8 +39,8 @@ def _options() -> ArgumentParser:
     options.add_argument('--budget', type=float, default=_BUDGET_S, metavar='S',
                          help='approximate seconds for each of the four parts (%(default)g)')
     command_line.add_format_option(options, ('text', 'json'), figures.FORMATS)
-    options.add_argument('--output', type=Path, metavar='FILE', help=f'{", ".join(figures.FORMATS)}: a picture in '
-                         'addition to the tables on standard output; any other suffix: the tables')
+    options.add_argument('--output', type=Path, metavar='FILE', help='file for a picture (suffix '
+                         f'{", ".join(figures.FORMATS)}), or for the tables (any other suffix)')
     return options
 
 

@@ -17,7 +17,7 @@ from dragon_ros.messages.encode import Encode, encoders
 
 ALONE = 'alone'
 LEAST, MOST = 15, 400         # number of calls
-_PLACES, _RUN = 7, 20           # starting points along the run, and consecutive ticks (as in sim) from each
+_PLACES, _RUN = 7, 20           # number of starting points along a run, and of consecutive ticks from each
 Call = Callable[[], object]
 # The field of each effect, and a function that returns what ``frame_of`` writes to the field if the frame contains all
 # that the effect needs; a test compares the two. If ``frame_of`` itself called functions from such a table, a tick

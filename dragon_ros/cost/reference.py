@@ -1,11 +1,12 @@
 """Reference positions and velocities of handles that share no arithmetic, equation or search with the solvers.
 
-A reference is computed with 60 decimal digits and rounded once, to double-doubles. Its errors are below 1e-30 of a
-coordinate, unless a link is so close to locking that the last digit of the leader's distance has a larger effect. The
-scene's floats are taken as exact numbers. The pieces of a track are laid out by independent code, and each handle is
-found by Newton's method in a bracket in which the distance from the previous handle increases. This distance increases
-along arcs of less than pi / bend. On a single spiral, it increases up to half a turn behind the previous handle; if the
-link is longer, the bracket is the first rise beyond that.
+A reference is computed with 60 decimal digits and rounded once, to double-doubles. The errors of a reference are below
+1e-30 of a coordinate, unless a link is so close to locking that the last digit of the leader's distance has a larger
+effect. The scene's floats are taken as exact numbers. The pieces of a track are laid out by independent code, and each
+handle is found by Newton's method in a bracket in which the distance from the previous handle increases. The distance
+increases along arcs of less than pi / bend, where bend is the largest curvature. On a single spiral, the distance
+increases up to half a turn behind the previous handle; if the link is longer, the bracket is the first rise beyond
+that.
 """
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -163,7 +164,7 @@ class _Round(_ByMetres):
 
 @dataclass
 class _Winding:
-    """A spiral, seen outwards to the left if ``side`` is 1; the head walks outwards if ``way`` is 1.
+    """A spiral that turns left on the way outwards if ``side`` is 1; the head walks outwards if ``way`` is 1.
 
     The coordinate u is the polar angle from ``axis``.
     """

@@ -24,12 +24,12 @@ COMMANDS = {
     'contact --set run.stop_s=-1': 'give a later stop', 'design': 'QUESTION', 'design turns': "choose from 'turn'",
     'design turn --set track.diameter_m=5': 'give more than 5.752', 'design min-pitch --diameter 0': 'more than 0',
     'design max-speed --scene winding': 'stop earlier', 'design fit --rectangle 3': 'design fit --help', 'plot': 'KIND',
-    'plot speeds --time 9999': 'choose a time in', 'plot dragon --output a.bmp': 'use the suffix .png or .svg or .pdf',
+    'plot speeds --time 9999': 'choose a time in', 'plot dragon --output a.bmp': 'must be one of .png, .svg, .pdf',
     'design fit winding': 'write --scene winding', 'contact --scene WINDING': 'did you mean winding',
     'inspect': 'BAG', 'inspect nowhere.mcap': 'cannot be read', 'export a.mcap': '--output',
-    'simulate --output a.mcap': '--force', 'simulate --rate fast --output b.mcap': 'write it like 0.5',
+    'simulate --output a.mcap': '--force', 'simulate --rate fast --output b.mcap': 'write a number such as 0.5',
     'view --port 99999999': '0 to 65535', 'cost --scene nowhere': 'is not known', 'grade': 'nothing is given',
-    'grade text.txt': 'not an XLSX', 'grade --pitch 45cm': 'write it like 0.5'}
+    'grade text.txt': 'not an XLSX', 'grade --pitch 45cm': 'write a number such as 0.5'}
 
 
 @pytest.mark.parametrize('line', COMMANDS)

@@ -57,7 +57,7 @@ def without_radial(theta: Floats) -> Floats:
 
 def solved(length: Callable[[Floats], Floats], late: float = 0.0, start: float = START, speed_m_s: float = SPEED_M_S,
            pitch_m: float = PITCH_M) -> Head:
-    """Return the head's motion by inverting an arc length to the last digit; ``late`` is an error in its start."""
+    """Return the head's motion, an arc length inverted to the last digit; ``late`` is an error of the start value."""
     def head(times_s: Floats) -> Floats:
         wanted = length(np.array(start)) + late - speed_m_s * times_s * 2 * pi / pitch_m
         return inverted(length, wanted)
@@ -65,9 +65,9 @@ def solved(length: Callable[[Floats], Floats], late: float = 0.0, start: float =
 
 
 def inverted(length: Callable[[Floats], Floats], wanted: Floats) -> Floats:
-    """Return the angles (T,) at which an increasing arc length, about half the squared angle, has the wanted values.
+    """Return the angles (T,) at which an increasing arc length, which is about theta^2 / 2, has the wanted values.
 
-    Bisection needs no derivative, so it can invert the length of any recipe.
+    Bisection needs no derivative, so it can invert the arc length of any recipe.
     """
     high: Floats = np.sqrt(2 * np.maximum(wanted, 0.0)) + 1.0
     low: Floats = np.maximum(high - 4.0 - np.log1p(high), 0.0)
@@ -123,7 +123,7 @@ def chord(short_m: float = 0.0, pitch_m: float = PITCH_M) -> Rule:
 
 
 def along(theta: Floats, link_m: float) -> Floats:
-    """Return the angle of the next handle, which is one link length along the spiral away instead of one chord."""
+    """Return the angle of the next handle, placed one link length along the spiral instead of one chord away."""
     return inverted(arc_length, arc_length(theta) + link_m * 2 * pi / PITCH_M)
 
 
@@ -141,7 +141,7 @@ def grid(step_rad: float, within_m: float) -> Rule:
 
 def links_of(head_m: float = HEAD_LINK_M, body_m: float = BODY_LINK_M, last_m: float | None = None,
              handles: int = HANDLES) -> list[float]:
-    """Return the link lengths of a dragon in m: the head's, followed by the body's; the tail's equals the body's."""
+    """Return the link lengths of a dragon in m; the last link is a link of the body unless ``last_m`` is given."""
     return [head_m, *[body_m] * (handles - 3), body_m if last_m is None else last_m][:handles - 1]
 
 
@@ -302,7 +302,7 @@ def contact_times_s() -> Iterator[MistakenAnswer]:
 
 
 def _less(gap: Callable[[float], float], near_m: float) -> Callable[[float], float]:
-    """Return a function whose gap is smaller by a given distance."""
+    """Return a gap function whose values are smaller by a distance."""
     return lambda t_s: gap(t_s) - near_m
 
 
@@ -419,7 +419,7 @@ class TurnAngle:
 
 
 def turn_points(metres: Floats, track: Track) -> Floats:
-    """Return the points (..., 2) of a turn at distances (...) from its entry, in m."""
+    """Return the points (..., 2) in m of a turn at distances (...) in m from its entry."""
     return track.points(*track.places_at(metres, np.zeros_like(metres)))
 
 

@@ -124,7 +124,7 @@ def _cells(sheet: ResultSheet) -> list[list[str]]:
 
 def _write_csv(folder: Path, name: str, sheet: ResultSheet) -> Path:
     path = folder / (f'{name}.csv' if sheet.file == name else f'{name}_{sheet.file}.csv')
-    with path.open('w', encoding='utf-8-sig', newline='') as file:     # without the BOM, Excel would read GBK
+    with path.open('w', encoding='utf-8-sig', newline='') as file:     # without the BOM, Excel assumes GBK
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(('', *sheet.columns))
         writer.writerows([row, *cells] for row, cells in zip(sheet.rows, _cells(sheet), strict=True))
@@ -132,7 +132,7 @@ def _write_csv(folder: Path, name: str, sheet: ResultSheet) -> Path:
 
 
 def _write_xlsx(path: Path, sheets: list[ResultSheet]) -> Path:
-    """Write a workbook with openpyxl, but insert the cells directly, because openpyxl takes twenty times as long."""
+    """Write a workbook with openpyxl, but insert the cells directly, which is twenty times as fast."""
     from openpyxl import Workbook
     book, saved = Workbook(), BytesIO()
     book.remove(book.active)

@@ -1,4 +1,4 @@
-"""``grade``: compare contest results and answers with the true ones, and diagnose mistakes."""
+"""``grade``: compare contest results and answers with the truth, and diagnose mistakes."""
 import sys
 from argparse import Namespace
 from functools import partial

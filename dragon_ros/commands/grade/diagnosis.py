@@ -75,7 +75,10 @@ class Diagnosis:
 
 
 def share(given: Floats, remade: Floats, truth: Floats) -> float:
-    """Return the share of the squared error that reproduced values explain; it is negative if they increase it."""
+    """Return the share of the squared error that reproduced values explain.
+
+    The share is negative if the reproduced values increase the error.
+    """
     there = np.isfinite(given) & np.isfinite(truth)
     if not np.isfinite(remade[there]).all():
         return 0.0
@@ -339,7 +342,7 @@ def _links_seen(given: Floats, noise_m: float) -> list[Finding]:
 
 
 def _unknown(findings: list[Finding], explains: float = 0.0) -> Diagnosis:
-    """Return a diagnosis of the observed facts, and of the finding that the rest is unexplained."""
+    """Return a diagnosis that contains the observed facts and states that the rest is unexplained."""
     return Diagnosis([*findings, Finding('unknown', {})], max(explains, 0.0))
 
 
@@ -367,7 +370,7 @@ def _head_of(times_s: Floats, head: Floats, theta: Floats, right: Floats, noise_
 
 def _head_candidates(times_s: Floats, head: Floats, theta: Floats,
                      ) -> Iterator[tuple[str, dict[str, object], Floats, float]]:
-    """Yield reproduced motions of the head: key, parameters, angles (T,) and pitch; few parameters come first."""
+    """Yield reproduced motions of the head: key, parameters, angles (T,) and pitch, by parameter count."""
     exact = solved(arc_length)
     radial_arc = mistakes.solved(mistakes.without_radial)(times_s)
     yield 'radial_arc', {}, radial_arc, PITCH_M
@@ -525,7 +528,7 @@ def _known_contacts() -> tuple[mistakes.MistakenAnswer, ...]:
 
 
 def contact_findings(t_s: float, near_s: float) -> list[Finding]:
-    """Return the mistakes that lead to a contact time within ``near_s``, with known or fitted parameters."""
+    """Return the mistakes that lead to the contact time to within ``near_s``, with known or fitted parameters."""
     for answer in _known_contacts():
         if answer.key != 'none' and abs(answer.value - t_s) <= near_s:
             return [Finding(answer.key, dict(answer.parameters))]
@@ -692,7 +695,7 @@ def _turn_fit(times_s: Floats, head: Floats, right: Floats) -> Turn | None:
 
 
 def _before_turn(times_s: Floats, head: Floats, noise_m: float) -> Finding:
-    """Return the circle that the head approaches if its motion up to the entry is right."""
+    """Return a finding about the circle that the head approaches if its motion up to the entry is right."""
     for circle_m in _circles_m(times_s, head):
         before = times_s < 0
         remade = _turn_state(times_s[before], _ALONE, STurn(diameter_m=circle_m), 0.0, 1.0).handles_m[:, 0]
@@ -771,7 +774,7 @@ def diagnose_speeds(result: str, times_s: Floats, given: Floats, truth: TrueStat
 
 def _speed_candidates(result: str, times_s: Floats, given: Floats, truth: TrueStates, positions: Diagnosis,
                       ) -> Iterator[tuple[Finding, Floats]]:
-    """Yield reproduced speeds (T, 224) with their findings; findings with few parameters come first."""
+    """Yield reproduced speeds (T, 224) with their findings, by the number of parameters."""
     right = truth.speed_m_s
     yield Finding('all_one', {}), np.ones_like(right)
     for order in (1, -1, None):

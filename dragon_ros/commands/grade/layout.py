@@ -232,7 +232,7 @@ def _check_merged(sheet: WorkbookSheet, top: int, left: int,
 
 
 def _letters(column: int) -> str:
-    """Return the letters that name a column, whose number counts from 0."""
+    """Return the letters that name a column; column numbers start at 0."""
     text, column = '', column + 1
     while column:
         column, rest = divmod(column - 1, 26)
@@ -333,7 +333,10 @@ def _row_label(cells: list[Cell], keys: list[str]) -> Label:
 
 def _context(sheet: WorkbookSheet, block: _SheetBlock, before: list[tuple[Floats, Floats]], rows: list[Label],
              columns: list[Label]) -> int:
-    """Return the code of a whole sheet's quantity, from its name, its titles or, for sheets after positions, values."""
+    """Return the code of the quantity that a whole sheet contains.
+
+    The quantity follows from the sheet's name, its titles or, if the sheet comes after positions, its values.
+    """
     text = f'{_normal(sheet.name)} {_normal(block.text)}'
     if _SPEED.search(text) and not _PLACE.search(text):
         return 2

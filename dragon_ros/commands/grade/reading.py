@@ -161,10 +161,10 @@ def _extent(part: bytes) -> tuple[int, int]:
     prefix = b'<' + ((found[1] or b'') if found else b'')
     part = part[max(part.find(b'sheetData'), 0):]
     lines = part.split(prefix + b'row')
-    counts = [line.count(prefix + b'c') for line in lines]      # cells and other elements with the same initial
+    counts = [line.count(prefix + b'c') for line in lines]      # cells and other elements with the same initial letter
     rows = max((int(found[1]) for line in lines if (found := _LINE.match(line))), default=0)
-    named = part.count(b' r="')
-    if not _FAR.search(part) and (named <= len(lines) or named >= sum(counts)):    # no or all cells state a position
+    named = part.count(b' r="')    # Either no cell or every cell states its position.
+    if not _FAR.search(part) and (named <= len(lines) or named >= sum(counts)):
         rows, columns = max(rows, len(lines)), max(counts) if named <= len(lines) else max(_TWO_LETTERS, *counts)
         if rows * columns <= BOOK_CELLS:
             return rows, columns
@@ -207,7 +207,7 @@ def _files_of_sheets(parts: dict[str, bytes]) -> dict[str, str]:
 
 
 def _read(path: Path, plain: BytesIO) -> list[tuple[str, list[list[Cell]]]]:
-    """Return the names and rows of the sheets, by the fastest installed reader. Raises InputError if it fails."""
+    """Return the names and rows of the sheets, by the fastest reader. Raises InputError if the reader fails."""
     try:
         return _by_calamine(plain) if find_spec('python_calamine') else _by_openpyxl(path, plain)
     except (InputError, KeyboardInterrupt, SystemExit, MemoryError):

@@ -1,4 +1,4 @@
-"""Grade one team: compare its workbooks and answers with the truth. Processes can exchange teams and grades."""
+"""Grade one team: compare its workbooks and answers with the truth. Grades are plain values."""
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -84,7 +84,10 @@ class AnswerGrade:
 
 @dataclass(frozen=True)
 class TeamGrade:
-    """A team's grades; ``notes`` contains keys of ``words`` with parameters, and ``problems`` lines about bad input."""
+    """A team's grades.
+
+    ``notes`` contains keys of ``words`` with parameters, and ``problems`` contains lines about bad input.
+    """
 
     name: str
     files: tuple[str, ...]

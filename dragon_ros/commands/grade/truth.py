@@ -74,6 +74,6 @@ def _scene_of(result: str) -> tuple[Scene, float]:
 
 
 def truth_at(result: str, times_s: Floats) -> TrueStates:
-    """Return the true states of a result at its times; for result2, all are the state at the contact."""
+    """Return the true states of a result at its times; for result2, each is the state at the contact."""
     scene, offset_s = _scene_of(result)
     return state_at(scene, (np.full(times_s.size, contact_s()) if result == 'result2' else times_s) + offset_s)

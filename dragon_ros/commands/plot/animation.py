@@ -119,7 +119,7 @@ class AnimatedFigure:
         return {key: value for key, value in vars(self).items() if key not in ('_canvas', '_background')}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore the figure, in another process."""
+        """Restore the figure in another process."""
         vars(self).update(state, _canvas=FigureCanvasAgg(state['figure']), _background=None)
 
     def _laid_out(self, film: tuple[int, int] | None, dpi: int) -> tuple[Figure, Any, Any]:

@@ -69,7 +69,7 @@ def _add_animation_options(parser: argparse.ArgumentParser) -> None:
                         'if --around is tail')
     parser.add_argument('--size', default='1920x1080', metavar='WIDTHxHEIGHT', help='pixels of an .mp4 (%(default)s)')
     parser.add_argument('--codec', choices=('av1', 'h264'), help='codec of an .mp4: av1 by Pillow, h264 by an '
-                        'installed ffmpeg (the first available one)')
+                        'installed ffmpeg (the first that is available)')
 
 
 def _run(arguments: Namespace) -> int:
@@ -79,7 +79,8 @@ def _run(arguments: Namespace) -> int:
     if arguments.kind != 'animation':
         for path in paths:
             if path.suffix.lower() not in figures.FORMATS:
-                raise InputError(f'--output {path}: is not a picture; use the suffix {" or ".join(figures.FORMATS)}')
+                raise InputError(f'--output {path}: is not a picture; the suffix must be one of '
+                                 f'{", ".join(figures.FORMATS)}')
     from dragon_ros.cli.pool import Pool
     from dragon_ros.commands.sources import opened
     pool = Pool(arguments.workers)

@@ -1,8 +1,8 @@
 """Pictures of a study: maps with contours and first pairs, curves, distributions with bands, and Sobol indices.
 
-The pictures depend on the design. For a grid, they show the main answers over one key or the first two keys. For random
-and Sobol designs, they show the distributions of the answers. For Saltelli designs, they show the Sobol indices of the
-inputs.
+The pictures depend on the design. For a grid, the pictures show the main answers over one key or the first two keys.
+For random and Sobol designs, the pictures show the distributions of the answers. For Saltelli designs, the pictures
+show the Sobol indices of the inputs.
 """
 from collections.abc import Iterator
 from string import ascii_lowercase
@@ -94,7 +94,7 @@ def _note_missing(axes: Axes, values: Floats) -> None:
 def _map(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Figure:
     """Return a figure of an answer over two keys, with contours and, if known, the pair that touches first.
 
-    If more than two keys vary, the figure shows the first value of each other key.
+    If more than two keys vary, the figure shows the answer at the first value of each other key.
     """
     grid = _on_grid(data, table, keys, name)
     pairs = _PAIRS.get(name)
@@ -153,7 +153,7 @@ def _pairs_panel(figure: Figure, axes: Axes, at: tuple[list[float], list[float]]
 
 
 def _letters(axes: Axes, at: tuple[list[float], list[float]], place: Floats) -> None:
-    """Write the letter of its pair on each cell of a map, or on some of many cells, so that colour is not needed."""
+    """Write a letter for the pair on each cell of a map, or on some cells if there are many, in addition to colours."""
     steps = [-(-count // _MOST_LETTERS) for count in place.shape]
     for n, k in ((n, k) for n in range(steps[0] // 2, place.shape[0], steps[0])
                  for k in range(steps[1] // 2, place.shape[1], steps[1])):

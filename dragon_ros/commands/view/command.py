@@ -37,7 +37,7 @@ def options() -> argparse.ArgumentParser:
     command_line.add_source_options(parser)
     parser.add_argument('--try', action='store_true', dest='tries',
                         help='show sliders that change values of the scene')
-    parser.add_argument('--lang', choices=LANGUAGES, help='language of the page (by the browser)')
+    parser.add_argument('--lang', choices=LANGUAGES, help='language of the page (from the browser)')
     parser.add_argument('--port', type=int, default=0, help='port of the page (any free port)')
     parser.add_argument('--no-browser', action='store_true', help='print the address, but open no browser')
     return parser

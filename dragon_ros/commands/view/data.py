@@ -13,13 +13,13 @@ from dragon_ros.core.venue import PolygonObstacle, Venue
 
 MOST_BENCHES = 2000         # largest number of benches sent as rectangles; otherwise, only handles are sent
 MOST_POINTS = 1500          # largest number of points per line
-_CURVE_BENCHES = 4_000_000   # benches times points of a clearance curve; takes a few seconds
+_CURVE_BENCHES = 4_000_000   # largest product of benches and points of a clearance curve, for a few seconds of work
 _CHUNK_VALUES = 250_000     # number of values per chunk of frames
 _SEEN = 5                   # number of moments that determine the window
 
 
 def _wanted() -> None:
-    """Do nothing, so that the work continues; this is the check if the client keeps waiting."""
+    """Let the work continue; this is the default check, for a client that keeps waiting."""
 
 
 class ViewData:

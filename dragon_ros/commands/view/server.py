@@ -68,7 +68,7 @@ class ViewServer(ThreadingHTTPServer):
             super().__init__((HOST, port), _Handler)
         except (OSError, OverflowError) as error:
             reason = getattr(error, 'strerror', None) or error
-            raise MissingError(f'--port {port}: cannot be used: {reason}; omit it to use any free one') from None
+            raise MissingError(f'--port {port}: cannot be used: {reason}; omit it to use any free port') from None
 
     def verify_request(self, request: object, client_address: object) -> bool:
         """Accept a connection. If there are too many connections, close the one that has been idle longest.
