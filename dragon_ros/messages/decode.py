@@ -256,7 +256,7 @@ def examined_ns(data: bytes, dragon: str) -> int | None:
     """Return the time of the tick to which a monitor's diagnostics of a dragon refer; None for other messages."""
     try:
         statuses = read_diagnostics(data) if len(data) <= _HEALTH_BYTES else []
-    except MessageError:        # the message may be invalid, since a recorder stores it unchanged
+    except MessageError:        # the message may be invalid, because a recorder stores it unchanged
         return None
     for status in statuses:
         found = _SECONDS.fullmatch(status.values.get('t_s', ''))

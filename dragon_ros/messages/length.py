@@ -27,7 +27,7 @@ class LengthCheck:
         return None
 
     def _end(self, reader: Reader) -> int:
-        """Return the offset of the message's end. Raises MessageError if the bytes end before it."""
+        """Return the offset of the message's end. Raises MessageError if the bytes end earlier."""
         if self._last is not None:
             order, layout, places, words = self._last
             if order == reader.order and layout.end <= len(reader.data) and np.array_equal(

@@ -33,7 +33,10 @@ def report_markers(report: Report) -> bytes:
 
 
 def clearance_marker(report: Report) -> bytes:
-    """Return the clearance as a text marker; DELETE without a closest pair or in a contact, which has its own label."""
+    """Return the clearance as a text marker.
+
+    The marker is a DELETE if there is no closest pair, or during a contact, which has its own label.
+    """
     spec = deleted('clearance')
     if report.closest and not report.touching:
         point_m = witness(*report.two(report.closest)).point_m

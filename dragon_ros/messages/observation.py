@@ -126,14 +126,14 @@ def read_benches(data: bytes) -> BenchMarkers:
 
 
 def checked_stamp(t_ns: int) -> int:
-    """Return the stamp of benches. Raises MessageError if it is invalid."""
+    """Return the stamp of benches. Raises MessageError if the stamp is invalid."""
     if not 0 <= t_ns < 2**31 * NS:
         raise MessageError(f'benches: stamp: {t_ns} ns; expected a non-negative time')
     return t_ns
 
 
 def read_handles(data: bytes) -> Poses:
-    """Return the poses of a PoseArray. Raises MessageError if they cannot be the handles of a dragon."""
+    """Return the poses of a PoseArray. Raises MessageError if the poses cannot be the handles of a dragon."""
     poses = read_pose_array(data)
     if len(poses.poses) < 2:
         raise MessageError(f'handles: {len(poses.poses)} poses; a dragon has at least two handles')
@@ -145,13 +145,13 @@ class BenchesFromHandles:
     """Computes the benches of any dragon, as CUBEs that the monitor can read, from the handles of a PoseArray.
 
     Bench i is ``width_m`` wide and extends from handle i + 1 to handle i, and by ``hole_inset_m`` beyond both
-    handles. Its pose follows from the positions of the handles, not from their orientations.
+    handles. The pose of a bench follows from the positions of the handles, not from their orientations.
     """
 
     def __init__(self, width_m: float = 0.3, hole_inset_m: float = 0.275) -> None:
         """Take the hole inset and the width, in metres, that all benches share."""
         self._width_m, self._hole_inset_m = width_m, hole_inset_m
-        self._frame_id, self._lengths_m = '', np.empty(0)       # in the order of the template
+        self._frame_id, self._lengths_m = '', np.empty(0)       # lengths in the order of the template
         self._template: CubesTemplate | None = None
 
     def encode(self, handles: bytes) -> bytes:
@@ -303,7 +303,7 @@ def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
 
 
 def _finite(what: str, values: Floats) -> Floats:
-    """Return values as native floats. Raises MessageError unless all are finite and below the limit."""
+    """Return values as native floats. Raises MessageError unless all values are finite and below the limit."""
     values = np.ascontiguousarray(values, dtype=np.float64)
     size = np.abs(values)
     if not np.max(size, initial=0.0) < COORDINATE_M:

@@ -89,7 +89,7 @@ def _edges(markers: Markers, marker: int) -> tuple[Complexes, Complexes]:
 
 
 def plane_pose_of(pose: Floats, what: str) -> PlanePose:
-    """Return a pose (7,) in the plane; its height is ignored. Raises MessageError if it is tilted or not finite.
+    """Return a pose (7,) in the plane; its height is ignored. Raises MessageError for a tilted or infinite pose.
 
     A quaternion of zeros, which many programs send, means no rotation.
     """

@@ -78,7 +78,7 @@ def _bare(frame_id: str) -> str:
 
 
 def _matrix(quaternion: Floats, child: str) -> Floats:
-    """Return the rotation matrix of a quaternion. Raises MessageError unless it has unit length."""
+    """Return the rotation matrix of a quaternion. Raises MessageError unless the quaternion has unit length."""
     x, y, z, w = quaternion.tolist()
     if not abs(x * x + y * y + z * z + w * w - 1) < _UNIT:
         raise MessageError(f'/tf: the rotation of the frame {child!r} is not a unit quaternion')

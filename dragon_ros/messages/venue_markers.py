@@ -11,10 +11,11 @@ from dragon_ros.core.venue import INSIDE, LineObstacle, Points, Venue
 from dragon_ros.messages.cdr import Writer
 from dragon_ros.messages.markers import BLACK, LINE_LIST, TEXT_VIEW_FACING, Colour, MarkerSpec, delete_all, put_marker
 
-EDGES, NAMES = 'venue', 'venue names'       # namespaces; the id is the obstacle's number (last: the inside)
+# Namespaces of the markers. The id is the number of the obstacle, and the inside has the last id.
+EDGES, NAMES = 'venue', 'venue names'
 _WIDTH_M, _LETTER_M, _ABOVE_M = 0.08, 0.6, 0.5
 _GREY: Colour = (0.35, 0.35, 0.35, 1.0)
-# These texts of the markers with edges are not shown by RViz. A marker without text is a line.
+# Texts of the markers with edges, which RViz does not show. A marker without text is treated as a line.
 KINDS = {OUTSIDE: 'polygon', LINE: 'line', WITHIN: 'inside'}
 
 

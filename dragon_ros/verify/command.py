@@ -16,7 +16,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='python -m dragon_ros.verify', description=__doc__)
     parser.add_argument('certificate', type=Path, help='a file written by `contact --certificate`; - is standard input')
     parser.add_argument('--effort', type=_effort, default=1.0, metavar='TIMES',
-                        help='multiply the usual budget by this before giving up (%(default)s)')
+                        help='multiply the usual budget by this factor (%(default)s)')
     arguments = parser.parse_args(argv)
     try:
         said = _proved(arguments.certificate, arguments.effort)
@@ -41,7 +41,7 @@ def _effort(text: str) -> float:
 
 
 def _proved(path: Path, effort: float) -> str:
-    """Return what a file proves. Raises Refused."""
+    """Return the sentence that a certificate file proves. Raises Refused."""
     try:
         import flint  # noqa: F401
     except ImportError:

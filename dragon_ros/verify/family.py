@@ -21,13 +21,13 @@ from dragon_ros.verify.law import Law
 from dragon_ros.verify.reading import FamilyClaims, Spiral
 from dragon_ros.verify.segments import about_span
 
-_BOXES = 60_000         # limit; the proof of a family needs about ten thousand
+_BOXES = 60_000         # limit of boxes; the proof of a family needs about ten thousand
 _LINKS = 100            # number of placed links that count as one box of the limit
 _FIRST_RAD = 2.0        # angle about the centre that each of the first boxes covers
 _LEAST = 1e-9           # relative to a variable: width of the narrowest box
 _BENT = Fraction(109, 100)      # the curvature of any spiral is at most 1.09 / r
 _NEAR = 1e-11           # relative to a span: distance of the first bound that is tested
-_BELOW, _ABOVE = -1, 1  # the side of a value on which a float provably is
+_BELOW, _ABOVE = -1, 1  # the side of a value on which a float provably lies
 _PASSES = 6             # iterations that bound the head, given the handle behind it
 _HALF = Fraction(1, 2)
 
@@ -187,7 +187,7 @@ class _Proof:
         return theta
 
     def _clear(self, lead: int, box: Box, before: int) -> int:
-        """Clear a box, after ``before`` others, and return the number of boxes that this took. Raises Refused."""
+        """Clear a box and return the number of boxes that this took, after ``before`` others. Raises Refused."""
         boxes, done = [box], 0
         while boxes:
             here = boxes.pop()

@@ -52,7 +52,7 @@ class Interval:
         self._turnings: list[Turning] = []
         self._moved: list[float] = []
         self._in_lead: list[float] = []
-        self._turns, self._between_m = list[float](), list[float]()     # up to each bench behind the leading bench
+        self._turns, self._between_m = list[float](), list[float]()     # turn and link length up to each bench
         self._length = size(first.high - first.low) if first.segment is not None else first.moved_m
         self._outer: float | None = None
         self.tested = 1
@@ -146,9 +146,9 @@ class Interval:
     def _out_of_reach(self, n: int) -> bool:
         """Return whether the n-th bench and all benches behind it lie outside a circle around the leading bench.
 
-        This requires a first segment on which the radius increases from handle to handle, a spiral: no point of a
-        link is closer to the centre than the root of r^2 - l^2 / 4, where r is the distance of its front handle from
-        the centre.
+        This requires that the first segment is a spiral on which the radius increases from handle to handle. No point
+        of a link is then closer to the centre than the root of r^2 - l^2 / 4, where r is the distance of its front
+        handle from the centre.
         """
         handle, spiral = self._handle(n), self._track.segments[0]
         if handle.segment != 0 or not isinstance(spiral, SpiralSegment) or spiral.first is not None:

@@ -31,7 +31,10 @@ class Mark(NamedTuple):
 
 
 class Leg(NamedTuple):
-    """A period in which the leader goes on (``sense`` 1), goes back (-1) or rests (0); ``until_s`` may be None."""
+    """A period in which the leader goes on (``sense`` 1), goes back (-1) or rests (0).
+
+    ``until_s`` is None if the period has no end.
+    """
 
     since_s: Fraction
     until_s: Fraction | None
@@ -40,7 +43,7 @@ class Leg(NamedTuple):
 
 @dataclass(frozen=True)
 class Law:
-    """A law by ``knots`` (t_s, speed_m_s), the first at 0 s; the last speed continues. A constant speed is one knot."""
+    """A law defined by ``knots`` (t_s, speed_m_s), the first at 0 s; the last speed continues after the last knot."""
 
     knots: tuple[tuple[Fraction, Fraction], ...]
     smooth: bool = False
@@ -129,7 +132,7 @@ class Law:
         return min(gone) - more, max(gone) + more
 
     def pieces(self, end_s: Fraction | None) -> Iterator[tuple[Mark, Mark]]:
-        """Yield the periods from 0 s on in which the leader moves in one direction, except for an endless last one."""
+        """Yield the periods from 0 s on in which the leader moves in one direction, except an endless last period."""
         for before, after in pairwise(self.marks):
             if end_s is not None and after.t_s >= end_s:
                 break

@@ -175,7 +175,7 @@ def _that_may_turn(front: Handle, ends: Postures, n: int, link: Link) -> Handle:
 
 
 def furthest(low: arb, high: arb, both: arb) -> float:
-    """Return the largest sum of distances from two positions to a third between bounds; ``both`` is their sum.
+    """Return the largest sum of distances from a position between bounds to two others, which add up to ``both``.
 
     Beyond the two positions the sum grows with the distance, so it is largest at a bound.
     """

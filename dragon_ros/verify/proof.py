@@ -18,15 +18,15 @@ from dragon_ros.verify.track import Track, track_of
 from dragon_ros.verify.venue import Edges, ObstacleCover, check_sides, ways_by_length
 
 _SLACK = 1e-9               # slack of the leader's travel, relative to 1 m or the longest bench, whichever is shorter
-_WIDEST = 1e-6              # likewise: the largest slack, even if benches meet very slowly
-_GRAZING = 1e-7             # likewise: the slack of a grazing contact, and the distance within which its benches come
+_WIDEST = 1e-6              # relative to the same length: largest slack, even if benches meet very slowly
+_GRAZING = 1e-7             # relative to the same length: slack and distance of a grazing contact
 _PROMISE_M = 2e-12          # position error of a solver up to _PROMISED_M from the origin
 _PROMISED_M = 20.0          # further out, the error grows in proportion, like the spacing of floats
-_OVERHANG_M = 1e-6          # how far an interval may extend beyond the positions in the run (also in proportion)
+_OVERHANG_M = 1e-6          # how far an interval may extend beyond the run's positions; grows in proportion, too
 _STEPS, _STEPS_EACH = 100_000, 300      # links and pairs: about ten seconds, plus an allowance for each interval
 _MOST_STEPS = 200_000       # 173,000 steps suffice for 390 of 391 random runs
 _TIMED = 2   # first version of certificates in which the slack allows for an error of the position, not of the time
-_CHANGED = ('written before 0.3.0: until then the slack also excused positions before the leader turned or rested; '
+_CHANGED = ('written before 0.3.0: until then the slack also covered positions before the leader turned or rested; '
             'search this run again')
 _SHARE = 100                # number of lengths compared per step
 
@@ -41,7 +41,7 @@ class Proved:
 
 
 def prove(claims: Claims | FamilyClaims, effort: float, progress: Progress) -> Proved:
-    """Return what a certificate proves. Raises Refused if it does not hold or cannot be proved within the effort.
+    """Return what a certificate proves. Raises Refused if the proof fails or exceeds the effort.
 
     ``progress(done_m, whole_m, advice)`` is called with the metres of track that are cleared, the metres in total,
     and advice if the budget is too small at the current rate.
@@ -165,7 +165,7 @@ class _Proof:
     def _poses(self, contact: Contact, gone: arb) -> tuple[Pose, Pose]:
         """Return the two benches of a contact (or a bench and an edge of the obstacle) at a distance of the leader.
 
-        The edge is the edge that is nearest at the contact itself, for which this method is called first.
+        The chosen edge is nearest to the bench at the contact itself, for which this method is called first.
         """
         first, second = contact.benches[0], contact.benches[-1]
         self._budget.spend(second)
@@ -186,7 +186,7 @@ class _Proof:
             raise Refused(f'contact: {_pair(contact)} do not graze: they are {float(away):.3g} m apart')
 
     def _overlapping(self, contact: Contact, ways: list[Approach], slack_m: Fraction) -> tuple[Approach, str]:
-        """Return the approach on which the benches of a contact provably overlap, and words that state this overlap."""
+        """Return the approach on which the benches of a contact provably overlap, and a phrase about the overlap."""
         for way in ways:
             after_m = way.after_m(slack_m)
             poses = self._poses(contact, exact(way.gone_m + after_m * way.sense))

@@ -311,7 +311,7 @@ def _venue(value: Any) -> Venue:
     out = Venue(obstacles, inside)
     names = [one.name for one in out.all]
     if len(set(names)) < len(names) or not names:
-        raise Refused('scene.venue: it has no obstacle, or two with the same name')
+        raise Refused('scene.venue: it has no obstacle, or two obstacles with the same name')
     if sum(len(line) for one in out.all for line in one.lines) > 2 * MOST_CORNERS:
         raise Refused(f'scene.venue: it has more than {MOST_CORNERS} corners')
     return out
@@ -335,7 +335,7 @@ _OBSTACLES: dict[str, Callable[[str, dict[str, Any]], Obstacle]] = {'polygon': _
 
 def _named(name: str, value: Any) -> str:
     if not isinstance(value, str) or not 0 < len(value) <= _LONGEST_NAME or not value.isprintable() or value == _INSIDE:
-        raise Refused(f'{name}.name: {_shown(value)} is not a name for an obstacle')
+        raise Refused(f'{name}.name: {_shown(value)} is not a valid name for an obstacle')
     return value
 
 

@@ -21,7 +21,7 @@ from dragon_ros.verify.reading import Scene
 from dragon_ros.verify.segments import HALF, TWO, Link, SpiralSegment, about_span
 from dragon_ros.verify.track import Place, Track
 
-_SAMPLES = 4000         # number of positions at which a lock is searched for
+_SAMPLES = 4000         # number of positions of the head at which the search tests for a lock
 _HALVINGS = 80          # number of bisections for times and positions that are only printed or are proved later
 _SHARE = 10             # number of links that, placed in floats, count as one step of the budget
 
@@ -229,7 +229,7 @@ def _within(extent: Extent, limits: tuple[Limit | None, Limit | None]) -> Range:
 
 
 def _ended(law: Law, start: Fraction, before: Mark, after: Mark | None, limit: Limit, sense: int) -> Run:
-    """Return a run that a limit ends, less the slack; from ``before`` on the leader moves in one direction."""
+    """Return a run that ends at a limit, less the slack; from ``before`` on the leader moves in one direction."""
     end_s = _passage(law, before, after, Fraction(float(limit.gone)), sense)
     if end_s < start:
         raise Refused(f'scene.run.start_s: the model ends before it, at {float(end_s):.12g} s: {limit.why}')

@@ -43,7 +43,7 @@ def _hair_m(end: arb) -> float:
 
 
 class Place(NamedTuple):
-    """The index of a segment and the coordinate on it; if ``loose`` is not 0, a joint is at most so many metres away.
+    """The index of a segment and the coordinate on it; if ``loose`` > 0, a joint is at most ``loose`` metres away.
 
     In this case it is unknown on which side of the joint the position is, and the coordinate is on the continuation
     of the segment's curve. At a distance d beyond the joint, the track deviates from that curve by at most K d^2, and

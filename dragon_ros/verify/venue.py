@@ -26,7 +26,7 @@ _ROUNDED = 1e-12    # relative to coordinates: more than the error of a distance
 _CELL = 4.0         # side of a cell of the index, relative to the longest bench
 _MOST_CELLS = 1000  # largest number of cells along an edge; longer edges are always checked
 _REACH = 2.0        # relative to the longest bench: intervals in which a bench moves further are cut without a check
-_NEAR_M = 1e-5      # times the scale of rounding: edges of an obstacle that are this close to a bench may touch it
+_NEAR_M = 1e-5      # relative to the scale of rounding: edges of an obstacle this close to a bench may touch it
 _INSIDE_HEAD = [rect(0.5, n) for n in range(6)]     # points of a bench, relative to its half length and half width
 
 
@@ -39,7 +39,7 @@ class Edge:
     stop: complex
 
     def near(self, point: complex, reach_m: float) -> Pose | None:
-        """Return the part of the edge that includes all its points within a distance of a point, or None.
+        """Return a part that contains all points of the edge within a distance of a given point, or None.
 
         The distance of a point of the edge is at least its distance from the foot of the perpendicular.
         """
@@ -225,7 +225,7 @@ def check_sides(venue: Venue, head: Pose) -> None:
         if None not in sides:
             for one, covered in zip(areas, sides, strict=True):
                 if covered != (one is venue.inside):
-                    raise Refused(f'scene.venue: the run starts {"not " * (not covered)}within {one.name!r}')
+                    raise Refused(f'scene.venue: the run starts {"within" if covered else "outside"} {one.name!r}')
             return
     raise Refused('scene.venue: it could not be proved on which side of an outline the run starts')
 

@@ -33,7 +33,7 @@ class PlacedLinks(Protocol):
 
     @property
     def solver(self) -> str:
-        """The solver: 'table', 'march' if the table did not cover these links, or '' if no table was requested."""
+        """The solver of these links: 'table', 'march' if the table did not cover them, or '' if none was requested."""
         ...
 
     def velocities(self, chain: 'Chain', speed: Any, out: Floats) -> Any:

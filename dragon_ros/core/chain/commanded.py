@@ -1,8 +1,8 @@
 """A leader that is commanded externally: its settings, its next allowed speed, and the law that it has followed.
 
 The leader's speed is linear between ticks. The speeds at the ticks are recorded. Like a profile with the same knots,
-they determine the distance travelled at each tick exactly (in rational arithmetic). A recording of the speeds is
-therefore sufficient to reproduce every handle bit for bit.
+these speeds determine the distance travelled at each tick exactly (in rational arithmetic). A recording of the speeds
+is therefore sufficient to reproduce every handle bit for bit.
 """
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
@@ -20,12 +20,12 @@ from dragon_ros.core.checks import number, settle
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.exact_polynomial import ExactPolynomial
 
-SHORT_M = 0.01  # the leader stops at least this far before the track's end or a lock, near which speeds are unbounded
+SHORT_M = 0.01  # the leader stops at least this far before an end of the track or a lock, near which speeds diverge
 
 
 @dataclass(frozen=True)
 class Commanded:
-    """Commanded externally on topic `cmd_vel`, within limits; the leader stops `timeout_s` after the last command.
+    """Speed commanded externally on `cmd_vel`, within limits; the leader stops `timeout_s` after the last command.
 
     The leader starts at rest. The distance that it travels is known only from a recording: the topic `leader` of a
     bag.
@@ -156,7 +156,7 @@ def walked_from(settings: Commanded, start_s: float) -> Walked:
 
 def next_speed_m_s(settings: Commanded, speed_m_s: float, wanted_m_s: float, step_s: float,
                    left_m: tuple[float, float]) -> float:
-    """Return the speed at the next tick: as close to the commanded speed as the limits and the distance to stop allow.
+    """Return the speed at the next tick: as close to the commanded speed as the limits and the stopping distance allow.
 
     ``left_m`` are the remaining distances in metres backwards and forwards. From the speed v at the next tick, the
     leader can stop in time if
@@ -191,7 +191,7 @@ def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, fl
 
 
 def profile_of(settings: Commanded, walked: Iterable[tuple[float, float]]) -> Profile:
-    """Return a profile with the given pairs (t_s, speed_m_s) of ticks and distances equal to the last bit.
+    """Return a profile with the pairs (t_s, speed_m_s) of the ticks; its distances are identical to the last bit.
 
     A knot between two knots of the same speed is redundant and is omitted. Raises FieldError if too many knots
     remain.

@@ -20,9 +20,9 @@ from dragon_ros.core.tracks.spiral import TIGHT, SpiralSegment, corrections
 
 FEWEST_ROWS = 8        # smallest number of rows of handles that are placed simultaneously
 _AT_ONCE = 2**14        # number of handles whose intermediate results fit in the cache
-_MOST_LEADERS = 512     # limit for simultaneous placement; for more leaders, row by row is as fast
+_MOST_LEADERS = 512     # most leaders for simultaneous placement; for more, placing row by row is as fast
 _FAR_RAD = 2.0          # smallest polar angle for which the positions of all rows can be guessed
-_NEWTON_STEPS = 8       # limit for all rows simultaneously
+_NEWTON_STEPS = 8       # largest number of Newton steps for all rows at once
 _STEEP = 0.05           # smallest slope from row to row; below it, a follower has almost turned back
 
 
@@ -170,7 +170,7 @@ def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
 
 
 def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
-    """Place the handles of leaders ``on`` a line or an arc, and the first beyond it; return the evaluation count.
+    """Place the handles of leaders ``on`` a line or an arc, and the first handle beyond; return the evaluation count.
 
     ``at`` (M,) holds the rows of the last handles placed so far and is advanced.
     """

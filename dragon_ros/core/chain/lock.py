@@ -11,7 +11,8 @@ from math import cos, inf, pi, sin, sqrt, ulp
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.tracks.spiral import chord_of, first_guess, first_peak, step
 
-_NO_TURN = 4.0  # beyond its chord plus this, a link spans less than 60 degrees and does not turn back
+# If the angle of its front handle exceeds its chord plus this, a link spans less than 60 degrees and never turns back.
+_NO_TURN = 4.0
 
 
 @lru_cache(maxsize=256)
@@ -48,17 +49,17 @@ def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
 
 
 def _meets(chords: Sequence[float], theta: float, low: float, high: float) -> float:
-    """Return the smallest head angle in (low, high] at which the handle behind these links is at least at theta."""
+    """Return the smallest head angle in (low, high] at which the handle behind these links is at theta or beyond."""
     return _bisect(lambda place: _handle(place, chords) >= theta, low, high)
 
 
 def _one_link_on(chords: Sequence[float], chord: float, places: list[float],
                  here: list[float]) -> tuple[list[float], list[float], list[float]]:
-    """Return the head angles within a range at which the rear handle of one more link turns back, and two lists.
+    """Return the head angles at which the rear handle of one more link turns back, and its ``places`` and ``here``.
 
     At the head angles ``places``, the front handle of the link (behind ``chords``) has the polar angles ``here``, and
-    between them it moves in one direction. The two lists are the head angles, in ascending order, between which the
-    rear handle moves in one direction, and the angles of the rear handle there.
+    between them it moves in one direction. Its ``places`` are the head angles, in ascending order, between which the
+    rear handle moves in one direction; its ``here`` are the angles of the rear handle there.
     """
     turning = [illinois(lambda x, turn=turn: _handle(x, chords) - turn,  # type: ignore[misc]
                         places[n], places[n + 1], here[n] - turn, here[n + 1] - turn)
@@ -139,7 +140,10 @@ def turning_places(chords: Sequence[float], low: float, high: float) -> list[flo
 
 @lru_cache(maxsize=256)
 def turns(chord: float) -> list[float]:
-    """Return the angles at which a link's rear handle turns back, at most one each below and above 3/4 turn of span."""
+    """Return the angles at which the rear handle of a link turns back.
+
+    There is at most one such angle with a span below 3/4 turn, and at most one with a larger span.
+    """
     far = 1.5 * pi
     apart = 0.5 * (sqrt(2 * chord * chord - far * far) - far) if chord > far else 0.0
     ends = sorted({lock_angle(chord), max(apart, lock_angle(chord)), chord + _NO_TURN})

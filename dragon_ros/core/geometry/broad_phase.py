@@ -35,7 +35,7 @@ class _Sectors:
 
 
 def candidates(p: Floats, benches: Benches, reach_m: float | None = None) -> tuple[Ints, Ints]:
-    """Return sorted pairs (i, j), j >= i + 2, that include all pairs with a gap of at most ``reach_m`` or a contact.
+    """Return sorted pairs (i, j), j >= i + 2, with every pair that touches or has a gap of at most ``reach_m``.
 
     ``p`` are the handles (N+1, 2) in metres about the centre. The default of ``reach_m`` is the largest width or a
     twentieth of the largest length, whichever is larger. If the smallest gap of the candidates is at most
@@ -63,8 +63,8 @@ def default_reach_m(benches: Benches) -> float:
 def _sectors(p: Floats, benches: Benches, reach: float) -> _Sectors | None:
     """Return the sectors of the benches, enlarged by half the reach; None if their directions cannot be ordered.
 
-    The directions of the centres are unwrapped so that each is within half a turn of the middle of the bench's
-    handles.
+    The directions of the centres are unwrapped so that each is within half a turn of the direction of the middle of
+    the bench's handles.
     """
     centre, axis = benches.centre, benches.axis
     size = float(np.max(np.abs(centre))) + float(np.max(benches.half_length + benches.half_width))
@@ -115,8 +115,8 @@ def _polar_pairs(sectors: _Sectors) -> tuple[Ints, Ints] | None:
     """Return the pairs whose sectors meet, from one window per bench and turn; None if there are too many.
 
     Because ``low`` increases and ``high`` is replaced by its running maximum, the benches that share a direction with
-    bench i after k turns form one window. The windows of bench i end where all further benches are further out than
-    bench i, except that the window of the first turn is complete.
+    bench i after k turns form one window. The windows of bench i end where all later benches are further out than
+    bench i; only the window of the first turn is not shortened.
     """
     low, high, count = sectors.low, sectors.high, sectors.low.size
     highest = np.maximum.accumulate(high)
@@ -158,8 +158,8 @@ def box_pairs(benches: Benches, reach_m: float = 0.0) -> tuple[Ints, Ints]:
 def swept_pairs(corners: Floats, reach_m: float) -> tuple[Ints, Ints]:
     """Return every pair whose boxes, each about all ``corners`` (M, N, 4, 2) of a bench, come within ``reach_m``.
 
-    The gaps of all other pairs exceed ``reach_m`` at each of the M states. Otherwise this function is like
-    ``box_pairs``.
+    The gaps of all other pairs exceed ``reach_m`` at each of the M states. In all other respects, this function
+    behaves like ``box_pairs``.
     """
     (found,) = pairs_on_steps(corners.min(axis=(0, 2))[None], corners.max(axis=(0, 2))[None], np.array([reach_m]))
     return found

@@ -37,7 +37,7 @@ class Contacts:
     point_m: Floats
 
 
-OBSTACLE = -1       # the owner of an edge or a corner of an obstacle, instead of the index of a bench
+OBSTACLE = -1       # owner of an edge or a corner of an obstacle, in place of the index of a bench
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ farthest-moving point. Therefore:
    half diagonal r move by at most m = |(c - c_k) conj(w_k) - (c' - c_k')| + r |w - w_k|, and a gap changes by at most
    2 max m. If all benches move as one rigid body, m is 0. As long as the gaps of unlisted pairs were larger by that
    amount, none of these pairs is the closest or touches.
-3. In a large dragon the inner layers turn much faster than the outer ones, so the dragon is split into parts. Each
+3. In a large dragon the inner layers turn much faster than the outer layers, so the dragon is split into parts. Each
    part has its own list and its own bench k; the list contains the pairs of the part's benches with each other and
    with the following benches up to an end. In all pairs across an end, the two benches differ in their distance from
    the origin. If each bench is turned back about the origin by its own turn, no point of the bench moves by more than
@@ -45,7 +45,7 @@ TOUCH_M = 1e-10         # a smaller gap counts as contact; positions are accurat
 _SKIN = 0.45            # relative to the mean half length: a longer list remains valid longer but takes more time
 _HAIR = 2.0**-40        # relative to coordinates and sizes
 _MOST_EACH = 32         # largest number of listed pairs per bench; with more, each sample is searched from scratch
-_FEW = 8                # up to this many pairs are computed one by one, more as arrays
+_FEW = 8                # up to this many pairs are computed one by one; more pairs are computed as arrays
 _FIRST_PART = 512       # number of benches in the innermost part; each further part extends twice as far
 _OVERLAP = 2.5          # limit of the benches in all lists, per bench of the dragon; above it, the dragon is not split
 _WORTH = 0.02           # relative to the skin: parts with a smaller margin are measured at each sample
@@ -170,7 +170,7 @@ def _middle(bodies: _ComplexBenches, first: int, end: int) -> int:
 
 def _seen_part(part: _NearList, bodies: _ComplexBenches, p: Floats, benches: Benches, limit_m: float,
                skin_m: float) -> tuple[_NearList, Ints] | None:
-    """Return a part after one more sample, and the rows of its pairs that may be within a limit; None if too many."""
+    """Return a part after one more sample, and the rows of pairs that may be within a limit; None if too many."""
     change_m = part.change_m(bodies)
     if not part.beyond_m - part.spent_m - change_m > limit_m:
         listed = _listed(bodies, p, benches, (part.first, part.stop, part.end), max(limit_m, 0.0) + skin_m, limit_m)

@@ -51,7 +51,7 @@ class RelativePoses:
 
     @property
     def _extents(self) -> tuple[Floats, Floats]:
-        """Distances of the centres along both axes of A at which the rectangles just touch along that axis."""
+        """Distances between the centres along each axis of A at which the rectangles just touch along this axis."""
         (a_x, a_y), (half, side), c, s = self.a, self.b, np.abs(self.cos), np.abs(self.sin)
         return a_x + half * c + side * s, a_y + half * s + side * c
 
@@ -68,10 +68,10 @@ class RelativePoses:
     def separations(self) -> tuple[Floats, Floats]:
         """Return the larger separation along A's two axes (negative if both overlap), and the squared distance.
 
-        The distance is that between A and the nearer of B's two leading corners. If B is reflected so that its centre
-        has x, y >= 0, the leading corners are the ones with the smallest x and with the smallest y. The other two
-        corners need not be considered, because a point of the edge between the leading corners is always at least as
-        near.
+        The distance is measured between A and the nearer of B's two leading corners. If B is reflected so that its
+        centre has x, y >= 0, the leading corners are the ones with the smallest x and with the smallest y. The other
+        two corners need not be considered, because a point of the edge between the leading corners is always at least
+        as near.
         """
         x, y, c, s = np.abs(self.x), np.abs(self.y), np.abs(self.cos), np.abs(self.sin)
         (a_x, a_y), (half, side) = self.a, self.b
@@ -95,7 +95,7 @@ def rounding_m(far_m: Floats | float, half_m: float) -> Floats | float:
 
 
 def placement(benches: Benches, i: Index, j: Index, others: Benches | None = None) -> RelativePoses:
-    """Return benches j relative to benches i, which may be any indices along the second to last axis of ``centre``.
+    """Return the poses of benches j relative to benches i (indices along the second to last axis of ``centre``).
 
     If ``others`` are given, j are indices of ``others``.
     """
@@ -343,7 +343,7 @@ def _side(benches: Benches, owner: Ints, other: Ints, gap: Floats) -> _CornersOn
 
 
 def _apart(corners: Floats, size: Floats) -> tuple[Array, ...]:
-    """Return the distance, 0, corner, edge, and middle x and y, for corners (2, 4, M) and half sizes (2, M)."""
+    """Return (distance, 0, corner, edge, middle x, middle y) for corners (2, 4, M) and half sizes (2, M)."""
     outside = np.abs(corners) - size[:, None]
     distance = np.hypot(*np.maximum(outside, 0))
     corner = np.argmin(distance, axis=0)
@@ -355,7 +355,7 @@ def _apart(corners: Floats, size: Floats) -> tuple[Array, ...]:
 
 
 def _overlapping(corners: Floats, size: Floats, centre: Floats) -> tuple[Array, ...]:
-    """Return the negative separation, distance past the edge, corner, edge, and middle x and y, as in ``_apart``."""
+    """Return (negative separation, distance past the edge, corner, edge, middle x, middle y), as in ``_apart``."""
     sign = np.where(centre < 0, -1.0, 1.0)
     depth = sign[:, None] * corners - size[:, None]
     deepest = depth.min(axis=1)

@@ -218,7 +218,7 @@ class ContactTracker:
 
     @property
     def around(self) -> Surroundings | None:
-        """The surroundings; None if there are none."""
+        """The surroundings; None if none are known."""
         return self._obstacles.around if self._obstacles else None
 
     def surround(self, around: Surroundings | None) -> None:
@@ -287,7 +287,7 @@ class ContactTracker:
         return tuple(divmod(k, _KEY) for k in key.tolist())
 
     def _ends(self, observation: Observation, which: Bools, cause: str) -> tuple[EpisodeEnd, ...]:
-        """Return the ends of open episodes; ``observation`` is the first without contact, or the last of all."""
+        """Return the ends of episodes; ``observation`` is the first without contact, or the last before a restart."""
         rows, open_ = np.flatnonzero(which), self._open
         return tuple(EpisodeEnd(
             pair, observation.t_ns, float(open_.deepest_m[n]), int(open_.deepest_ns[n]),

@@ -96,7 +96,7 @@ class Surroundings:
         return self.rectangle(benches, pair[0], self.nearest_edge(benches, pair[0], pair[1] - count)), 0, 1
 
     def nearest_edge(self, benches: Benches, bench: int, number: int) -> int:
-        """Return the edge of an obstacle (the index of its name) that has the smallest gap to a bench."""
+        """Return the edge with the smallest gap to a bench, among the edges of the name with index ``number``."""
         edge = self.edges_of(number)
         return int(edge[np.argmin(self.gaps(benches, np.full(edge.size, bench), edge))])
 
@@ -128,7 +128,7 @@ class Surroundings:
         return STRtree(linestrings(np.stack((ends.real, ends.imag), axis=-1)))
 
     def in_boxes(self, low: Floats, high: Floats) -> tuple[Ints, Ints]:
-        """Return the indices of all boxes, given by corners (M, 2), and edges that may intersect in pairs."""
+        """Return all pairs of boxes (given by corners, (M, 2) each) and edges that may intersect, as indices."""
         from shapely import box
         found = self.tree.query(box(*low.T, *high.T))
         return found[0], found[1]
@@ -163,7 +163,7 @@ class Surroundings:
             reach_m *= 2
 
     def closest(self, benches: Benches, reach_m: float) -> tuple[Ints, Ints, Floats]:
-        """Return benches, indices of names and smallest gaps (K,) for all pairs within a reach, and maybe others."""
+        """Return (bench, index of name, smallest gap), (K,) each, for all pairs within a reach and possibly others."""
         bench, edge = self.near(benches, reach_m)
         pair, index = np.unique(bench * len(self.names) + self.owner[edge], return_inverse=True)
         least: Floats = np.full(pair.size, np.inf)
@@ -171,7 +171,7 @@ class Surroundings:
         return *np.divmod(pair, len(self.names)), least
 
     def points(self, benches: Benches, bench: Ints, number: Ints) -> Floats:
-        """Return the points (K, 2) at which benches touch obstacles; ``number`` (K,) are the indices of names."""
+        """Return the points (K, 2) at which benches touch obstacles, whose names have the indices ``number``."""
         return np.array([self._point(benches, *pair) for pair in zip(bench.tolist(), number.tolist(), strict=True)])
 
     def _point(self, benches: Benches, bench: int, number: int) -> tuple[float, float]:
@@ -187,7 +187,7 @@ class Surroundings:
     def touching(self, benches: Benches) -> tuple[Ints, Ints, Floats]:
         """Return the benches that touch an obstacle, the index of the obstacle's name, and the smallest gaps, all (K,).
 
-        The deepest come first.
+        The pairs with the deepest contacts come first.
         """
         bench, number, gap_m = self.closest(benches, 0.0)
         met = np.flatnonzero(gap_m <= 0)

@@ -1,12 +1,13 @@
-"""Tracks, which are segments joined end to end, and positions on tracks.
+"""Tracks (segments joined end to end) and positions on tracks.
 
 A track is a sequence of segments in the head's direction; a single spiral is a track of one segment. A position
 (``Place``) consists of the index of a segment and a coordinate on that segment, stored as a double-double. The next
-handle is at the first position behind (or ahead of) the previous handle whose distance from it is the length of the
-link. A composite track is rejected unless its largest curvature times the longest link is below 2. The chord then
-grows along the track until it reaches the length of the link, so exactly one such position exists within ``reach_m``.
-This position moves forward when the preceding handle does, and no link ever locks. A single spiral leads to its
-centre, where links may lock and followers may turn back; ``may_lock`` is true for such a track.
+handle is at the first position behind (or ahead of) the previous handle at which the straight distance between them
+equals the length of the link. A composite track is rejected unless its largest curvature times the longest link is
+below 2. The chord then grows along the track until it reaches the length of the link, so exactly one such position
+exists within ``reach_m``. This position moves forward when the preceding handle does, and no link ever locks. A
+single spiral leads to its centre, where links may lock and followers may turn back; ``may_lock`` is true for such a
+track.
 """
 import cmath
 from bisect import bisect_right
@@ -28,7 +29,8 @@ from dragon_ros.core.tracks.segments import BEHIND, LARGEST_BEND, ArcSegment, Li
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
 from dragon_ros.core.tracks.spiral import TIGHT, TINY, SpiralCurve, SpiralSegment, first_peak
 
-_FURTHEST = 1e9     # limit in metres before a track (radians on a circle) where the low part of an angle is small
+# The largest distance before a track, in metres (in radians on a circle), at which the low part of an angle is small.
+_FURTHEST = 1e9
 _ULPS = 2.0**-49     # relative to a coordinate and its distance: bound on the sum of a few rounding errors
 _HAIR = 1e-9        # relative to a distance: how far rounding may put the leader beyond the track's end
 _SLACK = 0.02       # relative to a link: how far an error of the coarsest tier may put a follower beyond the end
@@ -139,7 +141,7 @@ class Track:
                              'use a larger radius or shorter benches')
 
     def place_at(self, metres: float, lo: float = 0.0, from_m: float = 0.0) -> Place:
-        """Return the position at a distance along the track. Raises TrackEndError if it is beyond either end.
+        """Return the position at a distance along the track. Raises TrackEndError beyond either end.
 
         Rounding may put a distance slightly beyond an end; the allowance grows with the distance of that end and
         ``from_m``.
@@ -214,7 +216,7 @@ class Track:
         return found, spent + more
 
     def edge(self, k: int, chord_m: float, direction: int) -> float:
-        """Return the coordinate of the end of segment k behind or ahead; at an end of the track, slightly beyond it."""
+        """Return the coordinate at which segment k ends behind or ahead (slightly beyond it at an end of the track)."""
         segment = self.segments[k]
         edge = segment.first if direction == BEHIND else segment.last
         if 0 <= k + direction < len(self.segments) or abs(edge) == inf:
@@ -363,7 +365,7 @@ def _vectors_of(points: Array) -> Floats:
 
 
 def _guessed(segment: Segment, near: float, here: Array, chord_m: float, direction: int) -> Floats:
-    """Return the approximate distances from a segment's near end at which the segment is a chord's length from points.
+    """Return the approximate distances, from a segment's near end, of its points at a chord's length from given points.
 
     The segment is replaced by its osculating circle at the near end, which is exact for lines and arcs. If the chord
     does not reach that circle, the tangent is used.
@@ -486,10 +488,11 @@ def _check_joint(k: int, piece: Piece, point: complex, heading: complex) -> None
         gap = hypot(x - point.real, y - point.imag)
         if gap > _NEAR_M:
             raise FieldError(f'track.pieces.{k + 1}.at_m', [x, y], f'joint {k}: piece {k} ends {gap:.6g} m from there, '
-                             f'at [{point.real:.9g}, {point.imag:.9g}]', 'remove it, or change the preceding pieces')
+                             f'at [{point.real:.9g}, {point.imag:.9g}]',
+                             'remove this key, or change the preceding pieces')
     if piece.heading_deg is not None:
         off = remainder(radians(piece.heading_deg) - cmath.phase(heading), 2 * pi)
         if abs(off) > _NEAR_RAD:
             raise FieldError(f'track.pieces.{k + 1}.heading_deg', piece.heading_deg, f'joint {k}: piece {k} ends '
                              f'{degrees(-off):.6g} degrees from there, at {degrees(cmath.phase(heading)):.9g}',
-                             'remove it, or change the preceding pieces')
+                             'remove this key, or change the preceding pieces')

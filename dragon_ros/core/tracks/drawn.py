@@ -3,7 +3,7 @@
 A drawn line is a sequence of parts, straight or smooth, that meet at points; if they meet at an angle, the point is a
 corner. Each corner, and each bend that is too tight for the links, is replaced by the shortest biarc around it that
 has the requested radius. All other parts are straight lines, or curves to which biarcs are fitted. Consecutive pieces
-are tangent, because each begins at the end point and heading of the preceding one.
+are tangent, because each piece begins at the end point and heading of the preceding piece.
 """
 import cmath
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ _ALIKE = 1e-7           # relative to a radius: arcs whose radii differ by less 
 _MEASURED = 1e-5        # relative to the radius of a blend: sampling error when its deviation is measured
 _ROUNDS = 12             # largest number of searches for bends that are too tight
 _DECIMALS = 11          # decimal places of metres and degrees in a scene file
-_GROWTH, _CLOSE = 1.2, 1e-6     # growth factor of a blend until its radius is sufficient; precision of its size
+_GROWTH, _CLOSE = 1.2, 1e-6     # growth factor of a blend until its radius is sufficient; relative error of its size
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +224,7 @@ def _eased(points: Complexes, within_m: float) -> Complexes:
 
 
 def _curve(drawn: Complexes, eased: Complexes, numbers: Ints) -> SmoothPart:
-    """Return a smooth part through points; each heading follows the circle through the point and its neighbours."""
+    """Return a smooth part through points; headings are tangent to circles through each point and its neighbours."""
     points = eased[numbers]
     legs = np.diff(points)
     long, ways = np.abs(legs), legs / np.abs(legs)
@@ -443,8 +443,8 @@ def _unwalkable(drawn: _SmoothLine, low_m: float, high_m: float, least_m: float)
     at, _ = drawn.pose(0.5 * (low_m + high_m), True)
     return InputError(
         f'the drawing cannot be walked at ({at.real:.3f}, {at.imag:.3f}) m, {0.5 * (low_m + high_m):.2f} m along it: '
-        f'there is no room for a bend of {least_m:.4g} m, the tightest that these benches can walk; draw a larger '
-        f'radius or longer legs, or use shorter benches', field='drawing', place_m=(at.real, at.imag))
+        f'there is no room for a bend of radius {least_m:.4g} m, the tightest that these benches can walk; draw a '
+        f'larger radius or longer legs, or use shorter benches', field='drawing', place_m=(at.real, at.imag))
 
 
 class _FittedArcs(NamedTuple):
@@ -498,7 +498,7 @@ def _apart_m(drawn: _SmoothLine, part: _FittedArcs, sag_m: float) -> float:
     """Return the Hausdorff distance between arcs and the part of the drawn line that they replace."""
     lines = drawn.drawn_between(part.low_m, part.high_m), np.concatenate([bow.points(sag_m) for bow in part.bows])
     ends = (LineString(np.stack((some.real, some.imag), axis=1)) for some in lines)
-    with np.errstate(invalid='ignore'):     # GEOS 3.11 sets the flag for valid input
+    with np.errstate(invalid='ignore'):     # GEOS 3.11 sets the floating-point flag for valid input
         return float(hausdorff_distance(*ends))
 
 
@@ -541,7 +541,7 @@ def _are_one(first: Bow, second: Bow) -> bool:
 
 
 def _pieces(bows: list[Bow]) -> tuple[Piece, ...]:
-    """Return arcs as the pieces of a spec; the first states its position."""
+    """Return arcs as the pieces of a spec; the first piece states its position."""
     x, y, heading = bows[0].start.real, bows[0].start.imag, degrees(cmath.phase(bows[0].heading))
     first, *others = (Line(_plain(bow.length_m)) if bow.is_straight else
                       Arc(_plain(bow.radius_m), _plain(degrees(bow.angle_rad))) for bow in bows)

@@ -19,7 +19,7 @@ LARGEST_BEND = 1.98     # limit of curvature times chord: links may lock at 2; 1
 
 
 class Past(NamedTuple):
-    """The predictor's state for many positions: the differences of squared angles (M,) over the last three links."""
+    """The predictor's state for many positions: differences of squared angles (M,) over the last three links."""
 
     d1: Floats
     d2: Floats
@@ -107,7 +107,7 @@ class Segment(Protocol):
         ...
 
     def squares(self, u: Floats, shift: Floats) -> Floats:
-        """Return the values that the predictor needs of the given coordinate changes."""
+        """Return the input of the predictor for the given coordinate changes."""
         ...
 
     def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,

@@ -115,7 +115,7 @@ class STurn:
         return sum(self.radii_m) / least_radius_m - 1 if least_radius_m else inf
 
     def check_arcs(self, least_radius_m: float) -> None:
-        """Check that both arcs have at least a given radius. Raises FieldError for the diameter or the ratio if not."""
+        """Check that both arcs have at least a given radius. Otherwise raises FieldError for one of the fields."""
         if min(self.radii_m) >= least_radius_m:
             return
         limit = (f'an arc of radius {min(self.radii_m):.6g} m bends tighter than {least_radius_m:.6g} m, 1.01 times '
@@ -219,7 +219,7 @@ class Composite:
     start_m: float = 0.0
 
     def __post_init__(self) -> None:
-        """Reject a track with an invalid piece, without pieces or with too many."""
+        """Reject a track that has no pieces, too many pieces or an invalid piece."""
         if not 1 <= len(self.pieces) <= MOST_PIECES:
             raise FieldError('track.pieces', len(self.pieces), f'a track has 1 to {MOST_PIECES} pieces',
                              'list its pieces')

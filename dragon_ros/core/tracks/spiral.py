@@ -348,7 +348,7 @@ def _plain_steps(theta: Floats, square: float | Floats, delta: Floats) -> tuple[
 
 
 def corrections(theta: Floats, delta: Floats, chord: Floats | float) -> tuple[Floats, Floats]:
-    """Return the Newton steps of many delta (of either sign) towards their chords, and d(theta + delta) / d theta."""
+    """Return the Newton steps of many ``delta`` (of either sign) towards ``chord``, and d(theta + delta) / d theta."""
     half, outer = 0.5 * delta, theta + delta
     s = np.sin(half)
     across = 2 * theta * s
@@ -364,7 +364,7 @@ def first_guesses_in(theta: Floats, chord: float) -> Floats:
 
 
 def steps_in(theta: Floats, chord: float, guess: Floats, arc: float) -> tuple[Floats, int]:
-    """Return ``step_in`` for many angles, by Newton's method at once or, if that does not converge, one by one."""
+    """Return ``step_in`` for many angles; angles for which the joint Newton iteration fails are solved one by one."""
     if not chord:
         return np.zeros_like(theta), 0
     delta, change, slope, spent = guess, np.zeros_like(theta), np.ones_like(theta), 0

@@ -84,7 +84,7 @@ def test_what_cannot_be_walked_is_refused_with_the_place_and_both_cures(drawn, x
         routed(drawn)
     assert caught.value.fields['place_m'] == pytest.approx((x, y))
     assert f'({x}.000, {y}.000) m' in str(caught.value)
-    assert f'bend of {LEAST_M:g} m, the tightest' in str(caught.value)
+    assert f'bend of radius {LEAST_M:g} m, the tightest' in str(caught.value)
 
 
 def test_a_bend_that_is_too_tight_is_widened_to_the_radius_and_says_so():
