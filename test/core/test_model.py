@@ -88,7 +88,7 @@ def test_metres_choose_the_tier_that_keeps_them_as_far_out_as_the_run_goes():
     (Scene(track=Composite((Line(9.0), Arc(1.44, 90.0)))), FieldError, 'bends tighter than 1.44444 m'),
     (Scene(track=STurn(ratio=2.3)), FieldError, 'bends tighter than 1.44444 m'),
     (Scene(track=Composite((Line(9.0),), start_m=9.5)), FieldError, r'track\.start_m'),
-    (Scene(track=Spiral(0.55, 1e5), accuracy='fine'), FieldError, 'ask for 5.5e-09 m or more')],
+    (Scene(track=Spiral(0.55, 1e5), accuracy='fine'), FieldError, 'choose 5.5e-09 m or more')],
     ids=['joint', 'bend', 'turn', 'start', 'accuracy'])
 def test_what_only_a_track_in_the_plane_can_tell_is_refused_when_the_scene_is_compiled(scene, error, says):
     with pytest.raises(error, match=says):
