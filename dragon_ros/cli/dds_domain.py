@@ -7,15 +7,15 @@ from collections import deque
 from collections.abc import Sequence
 
 _PORTS = 7400, 250      # DDS-RTPS 9.6.1: the first port, and the number of ports per domain
-_MOST_KEPT = 16         # number of domains that a process keeps reserved; participants already use earlier domains
+_MOST_KEPT = 16         # number of domains that a process keeps reserved; earlier domains already have participants
 _KEPT: deque[socket.socket] = deque()
 
 
 def free_domain(among: Sequence[int] = range(1, 102)) -> int:
     """Return a domain without participants on this host; if all domains have participants, return any of them.
 
-    The domain is reserved for this process by binding the port of a 120th participant. A concurrent search therefore
-    chooses another domain even before this process has a participant.
+    To reserve the domain, this process binds the port of a 120th participant. A concurrent search therefore chooses
+    another domain even before this process has a participant.
     """
     domains = random.SystemRandom().sample(among, len(among))
     return next((domain for domain in domains if _is_free(domain) and _keep(domain)), domains[0])

@@ -118,7 +118,7 @@ class Plan:
 
     @cached_property
     def room_m(self) -> tuple[Floats, Floats]:
-        """Distances along the track at every metre, and the room required there to the left and right, all in m."""
+        """Positions at every metre of the track, and the room in m required there to the left and right."""
         from dragon_ros.core.search.swept_area import room_every_metre
         return room_every_metre(self.scene, self.swept)
 
@@ -365,7 +365,7 @@ def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> list[tuple[Floats, 
 
 
 def mark_offsets(places: Floats, headings: Floats, labels: list[str]) -> list[tuple[float, float]]:
-    """Return the offsets in points of labels from marks at places (n, 2), left of the track or, if taken, right of it.
+    """Return the offsets in points of labels from marks at places (n, 2), to the left or, if taken, to the right.
 
     If both sides are taken, a label is placed further out.
     """

@@ -124,14 +124,15 @@ def _live(arguments: Namespace) -> DrawnLine:
 
 
 def _moved(topic: str, message: 'PathMessage', arguments: Namespace) -> DrawnLine:
-    """Return a path transformed by --frame-pose to the dragon's frame. Raises InputError if the option is missing."""
+    """Return a path in the dragon's frame, as transformed by --frame-pose. Raises InputError without that option."""
     points = message.points_m
     if arguments.frame_pose is not None:
         shift, turn = plane_pose('--frame-pose', arguments.frame_pose)
         points = shift + points * turn
     elif message.frame_id != _FRAME:
         raise InputError(f'{topic}: its path is in the frame {shown(message.frame_id)}, and the dragon is in '
-                         f'{_FRAME!r}; give its pose: --frame-pose X,Y,DEGREES (0,0,0 if they coincide)',
+                         f'{_FRAME!r}; give the pose of this frame: --frame-pose X,Y,DEGREES (0,0,0 if the two '
+                         'frames coincide)',
                          field='frame_pose')
     return DrawnLine(topic, (points,))
 

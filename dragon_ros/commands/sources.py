@@ -102,7 +102,7 @@ class Source(Protocol):
         """Yield the dragon at increasing times; a source with only recorded ticks yields the nearest ticks."""
 
     def gaps(self, times_s: Floats) -> Iterator[tuple[float, float]]:
-        """Yield the time in s and the smallest signed gap of benches in m at the times at which ``moments`` yields."""
+        """Yield the time in s and the smallest signed gap of benches in m, at the same times as ``moments``."""
 
     def first_touch(self, progress: Progress) -> Touch | None:
         """Return the first contact, or None."""
@@ -165,7 +165,7 @@ class SceneSource:
 
 
 def _groups(times_s: Floats) -> list[list[float]]:
-    """Return times in groups; the states of a group are computed at once."""
+    """Return the times in groups; the states of a group are computed together."""
     return [times_s[first:first + _AT_ONCE].tolist() for first in range(0, len(times_s), _AT_ONCE)]
 
 
@@ -181,7 +181,7 @@ def moments_of(scene: Scene, group: list[float]) -> Iterator[Moment]:
 
 
 def _gaps_of(scene: Scene, group: list[float]) -> list[tuple[float, float]]:
-    from dragon_ros.core.geometry.near_pairs import NearPairs  # imported lazily, because few pictures need this
+    from dragon_ros.core.geometry.near_pairs import NearPairs  # imported lazily, as few pictures need this class
     near = NearPairs()
     return [(one.t_s, near.look(one.p, one.benches).clearance_m) for one in moments_of(scene, group)]
 

@@ -92,7 +92,7 @@ def table(scene: Scene, times_s: list[float], handles: list[int],
 
 
 def _bag_rows(arguments: Namespace) -> list[Row]:
-    """Return the rows of a bag, which are like those of a scene; missing velocities are nan."""
+    """Return the rows of a bag in the same form as the rows of a scene; missing velocities are nan."""
     from dragon_ros.bags.read.frames import namespace_of
     from dragon_ros.bags.read.reader import BagReader
     out: list[Row] = []

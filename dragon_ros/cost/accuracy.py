@@ -132,7 +132,7 @@ def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> I
 
 
 def _tier(scene: Scene, name: str, known: dict[float, Reference | None]) -> tuple[_TimedSolver, str]:
-    """Return a tier with one solver, and the name of the solver that placed the handles."""
+    """Return the errors and calls of a tier with one solver, and the name of the solver that placed the handles."""
     simulation = compile_scene(scene)
     error_m = error_m_s = 0.0
     worst = 1.0

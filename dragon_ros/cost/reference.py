@@ -84,7 +84,7 @@ def chain_at(scene: Scene, t_s: float, most: int | None = None) -> list[Point]:
 
 
 def cos_sin(angle: Number) -> Pair:
-    """Return cosine and sine, from the sine's series at one eighth of the angle reduced to a quarter turn."""
+    """Return cosine and sine, by the power series of the sine for an eighth of the angle within a quarter turn."""
     quarters = int((angle / (_PI * _HALF)).to_integral_value())
     left = (angle - quarters * (_PI * _HALF)) / 8
     square, total = left * left, _ZERO
@@ -238,7 +238,7 @@ class _DecimalTrack:
         return k, self.pieces[k].after(metres - self.origins[k])
 
     def metres(self, k: int, u: Number) -> Number:
-        """Return the distance in m along the track at which a place is."""
+        """Return the distance of a place along the track, in m."""
         return self.origins[k] + self.pieces[k].metres(u)
 
     @cached_property

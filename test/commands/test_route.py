@@ -97,7 +97,7 @@ def test_the_last_plan_in_a_bag_is_moved_by_the_pose_of_its_frame(capsys, planne
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [
-    ([], "its path is in the frame 'map', and the dragon is in 'dragon'; give its pose"),
+    ([], "its path is in the frame 'map', and the dragon is in 'dragon'; give the pose"),
     (['--frame-pose', '1,2'], 'it must be X,Y,DEGREES'), (['--topic', '/pan'], 'did you mean /plan?'),
     (['--scale', '1:200'], 'a nav_msgs/Path does not accept it')])
 def test_a_plan_in_another_frame_is_refused_and_so_is_what_it_does_not_take(capsys, planned, arguments, says):

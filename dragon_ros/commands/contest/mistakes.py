@@ -244,7 +244,7 @@ def head_gap(p: Floats, width_m: float = 0.3) -> float:
 
 
 def front_gap(p: Floats, width_m: float = 0.3) -> float:
-    """Return the smallest gap in m between the head's front corners and the same benches; it is negative inside."""
+    """Return the smallest gap in m from the head's front corners to other benches; it is negative inside a bench."""
     benches = rectangles(p, width_m)
     seen, axis = benches.corners[0, (0, 3)][:, None] - benches.centre[2:], benches.axis[2:]
     ahead = np.abs(np.sum(seen * axis, axis=-1)) - benches.half_length[2:]
@@ -427,7 +427,7 @@ def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float,
                  of_angle: bool) -> Floats:
     """Return handles (T, handles, 2) on the turn, each found by steps until its chord is within a tolerance.
 
-    The steps are radians of a piece's angle, which restart at the ends of each piece, or metres along the curve.
+    The steps are metres along the curve, or radians of the angle of a piece, which restart at each piece.
     """
     track, angle = track_of(turn), TurnAngle(turn)
     metres = [head_m]

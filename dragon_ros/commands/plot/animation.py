@@ -193,7 +193,7 @@ class AnimatedFigure:
             self._background = self._canvas.copy_from_bbox(self.figure.bbox)
 
     def _show(self, one: Moment) -> None:
-        """Show everything at a moment."""
+        """Show the dragon and all other moving parts at a moment."""
         near = self._near.look(one.p, one.benches)
         self._dragon.show(one, self._touching(one, near.clearance_m))
         if self._follow:
@@ -261,7 +261,7 @@ class _Beside:
 
 
 def film_size(text: str) -> tuple[int, int]:
-    """Return the width and the height in pixels of a text WIDTHxHEIGHT. Raises InputError."""
+    """Return the width and the height in pixels that a text WIDTHxHEIGHT states. Raises InputError."""
     parts = text.lower().split('x')
     if len(parts) != 2 or not all(part.isascii() and part.isdigit() and len(part) < 6 for part in parts):
         raise InputError(f'--size {text}: is not a size; write WIDTHxHEIGHT in pixels, such as 1920x1080')

@@ -88,7 +88,7 @@ def _label_ends(axes: Axes, source: Source, labelled: list[Moment], moments: lis
 
 
 def speeds_of(source: Source, one: Moment) -> Floats:
-    """Return the speeds of a moment in m/s. Raises InputError if they are unknown."""
+    """Return the speeds of a moment in m/s. Raises InputError if the speeds are unknown."""
     if one.speed_m_s is None:
         raise InputError(f'{source.name}: it has no velocities; record with the effect velocity, or plot the scene')
     return one.speed_m_s

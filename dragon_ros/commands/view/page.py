@@ -30,7 +30,7 @@ def write_page(source: Source, times_s: Floats, pace: float, path: Path, progres
 def _page(data: str) -> str:
     """Return the page with all its resources inlined; scripts come last, because they are not deferred.
 
-    The content policy of the page allows only these scripts, by their digests.
+    The content policy of the page identifies these scripts by their digests, and allows no others.
     """
     scripts = [data, _web('plotly-basic.min.js'), _web('words.js'), _web('benches.js'), _web('webgl.js'),
                _web('view.js')]
