@@ -94,7 +94,7 @@ def _diagnostics(_: Scene, frame_id: str) -> Encode:
         health = frame.health
         assert health is not None
         level, message = (_OK, 'all links keep their lengths') if health.good else (
-            _ERROR, f'link {health.link} is off by {health.off_m:.3g} m')
+            _ERROR, f'the length of link {health.link} is off by {health.off_m:.3g} m')
         values = {'solver': health.solver, 'evaluations': health.evaluations, 'worst_link': health.link,
                   'off_m': health.off_m, 'allowed_m': health.allowed_m}
         return _status_of(frame.t_ns, frame_id, level, 'dragon: model', message, values)

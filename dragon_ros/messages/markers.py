@@ -48,7 +48,7 @@ _FACES, _EDGES = (0, 1, 2, 0, 2, 3), (0, 1, 1, 2, 2, 3, 3, 0)      # corners of 
 class MarkerSpec:
     """One marker: its shape, place and appearance.
 
-    ``turn`` is (z, w) of its quaternion, ``points`` is the number of points, and ``colours`` are the triangles'
+    ``turn`` is (z, w) of the quaternion, ``points`` is the number of points, and ``colours`` are the triangles'
     colours.
     """
 

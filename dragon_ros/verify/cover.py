@@ -1,9 +1,9 @@
 """Clear all positions of all benches: intervals are halved until each is proved or the budget is spent.
 
-The positions of the benches behind a bench depend only on its front handle and on their lengths. Benches whose
-sequences of lengths up to the tail agree as far as both extend therefore form a class. The first bench of a class
-clears the track for the whole class: at each position it is tested against as many benches behind it as any bench of
-the class has there. The intervals of a certificate suggest where to cut.
+The positions of the benches behind a bench depend only on its front handle and on their lengths. Benches that are
+followed by matching sequences of lengths therefore form a class. The first bench of a class clears the track for the
+whole class: at each position it is tested against as many benches behind it as any bench of the class has there. The
+intervals of a certificate suggest where to cut.
 """
 import time
 from bisect import bisect_left, bisect_right
@@ -28,7 +28,7 @@ _MANY = 200             # smallest number of intervals for an estimate; with few
 _SAMPLES, _LEAST = 12, 4        # largest and smallest number of intervals sampled for an estimate
 _PILOT = 0.1            # largest share of the budget for an estimate
 _SPARE = 2              # factor on the suggested effort, because the rate of a proof changes
-_HOPELESS = 3           # times the budget: longer proofs are given up early; valid proofs take at most 1.8 times
+_HOPELESS = 3           # relative to the budget: longer proofs are given up early; valid proofs need at most 1.8
 Progress = Callable[[float, float, str], object]    # arguments: metres cleared, metres in total, advice on the budget
 
 
@@ -144,7 +144,7 @@ class Way:
 
 
 def ways(dragon: Dragon, places: Sequence[Range]) -> list[Way]:
-    """Return the classes of benches whose sequences of lengths agree, and the positions of these benches."""
+    """Return the classes of benches that are followed by matching sequences of lengths, with their positions."""
     sets: dict[int, list[int]] = {}
     for bench, lead in enumerate(_leads(dragon.lengths_m)[:-2]):
         sets.setdefault(lead, []).append(bench)
@@ -258,7 +258,8 @@ class Cover:
         finally:
             self.budget.spend(begin.placed + end.placed - placed + interval.tested)
             self.budget.check()
-        return None if behind is None else Stuck(f'benches {bench} and {bench + behind} could not be proved apart')
+        return None if behind is None else Stuck(
+            f'benches {bench} and {bench + behind} could not be proved to be apart')
 
     def _check_overlap(self, way: Way, found: Overlap, place: arb) -> None:
         """Raise Refused if the overlapping benches exist when the first bench is at the given position."""

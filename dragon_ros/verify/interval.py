@@ -202,7 +202,7 @@ class Interval:
         return up(bend * up(self._length * self._length) / 8)
 
     def _middles(self, n: int, other: bool) -> float:
-        """Return a bound on the relative acceleration of the middles of two benches in the frame of one bench.
+        """Return a bound on the relative acceleration of the midpoints of two benches in the frame of one bench.
 
         If all four handles turn about a common centre, each handle accelerates little in that frame, and the bounds
         of the handles are added. Otherwise, velocities and accelerations in the plane are combined.
@@ -223,7 +223,7 @@ class Interval:
         return self._in_lead[k]
 
     def _in_plane(self, n: int, turning: Turning) -> float:
-        """Return a bound on the relative acceleration of the middles, from motions in the plane."""
+        """Return a bound on the relative acceleration of the midpoints, from motions in the plane."""
         front, rear, other_front, other_rear = (self._motion(k).speeds for k in (0, 1, n, n + 1))
         velocity = HALF * (other_front.velocity + other_rear.velocity - front.velocity - rear.velocity)
         acceleration = HALF * (other_front.acceleration + other_rear.acceleration - front.acceleration
@@ -233,7 +233,7 @@ class Interval:
         return size_of(seen)
 
     def _middle(self, n: int) -> acb:
-        """Return a ball for the middle of a bench, which stays within half its handles' travel of its mean position."""
+        """Return a ball for the midpoint of a bench, which stays within half the travel of the handles of its mean."""
         one, two = (end.pose(n).middle for end in self._ends)
         unit = arb(0, up(0.25 * (self._handle(n).moved_m + self._handle(n + 1).moved_m)))
         return HALF * (one + two) + acb(unit, unit)

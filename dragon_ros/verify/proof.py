@@ -196,7 +196,7 @@ class _Proof:
                       f'{_pair(contact)} do not overlap: they are {float(gap(*poses)):.3g} m apart')
 
     def _clear(self, whole: Range, part: Range | None, spoken: Range) -> None:
-        """Prove that the chain exists on the whole of the leader's travel, and that no benches touch on a part of it.
+        """Prove that the chain exists throughout the leader's travel, and that no benches touch on a part of it.
 
         The intervals of the certificate may lie anywhere in ``spoken``, the range that the run covers up to a
         contact.

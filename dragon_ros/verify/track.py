@@ -107,7 +107,10 @@ class Track:
         return out + acb(UNIT, UNIT) * up(2 * self.bend * place.loose) if place.loose else out
 
     def next(self, place: Place, link: Link, way: int) -> Place:
-        """Return the position of the next handle ahead (``way`` 1) or behind (-1). Raises Refused if there is none."""
+        """Return the position of the next handle ahead (``way`` 1) or behind (-1).
+
+        Raises Refused if the handle does not fit on the track.
+        """
         k, segment = place.segment, self.segments[place.segment]
         if not link.near:
             return place

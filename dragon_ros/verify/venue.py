@@ -201,7 +201,7 @@ class ObstacleCover(Cover):
             self.budget.spend(begin.placed + end.placed - placed + interval.tested)
             self.budget.check()
         length_m = self._dragon.lengths_m[way.lead]
-        return None if name is None else Stuck(f'a bench of {length_m!r} m and {name} could not be proved apart')
+        return None if name is None else Stuck(f'a bench of {length_m!r} m and {name} could not be proved to be apart')
 
 
 def ways_by_length(dragon: Dragon, places: Sequence[tuple[arb, arb]]) -> list[Way]:

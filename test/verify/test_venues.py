@@ -97,7 +97,7 @@ TAMPERED = {
     'none': (AHEAD, lambda values, venue: values.update(contact={'t_s': None}), "overlaps 'wall'"),
     'none, with an obstacle': (AHEAD, lambda values, venue: values.update(contact={'t_s': None, 'obstacle': 'wall'}),
                                'without a contact there'),
-    'a corner in the way': (CLEAR, corner(0, [40.0, -1.0]), "overlaps 'tent'|'tent' could not be proved apart"),
+    'a corner in the way': (CLEAR, corner(0, [40.0, -1.0]), "overlaps 'tent'|'tent' could not be proved to be apart"),
     'a corner that is a hair in the way': (CLEAR, corner(0, [40.0, 0.149999]), "'tent'"),
     'the wall moved': (AHEAD, corner(0, [60.5, -2.0]), 'do not overlap'),
     'the wall away': (AHEAD, lambda values, venue: venue['obstacles'].pop(0), "'wall' is not in the venue"),

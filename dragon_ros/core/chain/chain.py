@@ -292,7 +292,7 @@ def marched_many(track: Track, links_m: Floats, leaders: Places, direction: int)
 
 
 def chain_of(track: Track, links_m: Floats, direction: int, handles: Places, evaluations: int) -> Chain:
-    """Return the chain of handles (..., N+1) from the leader on."""
+    """Return the chain with the given handles (..., N+1), which are ordered from the leader on."""
     p = track.points(*handles)[..., ::-direction, :]
     if not np.all(links_m):
         p = p.copy()

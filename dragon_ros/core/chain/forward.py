@@ -172,7 +172,7 @@ def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
 def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
     """Place the handles of leaders ``on`` a line or an arc, and the first handle beyond; return the evaluation count.
 
-    ``at`` (M,) holds the rows of the last handles placed so far and is advanced.
+    ``at`` (M,) holds the rows of the last handles placed so far and is updated.
     """
     u, lo = rows[1][at[on], on], rows[2][at[on], on]
     edge, left = track.edge(k, block.link_m, direction), block.stop - at[on]

@@ -169,7 +169,7 @@ class NearObstacles:
         return np.array([gap_of(benches, *pair, edges) for pair in zip(bench.tolist(), edge.tolist(), strict=True)])
 
     def _crossed(self, kept: _Kept, benches: Benches, rows: Ints) -> NDArray[np.bool_]:
-        """Return whether the centre of the bench has crossed the edge, for listed pairs."""
+        """Return, for each of the listed pairs, whether the centre of the bench has crossed the edge."""
         bench, edge = kept.bench[rows], kept.edge[rows]
         before, now = kept.centre[bench], _complex(benches)[0][bench]
         a, b = self.around.start[edge], self.around.stop[edge]

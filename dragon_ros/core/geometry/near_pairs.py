@@ -47,7 +47,7 @@ _HAIR = 2.0**-40        # relative to coordinates and sizes
 _MOST_EACH = 32         # largest number of listed pairs per bench; with more, each sample is searched from scratch
 _FEW = 8                # up to this many pairs are computed one by one; more pairs are computed as arrays
 _FIRST_PART = 512       # number of benches in the innermost part; each further part extends twice as far
-_OVERLAP = 2.5          # limit of the benches in all lists, per bench of the dragon; above it, the dragon is not split
+_OVERLAP = 2.5          # limit of the benches in all lists, per bench of the dragon; above it, there is no split
 _WORTH = 0.02           # relative to the skin: parts with a smaller margin are measured at each sample
 
 _NONE: Ints = np.empty(0, dtype=np.int64)
@@ -205,8 +205,8 @@ def _decided(benches: Benches, known: tuple[tuple[int, int], float], pairs: list
 class _Kept:
     """The state kept from one sample to the next: the parts, the closest pair, and the ``sizes`` of the benches.
 
-    Pairs across the ends of parts were ``apart_m`` apart when the benches had these centres (N,) and conjugate axes
-    (N,).
+    Pairs across the ends of parts were at least ``apart_m`` apart when the benches had these centres (N,) and
+    conjugate axes (N,).
     """
 
     sizes: bytes

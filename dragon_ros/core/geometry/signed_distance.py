@@ -23,7 +23,7 @@ import numpy as np
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.numerics.types import Array, Complexes, Floats, Index, Ints
 
-CORNERS = ('front left', 'rear left', 'rear right', 'front right')     # as in Benches.corners
+CORNERS = ('front left', 'rear left', 'rear right', 'front right')     # in the order of Benches.corners
 EDGES = ('front', 'rear', 'left', 'right')
 _ROUNDED = 2.0**-46 # relative to coordinates and sizes: the largest rounding error of a separation or gap
 _AT_ONCE = 4096     # number of pairs whose intermediate results fit in the cache
@@ -110,7 +110,10 @@ def placement(benches: Benches, i: Index, j: Index, others: Benches | None = Non
 
 def seen_from(centre: tuple[Complexes, Complexes], axis: tuple[Complexes, Complexes], a: tuple[Any, Any],
               b: tuple[Any, Any]) -> RelativePoses:
-    """Return rectangles of half sizes ``b`` relative to those of half sizes ``a``, from complex centres and axes."""
+    """Return the poses of rectangles with half sizes ``b`` relative to rectangles with half sizes ``a``.
+
+    ``centre`` and ``axis`` hold the complex centres and axes of both.
+    """
     back = np.conj(axis[0])
     offset, turn = (centre[1] - centre[0]) * back, axis[1] * back
     return RelativePoses(offset.real, offset.imag, turn.real, turn.imag, a, b)

@@ -200,7 +200,7 @@ class Surroundings:
         return int(number[0]) if number.size else None
 
     def misplaced_benches(self, benches: Benches, which: Ints) -> tuple[Ints, Ints]:
-        """Return the benches whose centres are in a polygon or not in the inside, and the indices of the names."""
+        """Return the benches whose centres are in a polygon or outside the inside, and the indices of the names."""
         row, number = self.misplaced_points(benches.centre[which])
         return which[row], number
 

@@ -62,8 +62,8 @@ def least_radius_m(links_m: Floats) -> float:
 class Track:
     """Segments in the head's direction; ``origins_m`` are the distances of their anchors along the track.
 
-    At large distances a single float is less precise than the promised accuracy. ``origins_lo_m`` therefore holds the
-    low parts of the distances if the segments were laid end to end.
+    At large distances a single float is less precise than the promised accuracy. If segments are laid end to end,
+    ``origins_lo_m`` therefore holds the low parts of the distances.
     """
 
     segments: tuple[Segment, ...]
@@ -92,7 +92,7 @@ class Track:
 
     @cached_property
     def from_afar(self) -> SpiralSegment | None:
-        """The first segment if it is a spiral from infinity inwards, else None; followers never leave such a spiral."""
+        """The first segment if it is an unbounded inward spiral, else None; followers never leave such a spiral."""
         first = self.segments[0]
         return first if isinstance(first, SpiralSegment) and first.way == BEHIND and first.first == inf else None
 

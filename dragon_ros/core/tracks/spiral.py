@@ -71,7 +71,7 @@ class SpiralCurve:
         TrackEndError beyond the centre.
         """
         if distance_m > self.length_m * (1 + _ROUNDING):
-            raise TrackEndError(f'{distance_m:.9g} m along the track is beyond its end, the centre, at '
+            raise TrackEndError(f'{distance_m:.9g} m along the track is beyond the centre, where the track ends at '
                                 f'{self.length_m:.9g} m', distance_m=distance_m, limit_m=self.length_m)
         if distance_m == 0 or distance_m >= self.length_m:
             return DoubleDouble(0.0, 0.0) if distance_m else self.start
@@ -229,7 +229,7 @@ def next_square(d1: float, d2: float, d3: float) -> float:
 
 
 def step(theta: float, chord: float, guess: float) -> tuple[float, int]:
-    """Return the smallest delta > 0 with the given chord, inf if the chain locks, and the number of evaluations.
+    """Return the smallest delta > 0 with the given chord (inf if the chain locks), and the number of evaluations.
 
     ``chord`` is in units of b. After a relative Newton step x the remaining error is about x^2 / 2, so a step below
     ``TIGHT`` leaves an error below TIGHT^2 / 2 of the link.

@@ -58,7 +58,7 @@ def test_the_head_starts_at_8_8_m():
 
 def test_beyond_the_centre_is_an_error_with_the_limit():
     spiral = SpiralCurve.of(Spiral(0.55, 1.0))
-    with pytest.raises(TrackEndError, match='beyond its end') as error:
+    with pytest.raises(TrackEndError, match='beyond the centre') as error:
         spiral.inward(spiral.length_m * 1.01)
     assert error.value.fields['limit_m'] == spiral.length_m
 
@@ -72,7 +72,7 @@ def test_places_inward_all_at_once_are_those_one_by_one(start_turns, shares):
     each = np.array([spiral.inward(one) for one in metres.tolist()])
     off_m = ((high - each[:, 0]) + (low - each[:, 1])) * spiral.b_m * np.hypot(1, each[:, 0])
     assert np.all(np.abs(off_m) <= 1e-15 * np.maximum(spiral.b_m, np.abs(metres)))
-    with pytest.raises(TrackEndError, match='beyond its end'):
+    with pytest.raises(TrackEndError, match='beyond the centre'):
         spiral.inward_many(spiral.length_m * np.array([*shares, 1.01]), np.zeros(1 + len(shares)))
 
 
