@@ -128,7 +128,7 @@ def read_benches(data: bytes) -> BenchMarkers:
 def checked_stamp(t_ns: int) -> int:
     """Return the stamp of benches. Raises MessageError if the stamp is invalid."""
     if not 0 <= t_ns < 2**31 * NS:
-        raise MessageError(f'benches: stamp: {t_ns} ns; expected a non-negative time')
+        raise MessageError(f'benches: stamp: {t_ns} ns; expected a non-negative time below 2**31 s')
     return t_ns
 
 

@@ -119,7 +119,7 @@ class _Stream:
         return abs(t_ns - self.t_ns - self.step_ns * (sequence - self.sequence)) / max(self.step_ns, 1.0)
 
     def jump(self, sequence: int) -> float:
-        """Return how far a number is ahead of the next expected number; inf if it is too far ahead or too old."""
+        """Return how far a sequence number is ahead of the expected number; inf if it is too far ahead or too old."""
         ahead = sequence - self.sequence - 1
         return ahead if 0 <= ahead <= _LONGEST_JUMP else inf
 

@@ -10,7 +10,7 @@ from math import ulp
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Extent, Law, Leg
 
-_LAST_PLACES = 4        # in ulps: a float solver's error of the time at which the leader turns or rests
+_LAST_PLACES = 4        # in ulps: a float solver's error in the time at which the leader turns or rests
 _SOON_S = Fraction(1, 10**6)    # time before and after a contact; a slack that takes longer is reported
 _HALVINGS = 80          # number of bisections for times that are only printed
 

@@ -72,7 +72,7 @@ class Budget:
 
     @property
     def _whole(self) -> float:
-        """Number of steps of the whole proof, at the current rate or else as expected; 0 if unknown."""
+        """Estimated steps of the whole proof, from the current rate or else from a sample; 0 if unknown."""
         pace = (self.spent - self.since) / self.share if self.share > _NOTHING else self.expected
         return self.since + pace if pace else 0.0
 

@@ -52,7 +52,7 @@ class Interval:
         self._turnings: list[Turning] = []
         self._moved: list[float] = []
         self._in_lead: list[float] = []
-        self._turns, self._between_m = list[float](), list[float]()     # turn and link length up to each bench
+        self._turns, self._between_m = list[float](), list[float]()     # sums up to each bench
         self._length = size(first.high - first.low) if first.segment is not None else first.moved_m
         self._outer: float | None = None
         self.tested = 1

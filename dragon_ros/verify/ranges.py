@@ -2,8 +2,8 @@
 
 If the curvature excludes locks, all handles move in the same direction as the head, and the limits of the head's
 range determine the limits of all ranges. On a spiral to its centre, handles may turn back and links may lock. In this
-case, the range of each link is halved until two facts are proved: the direction in which the next handle moves, and
-that the chord grows throughout, up to its span.
+case, the range of each link is halved until it is proved in which direction the next handle moves and that the chord
+grows throughout, up to its span.
 """
 from functools import reduce
 

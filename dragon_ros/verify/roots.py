@@ -6,7 +6,7 @@ from flint import arb
 from dragon_ros.verify.balls import UNIT, size
 from dragon_ros.verify.errors import Refused
 
-_GOOD = 1e-13           # relative to a root: error of a float approximation, which is usually smaller
+_GOOD = 1e-13           # relative to a root: approximations in floats usually have smaller errors
 _CLOSE = 1e-8         # relative to a root: after a Newton step of this size, the error is about its square
 _FINE = 2.0**-112       # relative to a root: radius of the narrowest ball that is tested
 _TRIES = 12

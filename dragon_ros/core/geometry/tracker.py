@@ -1,9 +1,9 @@
 """Track the contacts of a dragon tick by tick, each with its bracket; this is the monitor without its ROS part.
 
-A tracker receives only ticks. For each contact it reports the last tick without contact, the first tick with contact,
-and the time between them at which the signed gap, interpolated through the latest ticks, vanishes. Each episode of a
-pair has a start, a deepest gap and an end. If the surroundings are known, obstacles are included; they are numbered
-after the benches.
+A tracker receives only ticks. For each contact, the tracker reports the last tick without contact, the first tick
+with contact, and the time between them at which the signed gap, interpolated through the latest ticks, vanishes. Each
+episode of a pair has a start, a deepest gap and an end. If the surroundings are known, obstacles are included; they
+are numbered after the benches.
 
 Observations may arrive late, more than once or from a restarted run; ``ReorderBuffer`` passes them on in order.
 ``Episodes`` holds the open contacts of all pairs as arrays: the pairs, the deepest gaps with their times, and whether

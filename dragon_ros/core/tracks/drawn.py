@@ -184,9 +184,9 @@ def _stretches(part: DrawnPart, eased_m: float, tolerance_m: float) -> list[Smoo
 def through(drawn: Complexes, eased: Complexes, tolerance_m: float) -> list[SmoothPart]:
     """Return the smooth parts of a line through points (n,), which is split at its corners.
 
-    ``eased`` are the smoothed points and ``drawn`` the original points. Points near the line through the others are
-    removed first. An arc over a leg of length h between headings that differ by phi deviates from the leg by h phi /
-    8; a point is a corner if this deviation exceeds the tolerance.
+    ``eased`` are the smoothed points and ``drawn`` the original points. Points near the line through the other points
+    are removed first. An arc over a leg of length h between headings that differ by phi deviates from the leg by h
+    phi / 8; a point is a corner if this deviation exceeds the tolerance.
     """
     numbers = _kept(eased, _THINNED * tolerance_m)
     if len(numbers) < 2:

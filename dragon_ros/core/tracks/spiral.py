@@ -78,7 +78,7 @@ class SpiralCurve:
         return DoubleDouble(*self._corrected(self._turned(distance_m / self.b_m), distance_m, distance_lo_m))
 
     def inward_many(self, distance_m: Floats, distance_lo_m: Floats) -> tuple[Floats, Floats]:
-        """Return ``inward`` for many distances as (hi, lo); results agree except for the last digits."""
+        """Return the positions of ``inward`` for many distances as (hi, lo), which may differ in the last digits."""
         arc, theta = distance_m / self.b_m, self.start.hi
         if np.all(_is_smooth(theta, arc)):
             return self._corrected(_almost_turned(theta, arc, *_ARRAYS), distance_m, distance_lo_m, *_ARRAYS[:2])
