@@ -11,7 +11,10 @@ _DASHED = pattern(r'([\d.]+)-([\d.]+)')
 
 
 def times_of(text: str, option: str = '--times') -> list[float]:
-    """Return the times in s that ``text`` specifies, such as ``0,60,300``, ``0-10`` or ``0:300:10`` (to the end)."""
+    """Return the times in s that ``text`` specifies, such as ``0,60,300``, ``0-10`` or ``0:300:10``.
+
+    Ranges include both ends.
+    """
     return list(_values(text, option, lambda part: number(f'{option}: t_s', float(part), low=-_LATEST_S,
                                                           high=_LATEST_S)))
 

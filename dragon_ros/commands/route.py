@@ -124,7 +124,7 @@ def _live(arguments: Namespace) -> DrawnLine:
 
 
 def _moved(topic: str, message: 'PathMessage', arguments: Namespace) -> DrawnLine:
-    """Return a path in the dragon's frame, as transformed by --frame-pose. Raises InputError without that option."""
+    """Return a path in the dragon's frame. Raises InputError if --frame-pose is missing for a path in another frame."""
     points = message.points_m
     if arguments.frame_pose is not None:
         shift, turn = plane_pose('--frame-pose', arguments.frame_pose)

@@ -33,7 +33,7 @@ def run(arguments: Namespace) -> int:
     if arguments.rate is not None:
         scene = replace(scene, run=replace(scene.run, rate_hz=arguments.rate))
     count, began = compile_scene(scene).last_tick + 1, time.perf_counter()
-    tick(scene, 0)      # rejects a scene that cannot be simulated before another bag is replaced
+    tick(scene, 0)      # rejects a scene that cannot be simulated, before a bag is replaced
     writer = BagWriter(arguments.output, arguments.force, BagOptions(arguments.compression), pool.workers == 1)
     with prompt_switches(), stopped_by_signals() as stop, writer as bag:
         _introduce(scene, bag, arguments.namespace)
@@ -63,7 +63,8 @@ def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event, pool: Po
     """Write the messages of every tick of the run until ``stop`` is set; return the number of written ticks.
 
     The size of the first tick determines the ticks at which chunks begin, so a bag has the same bytes with any number
-    of workers. A single worker is this process, which compresses on a thread. Several workers are separate processes.
+    of workers. A single worker runs in this process and compresses on a thread. Several workers run in separate
+    processes.
     """
     encoded = {f'{namespace}/{name}': encode for name, encode in encoders(scene, _FRAME_ID).items()}
     numbers, frame = [bag.channel_of(topic) for topic in encoded], tick(scene, 0)
@@ -115,7 +116,7 @@ class _PackedTicks:
         return _PackedTicks, self._settings
 
     def __call__(self, parts: list[tuple[int, int]]) -> list[PackedChunk]:
-        """Return the chunks of parts of the run; a part is a pair of its first tick and the tick after its last."""
+        """Return the chunks of parts of the run; a part is a pair of its first tick and one more than its last tick."""
         return [chunk for part in parts for chunk in self._packer.pack(
             (number, encode(frame), frame.t_ns, k) for k, frame in enumerate(ticks(self._scene, *part), part[0] + 1)
             for number, encode in self._encoders)]

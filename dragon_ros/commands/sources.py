@@ -416,7 +416,9 @@ def _gaps_in(wanted: frozenset[int], frames: 'Iterator[BagFrame]') -> list[tuple
 
 
 class _Searched(NamedTuple):
-    """The ticks of a part of a bag up to the first contact; without a contact, ``last`` has only the last few ticks.
+    """The ticks of a part of a bag up to the first contact; ``last`` contains all these ticks if benches touch.
+
+    Without a contact, ``last`` contains only the last few ticks.
 
     The ticks are regular if each tick directly follows the previous one.
     """

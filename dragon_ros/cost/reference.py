@@ -346,7 +346,7 @@ def _track_of(scene: Scene) -> _DecimalTrack:
 
 
 def _turn(turn: STurn) -> _DecimalTrack:
-    """Return an S-turn whose arcs turn by twice gamma, the angle between track and radius; tan gamma = theta."""
+    """Return an S-turn; each arc turns by 2 gamma, where gamma = atan(theta) is the angle between track and radius."""
     b, radius = Decimal(turn.pitch_m) / (2 * _PI), Decimal(turn.diameter_m) / 2
     theta = radius / b
     gamma = _arctangent(theta)

@@ -50,14 +50,14 @@ def arc_length(theta: Floats) -> Floats:
 
 
 def without_radial(theta: Floats) -> Floats:
-    """Return the arc length of r = theta, but without its radial part."""
+    """Return the arc length of r = theta without the radial part."""
     length: Floats = 0.5 * theta * theta
     return length
 
 
 def solved(length: Callable[[Floats], Floats], late: float = 0.0, start: float = START, speed_m_s: float = SPEED_M_S,
            pitch_m: float = PITCH_M) -> Head:
-    """Return the head's motion, an arc length inverted to the last digit; ``late`` is an error of the start value."""
+    """Return the head's motion, found by inverting an arc length; ``late`` is an error of the start value."""
     def head(times_s: Floats) -> Floats:
         wanted = length(np.array(start)) + late - speed_m_s * times_s * 2 * pi / pitch_m
         return inverted(length, wanted)

@@ -39,7 +39,7 @@ from dragon_ros.core.tracks.spec import STurn
 EXPLAINED = 0.99        # smallest share of the squared error that a reported mistake explains
 RIGHT = 2e-6            # largest error of right values in m and m/s; allows six decimals, rounded or truncated
 _B_M = PITCH_M / 2 / pi
-_ON_TRACK_M = 0.02      # largest rms distance from the spiral, in m, of handles that count as on it
+_ON_TRACK_M = 0.02      # rms distance in m up to which handles count as on the spiral
 _MOST_OFF_M = 1.0       # largest difference in m between chord and link if steps place the handles
 _FRONT = 20             # number of handles near the head, on which errors of links have little effect
 _BETTER = 0.2           # fraction to which another order or other axes must reduce the error
@@ -370,7 +370,7 @@ def _head_of(times_s: Floats, head: Floats, theta: Floats, right: Floats, noise_
 
 def _head_candidates(times_s: Floats, head: Floats, theta: Floats,
                      ) -> Iterator[tuple[str, dict[str, object], Floats, float]]:
-    """Yield reproduced motions of the head: key, parameters, angles (T,) and pitch, by parameter count."""
+    """Yield reproduced motions of the head: key, parameters, angles (T,) and pitch; fewer parameters first."""
     exact = solved(arc_length)
     radial_arc = mistakes.solved(mistakes.without_radial)(times_s)
     yield 'radial_arc', {}, radial_arc, PITCH_M
@@ -774,7 +774,7 @@ def diagnose_speeds(result: str, times_s: Floats, given: Floats, truth: TrueStat
 
 def _speed_candidates(result: str, times_s: Floats, given: Floats, truth: TrueStates, positions: Diagnosis,
                       ) -> Iterator[tuple[Finding, Floats]]:
-    """Yield reproduced speeds (T, 224) with their findings, by the number of parameters."""
+    """Yield reproduced speeds (T, 224) with their findings, in the order of the number of parameters."""
     right = truth.speed_m_s
     yield Finding('all_one', {}), np.ones_like(right)
     for order in (1, -1, None):

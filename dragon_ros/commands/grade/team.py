@@ -1,4 +1,7 @@
-"""Grade one team: compare its workbooks and answers with the truth. Grades are plain values."""
+"""Grade one team: compare its workbooks and answers with the truth.
+
+The grades are plain values that processes can exchange.
+"""
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -53,7 +53,8 @@ WORDS: Words = {
     'turn_ratio': ('a turn whose first arc has {ratio:.6g} times the radius of the second, not twice that radius',
                    '调头曲线前一段圆弧半径是后一段的 {ratio:.6g} 倍，而不是 2 倍'),
     'turn_diameter': ('a turning circle of {diameter:.6g} m, not 9 m', '调头空间直径取 {diameter:.6g} m，而不是 9 m'),
-    'turn_both': ('a turning circle of {diameter:.6g} m, not 9 m, and a first arc with {ratio:.6g} times the radius',
+    'turn_both': ('a turning circle of {diameter:.6g} m, not 9 m, and a first arc with {ratio:.6g} times the radius '
+                  'of the second',
                   '调头空间直径取 {diameter:.6g} m，前一段圆弧半径是后一段的 {ratio:.6g} 倍'),
     'circle_before': ('up to the turn, the head moves towards a circle of {diameter:.6g} m, not 9 m; '
                       'the rest is unexplained',

@@ -26,7 +26,7 @@ from dragon_ros.core.numerics.types import Array
 FORMATS = '.gif, .html, .mp4'
 _HOLD_MS = 1500             # duration of a GIF's last frame in ms
 _AHEAD = 4                  # largest number of frames that wait for the encoder
-_QUALITY, _SPEED = 80, 10   # quality of AV1, which keeps fine lines sharp, and its fastest speed
+_QUALITY, _SPEED = 80, 10   # settings of AV1: a quality that keeps fine lines sharp, and the fastest speed
 _WAIT_S = 0.2
 _BRANDS = (b'iso6', b'mp41', b'av01')       # brands that replace those of an image sequence
 _PARENTS = (b'moov', b'trak', b'mdia', b'edts')
