@@ -130,7 +130,7 @@ def add_scene_options(options: argparse.ArgumentParser, scene: str | None = DEFA
 
 
 def add_source_options(options: argparse.ArgumentParser) -> None:
-    """Add the scene options, and --bag with --namespace as an alternative."""
+    """Add the scene options, and the alternative options --bag and --namespace."""
     add_scene_options(options)
     add_bag(options, 'recording to show instead of a scene')
     add_namespace_option(options)

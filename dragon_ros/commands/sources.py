@@ -261,7 +261,7 @@ def witness_at(moment: Moment, pair: tuple[int, int]) -> 'Witness':
 
 @dataclass(frozen=True)
 class BagSource:
-    """A dragon at the ticks of an open bag, with its topics in one namespace; a pool's processes read long bags."""
+    """A dragon that one namespace of an open bag contains at its ticks; the processes of a pool read long bags."""
 
     bag: 'BagReader'
     namespace: str

@@ -427,7 +427,7 @@ def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float,
                  of_angle: bool) -> Floats:
     """Return handles (T, handles, 2) on the turn, each found by steps until its chord is within a tolerance.
 
-    The steps are metres along the curve, or radians of the angle of a piece, which restart at each piece.
+    The steps are metres along the curve, or radians of a piece's angle; such steps restart at the ends of a piece.
     """
     track, angle = track_of(turn), TurnAngle(turn)
     metres = [head_m]

@@ -436,7 +436,7 @@ def _link_candidates(theta: Floats, given: Floats, noise_m: float,
 
 
 def constant_links(off: Floats, noise_m: float) -> tuple[list[float], list[Finding]] | None:
-    """Return link lengths and the findings about them from errors (T, 223); None if the errors vary with time."""
+    """Return link lengths and findings that explain errors (T, 223) of links, or None if the errors vary with time."""
     head, body, last = (float(np.nanmedian(each)) for each in (off[:, 0], off[:, 1:-1], off[:, -1]))
     middle = np.concatenate(([head], np.full(off.shape[1] - 2, body), [last]))
     if np.nanpercentile(np.abs(off - middle) - np.maximum(noise_m, 0.05 * np.abs(middle)), 98) > 0:
@@ -528,7 +528,7 @@ def _known_contacts() -> tuple[mistakes.MistakenAnswer, ...]:
 
 
 def contact_findings(t_s: float, near_s: float) -> list[Finding]:
-    """Return the mistakes that lead to the contact time to within ``near_s``, with known or fitted parameters."""
+    """Return the mistakes, with known or fitted parameters, whose contact time is within ``near_s`` of ``t_s``."""
     for answer in _known_contacts():
         if answer.key != 'none' and abs(answer.value - t_s) <= near_s:
             return [Finding(answer.key, dict(answer.parameters))]

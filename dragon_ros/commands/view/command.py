@@ -39,7 +39,7 @@ def options() -> argparse.ArgumentParser:
                         help='show sliders that change values of the scene')
     parser.add_argument('--lang', choices=LANGUAGES, help='language of the page (from the browser)')
     parser.add_argument('--port', type=int, default=0, help='port of the page (any free port)')
-    parser.add_argument('--no-browser', action='store_true', help='print the address, but open no browser')
+    parser.add_argument('--no-browser', action='store_true', help='print the address without opening a browser')
     return parser
 
 

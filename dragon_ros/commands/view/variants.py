@@ -185,7 +185,7 @@ def _fields(key: str, value: Any) -> list[PageValue]:
 
 
 def _number(key: str, text: str) -> str:
-    """Return the text of a number in its usual form, or null for an empty text, which only some keys accept."""
+    """Return the text of a number in its usual form, or null for an empty text; only some keys accept null."""
     if text.strip() in ('', 'null'):
         return 'null'
     try:

@@ -1,6 +1,6 @@
 // Draws the visible part of a dragon of many benches on a canvas over the axes, at the density of the screen. If there
 // is a graphics processor, webgl.js draws the same picture. Benches several pixels wide are rectangles. Narrower
-// benches are drawn as a line through all handles, as wide as a bench. If layers are closer than pixels, their shades
+// benches are drawn as a line through all handles, as wide as a bench. If several layers share a pixel, their shades
 // mix in proportion to area. No line connects one layer with another.
 'use strict';
 
