@@ -1,6 +1,6 @@
 """Write the tables of the documents from the code, between the marks <!-- table NAME --> and <!-- end -->.
 
-``./dragon docs`` renews all of them; with ``--check`` it changes nothing and fails if a table is stale.
+``./dragon docs`` renews all tables; with ``--check`` it changes nothing and fails if a table is stale.
 """
 import argparse
 import dataclasses

@@ -19,7 +19,7 @@ class Picture:
         self._texts = list(_texts(figure))
 
     def cropped(self):
-        """The texts cut by the edge of the figure."""
+        """The texts that are cut off by the edge of the figure."""
         edge = box(*self._figure.bbox.extents).buffer(_HAIR)
         return [words for words, place in self._texts if not edge.contains(place)]
 

@@ -131,7 +131,7 @@ def run(arguments, folder):
 
 @pytest.fixture
 def command(tmp_path, monkeypatch, capsys):
-    """A function that runs a command in the test's folder, a node as a process; it returns the same as ``run``."""
+    """A function that runs a command in the test's folder (a node as a process) and returns the same as ``run``."""
     monkeypatch.chdir(tmp_path)
 
     def run_here(arguments):

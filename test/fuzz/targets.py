@@ -146,7 +146,7 @@ def folder_of_parts(folder: Path) -> Target:
 
 
 def scene(folder: Path) -> Target:
-    """Texts on the topic scene and in bags."""
+    """Texts of scenes, on the topic scene and in bags."""
     def run(data: bytes) -> None:
         with suppress(DragonError):
             text = data.decode(errors='replace')

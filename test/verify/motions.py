@@ -49,7 +49,7 @@ def plain(dragon):
 
 
 def compiled(dragon, track, tail_leads=False):
-    """Return the track, the benches and the largest curvature (None to the centre) in the form for an interval."""
+    """Return the track, the benches and the largest curvature (None to the centre) in the form that intervals need."""
     scene = plain(dragon)
     values = scene_values(Scene(dragon=Dragon(1, 0.2, 0.2, 0.1, 0.0), track=track))
     shape = reading._kind('scene.track', values['track'], reading._TRACKS)
@@ -85,7 +85,7 @@ def reach_m(track, benches):
 
 
 def made_with_reach(kind, dragon):
-    """Return ``made(...)`` and the head's range; reject examples with too tight bends or an empty range."""
+    """Return ``made(...)`` and the head's range; reject examples with an empty range or too tight bends."""
     made_of = made(kind, dragon)
     track, benches, bend = made_of
     assume(bend is None or bend * max(benches.longest_links) < 1.98)

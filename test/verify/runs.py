@@ -75,7 +75,7 @@ class Draw:
         return SpiralArc(pitch, *ends, r.choice(['left', 'right']))
 
     def scene(self):
-        """Return the scene of the run. Raises DragonError if there is none."""
+        """Return the scene of the run. Raises DragonError if no scene is possible."""
         r, track = self._r, self._track()
         speed = r.uniform(0.2, 3) * self._unit * (1 if r.random() < 0.8 else -1)
         speed *= 10**r.uniform(1, 8) if r.random() < 0.1 else 1

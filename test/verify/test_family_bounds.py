@@ -249,7 +249,7 @@ def test_where_some_link_might_lock_no_head_is_said_to_go():
 
 @pytest.mark.parametrize('benches', [3, 4, 5, 24, 60])
 def test_boxes_reach_out_to_the_last_bench_with_two_behind_it_and_no_further(benches):
-    """This is required when the head starts, with the longest links on the narrowest spiral."""
+    """This reach is required when the head starts, with the longest links on the narrowest spiral."""
     scene = replace(SCENE, dragon=Dragon(benches, 1.5, 1.2, 0.2, 0.1), run=Run())
     proof = proof_of(scene=scene)
     last = handles(0.0, PROOF._scale[1], [PROOF._head[1], *[PROOF._body[1]] * benches])[benches - 3]

@@ -1,4 +1,4 @@
-"""The position at which a chain locks, the link that locks, and the error."""
+"""The position at which a chain locks, the link that locks, and the error message."""
 from math import inf, pi
 
 import numpy as np

@@ -145,7 +145,7 @@ def test_windows_hold_every_place_of_every_bench_once(name):
 
 
 def test_bounds_leave_room_for_what_positions_and_roundings_may_err():
-    """Bounds hold for benches displaced by the error: none increases, and one decreases by a tenth of the error."""
+    """Bounds hold for benches displaced by the error: none rises, and one falls by over a tenth of the error."""
     scene = with_venue(SCENES['street'], 3)
     domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 20.0), 1, lambda states: None)
     bench, edge = swept_bench(domain, 1), np.arange(domain.around.owner.size)
