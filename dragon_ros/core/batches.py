@@ -1,4 +1,4 @@
-"""Many ticks or instants per call; for single ones, numpy's overhead would exceed the time of the arithmetic."""
+"""Many ticks or instants per call, because numpy's overhead would dominate a call for a single instant."""
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple

@@ -34,10 +34,11 @@ from dragon_ros.core.tracks.polyline import SAG_M, polyline
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import STurn, TrackSpec
 
-_LAST_FLOAT = 1.7976931348623157e308    # stands for no end
+_LAST_FLOAT = 1.7976931348623157e308    # the largest float, which means that there is no end
 _MOST_SIMULATIONS = 64              # maximum number of cached simulations
-_MOST_BYTES_AHEAD = 256_000_000     # limit for the shift maps of a model that are built in advance
-_MOST_BYTES = 1_000_000_000         # limit for the shift maps of all cached models; the oldest models are dropped first
+_MOST_BYTES_AHEAD = 256_000_000     # memory limit for the shift maps of a model that are built in advance
+# The memory limit for the shift maps of all cached models; the least recently used models are dropped first.
+_MOST_BYTES = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -111,9 +112,10 @@ class Model:
         return self.placement.place(self.leader.place(gone_m))
 
     def place_many(self, gone_m: tuple[Floats, Floats], out: Floats | None = None) -> Chain:
-        """Return the chains at many distances (S,) as one Chain; within the tier, they equal chains placed singly.
+        """Return the chains at many distances (S,) as one Chain.
 
-        ``out`` (S, N+1, 2), if given, receives the handles.
+        Within the tier, the chains equal chains that are placed one by one, but not bit for bit. ``out`` (S, N+1, 2),
+        if given, receives the handles.
         """
         return self.placement.place_many(self.leader.places(gone_m), out)
 
@@ -213,7 +215,7 @@ class Simulation:
 
     @cached_property
     def limit(self) -> End | None:
-        """The end of the model, when the chain locks or a handle reaches the track's end; None if there is no end."""
+        """The end of the model, where the chain locks or a handle reaches the end of the track, or None."""
         law = self.scene.head
         ends = [(t_s, limit) for limit, sense in zip(self.model.limits, (-1, 1), strict=True)
                 if limit and (t_s := law.passage_s(limit.gone_m, sense)) is not None]
@@ -301,7 +303,7 @@ class Simulation:
 
     @cached_property
     def extent_m(self) -> tuple[float, float]:
-        """The smallest and largest distance travelled by the leader in the run; the possible range if commanded."""
+        """The smallest and largest distance that the leader travels in the run, or can travel if it is commanded."""
         if self.scene.is_led:
             return self._reach_m
         run, law, end_s = self.scene.run, self.scene.head, self.end.t_s
@@ -317,7 +319,7 @@ class Simulation:
 
     @cached_property
     def span_m(self) -> tuple[float, float]:
-        """The interval of the track on which the handles are during the run."""
+        """The interval of the track, in m, on which the handles are during the run."""
         if self.tier is not PAPER:
             return self.model.leader.span_m(self.extent_m)
         chains = map(self.chain, (self.scene.run.start_s, self.end.t_s))

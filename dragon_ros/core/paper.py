@@ -28,7 +28,7 @@ class PaperChain(Chain):
         return 'paper'
 
     def velocities(self, leader_speed_m_s: float | Floats, out: Floats | None = None) -> Floats:
-        """Return the paper's speeds along the tangents of the track, shape (..., N+1, 2), from a product of ratios."""
+        """Return velocities (..., N+1, 2) with the paper's speeds in the directions of the track's tangents."""
         rho = np.hypot(self.p[..., 0], self.p[..., 1])
         speed = np.asarray(leader_speed_m_s)[..., None] * (rho[..., :1] / rho) ** EXPONENT
         return read_only(np.multiply(-speed[..., None], tangents(self.u), out=out).view())
@@ -77,7 +77,7 @@ def _head(spiral: SpiralCurve, speed_m_s: float, steps: int) -> tuple[float, flo
 
 
 def _links(links_m: Floats) -> list[float]:
-    """Return the link lengths with the paper's mistake: the last link has the head's length."""
+    """Return the link lengths with the paper's mistake: the last link has the length of the head's link."""
     links: list[float] = links_m.tolist()
     return [*links[:-1], links[0]]
 

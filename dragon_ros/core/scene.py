@@ -42,7 +42,7 @@ class Run:
         return round(self.start_s * NS)
 
     def time_ns(self, k: int) -> int:
-        """Return the time of tick k: start + k / rate, rounded down to a nanosecond, never a sum of steps."""
+        """Return the time of tick k: start + k / rate, rounded down to a nanosecond, not accumulated from steps."""
         period, ticks = _period(self.rate_hz)
         return self.start_ns + k * period // ticks
 

@@ -28,8 +28,8 @@ def frame_of(simulation: Simulation, k: int | None, t_ns: int, chain: Chain, axi
              benches: Benches | None = None) -> Frame:
     """Return the frame of a chain at tick k or at a time between ticks; an effect is computed only if it is on.
 
-    Each effect receives its inputs by name; the field of an effect that is off is None. If the link directions ``axis``
-    or ``benches`` are given, they are not computed again.
+    Each effect receives its inputs by name; the field of an effect that is off is None. Link directions ``axis`` and
+    ``benches`` that are given are not computed again.
     """
     axis = axes_of(chain) if axis is None else axis
     on, t_s, scene = simulation.on, t_ns / NS, simulation.scene
@@ -67,6 +67,6 @@ def contact_frame(scene: Scene, t_s: float) -> Frame:
 
 
 def ticks_before(scene: Scene, t_s: float) -> int:
-    """Return the number of ticks before the stamp of a contact; a run that ends at the contact has one more frame."""
+    """Return the number of ticks before the stamp of a contact; a run that ends there has one more frame."""
     t_ns = round(t_s * NS)
     return scene.run.tick_at(t_ns - 1) + 1 if t_ns > scene.run.start_ns else 0

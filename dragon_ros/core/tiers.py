@@ -31,7 +31,7 @@ class Tier:
         return max(self.promise_m, best_m(size_m)) if self is EXACT else self.promise_m
 
     def series_m(self, size_m: Floats) -> Floats:
-        """Return the truncation error allowed in a shift map at such coordinates: a tenth of the promise.
+        """Return the truncation error allowed in a shift map at coordinates ``size_m``: a tenth of the promise.
 
         For the exact tier, this error is relative to the coordinates and therefore smaller near the origin.
         """

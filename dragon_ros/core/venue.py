@@ -24,7 +24,7 @@ Points = tuple[Point, ...]
 
 @dataclass(frozen=True)
 class PolygonObstacle:
-    """A polygon that no bench may touch: its corners in order, and the corners of its holes (such as courtyards)."""
+    """A polygon that no bench may touch, given by its corners in order and by the corners of its holes (courtyards)."""
 
     name: str
     points_m: Points
@@ -46,7 +46,7 @@ class PolygonObstacle:
 
 @dataclass(frozen=True)
 class LineObstacle:
-    """A line that no bench may touch, such as a wall: its points in order."""
+    """A line that no bench may touch, such as a wall, given by its points in order."""
 
     name: str
     points_m: Points
@@ -80,7 +80,8 @@ class Venue:
     def __post_init__(self) -> None:
         """Reject a venue that is empty or too large, and invalid polygons and lines."""
         if not self.obstacles and self.inside is None:
-            raise FieldError('venue.obstacles', 0, 'a venue needs obstacles or an inside', 'add one, or remove venue')
+            raise FieldError('venue.obstacles', 0, 'a venue needs obstacles or an inside',
+                             'add one, or remove the section venue')
         count = corners(self)
         if count > VENUE_CORNERS:
             raise FieldError('venue', f'{count} corners', f'the limit is {VENUE_CORNERS}',

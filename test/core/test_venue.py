@@ -30,7 +30,7 @@ def test_a_venue_says_how_large_it_is_and_not_its_corners():
 
 
 @pytest.mark.parametrize(('make', 'says'), [
-    (lambda: Venue(), r'venue\.obstacles: 0 .*; add one, or remove venue'),
+    (lambda: Venue(), r'venue\.obstacles: 0 .*; add one, or remove the section venue'),
     (lambda: Venue((PolygonObstacle('a', SQUARE),), margin_m=-1), r'venue\.margin_m: -1 '),
     (lambda: Venue((PolygonObstacle('', SQUARE),)), r"venue\.obstacles\.1\.name: '' .*name it"),
     (lambda: Venue((PolygonObstacle('a\n', SQUARE),)), r'venue\.obstacles\.1\.name: .* printable'),

@@ -86,9 +86,9 @@ def test_a_bag_cannot_have_a_file_read():
     ('{obstacles: [{kind: line, name: rope, points_m: [[12, -1], [12, 1]]}]}',
      r"f:3: venue\.obstacles\.1: 'rope' .* bench \d touches it when the run starts; move it, or start the run"),
     ('{obstacles: [{kind: polygon, name: tent, points_m: [[-99, -9], [99, -9], [0, 99]]}]}',
-     r"f:3: venue\.obstacles\.1: 'tent' .* it covers the dragon when the run starts"),
+     r"f:3: venue\.obstacles\.1: 'tent' .* this obstacle covers the dragon when the run starts"),
     ('{inside: [[12, -9], [30, -9], [30, 9], [12, 9]]}', r"f:3: venue\.inside: 'inside' .* bench \d touches it"),
-    ('{inside: [[70, -9], [99, -9], [99, 9]]}', r"f:3: venue\.inside: 'inside' .* the dragon is outside it when")])
+    ('{inside: [[70, -9], [99, -9], [99, 9]]}', r"f:3: venue\.inside: 'inside' .* is outside this polygon when")])
 def test_bad_venues_name_file_line_and_obstacle(venue, says):
     with pytest.raises(InputError) as error:
         scene_with(venue)

@@ -11,8 +11,8 @@ from dragon_ros.core.numerics.vectors import dot
 def accelerations(simulation: Simulation, t_s: float, chain: Chain) -> Floats:
     """Return the accelerations (N+1, 2) of all handles in m/s^2, from the rigid links and the leader's law.
 
-    At a jump (a knot of the law, or a handle that passes a joint of the track), they are the accelerations just after
-    it.
+    At a jump (a knot of the law, or a handle that passes a joint of the track), the values just after the jump are
+    returned.
     """
     law, links = simulation.scene.head, _links(chain)
     speeds = links.speeds(law.speed_at_m_s(t_s))

@@ -5,7 +5,7 @@ from dragon_ros.core.numerics.types import Floats, read_only
 
 
 def joint_angles(axis: Floats) -> Floats:
-    """Return the angles (N - 1,) in rad from each bench to the next one, in (-pi, pi], positive to the left.
+    """Return the angles (N - 1,) from each bench to the next bench in rad, in (-pi, pi], positive to the left.
 
     ``axis`` (N, 2) holds the unit directions of the benches, from the rear to the front.
     """

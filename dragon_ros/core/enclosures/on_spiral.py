@@ -500,9 +500,9 @@ def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints)
 def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
     """Return an upper bound on the summed motion, in metres, of the corners of both benches of pairs (M, K-2).
 
-    The result is the smaller of two bounds. A corner moves by at most the motion of a handle times the bench's lever.
-    The first bound uses the motion of handles along their track. The second bound uses a frame that turns about the
-    centre with the leading handle: there, a handle moves inwards by b times the change of its angle, and around the
+    The result is the smaller of two bounds. The motion of a corner is at most the motion of a handle times the bench's
+    lever. The first bound uses the motion of handles along their track. The second bound uses a frame that turns about
+    the centre with the leading handle: there, a handle moves inwards by b times the change of its angle, and around the
     centre by the sum of the changes of all spans before it. Each of these changes is monotone.
     """
     outer = np.maximum(a.theta, b.theta)

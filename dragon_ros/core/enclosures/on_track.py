@@ -106,8 +106,8 @@ def _angle(axis: Floats, headings: Floats) -> Floats:
 def curvature_range(bends: Range, segments: Sequence[Ints], curvatures: Sequence[Floats]) -> Range:
     """Return the smallest and largest curvature in 1/m on the track between positions on given segments.
 
-    ``bends`` holds the bounds (P, P) from one segment to another. Curvature is monotone on a segment, so if all
-    positions are on one segment, the curvature lies between the given values; otherwise the whole range of every
+    ``bends`` holds the bounds (P, P) on curvature from one segment to another. Curvature is monotone on a segment, so
+    if all positions are on one segment, the curvature lies between the given values; otherwise the whole range of every
     segment in between counts.
     """
     first, last = reduce(np.minimum, segments), reduce(np.maximum, segments)

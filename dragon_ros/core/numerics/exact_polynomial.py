@@ -9,7 +9,7 @@ from math import lcm
 
 
 class ExactPolynomial:
-    """A polynomial in t - origin, given by its coefficients from the lowest power up."""
+    """A polynomial in t - origin, given by its coefficients, the lowest power first."""
 
     def __init__(self, origin: float, coefficients: Sequence[Fraction]) -> None:
         """Convert the coefficients to a common denominator."""
@@ -26,7 +26,7 @@ class ExactPolynomial:
     def at(self, t: float | Fraction) -> float:
         """Return the rounded value at t. Raises OverflowError if the value exceeds the largest float."""
         value, under = self._exactly(t)
-        return value / under        # a quotient of integers is rounded correctly
+        return value / under        # Python rounds a quotient of integers correctly
 
     def halves_at(self, t: float) -> tuple[float, float]:
         """Return the value at t as (hi, lo): the rounded value, and the rounded remainder."""

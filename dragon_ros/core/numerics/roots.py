@@ -11,7 +11,7 @@ def bracketed_newton(function: Callable[[float], tuple[float, float]], low: floa
 
     ``function(x)`` returns (value, slope). The function must change sign once in the bracket, from minus to plus. The
     result has converged when a Newton step is at most ``tolerance`` times |x|, or any step is at most one ulp. A step
-    that leaves the bracket, or shrinks too slowly, is replaced by bisection; the next step may then be as long.
+    that leaves the bracket, or shrinks too slowly, is replaced by bisection; the next step may be as long as this one.
     """
     x = min(max(start, low), high)
     last = high - low

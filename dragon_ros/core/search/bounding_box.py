@@ -94,7 +94,7 @@ class BoundingBox:
 
 
 def fits(bounds_m: tuple[float, float], side_m: float) -> bool | None:
-    """Return whether a square with given bounds on its side fits into one of side ``side_m``; None if undecided."""
+    """Return whether a square with bounds on its side fits into a square of side ``side_m``; None if undecided."""
     return True if bounds_m[1] <= side_m else False if bounds_m[0] > side_m else None
 
 
@@ -267,7 +267,7 @@ class SweptBench:
                            _sides(two * (to_rear if link else 1j * to)[:, None]))
 
     def _rears(self, fronts: Places) -> Places:
-        """Return the rear handles, solved singly at a lock: only the scalar solver accepts the longest chord."""
+        """Return the rear handles, solved singly at a lock, since only the scalar solver accepts the longest chord."""
         try:
             return next_places(self.track, fronts, self.link_m, BEHIND)[0]
         except ChainLockError:

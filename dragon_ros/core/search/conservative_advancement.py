@@ -34,7 +34,7 @@ _TOLERANCE = 4          # multiple of the position error, for two benches at two
 _SPACING = 0.3
 # The smallest fraction of this spacing for later roots. Roots are cut anyway, and shorter roots would reach few pairs.
 _LEAST_SPACING = 0.05
-_PARTS_OF_ROOT = 1.05  # desired number of parts per root, to which the length of roots is adapted from block to block
+_PARTS_OF_ROOT = 1.05  # desired number of parts per root; the length of roots is adapted to it from block to block
 _FINER = 0.25           # smallest factor by which the length of roots is adapted; the largest factor is the inverse
 _MOST = 2_000_000       # maximum number of first intervals; a search with so many takes a few hours
 _FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, times min(1 m, longest bench)

@@ -8,7 +8,7 @@ position that is not clear, and ``min_pitch`` does the same in the plane of radi
 ``max_speed`` and ``venue_fit`` search for extreme values. Every search terminates: a cell is cut into parts at most
 half as long, until it is as short as requested or as floats allow.
 
-``clear`` clears intervals of the search domain of a contact. The domain is sampled at positions. A bound (``on_spiral``
+``clear`` clears intervals of the domain of a contact search. The domain is sampled at positions. A bound (``on_spiral``
 for a bench on a spiral segment, ``conservative_advancement`` for the whole chain) limits how close benches can come
 between two adjacent positions. An interval whose bound does not exceed the position error is cut into as many parts as
 the bound suggests, and each part is cut in turn until it is cleared or as short as requested. An interval of length L

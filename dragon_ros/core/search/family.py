@@ -6,7 +6,7 @@ smaller ones, so the search uses the largest width and overhang. A link may have
 largest. The chain behind a bench depends only on that bench's position. The search therefore covers the positions of
 the inner and the other bench of a pair, their two links, and the pitches (``enclosures.sliding_pair``). The lengths of
 the links between the two benches are bounded; for each number of benches in between, the other bench's position
-therefore lies in a strip. The search leaves out everything outside all strips. The search has two parts: the head with
+therefore lies in a strip. The search ignores everything outside these strips. The search has two parts: the head with
 all benches behind it, and any other bench with all benches behind it (docs/contact.md).
 
 Boxes are cleared, left out or halved, in the order in which the leader could reach them. The leader's travel up to the

@@ -41,7 +41,7 @@ _AHEAD = 24             # number of doublings of this step, up to 8 cm
 # the gap requires.
 _STEADY = 4
 _ASIDE = 1e3            # the checker's step to either side of a contact for the closing rate, in units of ``_BEFORE_M``
-_LAST_PLACES = 4        # rounding error of a contact's time, in ulps, from which the error of the position follows
+_LAST_PLACES = 4        # rounding error of a contact's time, in ulps; it determines the error of the position
 _WIDEST_M = 1e-6        # largest slack, times min(1 m, longest bench)
 _GRAZING_M = 1e-7       # largest gap of grazing benches, times min(1 m, longest bench)
 _HARDLY = 0.99          # fraction of the clear distance before a grazing that is proved; the rest allows for rounding
@@ -51,7 +51,7 @@ Pair = tuple[int, int]
 
 
 class BenchPairs(Protocol):
-    """Some of the pairs of a domain, which are cleared by one kind of bound."""
+    """The pairs of a domain that one kind of bound clears."""
 
     @property
     def tolerance_m(self) -> float:
@@ -90,7 +90,7 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
         return NoContact(compile_scene(scene).end, sum(search.states for search in searches.values()), proof)
     sense = min(hits, key=lambda sense: hits[sense].t_s)
     hit, before = hits[sense], travel.until(hits[sense].t_s)
-    # The travel in the other direction before this contact is proved clear separately.
+    # The travel in the other direction before this contact is cleared separately.
     rest = [_ContactSearch(SearchDomain(scene, before, other, progress)) for other in before.senses if other != sense]
     proof = _together([hit.certificate, *(search.cleared() for search in rest)])
     return replace(hit, certificate=proof, states=sum(search.states for search in (*searches.values(), *rest)))

@@ -27,8 +27,8 @@ _FIRST, _FIRST_RAD = 1.173, 2.0
 _FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, times min(1 m, longest bench)
 _MOST_PLACES = 50_000   # maximum number of first samples per window, to save memory
 _MOST_RAD = 2e6         # maximum length of a domain, which needs a million first samples
-# The maximum number of handles at the first samples of windows that are cleared together, to save memory, and the
-# maximum number of benches that are counted behind each lead, because benches further behind rarely matter.
+# To save memory, ``_TOGETHER`` limits the number of handles at the first samples of windows that are cleared together.
+# At most ``_USUAL`` benches are counted behind each lead, because benches further behind rarely matter.
 _TOGETHER, _USUAL = 2**20, 256
 _POINT = 1e-6           # fraction of the longest link; both handles of a shorter link may round to the same position
 _IN_CACHE = 2**14       # number of pairs that are bounded together
@@ -135,7 +135,7 @@ class LeadingBenches:
         yield from self._window(self.lead, outer, inner, self._behind)
 
     def clear_apart(self, stop_m: float, whole: Cleared) -> Bracket | None:
-        """Clear bench by bench, after the whole window was not cleared; return the first bracket that is not clear."""
+        """Clear an uncleared window bench by bench; return the first bracket that is not clear."""
         phases, ends = self.phases(stop_m)
         if self._single:
             self._hit = self._bracket(self.lead, whole.hit, (phases[0], phases[-1])) if whole.hit else None

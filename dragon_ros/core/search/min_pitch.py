@@ -204,7 +204,7 @@ def coming_in(dragon: AnyDragon, pitch_m: float, start_turns: float, diameter_m:
 
 
 def _halved(runs: _Runs, smallest_m: float | None, largest_m: float, within_m: float) -> MinPitch:
-    """Bisect the bracket for mixed benches. Raises FieldError unless only its lower end has a contact.
+    """Bisect the bracket for mixed benches. Raises FieldError unless only the lower end has a contact.
 
     Bisection checks only the head, which is usually the first to touch; the remaining bracket is checked for all
     benches. An end of the given bracket is therefore checked only if it is still an end after the bisection.

@@ -42,7 +42,7 @@ _GOLDEN = 0.5 * (5**0.5 - 1)
 _ROUNDS = 34            # number of golden-section steps: 0.618^34 of 4 cm is 3 nm, less than a flat minimum resolves
 _REFINED = 1024         # maximum number of minima that are refined together, to save memory
 _SAME_M = 1e-4          # minima of the same pair that are closer than this, in leader travel, count as one minimum
-_CLOSING_M = 1e-6       # the gap must have decreased over this leader travel before a reversal
+_CLOSING_M = 1e-6       # leader travel before a reversal during which the gap must decrease
 _NEWTON = 8             # maximum number of iterations; three suffice if handles are about as fast as the leader
 _THERE_M = 1e-9         # tolerance for a position found by Newton's method
 
@@ -165,7 +165,7 @@ def _of_chain(domain: SearchDomain, near: list[Interval], below_m: float) -> lis
 
 
 def _of_class(domain: SearchDomain, part: LeadingBenches, proof: Sequence[Interval], below_m: float) -> Iterator[_Dip]:
-    """Yield the dips between a class's first bench and the benches behind it, at polar angles of its front handle."""
+    """Yield the dips between a class's first bench and the benches behind, at polar angles of its front handle."""
     segment, origin_m, lead = domain.track.segments[0], domain.track.origins_m[0], part.lead
     links_m = domain.dragon.link_lengths_m
     ends = [(segment.after(each.start_m - origin_m).hi, segment.after(each.stop_m - origin_m).hi) for each in proof]

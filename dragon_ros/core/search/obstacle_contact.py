@@ -190,7 +190,7 @@ def swept_bench(domain: SearchDomain, number: int) -> SweptBench:
 def windows_of(domain: SearchDomain, benches: Ints, phase: tuple[float, float], spacing_m: float) -> list[Window]:
     """Return the windows of the benches of one length in a phase; each position that is passed is in one window.
 
-    The window of a bench holds the positions that no bench of its length ahead of it has passed before.
+    The window of a bench holds the positions that no preceding bench of the same length has passed.
     """
     here, there = (domain.along_m(end)[benches] for end in phase)
     turns = turning_m(domain.track, float(domain.dragon.link_lengths_m[benches[0]]))

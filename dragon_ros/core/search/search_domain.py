@@ -204,8 +204,8 @@ class SearchDomain:
     def gone_at(self, bench: int, along_m: float, within: tuple[float, float]) -> float:
         """Return the distance travelled by the leader when a bench's front handle is at a distance along the track.
 
-        The handle must move in one direction between the two leader positions ``within``. If it never reaches the
-        distance there, the nearer of these two positions is returned.
+        The handle must move in one direction between the two leader positions ``within``. If the handle never reaches
+        the distance there, the nearer of these two positions is returned.
         """
         if bench == 0 and self.leader.direction == BEHIND:
             gone = self.leader.gone_m(self.track.place_at(along_m))

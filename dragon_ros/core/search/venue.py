@@ -32,8 +32,8 @@ def check_sides(scene: Scene) -> None:
         front, rear = compile_scene(scene).model.march(scene.head.travelled_m(scene.run.start_s)).p[:2]
         misplaced = around.misplaced(*(0.5 * (front + rear)).tolist())
         if misplaced is not None:
-            _refuse(scene, around.names[misplaced], 'the dragon is outside it when the run starts' if
-                    misplaced == around.inside else 'it covers the dragon when the run starts')
+            _refuse(scene, around.names[misplaced], 'the dragon is outside this polygon when the run starts' if
+                    misplaced == around.inside else 'this obstacle covers the dragon when the run starts')
 
 
 def _refuse(scene: Scene, name: str, why: str) -> NoReturn:

@@ -1,7 +1,8 @@
 """Bounds on how close the benches of a run come to each obstacle of a venue, by branch and bound.
 
 The pose of a bench depends on its length and on the position of its front handle. A cell is therefore an interval of
-the track that the front handles of benches of one length pass, with one edge of an obstacle (``obstacle_bounds``).
+the track that the front handles of benches of one length pass, paired with one edge of an obstacle
+(``obstacle_bounds``).
 """
 from collections.abc import Callable
 from dataclasses import dataclass

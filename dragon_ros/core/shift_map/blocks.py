@@ -18,7 +18,7 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 FEWEST = 8              # smallest number of links for a table; for fewer links, marching is faster
 _MOST_MAPS = 4          # maximum number of shift maps per dragon, for the link lengths of its longest blocks
-_SHORTEST_LEAD = 0.05   # shortest leader's link, in links of the block; the direction of shorter links is too inexact
+_SHORTEST_LEAD = 0.05   # shortest leader's link with a series, relative to the block's link; shorter ones lack digits
 # The maximum number of links that are marched singly while no table covers a block; the rest is then marched at once.
 _TRIES = 8
 
@@ -179,7 +179,7 @@ class Placement:
 
     @cached_property
     def _plan(self) -> tuple[tuple[int, int, float, ShiftMap | None, list[_NextPlace]], ...]:
-        """The blocks for ``place``: the first and last handle, link, shift map, and the step on each segment."""
+        """For each block: its first and last handle, its link, its shift map, and the step on each segment."""
         return tuple((*block, shift, [self._step(k, block.link_m) for k in range(len(self.track.segments))])
                      for block, shift in self.blocks)
 

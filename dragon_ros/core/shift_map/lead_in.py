@@ -28,7 +28,7 @@ from dragon_ros.core.tracks.segments import BEHIND, reach_m
 
 # The number of nodes next to a joint, where series for a longer link converge more slowly than the block's series.
 _MORE_NODES = 36
-_NEWTON_STEPS = 12      # maximum number of steps on an extended segment, from the position at the same distance
+_NEWTON_STEPS = 12      # maximum number of Newton steps on an extended segment
 _SOLVED = 1e-14         # length of a final step, relative to the link, that leaves no error
 _SAME = 1e-9            # largest distance between equal solutions, relative to the link
 
