@@ -299,7 +299,7 @@ class SpiralSegment:
             return delta + twice * sine * ((u - delta) * cosine - sine)
 
         least = _about_arc(theta) - furthest_m(self.bend, link.near) / float(self.b)
-        inner = max(_about_after(least) if least > 0 else 0.0, float(self.inner))
+        inner = max(_about_after(max(least, 0.0)), float(self.inner))
         found = certified(value, slope, bracketed(about, 0.0, theta - inner, near / hypot(1, theta)))
         if not found > 0:
             raise Refused('a position on the track could not be proved: it may be on the wrong side of a handle')
@@ -332,7 +332,7 @@ def _about_arc(u: float) -> float:
 
 def _about_after(wanted: float) -> float:
     """Return the approximate polar angle up to which a spiral has a given length (in units of b)."""
-    guess = wanted if wanted < 1 else sqrt(2 * wanted)
+    guess = min(wanted, sqrt(2 * wanted))
     for _ in range(60):
         step = (_about_arc(guess) - wanted) / sqrt(1 + guess * guess)
         guess -= step

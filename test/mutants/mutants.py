@@ -160,7 +160,7 @@ def _unused(node: parso.tree.NodeOrLeaf) -> Iterator[parso.tree.NodeOrLeaf]:
 
 def copied(room: str) -> Path:
     """Copy the files of the checkout, and return the folder of the copy."""
-    tree = ROOT / '.venv' / 'mutants' / f'tree-{room}'
+    tree = (ROOT / '.venv').resolve() / 'mutants' / f'tree-{room}'
     listed = subprocess.run(['git', 'ls-files', '--cached', '--others', '--exclude-standard'], cwd=ROOT, check=True,
                             capture_output=True, text=True).stdout.splitlines()
     shutil.rmtree(tree, ignore_errors=True)

@@ -3,6 +3,8 @@ from math import nan
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from dragon_ros.core.geometry.contacts import Observation
 from dragon_ros.core.geometry.rectangles import Benches
@@ -102,3 +104,41 @@ def test_the_clearance_is_labelled_ten_times_a_second_and_at_once_with_a_contact
     assert [changes.label(now_s, at_once) for now_s, at_once in asked] == [True, True, False, True, False, True, True]
     first = messages.Changes()
     assert [first.label(now_s, False) for now_s in (0.0, 0.0999, 0.1, 0.15, 0.2)] == [True, False, True, False, True]
+
+
+@pytest.mark.parametrize(('skipped', 'said'), [(0, 5), (3, 5), (5, 5), (9, 9)])
+def test_the_pace_counts_ticks_that_were_skipped_or_never_arrived_once(skipped, said):
+    pace = messages.Pace()
+    pace.see(10**9, 3, 0.0)
+    pace.see(3 * 10**9, 9, 0.0)
+    pace.skip(skipped, 0.0)
+    assert pace.text() == (f'{said} ticks are not seen, {skipped} of them skipped because more arrive than can be '
+                           'read: a contact of less than 2.000000000 s may be missed')
+    (status,) = pace.warnings('red', 0.0)
+    assert values(status) == {'unseen': '5', 'skipped': str(skipped), 'longest_step_s': '2.000000000'}
+    assert (status.level, status.name, status.hardware_id) == (WARN, 'red: monitor: pace', 'red')
+
+
+@given(st.lists(st.tuples(st.integers(1, 5), st.integers(1, 4)), min_size=1, max_size=10), st.integers(1, 5))
+def test_the_pace_adds_up_the_numbers_that_are_missing(rows, first):
+    """The reference counts numbers that never came and the longest time over such a hole."""
+    pace, seen, t_ns, number, steps = messages.Pace(), [first], 0, first, [0]
+    pace.see(t_ns, number, 0.0)
+    for step_ns, more in rows:
+        t_ns, number = t_ns + step_ns, number + more
+        steps += [step_ns] if more > 1 else []
+        seen.append(number)
+        pace.see(t_ns, number, 0.0)
+    missing = len({*range(first, number + 1)} - {*seen})
+    (status,) = pace.warnings('dragon', 0.0) if missing else [None]
+    if missing:
+        assert values(status) == {'unseen': str(missing), 'skipped': '0', 'longest_step_s': f'{max(steps) / 1e9:.9f}'}
+    assert bool(pace.text()) == bool(missing)
+    assert pace.before == first - 1
+
+
+def test_unseen_ticks_are_reported_at_once_and_then_once_a_second_and_warned_about_for_three():
+    pace = messages.Pace()
+    times_s = 5.0, 5.5, 6.0, 6.01, 6.5, 7.02
+    assert [pace.skip(1, now_s) for now_s in times_s] == [True, False, False, True, False, True]
+    assert [bool(pace.warnings('red', now_s)) for now_s in (7.02, 9.0, 10.02, 10.03)] == [True, True, True, False]

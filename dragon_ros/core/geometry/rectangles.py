@@ -58,8 +58,6 @@ def axes_of(chain: Chain) -> Floats:
 
 def benches_of(chain: Chain, dragon: AnyDragon, axis: Floats) -> Benches:
     """Return the rectangles of a chain whose links have the directions ``axis``."""
-    count = chain.p.shape[-2] - 1
     centre = chain.p[..., :-1, :] + chain.p[..., 1:, :]
     centre *= 0.5
-    half_length, half_width = dragon.half_sizes_m
-    return Benches(read_only(centre), axis, half_length[:count], half_width[:count])
+    return Benches(read_only(centre), axis, *dragon.half_sizes_m)

@@ -126,13 +126,13 @@ def parted_between(states: Sequence[RelativePoses], sag: tuple[Floats, Floats]) 
     positions at the states. ``sag`` has two members: for the corners of B relative to A, and for the corners of A
     relative to B. Along these lines, the separation from an edge is concave.
     """
-    low, ratio = np.full(np.shape(sag[0]), -np.inf), np.zeros(np.shape(sag[0]))
+    low, ratio = [], []
     for bent, views in zip(sag, (states, [each.mirrored() for each in states]), strict=True):
         edges = zip(*(view.from_edges() for view in views), strict=True)
         apart = reduce(np.maximum, [reduce(np.minimum, edge) for edge in edges])
-        low = np.maximum(low, apart - bent)
-        ratio = np.maximum(ratio, np.maximum(apart, 0.0) / np.maximum(bent, _STRAIGHT_M))
-    return low, ratio
+        low.append(apart - bent)
+        ratio.append(np.maximum(apart, 0.0) / np.maximum(bent, _STRAIGHT_M))
+    return np.maximum(*low), np.maximum(*ratio)
 
 
 class PartedPairs(NamedTuple):

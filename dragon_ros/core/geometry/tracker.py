@@ -334,7 +334,7 @@ class ContactTracker:
         for one in reversed(self._seen[:-1]):
             if not step <= _UNEVEN * (out[0].t_ns - one.t_ns) <= _UNEVEN**2 * step:
                 break
-            out.insert(0, one)
+            out = [one, *out]
         return out
 
 

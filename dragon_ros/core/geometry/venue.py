@@ -191,7 +191,7 @@ class Surroundings:
         """
         bench, number, gap_m = self.closest(benches, 0.0)
         met = np.flatnonzero(gap_m <= 0)
-        order = met[np.lexsort((bench[met] * len(self.names) + number[met], gap_m[met]))]
+        order = met[np.argsort(gap_m[met], kind='stable')]      # equal gaps stay in the order of their pairs
         return bench[order], number[order], gap_m[order]
 
     def misplaced(self, x: float, y: float) -> int | None:

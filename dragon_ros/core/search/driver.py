@@ -312,8 +312,7 @@ class _Clearing:
         inner = np.ones(fronts.size, dtype=bool)
         inner[heads] = False
         fronts[heads], fronts[inner] = batch.pairs[0], new
-        backs = np.empty_like(fronts)
-        backs[:-1], backs[-1] = fronts[1:], batch.pairs[1, -1]
+        backs = np.roll(fronts, -1)
         backs[np.cumsum(parts) - 1] = batch.pairs[1]
         return _Intervals(samples, np.stack((fronts, backs)), batch.window[owner], batch.group[owner])
 

@@ -1,9 +1,19 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from dragon_ros.core.geometry.contacts import Observation
 from dragon_ros.core.geometry.rectangles import Benches
-from dragon_ros.core.geometry.tracker import MOST_REPORTED, ContactTracker, ReorderBuffer, _interpolated
+from dragon_ros.core.geometry.tracker import (
+    MOST_REPORTED,
+    ContactTracker,
+    ReorderBuffer,
+    _interpolated,
+    no_episodes,
+)
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
@@ -342,3 +352,76 @@ def test_axes_between_two_ticks_are_unit_vectors_however_far_benches_turn():
     found = _interpolated(known, 0.25)
     assert found.centre == pytest.approx(np.array([[0.25, 0.0]]))
     assert found.axis == pytest.approx(np.array([[3.0, 1.0]]) / np.sqrt(10))
+
+
+@given(st.lists(st.dictionaries(st.integers(0, 5), st.integers(-3, 0)), max_size=8))
+def test_episodes_keep_the_deepest_gap_of_each_pair_and_its_first_time(ticks):
+    """The reference is a dictionary: pair -> (gap, time, whether it was reported)."""
+    episodes, known = no_episodes(), {}
+    for t_ns, gaps in enumerate(ticks, 1):
+        keys = sorted(gaps)
+        before = [*known]
+        gap_m = np.array([float(gaps[key]) for key in keys])
+        episodes, new, ended = episodes.advance(t_ns, np.array(keys, np.int64), gap_m)
+        assert new.tolist() == [key not in known for key in keys]
+        assert ended.tolist() == [key not in gaps for key in before]
+        known = {key: (*((gaps[key], t_ns) if key not in known or gaps[key] < known[key][0] else known[key][:2]),
+                       key in known) for key in keys}
+        assert episodes.key.tolist() == [*known]
+        assert [*zip(episodes.deepest_m, episodes.deepest_ns, episodes.reported, strict=True)] == [*known.values()]
+        episodes = replace(episodes, reported=np.ones(episodes.key.size, bool))
+
+
+@pytest.mark.parametrize('benches', [66, 200])
+def test_pairs_of_a_long_dragon_are_named_and_counted_as_their_benches(benches):
+    tracker = ContactTracker()
+    (report,) = tracker.add(crossed(10**9, -0.1, benches=benches))
+    assert (report.touching, report.begins[0].benches) == (((0, benches - 1),), (0, benches - 1))
+    (after,) = tracker.add(crossed(2 * 10**9, 0.1, benches=benches))
+    assert after.ends[0].benches == (0, benches - 1)
+
+
+@given(st.lists(st.sampled_from([0.3, 0.9, 1.0, 1.3, 2.0, 5.0]), min_size=1, max_size=3), st.integers(0, 1),
+       st.floats(0.1, 0.9))
+def test_a_crossing_is_the_root_of_the_polynomial_through_the_ticks_that_belong_together(steps, sense, at):
+    """A gap that is a straight line vanishes exactly where the line does, and shrinks at the line's slope."""
+    t = np.cumsum([3.0, *steps])
+    slope = [-0.05, 0.05][sense]
+    root = t[-2] + at * (t[-1] - t[-2])
+    rows = reports_of(zip(t, slope * (t - root), strict=True))
+    if sense:
+        (end,) = rows[-1].ends
+        assert end.t_end_s == pytest.approx(root, abs=1e-9)
+    else:
+        (begin,) = rows[-1].begins
+        assert begin.t_contact_s == pytest.approx(root, abs=1e-9)
+        assert begin.approach_m_s == pytest.approx(0.05, abs=1e-9)
+        assert begin.before_ns == round(t[-2] * 1e9)
+        assert begin.point_m == pytest.approx((0.0, 0.5), abs=0.51)
+
+
+@pytest.mark.parametrize('ticks', [2, 3, 4])
+def test_a_gap_that_vanishes_at_a_tick_is_a_contact_at_this_tick(ticks):
+    t = 5.0 + np.arange(ticks)
+    (begin,) = reports_of(zip(t, 0.25 * (t[-1] - t), strict=True))[-1].begins
+    assert begin.t_contact_s == t[-1]
+    assert begin.approach_m_s == pytest.approx(0.25)
+
+
+@given(st.lists(st.floats(-3, 3), min_size=3, max_size=4, unique=True), st.floats(-0.5, 0.5))
+def test_benches_between_ticks_lie_on_the_polynomial_through_their_places(times, back_s):
+    """Centres and axes that are polynomials of the degree of the ticks are found again at any time."""
+    times = sorted(round(t, 2) for t in times)
+    assume(np.min(np.diff(times)) > 0.1)
+    half, origin = np.array([0.5, 0.25]), 7.0
+
+    def at(t):
+        c = np.array([[1 + t - 0.5 * t * t, 2 - 3 * t], [t * t, 0.25 * t]])
+        axis = np.array([[2.0 + t, 1.0 - t], [1.0 - t * t, 4.0]])
+        return c, axis
+    known = [Observation(round((origin + t) * 1e9), np.zeros((3, 2)), Benches(*at(t), half, half)) for t in times]
+    t = times[-1] - abs(back_s)
+    found, (centre, axis) = _interpolated(known, origin + t), at(t)
+    assert found.centre == pytest.approx(centre, abs=1e-7)
+    assert found.axis == pytest.approx(axis / np.linalg.norm(axis, axis=1)[:, None], abs=1e-7)
+    assert found.half_length.tolist() == half.tolist()
