@@ -19,12 +19,12 @@ class Picture:
         self._texts = list(_texts(figure))
 
     def cropped(self):
-        """The texts that are cut off by the edge of the figure."""
+        """Return the texts that the edge of the figure cuts off."""
         edge = box(*self._figure.bbox.extents).buffer(_HAIR)
         return [words for words, place in self._texts if not edge.contains(place)]
 
     def overlapping(self):
-        """The pairs of texts that overlap."""
+        """Return the pairs of texts that overlap."""
         shapes = [place.buffer(-_HAIR) for _, place in self._texts]
         pairs = STRtree(shapes).query(shapes, predicate='intersects').T.tolist()
         return [(self._texts[one][0], self._texts[other][0]) for one, other in pairs if one < other]

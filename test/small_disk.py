@@ -1,4 +1,4 @@
-"""A full disk, on which no file can grow any more."""
+"""A simulated full disk, on which no file can grow further."""
 import resource
 from contextlib import contextmanager
 

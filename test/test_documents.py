@@ -1,4 +1,4 @@
-"""The documents are true: every command in them runs, every link resolves, and every table matches the code."""
+"""The documents are correct: every command in them runs, every link resolves, and every table matches the code."""
 import importlib.util
 import re
 import shlex
@@ -26,71 +26,73 @@ LONGEST_S = 50
 CONTEST_ROWS = {0: 'head', 1: 'section 1', 51: 'section 51', 101: 'section 101', 151: 'section 151', 201: 'section 201',
                 223: 'tail, rear'}
 
-# The beginning of a document's command, the command that runs instead (None if nothing runs), and the reason. The first
-# beginning that fits is used, so longer beginnings come first.
+# The beginning of a command in a document, the command that runs instead (None if nothing runs), and the reason. The
+# longest beginning that matches is used.
 SUBSTITUTES = {
-    './dragon demo': (None, 'ten seconds and four processes; test/nodes/test_graph.py runs it'),
-    './dragon python test/bags/crash.py': (None, 'twenty minutes; test/bags/test_crash.py kills some'),
-    './dragon python test/soak/soak.py': (None, 'an hour'),
-    './dragon python test/soak/moved_clock.py': (None, 'minutes, with a C compiler'),
-    './dragon python test/soak/backlog.py': (None, 'minutes, in which processes are stopped'),
-    './dragon mutants': (None, 'minutes; test/mutants tests what it changes and runs'),
-    './dragon test': (None, 'these are the tests'),
-    './dragon check': (None, 'these are the tests'),
-    './dragon lock': (None, 'it asks the package index; test/test_locks.py holds the locks'),
-    './dragon docs': (None, 'it would write; a test below checks the tables'),
-    './dragon python docs/examples/common_mistakes.py': (None, 'a test below runs it and compares'),
-    './dragon python docs/examples/': (None, 'test/nodes/test_examples.py runs it beside a sim'),
-    './dragon grade result1.xlsx': ('grade --help', 'it takes files; test/commands/test_grade.py grades some'),
-    './dragon grade class': ('grade --help', 'it takes a class; test/commands/test_grade_files.py has a small one'),
-    './dragon view': ('view --help', 'it serves until Ctrl-C; test/commands/test_view.py plays the page'),
-    './dragon record --output live.mcap': ('record --help', 'it waits for a sim; test/nodes/test_record.py has one'),
+    './dragon demo': (None, 'takes ten seconds and four processes; test/nodes/test_graph.py runs it'),
+    './dragon python test/bags/crash.py': (None, 'takes twenty minutes; test/bags/test_crash.py runs a few kills'),
+    './dragon python test/soak/soak.py': (None, 'takes an hour'),
+    './dragon python test/soak/moved_clock.py': (None, 'takes minutes and a C compiler'),
+    './dragon python test/soak/backlog.py': (None, 'takes minutes, and stops processes'),
+    './dragon mutants': (None, 'takes minutes; test/mutants tests the changes and the runs'),
+    './dragon test': (None, 'would run these tests again'),
+    './dragon check': (None, 'would run these tests again'),
+    './dragon lock': (None, 'queries the package index; test/test_locks.py checks the locks'),
+    './dragon docs': (None, 'writes to the checkout; a test below checks the tables'),
+    './dragon python docs/examples/common_mistakes.py': (None, 'a test below runs it and compares its tables'),
+    './dragon python docs/examples/': (None, 'requires a sim; test/nodes/test_examples.py runs it with one'),
+    './dragon grade result1.xlsx': ('grade --help', 'requires files; test/commands/test_grade.py grades some'),
+    './dragon grade class': ('grade --help', "requires a class's files; test/commands/test_grade_files.py has a few"),
+    './dragon view': ('view --help', 'runs until Ctrl-C; test/commands/test_view.py tests the page'),
+    './dragon record --output live.mcap': ('record --help', 'waits for a sim; test/nodes/test_record.py has one'),
     './dragon sim --scene small.yaml': ('sim --scene small.yaml --ros-args -p time_scale:=0.0 -p discovery_s:=0.0',
-                                        'the same run, without its 20 s'),
+                                        'the same run, without the 20 s in real time'),
     './dragon sim --set': ('sim --set run.stop_s=0.1 --ros-args -p time_scale:=0.0 -p discovery_s:=0.0 -p '
-                           'robot_description:=true', 'without its minutes; test/nodes/test_graph.py has the topics'),
+                           'robot_description:=true', 'in less time; test/nodes/test_graph.py tests the topics'),
     './dragon sim --scene led': ('sim --scene led --set run.stop_s=0.2 --ros-args -p discovery_s:=0.0',
-                                 'it waits an hour for commands; test/nodes/test_led.py leads it'),
-    './dragon monitor': ('monitor --help', 'it watches until Ctrl-C; test/nodes/test_examples.py has handles for it'),
-    './dragon table --contest': (None, 'half a minute on a busy machine; test/commands/test_contest_files.py writes '
-                                'them'),
+                                 'waits an hour for commands; test/nodes/test_led.py sends some'),
+    './dragon monitor': ('monitor --help', 'runs until Ctrl-C; test/nodes/test_examples.py publishes handles for it'),
+    './dragon table --contest': (None, 'takes half a minute on a busy machine; '
+                                'test/commands/test_contest_files.py writes the tables'),
     './dragon contact --near-misses': ('contact --scene first_contact --near-misses 0.01 --certificate proof.json',
-                                       'a shorter run, and a certificate that is checked sooner'),
-    './dragon study pitch_map --output': ('study --help', 'it takes minutes; test/commands/test_study_command.py has '
+                                       'a shorter run, whose certificate takes less time to check'),
+    './dragon study pitch_map --output': ('study --help', 'takes minutes; test/commands/test_study_command.py runs '
                                           'smaller ones'),
-    './dragon study widths.yaml': ('study --help', 'it starts workers; the program below it runs this study'),
-    './dragon study tolerances': ('study --help', 'it takes hours; test/studies runs smaller ones'),
-    'dask': (None, 'runs until Ctrl-C; test/studies/test_cluster.py has both'),
+    './dragon study widths.yaml': ('study --help', 'starts workers; the program that follows runs this study'),
+    './dragon study tolerances': ('study --help', 'takes hours; test/studies runs smaller ones'),
+    'dask': (None, 'runs until Ctrl-C; test/studies/test_cluster.py starts both'),
     './dragon cost --scene': ('cost --scene turning --set dragon.benches=12 --set run.stop_s=2 --budget 0.01 --output '
-                              'costs.png', 'the same in small'),
-    './dragon cost': ('cost --help', 'it measures for minutes; test/benchmarks measures each page in small'),
+                              'costs.png', 'a smaller dragon'),
+    './dragon cost': ('cost --help', 'takes minutes; test/benchmarks runs a short form of each page'),
     './dragon plan --scene walled.yaml --output walled.pdf': (
-        'plan --scene walled.yaml --set dragon.benches=5 --output walled.pdf --title "The street"', 'in small'),
+        'plan --scene walled.yaml --set dragon.benches=5 --output walled.pdf --title "The street"', 'a smaller dragon'),
     './dragon plan --scene walled.yaml --output area.geojson': (
-        'plan --scene walled.yaml --set dragon.benches=5 --output area.geojson', 'in small'),
-    './dragon plan --scene s': ('plan --help', 'as above; test/commands/test_plan.py draws one of them'),
+        'plan --scene walled.yaml --set dragon.benches=5 --output area.geojson', 'a smaller dragon'),
+    './dragon plan --scene s': ('plan --help', 'like the plans above; test/commands/test_plan.py draws one of them'),
     './dragon plot animation --start': ('plot animation --start 412.3 --stop 412.5 --pace 2 --output run.html',
-                                        'the same in small'),
+                                        'a shorter animation'),
     './dragon plot animation --stop': ('plot animation --start 412 --stop 412.48 --pace 2 --fps 8 --dpi 30 '
-                                       '--output run.gif', 'the same in small'),
-    './dragon plot speeds': ('plot speeds --time 0,60 --dpi 30 --output speeds.png', 'in small, out of docs/pictures'),
+                                       '--output run.gif', 'a shorter animation'),
+    './dragon plot speeds': ('plot speeds --time 0,60 --dpi 30 --output speeds.png',
+                             'a small picture outside docs/pictures'),
     './dragon plot dragon --time 60,240 --dpi': ('plot dragon --time 60 --dpi 30 --output dragon.png',
-                                                 'in small, out of docs/pictures'),
+                                                 'a small picture outside docs/pictures'),
     './dragon plot dragon --scene street --time 67': (
         'plot dragon --scene street --time 67 --around head --dpi 30 --output around.png',
-        'in small, out of docs/pictures'),
-    './dragon plot contact --dpi': ('plot contact --dpi 30 --output contact.png', 'in small, out of docs/pictures'),
+        'a small picture outside docs/pictures'),
+    './dragon plot contact --dpi': ('plot contact --dpi 30 --output contact.png',
+                                    'a small picture outside docs/pictures'),
     './dragon plot clearance --dpi': ('plot clearance --set run.start_s=400 --dpi 30 --output clearance.png',
-                                      'in small, out of docs/pictures'),
-    'python3 test/commands/browser.py': (None, 'takes Chromium; test/commands/test_view.py drives it'),
-    'pdftoppm': (None, 'makes pictures of pages'),
-    'pip install': (None, 'reaches for the network'),
-    'jupyter lab': (None, 'it serves until Ctrl-C; test/test_notebooks.py runs the notebooks'),
-    'cd ~/ros2_ws': (None, 'takes a ROS 2 install'),
-    'rosdep': (None, 'takes a ROS 2 install'),
-    'colcon': (None, 'takes a ROS 2 install; test/test_architecture.py builds with colcon where it is'),
-    'ros2': (None, 'takes a ROS 2 install; test/nodes/test_launch.py launches'),
-    'export': (None, "for the reader's shell; each test has a domain of its own"),
+                                      'a small picture outside docs/pictures'),
+    'python3 test/commands/browser.py': (None, 'requires Chromium; test/commands/test_view.py uses it'),
+    'pdftoppm': (None, 'converts pages to pictures'),
+    'pip install': (None, 'requires the network'),
+    'jupyter lab': (None, 'runs until Ctrl-C; test/test_notebooks.py runs the notebooks'),
+    'cd ~/ros2_ws': (None, 'requires ROS 2'),
+    'rosdep': (None, 'requires ROS 2'),
+    'colcon': (None, 'requires ROS 2; test/test_architecture.py builds with colcon if it is installed'),
+    'ros2': (None, 'requires ROS 2; test/nodes/test_launch.py tests the launch files'),
+    'export': (None, "sets up the reader's shell; each test has its own domain"),
 }
 
 # A shell block with the indented lines below it, or an indented block.
@@ -117,7 +119,7 @@ def planned(command):
             return None if instead is None else shlex.split(instead)
     name, *arguments = shlex.split(command, comments=True)
     if name != './dragon':
-        raise KeyError(f'{command}: no test knows how to run it; add it to SUBSTITUTES with the reason')
+        raise KeyError(f'{command}: unknown command; add it to SUBSTITUTES with the reason')
     return arguments
 
 
@@ -146,7 +148,7 @@ def command(tmp_path, monkeypatch, capsys):
 
 
 def write_files(path, folder):
-    """Write each block of YAML or SVG that begins with a file's name, as the page tells its reader to do."""
+    """Write each block of YAML or SVG that begins with a file's name, as the page tells readers to do."""
     named = r'^```(?:yaml\n# |xml\n<!-- )(\w+\.(?:yaml|svg))(?: -->)?\n(.*?)^```'
     for name, text in re.findall(named, path.read_text(), re.DOTALL | re.MULTILINE):
         (folder / name).write_text(text)
@@ -196,7 +198,7 @@ MOVED_M = (100, 20)     # the page states that the street is shifted by this dis
 
 def test_the_drawing_and_the_walls_of_the_venue_page_are_the_scene_street(venue_page):
     shipped, walled, way = map(dr.scene, ('street', venue_page / 'walled.yaml', venue_page / 'way.yaml'))
-    times = [0.0, 20.0, 45.0, 70.0, 90.0]       # the time in all pieces together
+    times = [0.0, 20.0, 45.0, 70.0, 90.0]       # these times cover all pieces
     expected = dr.compile(shipped).states(times).handles_m
     for drawn in (walled, way):
         moved = dr.compile(drawn).states(times).handles_m - MOVED_M

@@ -58,7 +58,7 @@ def pieces_of(scene):
 
 FEATURES = {        # the smallest number of SCENES that must have the feature
     'a tail that leads': (40, lambda scene: scene['head'].get('lead') == 'tail'),
-    'a leader that goes back': (40, lambda scene: min(speeds_of(scene['head'])) < 0),
+    'a leader that moves backwards': (40, lambda scene: min(speeds_of(scene['head'])) < 0),
     'a profile': (60, lambda scene: 'knots' in scene['head']),
     'smooth ramps': (15, lambda scene: scene['head'].get('ramps') == 'smooth'),
     'a profile that turns back': (15, lambda scene: min(speeds_of(scene['head'])) < 0 < max(speeds_of(scene['head']))),

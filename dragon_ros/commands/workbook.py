@@ -9,7 +9,7 @@ _MOST_ROWS = 2**20 - 1      # largest number of rows on a sheet below the column
 
 
 class _NumberedRows(Sized, Iterable[Iterable[Any]], Protocol):
-    """Rows whose number is known."""
+    """An iterable of rows with a known length."""
 
 
 def xlsx_of(head: Iterable[str], rows: _NumberedRows) -> bytes:

@@ -1,4 +1,4 @@
-"""If a writer is killed at any moment, everything on disk is recovered from its bag, in every form."""
+"""Whenever a writer is killed, all messages on the disk are recovered from its bag, in every form of bag."""
 import pytest
 from crash import FORMS, kill
 from properties import thinned

@@ -1,4 +1,4 @@
-"""Grading names the mistakes that are reproduced with noise and rounding, and no others."""
+"""`grade` names the mistakes in a result, despite noise and rounding, and no others."""
 import json
 from dataclasses import replace
 from math import pi

@@ -379,7 +379,7 @@ def film(capsys, path, *more):
                 '320x240', *more, '--output', path)
 
 
-needs_av1 = pytest.mark.skipif(not has_av1(), reason='this Pillow has no AV1 (11.3 is the first)')
+needs_av1 = pytest.mark.skipif(not has_av1(), reason='requires Pillow 11.3 or later, with AV1')
 
 
 @needs_av1

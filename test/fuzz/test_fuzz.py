@@ -1,4 +1,4 @@
-"""Untrusted input raises only the package's own errors: this run is seeded and short, and a run with --minutes is long.
+"""Untrusted input raises only the package's own errors: the default run is short and seeded; --minutes makes it long.
 
 ``./dragon test test/fuzz -n0 -s --minutes 60`` continues with new seeds, reports its progress, stores each input that
 raises another error in ``corpus/TARGET``, from which the next run starts, and prints a summary at the end.

@@ -1,4 +1,4 @@
-"""Benches that are read by comparison with the previous message equal those that a parser finds, whatever changed."""
+"""Benches read by comparison with the previous message equal those read by a parser, whatever has changed."""
 import numpy as np
 import pytest
 from hypothesis import given

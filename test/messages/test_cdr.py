@@ -1,4 +1,4 @@
-"""Bytes are tested against the real rmw serialiser, by golden hex, round trip and damage."""
+"""Messages are tested against the real rmw serialiser and golden hex dumps, by round trips, and with damaged bytes."""
 import tracemalloc
 
 import numpy as np

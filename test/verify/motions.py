@@ -19,7 +19,8 @@ from dragon_ros.verify.segments import SpiralSegment
 from dragon_ros.verify.track import Place, Track, track_of
 
 BENCHES = 9
-STEP = 1e-9         # step of differences: positions are accurate to 1e-28, and hence second differences to 1e-10
+# The step of the finite differences: positions are accurate to 1e-28, and hence second differences to 1e-10.
+STEP = 1e-9
 
 
 def mirrored(track):

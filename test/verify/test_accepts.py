@@ -38,8 +38,8 @@ SCENES = {
     'a lock of a mixed dragon': (Scene(dragon=Mixed((Group(1.2), Group(3.2), Group(1.2)), 0.01), run=Run(420)),
                                  'locks at link 1'),
     'the centre': (Scene(dragon=Dragon(3, width_m=0.01), track=Spiral(5.0, 1.0)), 'the head reaches the centre'),
-    'the centre, where a handle turns back': (Scene(Dragon(10, 0.25, 0.53125, 0.125, 0.125), Spiral(0.37109375, 4.0)),
-                                              'the head reaches the centre'),
+    'the centre, near which a handle turns back': (
+        Scene(Dragon(10, 0.25, 0.53125, 0.125, 0.125), Spiral(0.37109375, 4.0)), 'the head reaches the centre'),
     'at the start': (Scene(run=Run(413.0)), 'starts with its contact at 413.0 s: benches 0 and 8 overlap'),
     'two benches': (Scene(dragon=Dragon(2)), 'the chain locks at link 0'),
     'out and in': (Scene(dragon=Dragon(60), track=Spiral(0.55, 5.0), head=OUT_AND_IN, run=Run(2, 200)), 'contact at'),
@@ -50,7 +50,7 @@ SCENES = {
     'unwinding': (load_scene('unwinding', ['run.stop_s=40', 'dragon.benches=40']), 'it stops'),
     'rest': (Scene(dragon=Dragon(30), head=Head(0.0), run=Run(0, 5)), 'it stops'),
     'a mixed dragon': (load_scene('mixed', ['run.start_s=395.6']), 'benches 40 and 71 overlap'),
-    'two lengths by turns': (Scene(dragon=Mixed((Group(3.41), *(Group(length) for _ in range(12) for length in (
+    'two alternating lengths': (Scene(dragon=Mixed((Group(3.41), *(Group(length) for _ in range(12) for length in (
         2.2, 1.7)))), run=Run(405)), 'benches 0 and 9 overlap'),
     'an S-turn': (Scene(dragon=Dragon(60), track=STurn(before_m=100.0), run=Run(95, 115)), 'it stops'),
     'a tight S-turn': (Scene(dragon=Dragon(24), track=STurn(0.8, before_m=100.0), run=Run(95, 200)),
@@ -60,7 +60,7 @@ SCENES = {
         ((0.0, 0.0), (5.0, 1.0), (10.0, -1.0), (20.0, -1.0), (30.0, 1.0)))), 'contact at 59.66017797'),
     'a tail on a bent track': (Scene(dragon=Dragon(10), run=Run(0, 30), head=Head(1.0, 'tail'), track=Composite(
         (Line(50.0), Arc(3.0, -200.0), Line(1.0), SpiralArc(1.2, 2, 4.0)), start_m=70.0)), 'it stops'),
-    'a start where a float of the end is beyond it': (
+    'a start at which the float nearest to the end is beyond it': (
         Scene(dragon=Dragon(12), head=Head(1.0, 'tail'), run=Run(0, 20), track=Composite(
             (Line(5.0), SpiralArc(1.2, 4000.2, 8.0)), start_m=60324375.27675098)), 'it stops'),
     'the end of the track': (Scene(dragon=Dragon(20), track=Composite((Line(5.0), Arc(6.0, 120.0)))),
@@ -69,11 +69,11 @@ SCENES = {
         SpiralArc(3.0, 0.6, 3.0, 'left'), Line(9.0)), 12.0)), 'the tail leaves the track'),
     'a tail that leaves the track': (Scene(dragon=Dragon(3), head=Head(1.0, 'tail'), track=Composite((
         SpiralArc(3.0, 0.6, 3.0, 'left'), Line(9.0)), 12.0)), 'the tail leaves the track'),
-    'arcs as tight as may be': (Scene(
+    'arcs of the smallest allowed radius': (Scene(
         dragon=Dragon(11, 0.966718771980368, 1.1818753216942577, 0.02, 0.2), head=Head(-1.0), run=Run(0, 13.3),
         track=Composite((Arc(0.3952814126343191, 60.0), Arc(0.39838471924996127, 60.0), Arc(0.3952814126343191, -60.0),
                          Line(4.031361119055089)), 1.32155815303957)), 'starts with its contact'),
-    'a coil as tight as may be': (Scene(
+    'a coil of the smallest allowed radius': (Scene(
         dragon=Dragon(3, 1.4936533138512713, 1.4936533138512713, 0.02, 0.2), run=Run(0, 6.38),
         track=Composite((Line(4.142785360579651), Arc(0.5538751550657687, -90.0),
                          Arc(0.5523507108609016, 139.51910430136803), SpiralArc(

@@ -147,7 +147,7 @@ def test_a_span_of_more_than_half_a_turn_is_none():
 def test_what_links_span_in_a_box_is_what_they_do_at_its_ends():
     found = family._spans((20.0, 21.0), (11.0, 11.5), (0.9, 1.0))
     ends = behind(21.0, 11.0 * 0.9) - 21.0, behind(20.0, 11.5) - 20.0
-    assert (float(found.lower()), float(found.upper())) == pytest.approx(ends, abs=1e-7)    # a radius has 30 bits
+    assert (float(found.lower()), float(found.upper())) == pytest.approx(ends, abs=1e-7)    # radii have 30 bits
     assert found.lower() < ends[0] + NEVER_MIND
     assert found.upper() > ends[1] - NEVER_MIND
     assert family._added((1.0, 2.0), (10.0, 30.0)) == pytest.approx((11.0, 32.0), abs=1e-14)

@@ -37,7 +37,7 @@ _TRY_PATH = '/try.js'
 _ANSWERS: dict[str, Callable[[ViewData, Check], Any]] = {
     '/run.json': lambda data, check: data.run, '/contact.json': ViewData.contact,
     '/clearance.json': ViewData.clearance}
-_ROOM_S = 1.0       # longest wait in s for the end of a connection that was closed to free its place
+_ROOM_S = 1.0       # longest wait in s for a connection to end after it was closed to make room for another
 _CHUNK = re.compile('[0-9]{1,9}')
 _JSON, _BINARY = 'application/json', 'application/octet-stream'
 # The page may use only resources of this server; plotly.js adds inline styles.

@@ -106,9 +106,9 @@ def _angle(axis: Floats, headings: Floats) -> Floats:
 def curvature_range(bends: Range, segments: Sequence[Ints], curvatures: Sequence[Floats]) -> Range:
     """Return the smallest and largest curvature in 1/m on the track between positions on given segments.
 
-    ``bends`` holds the bounds (P, P) on curvature from one segment to another. Curvature is monotone on a segment, so
-    if all positions are on one segment, the curvature lies between the given values; otherwise the whole range of every
-    segment in between counts.
+    ``bends`` holds the smallest and largest curvatures (P, P) over two segments and all between them. Curvature is
+    monotone on a segment, so if all positions are on one segment, the curvature lies between the given values;
+    otherwise the whole range of each of these segments counts.
     """
     first, last = reduce(np.minimum, segments), reduce(np.maximum, segments)
     one = first == last
@@ -193,9 +193,9 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
              error_m: float = 0.0, passes: int = _PASSES) -> LinkMotion:
     """Return the enclosures of links (N,), from the leader on, between states of M chains.
 
-    ``bends`` holds the smallest and largest curvatures (P, P) from one segment to another, ``sign`` is 1.0 behind a
-    head and -1.0 ahead of a tail, and ``error_m`` bounds position errors. At most ``passes`` passes narrow the ranges
-    of angles; without passes, these ranges are as wide as the turning of links and the track.
+    ``bends`` holds the smallest and largest curvatures (P, P) over two segments and all between them, ``sign`` is 1.0
+    behind a head and -1.0 ahead of a tail, and ``error_m`` bounds position errors. At most ``passes`` passes narrow the
+    ranges of angles; without passes, these ranges are as wide as the turning of links and the track.
     """
     with np.errstate(all='ignore'):
         low, high = curvature_range(bends, (one.segment, two.segment), (one.curvature, two.curvature))

@@ -206,7 +206,7 @@ def no_episodes() -> Episodes:
 
 
 class ContactTracker:
-    """Examines observations in order of time, and reports the start and the end of the contacts of each pair."""
+    """Examines observations in chronological order, and reports when the contacts of each pair start and end."""
 
     def __init__(self) -> None:
         """Start without observations."""

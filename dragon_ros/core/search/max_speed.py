@@ -296,8 +296,8 @@ class SpeedStates:
     """M states of a chain with K links, and the speeds of its handles in order from the leader.
 
     ``log`` (M, K+1) holds the logs of speeds relative to the leader's speed, ``size_m`` (K+1,) the largest distances of
-    the handles from the origin, and ``bends`` the smallest and largest curvatures from one segment of the track to
-    another. ``way`` is -1 if the head leads and 1 if the tail leads.
+    the handles from the origin, and ``bends`` the smallest and largest curvatures over two segments of the track and
+    all segments between them. ``way`` is -1 if the head leads and 1 if the tail leads.
     """
 
     links_m: Floats

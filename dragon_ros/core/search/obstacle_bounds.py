@@ -128,9 +128,9 @@ def least_along(d: Complexes, ends: tuple[Complexes, Complexes], slope: Ball, un
                 way_m: Floats) -> Floats:
     """Return the smallest coordinates in m along directions d (M,) that corners (M, 4) may have between two states.
 
-    ``slope`` (M, 4, 3) holds the derivatives of the corners' coordinates by a variable that grows by ``h`` (M, 1): the
-    derivative of x first and that of y last, with errors of up to ``unsure``. The corners move by at most ``way_m`` (M,
-    4).
+    ``slope`` (M, 4, 3) holds the derivatives of the corners' coordinates with respect to a variable that grows by ``h``
+    (M, 1): the derivative of x first and that of y last, with errors of up to ``unsure``. The corners move by at most
+    ``way_m`` (M, 4).
     """
     back, middle = np.conj(d)[:, None], slope.mid[..., 0] + 1j * slope.mid[..., 2]
     rad = slope.rad[..., 0] + slope.rad[..., 2] + unsure

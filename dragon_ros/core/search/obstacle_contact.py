@@ -103,7 +103,7 @@ def _joined(parts: list[Any]) -> Any:
 
 @dataclass(frozen=True)
 class Window:
-    """Monotone positions that the front handle of a bench passes before any other bench of the same length does."""
+    """Monotone positions that the front handle of a bench passes before that of any other bench of the same length."""
 
     bench: int
     places: Floats

@@ -378,7 +378,7 @@ class ShiftMap:
                 return None
             self._last_before = entrance
             found = entrance.spot(leader)
-        return None if found is _ELSEWHERE else found       # no series of leaders converges on the segment
+        return None if found is _ELSEWHERE else found       # if not found, no series converges on the segment
 
     def _entrance_before(self, number: int, link_m: float) -> Entrance | None:
         """Return the entrance for leaders one link before blocks on a stretch; None if there are no such leaders."""

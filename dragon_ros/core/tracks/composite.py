@@ -305,7 +305,7 @@ class Track:
 
     @cached_property
     def bends(self) -> tuple[Floats, Floats]:
-        """Smallest and largest signed curvature in 1/m from each segment to each other segment, shape (P, P) each."""
+        """Smallest and largest signed curvatures in 1/m over two segments and all between them, shape (P, P) each."""
         ends = np.array([segment.curvature(np.array([segment.first, segment.last])) for segment in self.segments])
         count = range(len(self.segments))
         rows = [[ends[min(i, j):max(i, j) + 1] for j in count] for i in count]
