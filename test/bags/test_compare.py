@@ -154,8 +154,8 @@ def test_topics_of_each_tick_that_the_scene_does_not_declare_are_faults(tmp_path
     path = write_frames(tmp_path / 'a.mcap', scene, [tick(scene, k) for k in range(6)])
     found = compared(path, bare)
     assert (found.equal, found.fault_count, found.passed) == (6, 12, False)
-    assert found.faults == ['benches: 6 messages, which the scene does not declare',
-                            'velocities: 6 messages, which the scene does not declare']
+    assert found.faults == ['benches: 6 messages on a topic that the scene does not declare',
+                            'velocities: 6 messages on a topic that the scene does not declare']
 
 
 def test_every_message_of_a_bag_is_accounted_for(tmp_path):
@@ -203,7 +203,7 @@ def test_a_scene_or_a_track_of_another_run_is_a_fault(tmp_path, name):
             for topic in encode:
                 bag.write(f'/dragon/{topic}', bytes(encode[topic](tick(scene, k))), scene.run.time_ns(k), k + 1)
     found = compared(path, scene)
-    assert (found.equal, found.faults) == (18, [f'{name} at {scene.run.start_ns} ns is not that of the scene'])
+    assert (found.equal, found.faults) == (18, [f'{name} at {scene.run.start_ns} ns does not match the scene'])
 
 
 POINT = np.dtype({'names': ['x', 'speed', 'handle'], 'formats': ['<f4', '<f8', '<u4'], 'offsets': [0, 32, 40],

@@ -62,7 +62,7 @@ def test_the_bag_of_another_robot_is_read_and_reported_to_hold_no_dragon(tmp_pat
 
 
 @pytest.mark.parametrize(('options', 'says'), [
-    ({'compression': 'FILE'}, 'names of .mcap files'), ({'compression': 'MESSAGE'}, 'one by one'),
+    ({'compression': 'FILE'}, 'names of .mcap files'), ({'compression': 'MESSAGE'}, 'compressed individually'),
     ({'storage': 'SQLITE3'}, 'names of .mcap files')])
 def test_rosbag2_folders_without_plain_mcap_are_refused_in_words(tmp_path, options, says):
     path = robot_of_rosbags(tmp_path / 'robot', **options)

@@ -1,4 +1,4 @@
-"""A log of problems in bounded memory."""
+"""A log of problems with bounded memory use."""
 from dataclasses import dataclass, field
 
 _MOST = 100
@@ -6,7 +6,7 @@ _MOST = 100
 
 @dataclass
 class CappedLog:
-    """The first lines of a log, and the total number of lines."""
+    """The first lines of a log and the total number of lines."""
 
     lines: list[str] = field(default_factory=list)
     count: int = 0

@@ -1,8 +1,8 @@
-"""Compare a bag with the model tick by tick: bit for bit, or within the promise of its tier if bits differ.
+"""Compare a bag with the model tick by tick: bit for bit or, if bits differ, to within its tier's promise.
 
 The last bits may differ between machines and between versions of this software. Handles, benches and velocities must
-then agree within twice the tier's promise, because each side may be off by one promise. If the bag was made by another
-version or with other BLAS or numpy kernels, the same tolerance applies to everything computed from them.
+then agree to within twice the tier's promise, because each side may be off by one promise. If the bag was made by
+another version or with other BLAS or numpy kernels, the same tolerance applies to everything derived from them.
 
 Every message in the bag is either compared or listed as unchecked, with the reason.
 """
@@ -46,14 +46,14 @@ from dragon_ros.scenes.provenance import RECORD, other_kernel
 from dragon_ros.version import __version__
 
 _HUGE = 1e100
-_MOST_LAST = 128        # ticks at the end of a led run that may lack a topic because a killed recorder may have lagged
-_PART_BYTES = 2**23     # messages per part of a run: about eight chunks, which take a tenth of a second
+_MOST_LAST = 128        # final ticks of a led run in which topics may be missing because a killed recorder was behind
+_PART_BYTES = 2**23     # messages per part of a run: about eight chunks, processed in a tenth of a second
 _Instant = tuple[int, dict[str, list[bytes]]]
 _Span = tuple[int, int]
 _SHOWN = 'model/markers'        # markers may differ between versions; the contacts themselves are in model/contacts
 _SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # solver diagnostics, which may differ between versions
-_POINT_FIELDS = {6: '<u4', 7: '<f4', 8: '<f8'}       # types of a cloud's arrays: handles, coordinates, speeds
-MOST_FAULTS = 1000      # lines that are kept; all faults are counted
+_POINT_FIELDS = {6: '<u4', 7: '<f4', 8: '<f8'}       # datatypes of a cloud's fields: handle number, coordinate, speed
+MOST_FAULTS = 1000      # most fault lines that are stored; all faults are counted
 _VIEWS: dict[str, Callable[[bytes | bytearray], list[Array]]] = {
     'handles': lambda data: [read_pose_array(data).poses],
     'benches': lambda data: read_marker_array(data).geometry,
@@ -61,7 +61,7 @@ _VIEWS: dict[str, Callable[[bytes | bytearray], list[Array]]] = {
 
 
 class _Fault(NamedTuple):
-    """A fault of a topic in consecutive ticks."""
+    """The same fault of one topic in consecutive ticks."""
 
     name: str
     what: str
@@ -69,22 +69,22 @@ class _Fault(NamedTuple):
     last: int
 
     def __str__(self) -> str:
-        """Return the line that reports the fault."""
+        """Return a line that reports the fault."""
         ticks = f'tick {self.last}' if self.first == self.last else f'ticks {self.first} to {self.last}'
         return f'{ticks}: {self.name} {self.what}'
 
 
 @dataclass
 class Comparison:
-    """Counts of bit-identical and ``close`` messages, and one line per range of faults.
+    """The result of a comparison: counts of bit-identical and ``close`` messages, and one line per range of faults.
 
-    ``close`` messages agree within twice the tier's promise (one promise per side); ``worst_m`` is the largest position
-    difference among them. ``fault_count`` counts messages that are missing, extra or different; ``missing_count``
-    counts only missing ones. ``other_version`` is the version that made the bag, if it is not this one;
-    ``other_kernel`` names the bag's numpy and kernels, if they are not this machine's. In both cases, every topic may
-    be close instead of identical. ``once`` counts the messages that are published once per run and equal those of the
-    scene. ``unchecked`` gives, by topic, the number of messages that were not compared and the reason; ``seen`` counts
-    the compared messages of each per-tick topic.
+    ``close`` messages agree to within twice the tier's promise (one promise per side); ``worst_m`` is the largest
+    position difference among them. ``fault_count`` counts messages that are missing, extra or different;
+    ``missing_count`` counts only missing ones. ``other_version`` is the version that made the bag, if it is not this
+    one; ``other_kernel`` names the bag's numpy and kernels, if they are not this machine's. In both cases, messages on
+    any topic may be close instead of identical. ``once`` counts the once-per-run messages that match the scene.
+    ``unchecked`` maps a topic to the number of messages that were not compared and the reason; ``seen`` counts the
+    compared messages of each per-tick topic.
     """
 
     other_version: str | None = None
@@ -102,15 +102,15 @@ class Comparison:
 
     @property
     def faults(self) -> list[str]:
-        """The first lines of faults, at most ``MOST_FAULTS``."""
+        """The fault lines, up to the first ``MOST_FAULTS``."""
         return [str(line) for line in self._lines]
 
     def note(self, name: str, k: int, what: str, messages: int = 1) -> None:
-        """Count the messages of a fault in a tick; consecutive ticks with the same fault share a line."""
+        """Count the messages affected by a fault at one tick; consecutive ticks with the same fault share a line."""
         self._note(_Fault(name, what, k, k), messages)
 
     def missing(self, name: str, first: int, last: int) -> None:
-        """Count the missing messages of ticks ``first`` to ``last``, without a limit on their number."""
+        """Count one missing message for each tick from ``first`` to ``last``, however many there are."""
         self.missing_count += last - first + 1
         self._note(_Fault(name, 'is missing', first, last), last - first + 1)
 
@@ -128,7 +128,7 @@ class Comparison:
         self._last[fault.name] = line, fault
 
     def add(self, part: 'Comparison') -> None:
-        """Add the comparison of the following ticks, as if they had been compared here."""
+        """Merge in the result for the ticks that follow, as if it had been counted here."""
         self.equal += part.equal
         self.close += part.close
         self.worst_m = max(self.worst_m, part.worst_m)
@@ -142,24 +142,24 @@ class Comparison:
                 self._note(line, 0)
 
     def stray(self, name: str, t_ns: int, count: int) -> None:
-        """Count messages whose log time is not a tick."""
+        """Count messages whose log time is not the time of a tick."""
         self.seen[name] += count
         self.fault(f'{name} at {t_ns} ns belongs to no tick', count)
 
     def fault(self, line: str, count: int) -> None:
-        """Report messages that belong to no tick of the run."""
+        """Add a line about ``count`` faulty messages; it is never merged with other lines."""
         self.fault_count += count
         if len(self._lines) < MOST_FAULTS:
             self._lines.append(line)
 
     @property
     def may_all_be_close(self) -> bool:
-        """Whether all topics may differ by the promise, because another version or another kernel made the bag."""
+        """Whether any topic may be close instead of identical, because its maker had another version or kernel."""
         return self.other_version is not None or self.other_kernel is not None
 
     @property
     def passed(self) -> bool:
-        """Whether every message that the run must contain was compared and equals the model."""
+        """Whether every message that the run must contain was compared and agrees with the model."""
         return not self.fault_count and self.equal + self.close > 0
 
 
@@ -174,16 +174,16 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
                        compared: Callable[['_PartOfRun', Sequence[_Span]], Iterable[Comparison]] = _here) -> Comparison:
     """Recompute every tick of the scene's run and compare each topic's message with the one in the bag.
 
-    A run that ends in a contact consists of the ticks before ``contact_s`` and a last frame at exactly that time.
-    ``compared`` receives the function that compares a part of the run, and the parts; it returns the results in order,
-    regardless of where they are computed. A led run is a single part, and so is a bag with wall-clock log times.
+    A run that ends in a contact consists of the ticks before ``contact_s`` and a final frame at exactly that time.
+    ``compared(run, parts)`` applies the function ``run`` to each part of the run, in this or another process, and
+    returns the results in order. A led run, or a bag with wall-clock log times, is a single part.
     """
     made = bag.metadata(RECORD)
     made_by = made.get('about.dragon_ros')
     result = Comparison(None if made_by in (None, __version__) else made_by, other_kernel(made))
     encode = encoders(scene, frame_id)
     if scene.is_led:
-        most = 0 if bag.metadata(RECEIVED) else _MOST_LAST      # a recorder that was not killed has complete ticks
+        most = 0 if bag.metadata(RECEIVED) else _MOST_LAST      # the last ticks are complete unless it was killed
         _compare_led(result, scene, encode, _instants(bag, namespace, encode), most, progress)
     else:
         run = _PartOfRun(bag, scene, namespace, frame_id, contact_s, (result.other_version, result.other_kernel))
@@ -196,10 +196,10 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
 
 
 class _PartOfRun:
-    """Compares parts of a run that the scene alone determines; a pickled copy opens the bag again."""
+    """Compares parts of a run that is fully determined by its scene; a pickled copy reopens the bag."""
 
     def __init__(self, bag: BagReader, *settings: Any) -> None:
-        """Take the bag and its scene, namespace, frame id, contact time, and other version and kernel."""
+        """``settings`` are the scene, namespace, frame ID, contact time, and the other version and kernel."""
         self._bag, self._settings = bag, settings
         self._scene, self._namespace, frame_id, contact_s, self._made_by = settings
         self._encode = encoders(self._scene, frame_id)
@@ -209,11 +209,11 @@ class _PartOfRun:
             self._last = contact_frame(self._scene, contact_s)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how another process creates its own instance."""
+        """Pickle the bag's path instead of the open bag."""
         return _reopened, (self._bag.path, *self._settings)
 
     def spans(self) -> list[_Span]:
-        """Return the parts as (first tick, tick after the last one): at most one more than the bag has messages."""
+        """Return the parts as (first tick, tick after the last); there is at most one part more than messages."""
         if not log_times_are_ticks(self._bag, self._namespace):
             return [(0, self._ticks)]
         size = sum(len(encode(tick(self._scene, 0))) for encode in self._encode.values())
@@ -252,11 +252,10 @@ def _reopened(path: Path, *settings: Any) -> _PartOfRun:
 
 def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode], instants: Iterable[_Instant],
                  most: int, progress: Callable[[int], object]) -> None:
-    """Compare the ticks of a led dragon, with the speeds recorded in its topic ``leader``.
+    """Compare the ticks of a led dragon, recomputed from the speeds recorded on its topic ``leader``.
 
-    Such a run may end at any tick. In up to ``most`` of its last ticks, topics may be missing because a killed recorder
-    had not received them yet, but the existing messages must not differ. After a missing speed, nothing can be
-    recomputed.
+    A led run may end at any tick. In up to ``most`` final ticks, topics may be missing because a killed recorder had
+    not received them yet, but messages that exist must not differ. Nothing can be recomputed after a missing speed.
     """
     law, waiting, left = None, list[tuple[int, Frame, dict[str, list[bytes]]]](), iter(instants)
     for k, (t_ns, recorded) in enumerate(left):
@@ -264,7 +263,7 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
         if t_ns != scene.run.time_ns(k) or speed_m_s is None:
             after = len(waiting) + sum(1 for _ in chain([t_ns], left))
             if recorded.get('leader') or after > most:
-                result.note('leader', k, 'does not occur exactly once: the walk from there on is unknown')
+                result.note('leader', k, 'does not occur exactly once; later ticks cannot be recomputed')
                 most = 0
             break
         law = law_on(scene, law, t_ns, speed_m_s)
@@ -288,7 +287,7 @@ def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, f
         name = topic.name.removeprefix(f'{namespace}/')
         left, row = topic.messages - result.seen[name], channels().get(name)
         if name in each:
-            why = 'last ticks are incomplete, as after the recorder was killed'
+            why = 'the last ticks are incomplete, probably because the recorder was killed'
         elif name in ENCODE and result.other_version is not None:
             why = 'another version draws it differently'
         elif name == 'scene' or name in ENCODE:
@@ -296,7 +295,7 @@ def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, f
             continue
         elif row is not None and row.each_tick:
             if left:
-                result.fault(f'{name}: {left} messages, which the scene does not declare', left)
+                result.fault(f'{name}: {left} messages on a topic that the scene does not declare', left)
             continue
         elif name == topic.name:
             why = 'belongs to another dragon or to none' if row is None else 'published by all nodes at any time'
@@ -308,9 +307,9 @@ def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, f
 
 
 def _compare_once(result: Comparison, bag: BagReader, scene: Scene, topics: Mapping[str, str], frame_id: str) -> None:
-    """Compare, in one pass over the bag, the messages of the topics (by full name) that are published once per run.
+    """Compare once-per-run messages in one pass over the bag; ``topics`` maps full names to short names.
 
-    These messages may be the only source of the scene.
+    These messages may be the bag's only copy of the scene.
     """
     text = bag.metadata(RECORD).get('scene')
     wanted = {topic: ENCODE[name](scene, frame_id) if name in ENCODE else None if text is None else string_message(text)
@@ -320,11 +319,11 @@ def _compare_once(result: Comparison, bag: BagReader, scene: Scene, topics: Mapp
         if data is None or message.data == data or _nearly(scene, channels()[name].type, data, message.data):
             result.once += 1
         else:
-            result.fault(f'{name} at {message.t_ns} ns is not that of the scene', 1)
+            result.fault(f'{name} at {message.t_ns} ns does not match the scene', 1)
 
 
 def _nearly(scene: Scene, kind: str, wanted: bytes, found: bytes) -> bool:
-    """Return whether two messages differ only in numbers, and by at most twice the promise of the tier."""
+    """Return whether two messages differ only in numbers, and by at most twice the tier's promise."""
     promise_m = compile_scene(scene).promise_m
     try:
         expected, got = (list(_leaves(decode(kind, data))) for data in (wanted, found))
@@ -337,7 +336,7 @@ def _nearly(scene: Scene, kind: str, wanted: bytes, found: bytes) -> bool:
 
 
 def _walked_m_s(found: list[bytes], t_ns: int) -> float | None:
-    """Return the speed in a tick's only message; None if there are several or the message belongs to another tick."""
+    """Return the recorded speed; None unless there is exactly one message and its stamp is the tick's."""
     if len(found) != 1:
         return None
     stamp_ns, speed_m_s = read_odometry(found[0])
@@ -346,7 +345,7 @@ def _walked_m_s(found: list[bytes], t_ns: int) -> float | None:
 
 def _compare_tick(result: Comparison, scene: Scene, encode: Mapping[str, Encode], k: int, frame: Frame,
                   recorded: Mapping[str, list[bytes]]) -> None:
-    """Compare the messages of frame k of a run."""
+    """Compare all messages of frame k of a run."""
     for name in encode:
         _compare(result, name, k, frame, encode[name](frame), recorded.get(name, []), scene)
 
@@ -355,7 +354,7 @@ def _instants(bag: BagReader, namespace: str, names: Iterable[str], start_ns: in
               end_ns: int | None = None) -> Iterator[_Instant]:
     """Yield (time of a tick, messages by topic name) for the topics of a namespace.
 
-    Only a bag whose log times are ticks can be read in part, from ``start_ns`` on and before ``end_ns``.
+    Only a bag whose log times are ticks can be read in part: from ``start_ns`` up to, but not including, ``end_ns``.
     """
     if log_times_are_ticks(bag, namespace):
         rows: Iterable[tuple[int, str, bytes]] = (
@@ -364,8 +363,8 @@ def _instants(bag: BagReader, namespace: str, names: Iterable[str], start_ns: in
     else:
         stamps: Ints = np.array([read_stamp_ns(one.data) for one in bag.messages([f'{namespace}/handles'])], np.int64)
         if np.any(back := np.diff(stamps) < 0):
-            raise InputError(f'{bag.path}: was recorded at wall time, and simulation time goes back in it at '
-                             f'{stamps[1:][back][0] / NS:.9f} s; give the bag of one run')
+            raise InputError(f'{bag.path}: has wall-clock log times, and its simulation time jumps back at '
+                             f'{stamps[1:][back][0] / NS:.9f} s; give the bag of a single run')
         rows = merge(*(_stamped(bag, namespace, name, stamps) for name in names), key=lambda row: row[0])
     for t_ns, group in groupby(rows, lambda row: row[0]):
         recorded: dict[str, list[bytes]] = {}
@@ -376,10 +375,10 @@ def _instants(bag: BagReader, namespace: str, names: Iterable[str], start_ns: in
 
 
 def _stamped(bag: BagReader, namespace: str, name: str, stamps: Ints) -> Iterator[tuple[int, str, bytes]]:
-    """Yield (stamp, name, message) of one topic of a bag with wall-clock log times.
+    """Yield (stamp, name, message) for one topic of a bag with wall-clock log times.
 
-    A message without a stamp belongs to the handles with the same index, because each topic arrives in order although
-    topics overtake each other.
+    A message without a stamp is paired with the handles message of the same index: topics may overtake each other, but
+    each topic arrives in order.
     """
     kind = channels()[name].type
     for n, message in enumerate(bag.messages([f'{namespace}/{name}'])):
@@ -398,7 +397,7 @@ def _missing(result: Comparison, names: Iterable[str], k: int, stop: int) -> int
 
 def _compare(result: Comparison, name: str, k: int, frame: Frame, wanted: bytes, found: list[bytes],
              scene: Scene) -> None:
-    """Compare one topic's messages of one tick and count the result."""
+    """Compare one topic's messages at one tick, and count the result."""
     result.seen[name] += len(found)
     if found == [wanted]:
         result.equal += 1
@@ -414,14 +413,14 @@ def _compare(result: Comparison, name: str, k: int, frame: Frame, wanted: bytes,
 
 
 def _allowed_m(frame: Frame, scene: Scene) -> float:
-    """Return twice the tier's promise, once for each side; 0 for a tier without a promise."""
+    """Return the tolerance: twice the tier's promise (once for each side), or 0 for a tier without a promise."""
     compiled = compile_scene(scene)
     promise_m = position_promise_m(compiled.tier, compiled.size_m, conditioning(frame.chain))
     return 2 * promise_m if promise_m < inf else 0.0
 
 
 def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:
-    """Return the deviation of a message in metres; inf if anything but its numbers differs.
+    """Return the deviation of a message in metres; inf if it differs in anything but numbers.
 
     Quaternions are scaled by the shortest link, speeds by the promise for speeds (``speed_promise_m_s``).
     """
@@ -437,10 +436,10 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, r
         return inf
     offs = [np.abs(one - other) for one, other in zip(got, expected, strict=True)]
     for view in (*expected, *got):
-        view[...] = 0.0         # a view of the bytes; without it, they contain everything else
+        view[...] = 0.0         # clears these numbers in the message itself, so that the rest can be compared
     if ours != theirs:
         return inf
-    if not any(np.any(off) for off in offs):        # a speed of 0 may be -0
+    if not any(np.any(off) for off in offs):        # the bytes may differ in the sign of a zero speed
         return 0.0
     if name == 'velocities':
         return _in_metres(float(np.max(offs[0])), frame, scene)
@@ -449,7 +448,7 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, r
 
 
 def _in_metres(off_m_s: float, frame: Frame, scene: Scene) -> float:
-    """Convert a speed error to the position error that uses the same fraction of its promise."""
+    """Convert a speed error to the position error that is the same fraction of its promise."""
     compiled = compile_scene(scene)
     one = speed_promise_m_s(compiled.tier, compiled.size_m, compiled.model.length_m / scene.dragon.benches,
                             conditioning(frame.chain), _speed_m_s(frame, scene))
@@ -457,7 +456,7 @@ def _in_metres(off_m_s: float, frame: Frame, scene: Scene) -> float:
 
 
 def _farthest_m(off: Array, link_m: float) -> float:
-    """Return the largest difference of points (K, 3) or poses (K, 7); quaternions are scaled by a link."""
+    """Return the largest difference, in metres, of points (K, 3) or poses (K, 7); ``link_m`` scales quaternions."""
     turned = float(np.max(off[:, 3:], initial=0.0)) * link_m
     return max(float(np.max(np.hypot(off[:, 0], off[:, 1]))), float(np.max(off[:, 2])), turned)
 
@@ -467,12 +466,12 @@ def _speed_m_s(frame: Frame, scene: Scene) -> float:
 
 
 def _off_of_others_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:
-    """Return the deviation in metres of a message of another version or kernel; inf if more than its numbers differs.
+    """Return the deviation in metres of a message by another version or kernel; inf if it differs in more than numbers.
 
-    Accelerations and tensions contain second derivatives of positions. They multiply a position error by (leader's
-    speed)^2 / link^2, and by each further power of the conditioning that a derivative adds. A tension is the sum of the
-    forces on all handles up to the free end. Forces are passed from link to link along directions whose relative error
-    is position error / link.
+    Accelerations and tensions contain second derivatives of positions. These multiply a position error by (leader's
+    speed)^2 / link^2, and by a further power of the conditioning per derivative. A tension is the sum of the forces on
+    all handles up to the free end. Each link transmits force in a direction whose relative error is position error /
+    link length.
     """
     kind = channels()[name].type
     try:
@@ -504,7 +503,7 @@ def _off_of_others_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene
 def _off_of_clouds_m(wanted: dict[str, Any], found: dict[str, Any], frame: Frame, scene: Scene) -> float:
     """Return the deviation of a cloud's points in metres, and remove the points from both messages.
 
-    Coordinates are float32: two nearly equal numbers may be rounded to adjacent values.
+    Coordinates are float32, so two nearly equal numbers may be rounded to adjacent values.
     """
     expected, got = wanted.pop('data'), found.pop('data')
     if expected.size != got.size:
@@ -528,7 +527,7 @@ def _off_of_clouds_m(wanted: dict[str, Any], found: dict[str, Any], frame: Frame
 
 
 def _leaves(value: object) -> Iterator[object]:
-    """Yield the numbers and texts of a decoded message, except solver diagnostics."""
+    """Yield the numbers and strings of a decoded message, except solver diagnostics."""
     if isinstance(value, dict):
         if value.get('key') in _SOLVED:
             return

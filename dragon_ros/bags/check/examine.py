@@ -1,4 +1,4 @@
-"""Read every byte of a bag once: contents, integrity, and gaps in its topics."""
+"""Read every byte of a bag once, and report its contents, its integrity and the gaps in its topics."""
 import zlib
 from array import array
 from collections.abc import Callable
@@ -42,8 +42,8 @@ Checks = dict[int, LengthCheck | str]       # by channel: its length check, or t
 class TopicSeen:
     """A topic of a bag: type, encoding, count and bytes of its messages, and their log times in file order.
 
-    ``measured`` is the number of messages whose lengths were compared with the type; ``unmeasured`` gives the reasons
-    for the others.
+    ``measured`` is the number of messages whose lengths were compared with the type; ``unmeasured`` is the reason why
+    the others were not.
     """
 
     type: str
@@ -57,7 +57,7 @@ class TopicSeen:
 
 @dataclass
 class Contents:
-    """The contents of a bag's files; ``problems`` name offsets, ``notes`` are harmless."""
+    """The contents of a bag's files; ``problems`` are faults, ``notes`` are harmless."""
 
     files: list[Path]
     size: int = 0
@@ -108,7 +108,7 @@ def _examine(contents: Contents, file: McapFile, progress: Callable[[int], objec
 
 
 def _writer(file: McapFile) -> str:
-    """Return the profile and the library from the header."""
+    """Return the profile and the library that the header names."""
     try:
         place = file.place(len(MAGIC))
         header = file.fields(place, Header.read) if place.opcode == Opcode.HEADER else Header('', '')
@@ -134,7 +134,7 @@ def _count(contents: Contents, index: Index, row: StoredMessage) -> TopicSeen | 
     """Count a message; return its topic, or None if its channel is not declared."""
     channel = index.channels.get(row.channel)
     if channel is None:
-        contents.problems.note(f'{index.file.path}: a message on channel {row.channel}, which is not declared')
+        contents.problems.note(f'{index.file.path}: a message on the undeclared channel {row.channel}')
         return None
     seen = contents.topics.get(channel.topic)
     if seen is None:
@@ -151,7 +151,7 @@ def _count(contents: Contents, index: Index, row: StoredMessage) -> TopicSeen | 
 
 def _measure(contents: Contents, index: Index, checks: Checks, seen: TopicSeen, row: StoredMessage,
              data: bytes) -> None:
-    """Compare the length of a message with its type."""
+    """Check the length of a message against its type."""
     if row.channel not in checks:
         checks[row.channel] = _check_of(index, index.channels[row.channel])
     check = checks[row.channel]
@@ -164,7 +164,7 @@ def _measure(contents: Contents, index: Index, checks: Checks, seen: TopicSeen, 
 
 
 def _check_of(index: Index, channel: Channel) -> LengthCheck | str:
-    """Return the length check of a channel, or the reason why it has none."""
+    """Return the length check for a channel, or the reason why there is none."""
     schema = index.schemas.get(channel.schema_id)
     if schema is None:
         return 'no schema'
@@ -176,7 +176,7 @@ def _check_of(index: Index, channel: Channel) -> LengthCheck | str:
 
 
 def _check_others(contents: Contents, file: McapFile, scanned: Index) -> None:
-    """Report metadata and attachments that do not parse, since other readers stop at them; skip large records."""
+    """Report metadata and attachments that do not parse, since other readers stop there; skip large records."""
     for places, parse in ((scanned.metadata, Metadata.read), (scanned.attachments, Attachment.read)):
         for place in places:
             try:
@@ -187,7 +187,7 @@ def _check_others(contents: Contents, file: McapFile, scanned: Index) -> None:
 
 
 def _hold_summary(contents: Contents, file: McapFile, scanned: Index) -> None:
-    """Report where the summary contradicts the records."""
+    """Report contradictions between the summary and the records."""
     if scanned.damage and not file.closed_properly:
         return
     try:
@@ -202,29 +202,29 @@ def _hold_summary(contents: Contents, file: McapFile, scanned: Index) -> None:
     places = {batch.place for batch in scanned.batches}
     for batch in summary.batches:
         if batch.place not in places:
-            contents.problems.note(file.fault(batch.place.offset, 'the index expects a chunk there, and there is none'))
+            contents.problems.note(file.fault(batch.place.offset, 'the index lists a chunk there, but there is none'))
     said, found = summary.statistics, +scanned.counts
     if said is not None and not scanned.damage and (
             said.message_count != found.total() or (summary.counts and +summary.counts != found)):
-        contents.problems.note(f'{file.path}: the summary counts {said.message_count} messages, the records are '
+        contents.problems.note(f'{file.path}: the summary counts {said.message_count} messages, but there are '
                                f'{found.total()}')
 
 
 def _check_data_crc(contents: Contents, file: McapFile, scanned: Index) -> None:
-    """Check the CRC of the whole data section, if the writer stored one."""
+    """Check the CRC of the whole data section if the writer stored one."""
     assert scanned.data_end is not None
     wanted, crc, end = file.fields(scanned.data_end, DataEnd.read).data_section_crc, 0, scanned.data_end.offset
     for at in range(0, end if wanted else 0, _BLOCK):
         crc = zlib.crc32(file.read(at, min(_BLOCK, end - at)), crc)
     if wanted and crc != wanted:
-        contents.problems.note(file.fault(0, f'the CRC of all data is {crc:08x}; it should be {wanted:08x}'))
+        contents.problems.note(file.fault(0, f'the CRC of the data section is {crc:08x}; it should be {wanted:08x}'))
 
 
 @dataclass(frozen=True)
 class Gaps:
     """Messages per second and, for a topic with ticks, the missing ticks and the number of duplicate messages.
 
-    Ticks are numbered as in the scene's run, or from the first message if the bag has no scene; ``ranges`` lists the
+    Ticks are numbered as in the scene's run or, if the bag has no scene, from the first message; ``ranges`` lists the
     first missing ticks as (first, last). If messages are irregularly spaced, all fields but ``rate_hz`` are None.
     """
 
@@ -237,7 +237,7 @@ class Gaps:
 
 
 def gaps_of(times_ns: 'array[int]', run: Run | None, each_tick: bool = True) -> Gaps:
-    """Return the gaps in the log times of a topic, given in any order; a topic without ``each_tick`` has none."""
+    """Return the gaps in a topic's log times, given in any order; without ``each_tick``, return only the rate."""
     times = np.sort(np.frombuffer(times_ns, np.uint64)).astype(np.float64) if times_ns else np.empty(0)
     span_s = (times[-1] - times[0]) / NS if times.size else 0.0
     rate_hz = float((times.size - 1) / span_s) if span_s > 0 else None

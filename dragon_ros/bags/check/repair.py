@@ -1,4 +1,4 @@
-"""Recover a complete bag from a truncated or damaged one."""
+"""Rebuild a complete bag from a truncated or damaged one."""
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
@@ -35,7 +35,7 @@ from dragon_ros.version import __version__
 
 @dataclass
 class Repaired:
-    """The number of recovered messages, and one line per part that could not be recovered.
+    """The number of recovered messages, and one line per part that was lost.
 
     ``unsaved`` counts messages that parse but were not saved.
     """
@@ -46,7 +46,7 @@ class Repaired:
 
 
 class _Sink:
-    """Writes the recovered messages; channels keep their contents and get new numbers."""
+    """Writes recovered messages; channels keep their properties but are renumbered."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self.writer = Writer(file, compression=CompressionType.ZSTD)
@@ -68,7 +68,7 @@ class _Sink:
 
 
 def repair(path: Path, output: Path, progress: Callable[[int], object] = lambda size: None) -> Repaired:
-    """Write the readable parts of a bag to one complete file, in file order. Raises BagError or MissingError."""
+    """Write all readable parts of a bag to one complete file, in file order. Raises BagError or MissingError."""
     done, parts = Repaired(), files_of(path)
     with _created(output) as out:
         sink = _Sink(out)
@@ -88,7 +88,7 @@ def repair(path: Path, output: Path, progress: Callable[[int], object] = lambda 
 
 @contextmanager
 def _created(output: Path) -> Iterator[IO[bytes]]:
-    """Create a file; an incomplete one is removed."""
+    """Create a file; remove it if it remains incomplete."""
     try:
         with whole_or_none(output, overwrite=False) as out:
             yield out
@@ -117,13 +117,13 @@ def _save(done: Repaired, sink: _Sink, file: McapFile, progress: Callable[[int],
     parsed, saved = messages_that_parse(file), done.messages - before
     if parsed > saved:
         done.unsaved += parsed - saved
-        done.lost.note(f'{file.path}: {parsed} messages parse, {saved} of them are saved')
+        done.lost.note(f'{file.path}: {parsed} messages parse, but only {saved} were saved')
 
 
 def _put(done: Repaired, sink: _Sink, index: Index, row: StoredMessage, data: bytes) -> None:
     channel = index.channels.get(row.channel)
     if channel is None:
-        done.lost.note(f'{index.file.path}: a message on channel {row.channel}, which is not declared')
+        done.lost.note(f'{index.file.path}: a message on the undeclared channel {row.channel}')
         return
     sink.writer.add_message(sink.channel(index, channel), row.t_ns, data[row.start:row.end], row.publish_ns,
                             row.sequence)
@@ -131,9 +131,9 @@ def _put(done: Repaired, sink: _Sink, index: Index, row: StoredMessage, data: by
 
 
 def messages_that_parse(file: McapFile) -> int:
-    """Return how many messages a pass over all records finds before the first damage, ignoring other records.
+    """Count the messages before the first damage in a separate pass over all records.
 
-    It shares only the record parser with the scan, so a repair can be checked against it.
+    The pass shares only the record parser with the scan, so its count can verify a repair.
     """
     found, offset = 0, len(MAGIC)
     while offset < file.size:
@@ -153,7 +153,7 @@ def messages_that_parse(file: McapFile) -> int:
 
 
 def _parsed_in(file: McapFile, place: Location) -> int:
-    """Return how many messages of a chunk parse, regardless of its CRC."""
+    """Count the messages of a chunk that parse, regardless of its CRC."""
     found = 0
     with suppress(BagError, ValueError):
         for record in records_in(chunk_data(file, place, checked=False)):
@@ -162,7 +162,7 @@ def _parsed_in(file: McapFile, place: Location) -> int:
 
 
 def _beyond(file: McapFile, scanned: Index) -> list[MessageBatch]:
-    """Return the chunks in the summary that the scan did not reach."""
+    """Return the chunks that the summary lists beyond the end of the scan."""
     try:
         summary = summary_index(file)
     except BagError:
@@ -177,7 +177,7 @@ def _beyond(file: McapFile, scanned: Index) -> list[MessageBatch]:
 
 
 def _first(index: Index) -> Iterator[tuple[StoredMessage, bytes]]:
-    """Yield the complete messages of the chunk in which the file ends."""
+    """Yield the complete messages of the chunk that is truncated by the end of the file."""
     file = index.file
     try:
         head = chunk_head(file, index.cut) if index.cut else None

@@ -23,15 +23,15 @@ def files_of(path: Path) -> list[Path]:
         return [path]
     listed, others = _parts(folder)
     if not listed and not others:
-        raise BagError(f'{folder}: is a folder without .mcap files; give a bag (rosbag2 folders in sqlite3 can be '
-                       'turned into MCAP with `ros2 bag convert`)')
+        raise BagError(f'{folder}: is a folder without .mcap files; give a bag (a rosbag2 folder in sqlite3 format can '
+                       'be converted to MCAP with `ros2 bag convert`)')
     if len(listed) + len(others) > FOLDER_FILES:
         raise BagError(f'{folder}: has {len(listed) + len(others)} files; the limit is {FOLDER_FILES}')
     return listed + others
 
 
 def unlisted(path: Path) -> list[Path]:
-    """Return the parts of a bag that are missing from its metadata.yaml, if there is one. Raises BagError."""
+    """Return the parts that a bag's metadata.yaml does not list; none without that file. Raises BagError."""
     folder = _folder_of(path)
     return [] if folder is None or not (folder / METADATA).is_file() else _parts(folder)[1]
 
@@ -45,7 +45,7 @@ def _folder_of(path: Path) -> Path | None:
 
 
 def _parts(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Return the parts that metadata.yaml lists, and the others: files with similar names, or all if it lists none."""
+    """Return the parts that metadata.yaml lists, and others: those named alike or, without metadata.yaml, all."""
     listed = _listed(folder / METADATA) if (folder / METADATA).is_file() else None
     stems = {_number(part)[0] for part in listed or ()}
     others = [part for part in folder.glob('*.mcap')
@@ -67,16 +67,16 @@ def _listed(path: Path) -> list[Path]:
     section = section if isinstance(section, dict) else {}
     names = section.get('relative_file_paths')
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise BagError(f'{path}: has no list {_ROOT}.relative_file_paths; it is not the metadata of a bag')
+        raise BagError(f'{path}: has no list {_ROOT}.relative_file_paths, so it is not the metadata of a bag')
     if str(section.get('compression_mode')).lower() == 'message':
-        raise BagError(f'{path}: its messages are compressed one by one, which is not supported; compress the storage '
-                       'instead (`ros2 bag convert`)')
+        raise BagError(f'{path}: its messages are compressed individually, which is not supported; compress the '
+                       'storage instead (`ros2 bag convert`)')
     for name in names:
         if not name.endswith('.mcap') or Path(name).name != name:
             raise BagError(f'{path}: lists {shown(name)}; expected the names of .mcap files in its folder')
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise BagError(f'{path}: lists {twice} {names.count(twice)} times; a file is a part of a bag once')
+        raise BagError(f'{path}: lists {twice} {names.count(twice)} times; list each file only once')
     for name in names:
         if not (path.parent / name).exists():
             raise MissingError(f'{path}: lists {name}, which does not exist')

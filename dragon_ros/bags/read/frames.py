@@ -48,7 +48,7 @@ class BagFrame:
 
     @cached_property
     def clearance_m(self) -> float | None:
-        """Smallest signed gap (m) of benches that are not neighbours; inf without such a pair, None without benches."""
+        """Smallest signed gap (m) between non-adjacent benches; inf if there is no such pair, None if no benches."""
         if self.benches is None:
             return None
         from dragon_ros.core.geometry.near_pairs import closeness  # imported lazily, because few readers need it
@@ -77,8 +77,8 @@ def namespace_of(bag: BagReader, asked: str | None = None) -> str:
         return named[0]
     what = f'{len(found)} dragon{"s" * (len(found) > 1)} ({", ".join(found)})' if found else 'no dragon'
     which = 'give --namespace' if asked is None else f'none in --namespace {asked}'
-    raise InputError(f'{bag.path}: holds {what}{"; " + which if found else ""}: topics NAMESPACE/handles of type '
-                     'geometry_msgs/msg/PoseArray')
+    raise InputError(f'{bag.path}: contains {what}{"; " + which if found else ""} (a dragon has a topic '
+                     'NAMESPACE/handles of type geometry_msgs/msg/PoseArray)')
 
 
 def scene_of_bag(bag: BagReader, namespace: str | None = None, trust: bool = False) -> Scene | None:
@@ -98,12 +98,12 @@ def frame_of_bag(bag: BagReader, namespace: str | None = None) -> str:
 class RecordedObstacles:
     """The obstacles in a bag at successive ticks; obstacles in another coordinate frame are ignored.
 
-    They come from the last message of the topic ``venue``. From the first stamp of the topic ``collision/obstacles``
-    on, they come from that topic, where a monitor publishes all obstacles that it checks.
+    At first, they come from the last message on the topic ``venue``. Once the topic ``collision/obstacles`` begins,
+    they come from there: a monitor publishes on it all obstacles that it checks.
     """
 
     def __init__(self, bag: BagReader, namespace: str, frame_id: str) -> None:
-        """Read the topic ``venue``; messages of the other topic are read when they are due."""
+        """Read the topic ``venue``; messages on the other topic are read as time advances."""
         self._frame_id = frame_id
         self._now: Surroundings | None = None
         for message in bag.messages([f'{namespace}/venue']):
@@ -113,11 +113,11 @@ class RecordedObstacles:
 
     @property
     def some(self) -> bool:
-        """Whether there are obstacles at this or a later tick."""
+        """Whether there are obstacles at the current tick or a later one."""
         return self._now is not None or self._next is not None
 
     def at(self, t_ns: int) -> Surroundings | None:
-        """Return the obstacles at a tick; ticks must be given in order."""
+        """Return the obstacles at a tick; calls must be in time order."""
         while self._next is not None and _marker_stamp_ns(self._next) <= t_ns:
             self._take(self._next)
             self._next = next(self._left, None)
@@ -125,7 +125,7 @@ class RecordedObstacles:
 
     def _take(self, message: Message) -> None:
         from dragon_ros.messages.surroundings import read_venue  # imported lazily, because few bags have obstacles
-        with suppress(MessageError):        # the message may be invalid, since a recorder stores anything
+        with suppress(MessageError):        # the message may be invalid, since a recorder stores whatever it receives
             located = read_venue(message.data)
             self._now = located.around if located.frame_id == self._frame_id else None
 
@@ -139,17 +139,17 @@ def _marker_stamp_ns(message: Message) -> int:
 
 
 def ends_in_contact(bag: BagReader, namespace: str | None = None) -> bool:
-    """Return whether the run in a bag should end in its first contact, according to its scene."""
+    """Return whether the scene in a bag ends the run at its first contact."""
     return _about(bag, namespace).get('on_contact') in ('hold', 'stop')
 
 
 def claimed_contact(bag: BagReader, namespace: str | None = None) -> Any:
-    """Return the unchecked claim of a bag's scene about the first contact; None if it has no claim."""
+    """Return the unverified claim about the first contact from a bag's scene; None if there is none."""
     return _about(bag, namespace).get(CLAIM)
 
 
 def _about(bag: BagReader, namespace: str | None) -> dict[str, Any]:
-    """Return the ``about`` section of the scene file in a bag; empty if the file is too long to be read."""
+    """Return the ``about`` section of the scene file in a bag; empty if the file is too long to read."""
     text = _scene_text(bag, namespace)
     if text is None or len(text) > SCENE_CHARACTERS:
         return {}
@@ -157,7 +157,7 @@ def _about(bag: BagReader, namespace: str | None) -> dict[str, Any]:
 
 
 def _scene_text(bag: BagReader, namespace: str | None) -> str | None:
-    """Return the scene file in a bag, from its metadata, its attachment or the latched topic ``scene``."""
+    """Return the scene file in a bag: from its metadata, its attachment or the latched topic ``scene``."""
     text = bag.metadata(RECORD).get('scene')
     if text is None:
         attached = bag.attachment(ATTACHMENT)
@@ -166,7 +166,7 @@ def _scene_text(bag: BagReader, namespace: str | None) -> str | None:
 
 
 def _published_scene(bag: BagReader, namespace: str | None) -> str | None:
-    """Return the first message of a dragon's topic ``scene``, as any recorder stores it."""
+    """Return the first message on a dragon's topic ``scene``, which any recorder can store."""
     try:
         topic = f'{namespace_of(bag) if namespace is None else namespace}/scene'
     except InputError:
@@ -180,7 +180,7 @@ def _published_scene(bag: BagReader, namespace: str | None) -> str | None:
 def law_on(scene: Scene, law: Walked | None, t_ns: int, speed_m_s: float) -> Walked:
     """Return the head law of a led scene, extended by the next tick's speed; ``law`` is None before the first tick.
 
-    Raises InputError for a speed that a led dragon cannot have.
+    Raises InputError for a speed that the scene does not allow.
     """
     settings, t_s = scene.head, t_ns / NS
     assert isinstance(settings, Commanded)
@@ -191,7 +191,7 @@ def law_on(scene: Scene, law: Walked | None, t_ns: int, speed_m_s: float) -> Wal
 
 
 def keep_s(scene: Scene) -> float:
-    """Return for how many seconds a led scene's tick depends on earlier speeds, which is the length of its trail."""
+    """Return how many seconds of past speeds a tick of a led scene depends on: the duration of its trails."""
     return scene.trails.seconds if Effect.TRAILS in scene.effects else 0.0
 
 
@@ -210,18 +210,18 @@ def walked_scene(bag: BagReader, scene: Scene, namespace: str) -> Scene:
         if t_ns != scene.run.time_ns(k):
             break
         if k >= LED_TICKS:
-            raise InputError(f'{bag.path}: its dragon was led for more than {LED_TICKS} ticks, the most that are read '
-                             'back')
+            raise InputError(f'{bag.path}: its dragon was led for more than {LED_TICKS} ticks, which is the limit for '
+                             'reading a run back')
         law = law_on(scene, law, t_ns, speed_m_s)
         walked.append((t_ns / NS, speed_m_s))
     if not walked:
-        raise InputError(f'{bag.path}: its dragon was led from outside, and the speeds on topic leader do not begin '
+        raise InputError(f'{bag.path}: its dragon was led from outside, but the speeds on topic leader do not begin '
                          'with the first tick; record a run from its beginning')
     return replace(scene, head=profile_of(scene.head, walked), run=replace(scene.run, stop_s=walked[-1][0]))
 
 
 def log_times_are_ticks(bag: BagReader, namespace: str) -> bool:
-    """Return whether messages are logged at simulation time, as by this package's recorder, not at wall time."""
+    """Return whether log times are simulation times, as in bags from this package's recorder, not wall times."""
     first = next(bag.messages([f'{namespace}/handles']), None)
     return first is None or read_stamp_ns(first.data) == first.t_ns
 
@@ -231,7 +231,7 @@ def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = 
     """Yield the ticks of a bag with log times in start_ns <= t < end_ns, in order.
 
     Handles and benches are paired by their stamps. Velocities have no stamp; they belong to the handles with the same
-    log time. Handles without benches are yielded alone. Raises InputError, which names topic and time.
+    log time. Handles without benches are yielded alone. Raises InputError, which gives the topic and the time.
     """
     root = namespace_of(bag) if namespace is None else namespace
     yield from frames_of_part(bag, root, start_ns, end_ns, True)
@@ -239,10 +239,10 @@ def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = 
 
 def frames_of_part(bag: BagReader, root: str, start_ns: int | None, end_ns: int | None,
                    is_last: bool) -> Generator[BagFrame, None, bool]:
-    """Yield the ticks of a part of a bag, as ``frames`` does; return whether they are the same as in the whole bag.
+    """Yield the ticks of a part of a bag, as ``frames`` does; return whether the whole bag would yield the same ticks.
 
-    This is not the case if, at the end of a part other than the last one, a tick still waits for its benches or benches
-    wait for their tick; neither is then yielded.
+    It would not if a part other than the last one ends before the benches of a tick, or the tick of some benches, has
+    been read; the remaining ticks are then not yielded.
     """
     names = {topic.name: name for name in _TOPICS for topic in bag.topics if topic.name == f'{root}/{name}'}
     ticks = _Ticks('benches' not in names.values())
@@ -278,7 +278,7 @@ class _Ticks:
         self._speeds: tuple[int, Floats] | None = None
 
     def add(self, name: str, message: Message) -> None:
-        """Take one message. Raises MessageError."""
+        """Add one message. Raises MessageError."""
         if name == 'handles':
             poses = read_handles(message.data)
             speeds = self._speeds[1] if self._speeds and self._speeds[0] == message.t_ns else None
@@ -290,7 +290,7 @@ class _Ticks:
 
     @property
     def are_complete(self) -> bool:
-        """Whether no message is awaited: every tick has its benches, and all benches have their ticks."""
+        """Whether no message is missing: every tick has its benches, and all benches have their tick."""
         return not self._early and (self._alone or all(parts.shown for parts in self._waiting.values()))
 
     def _add_benches(self, shown: ShownBenches) -> None:

@@ -4,9 +4,9 @@ It is written by hand because the library's reader allocates memory of any size 
 limit and stops at the first damage. Here every allocation is bounded, damage is reported with its offset, and the
 records before and after it can be recovered.
 
-The layout is that of the MCAP specification, version 0: a magic number, records that consist of opcode (1 byte), length
-(8 bytes) and content, and the magic number again. The ``mcap`` package parses the fields of small records, each from
-its own bytes.
+The layout follows the MCAP specification, version 0: a magic number, records that consist of opcode (1 byte), length (8
+bytes) and content, and the magic number again. Only the fields of small records are parsed by the ``mcap`` package,
+which receives no bytes beyond the record.
 """
 import struct
 import zlib
@@ -36,9 +36,9 @@ _MESSAGE = struct.Struct('<HIQQ')
 _INDEX_HEAD, _INDEX_ENTRY = struct.Struct('<HI'), 16     # head: channel, bytes of its entries; entry: time, offset
 MESSAGE_HEAD = _MESSAGE.size    # bytes before the data in a message's content
 _LONGEST_NAME = 32              # largest number of characters in the name of a compression
-_MOST_FAULTS = 100      # faults that are kept
+_MOST_FAULTS = 100      # most faults that are stored
 _PACKED_MORE = 1 / 128          # largest fraction by which compression enlarges a chunk of random bytes
-_RUN = 4 * 2**20            # size in bytes of a batch of consecutive messages outside chunks
+_RUN = 4 * 2**20            # largest size in bytes of a batch of consecutive messages outside chunks
 
 
 class BagError(InputError):
@@ -104,9 +104,9 @@ class McapFile:
             raise self.fault(offset, f'a record should begin, but only {max(0, end - offset)} bytes remain')
         place = Location(*_at(HEAD.unpack(self.read(offset, HEAD.size)), offset))
         if place.opcode == 0:
-            raise self.fault(offset, 'a record with opcode 0, which does not exist')
+            raise self.fault(offset, 'a record with opcode 0, which is invalid')
         if place.end > end:
-            raise self.fault(offset, f'a record with opcode {place.opcode} claims {place.length} bytes, '
+            raise self.fault(offset, f'a record with opcode {place.opcode} claims {place.length} bytes, but '
                              f'{end - place.content} remain')
         return place
 
@@ -157,7 +157,7 @@ class _Exact(ReadDataStream):
 
     def read(self, length: int) -> bytes:
         if length > self._left:
-            raise ValueError(f'a field claims {length} bytes, {self._left} remain')
+            raise ValueError(f'a field claims {length} bytes, but {self._left} remain')
         self._left -= length
         return super().read(length)
 
@@ -223,7 +223,7 @@ def chunk_head(file: McapFile, place: Location) -> ChunkHead:
     text = file.read(place.content + _FIXED.size, name + 8)
     length = int.from_bytes(text[name:], 'little')
     if length != place.length - fixed:
-        raise file.fault(place.offset, f'a chunk claims {length} bytes of records, {place.length - fixed} follow')
+        raise file.fault(place.offset, f'a chunk claims {length} bytes of records, but {place.length - fixed} follow')
     return ChunkHead(start_ns, end_ns, size, crc, text[:name].decode(errors='replace'), place.content + fixed, length)
 
 
@@ -241,14 +241,14 @@ def chunk_data(file: McapFile, place: Location, checked: bool = True) -> bytes:
     except (zstandard.ZstdError, RuntimeError, ValueError, EOFError) as error:
         raise file.fault(place.offset, f'a chunk cannot be decompressed: {error}') from None
     if len(data) != head.size:
-        raise file.fault(place.offset, f'a chunk claims {head.size} bytes and holds {len(data)}')
+        raise file.fault(place.offset, f'a chunk claims {head.size} bytes but contains {len(data)}')
     if checked and head.crc and zlib.crc32(data) != head.crc:
         raise file.fault(place.offset, f'the CRC of a chunk is {zlib.crc32(data):08x}; it should be {head.crc:08x}')
     return data
 
 
 def message_time_ns(file: McapFile, place: Location) -> int:
-    """Return the time of a message outside of chunks. Raises BagError."""
+    """Return the time of a message outside chunks. Raises BagError."""
     if place.length < _MESSAGE.size:
         raise file.fault(place.offset, f'a message has {place.length} bytes')
     t_ns: int = _MESSAGE.unpack(file.read(place.content, _MESSAGE.size))[2]
@@ -260,13 +260,13 @@ def records_in(data: bytes) -> Iterator[StoredMessage | OtherRecord]:
     at, size = 0, len(data)
     while at < size:
         if at + HEAD.size > size:
-            raise ValueError(f'its records end inside one at {at}')
+            raise ValueError(f'its last record, at {at}, is truncated')
         opcode, length = HEAD.unpack_from(data, at)
         start, end = at + HEAD.size, at + HEAD.size + length
         if end > size:
-            raise ValueError(f'its record at {at} claims {length} bytes, {size - start} remain')
+            raise ValueError(f'its record at {at} claims {length} bytes, but {size - start} remain')
         if opcode == 0:
-            raise ValueError(f'a record with opcode 0 at {at}, which does not exist')
+            raise ValueError(f'a record with opcode 0, which is invalid, at {at}')
         if opcode != Opcode.MESSAGE:
             yield OtherRecord(opcode, start, end)
         elif length < _MESSAGE.size:
@@ -283,7 +283,7 @@ def row_of(data: bytes, start: int, end: int) -> StoredMessage:
 
 
 def first_bytes(data: bytes, compression: str) -> bytes:
-    """Return the part of a truncated chunk that can be decompressed, limited to CHUNK_BYTES bytes."""
+    """Return the part of a truncated chunk that can be decompressed, up to CHUNK_BYTES bytes."""
     if compression == 'zstd':
         return _first_of_zstd(data)
     if compression == 'lz4':
@@ -319,7 +319,7 @@ def _plain(data: bytes, size: int) -> bytes:
 
 
 def _zstd(data: bytes, size: int) -> bytes:
-    """Check that the frame claims the same size as the chunk before any memory is allocated, and decompress it."""
+    """Decompress a frame, after checking its claimed size against the chunk's before allocating any memory."""
     claimed = zstandard.frame_content_size(data)
     if claimed not in (-1, size):
         raise ValueError(f'its zstd frame claims {claimed} bytes, the chunk {size}')
@@ -338,7 +338,8 @@ _UNPACK: dict[str, Callable[[bytes, int], bytes]] = {'': _plain, 'zstd': _zstd, 
 class MessageBatch:
     """A chunk, or consecutive messages outside chunks: its location, and the times of its messages in ns.
 
-    ``messages`` is the number of messages in a chunk according to the indexes that follow it; None if not needed.
+    ``messages`` is the number of messages in a chunk according to the indexes that follow it; None if it need not be
+    checked.
     """
 
     file: McapFile
@@ -353,7 +354,7 @@ class MessageBatch:
         if place.opcode != Opcode.CHUNK:
             return self.file.read(place.offset, place.end - place.offset)
         if self.file.place(place.offset) != place:
-            raise self.file.fault(place.offset, 'the index expects a chunk there, and there is none')
+            raise self.file.fault(place.offset, 'the index lists a chunk there, but there is none')
         return chunk_data(self.file, place)
 
     def inside(self, data: bytes) -> Iterator[StoredMessage | OtherRecord]:
@@ -366,12 +367,12 @@ class MessageBatch:
 
 @dataclass
 class Index:
-    """Contents of one file.
+    """The contents of one file.
 
-    ``damage`` describes where and why a scan ended early; ``cut`` is the chunk in which it ended. ``faults`` lists the
-    first of ``fault_count`` unreadable records between readable ones. ``data_end`` is the end of the data section, None
-    if unknown. ``stray`` lists DataEnd records that are followed by further records. ``numbered`` counts messages by
-    channel according to the chunk indexes. ``reach`` is the offset where the last record ends.
+    ``damage`` describes where and why a scan ended early; ``cut`` is the incomplete chunk at its end. ``faults`` lists
+    the first of ``fault_count`` unreadable records between readable ones. ``data_end`` is the end of the data section,
+    or None if unknown. ``stray`` lists the DataEnd records before the last one or before further data. ``numbered``
+    counts messages by channel according to the chunk indexes. ``reach`` is the offset where the last record ends.
     """
 
     file: McapFile
@@ -405,12 +406,12 @@ class Index:
         if found is known:
             self._learned += len(content)
             if self._learned > SUMMARY_BYTES:
-                raise ValueError(f'its schemas and channels are more than {SUMMARY_BYTES} bytes')
+                raise ValueError(f'its schemas and channels exceed the limit of {SUMMARY_BYTES} bytes')
         elif found != known:
             raise ValueError(f'it declares {type(found).__name__.lower()} {found.id} twice, with different contents')
 
     def fault(self, error: BagError) -> None:
-        """Note an unreadable record."""
+        """Count an unreadable record."""
         self.fault_count += 1
         if len(self.faults) < _MOST_FAULTS:
             self.faults.append(error)
@@ -484,16 +485,16 @@ def _take(index: Index, opcode: int, content: bytes) -> None:
 
 def _indexed(file: McapFile, opcode: int, offset: int, length: int) -> Location:
     if not len(MAGIC) <= offset <= file.size - length or length < HEAD.size:
-        raise ValueError(f'it puts a record of {length} bytes at {offset}; the file has {file.size}')
+        raise ValueError(f'it puts a record of {length} bytes at byte {offset}, but the file has {file.size} bytes')
     return Location(opcode, offset, length - HEAD.size)
 
 
 def scanned_index(file: McapFile, progress: Callable[[int], object] = lambda offset: None) -> Index:
     """Scan all records up to the first damage, without decompressing chunks, and return the index.
 
-    For every command, this index defines the contents of a bag. A stream reader sees the same contents: messages inside
-    and outside of chunks, including those after a stray DataEnd. The summary, which repeats them, follows the last
-    DataEnd.
+    All commands use this index as the definition of a bag's contents. It has the messages that a stream reader sees:
+    those inside and outside chunks, including any after a stray DataEnd. The summary, which only repeats information,
+    follows the last DataEnd.
     """
     scan = _Scan(Index(file))
     try:
@@ -525,7 +526,7 @@ class _Scan:
         index = self.index
         if place.opcode == Opcode.FOOTER:
             if place.end + len(MAGIC) != index.file.size:
-                raise index.file.fault(place.offset, f'a footer, and {index.file.size - place.end} bytes follow')
+                raise index.file.fault(place.offset, f'a footer, but {index.file.size - place.end} bytes follow it')
             return False
         if place.opcode == Opcode.DATA_END:
             self._end_stray()
@@ -539,7 +540,7 @@ class _Scan:
         return True
 
     def end(self, error: BagError | None) -> None:
-        """Record where the records end. A damaged summary loses no messages."""
+        """Note where the records end, and any damage there except to the summary, which loses no messages."""
         self._end_batch()
         index, file = self.index, self.index.file
         index.reach = file.size if error is None else error.fields.get('offset', file.size)
@@ -547,7 +548,7 @@ class _Scan:
         index.cut = None if self._end or error is None else _cut(file, error.fields.get('offset'))
 
     def _end_stray(self) -> None:
-        """Record that something follows the last DataEnd."""
+        """Note that further data, or another DataEnd, follows the last DataEnd."""
         if self._end:
             self.index.stray.append(self._end)
             self._end = None
@@ -572,9 +573,9 @@ class _Scan:
             index.attachments.append(place)
 
     def _number(self, place: Location) -> None:
-        """Count the messages of a chunk that one of its indexes lists."""
+        """Count the messages that one of a chunk's indexes lists."""
         if self._numbered is None or place.length < _INDEX_HEAD.size:
-            raise self.index.file.fault(place.offset, 'an index of messages that belongs to no chunk')
+            raise self.index.file.fault(place.offset, 'a message index that belongs to no chunk')
         channel, size = _INDEX_HEAD.unpack(self.index.file.read(place.content, _INDEX_HEAD.size))
         self._numbered += size // _INDEX_ENTRY
         self.index.numbered[channel] += size // _INDEX_ENTRY
@@ -590,7 +591,7 @@ class _Scan:
         self._run.append((place, t_ns))
 
     def _end_batch(self) -> None:
-        """End the chunk or the run of messages before this record."""
+        """End the current chunk or run of messages."""
         batches = self.index.batches
         if self._numbered is not None:
             batches[-1] = replace(batches[-1], messages=self._numbered)
@@ -605,7 +606,8 @@ class _Scan:
 def is_indexed(scanned: Index, summary: Index) -> bool:
     """Return whether a file's summary, chunk indexes and records agree, so that no chunk needs to be opened.
 
-    The counts in the summary are then correct. Writers may omit parts of a summary.
+    The counts in the summary are then correct. They need not agree in an intact file, since a writer may omit parts of
+    a summary.
     """
     said, counts, channels = summary.statistics, +summary.counts, scanned.channels
     return (said is not None and not scanned.fault_count and _chunks(summary) == _chunks(scanned)
@@ -620,7 +622,7 @@ def _chunks(index: Index) -> list[tuple[Location, int, int]]:
 
 
 def _cut(file: McapFile, offset: int | None) -> Location | None:
-    """Return the chunk at an offset if it extends beyond the file."""
+    """Return the chunk at an offset if it extends beyond the end of the file."""
     if offset is None or offset + HEAD.size > file.size:
         return None
     opcode, length = HEAD.unpack(file.read(offset, HEAD.size))

@@ -1,4 +1,4 @@
-"""Read the ticks of a long bag in parts, with several processes if requested."""
+"""Read the ticks of a long bag in parts, optionally in several processes."""
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from itertools import chain, islice
@@ -9,14 +9,14 @@ from dragon_ros.bags.read.frames import BagFrame, frames, frames_of_part
 from dragon_ros.bags.read.reader import END_OF_TIME_NS, BagReader
 from dragon_ros.messages.decode import read_stamp_ns
 
-_TICKS = 64         # ticks per part that this process reads
+_TICKS = 64         # ticks per part if only this process reads
 R = TypeVar('R')
 _Span = tuple[int, int]
 Mapped = Callable[[Callable[[_Span], R], Sequence[_Span]], Generator[R, None, None]]
 
 
 class _PartReader(Generic[R]):
-    """Applies ``body`` to the ticks of a span of log time; a pickled copy opens the bag again."""
+    """Applies ``body`` to the ticks in a span of log times; a pickled copy reopens the bag."""
 
     def __init__(self, bag: BagReader, root: str, body: Callable[[Iterator[BagFrame]], R], end_ns: int) -> None:
         self._bag, self._root, self._body, self._end_ns = bag, root, body, end_ns
@@ -41,10 +41,11 @@ def _reopened(kind: Callable[..., Any], path: Path, *settings: Any) -> Any:
 
 def in_parts(bag: BagReader, root: str, body: Callable[[Iterator[BagFrame]], R], mapped: 'Mapped[tuple[R, bool]]',
              start_ns: int = 0, end_ns: int = END_OF_TIME_NS) -> Generator[R, None, None]:
-    """Apply ``body`` to the ticks of each part of a bag, or of a span of log times, and yield the results in order.
+    """Apply ``body`` to each part of a bag, or of a span of its log times, and yield the results in order.
 
-    ``body`` must consume all ticks. ``mapped(work, jobs)`` computes the parts, here or in other processes. If ticks
-    straddle parts, as with wall-clock log times, this process alone reads from there on.
+    ``body`` receives the ticks of a part and must consume all of them. ``mapped(work, jobs)`` computes the parts, in
+    this process or others. If a tick straddles two parts, as may happen with wall-clock log times, this process reads
+    the rest of the bag alone.
     """
     spans = bag.spans(start_ns, end_ns)
     made = mapped(_PartReader(bag, root, body, end_ns), spans)
@@ -61,7 +62,7 @@ def in_parts(bag: BagReader, root: str, body: Callable[[Iterator[BagFrame]], R],
 
 
 class _Stamps:
-    """Reads the stamp and the log time, in ns, of each message of a topic; a pickled copy opens the bag again."""
+    """Reads the stamp and the log time, in ns, of each message of a topic; a pickled copy reopens the bag."""
 
     def __init__(self, bag: BagReader, topic: str) -> None:
         self._bag, self._topic = bag, topic
@@ -75,5 +76,5 @@ class _Stamps:
 
 
 def stamps_of(bag: BagReader, topic: str, mapped: Mapped[list[tuple[int, int]]]) -> Iterator[tuple[int, int]]:
-    """Yield the stamp and the log time, in ns, of each message of a topic; see ``in_parts``."""
+    """Yield the stamp and the log time, in ns, of each message of a topic; ``mapped`` is as for ``in_parts``."""
     return chain.from_iterable(mapped(_Stamps(bag, topic), bag.spans(0, END_OF_TIME_NS)))

@@ -31,8 +31,8 @@ from dragon_ros.scenes.yaml import values_of
 
 __all__ = ['BagError', 'BagReader', 'Message', 'Topic']
 END_OF_TIME_NS = 2**64
-_SPAN_BYTES = 2**20     # bytes in the file that take tens of milliseconds to process
-_MOST_SPANS = 2000      # limited because each span searches all batches
+_SPAN_BYTES = 2**20     # smallest size of a span in the file; it is processed in tens of milliseconds
+_MOST_SPANS = 2000      # limited because reading a span searches all batches
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,8 @@ class BagReader:
         self.topics = _topics([(index, channel) for index in self._indexes for channel in index.channels.values()])
         for topic in self.topics:
             if topic.encoding != 'cdr':
-                raise BagError(f'{self.path}: topic {topic.name} holds {topic.encoding or "unknown"} messages; '
-                               'only cdr can be played')
+                raise BagError(f'{self.path}: topic {topic.name} has the message encoding '
+                               f'{topic.encoding or "unknown"}; only cdr can be played')
         spans = [span for index in self._indexes for span in _spans(index)]
         self.empty = not sum(topic.messages for topic in self.topics) or not spans
         if self.empty and not self._damaged:
@@ -98,7 +98,7 @@ class BagReader:
 
     def messages(self, topics: list[str] | None = None, start_ns: int | None = None,
                  end_ns: int | None = None) -> Iterator[Message]:
-        """Yield messages with start_ns <= t < end_ns, by log time. Raises BagError at damage."""
+        """Yield messages with start_ns <= t < end_ns, in order of log time. Raises BagError on reaching damage."""
         wanted = None if topics is None else set(topics)
 
         def choose(batch: MessageBatch, row: StoredMessage) -> bool:
@@ -135,7 +135,7 @@ class BagReader:
                                    'not declared') from None
 
     def metadata(self, name: str) -> dict[str, str]:
-        """Return the first metadata record with a name; {} if there is none. Raises BagError."""
+        """Return the first metadata record with the given name; {} if there is none. Raises BagError."""
         for index in self._indexes:
             for place in index.metadata:
                 record = index.file.fields(place, Metadata.read)
@@ -144,7 +144,7 @@ class BagReader:
         return {}
 
     def attachment(self, name: str) -> bytes | None:
-        """Return the first attachment with a name, if it is small enough to read. Raises BagError."""
+        """Return the first attachment that has the given name and is small enough to read; None if there is none."""
         for index in self._indexes:
             for place in index.attachments:
                 with suppress(BagError):
@@ -206,7 +206,7 @@ def _survey(index: Index) -> None:
 
 
 def _readable(file: McapFile) -> Index:
-    """Return the readable part of a damaged file: the intact batches before the damage."""
+    """Return an index of the intact batches in a damaged file."""
     index = scanned_index(file)
     batches, index.batches = index.batches, []
     for batch in batches:
@@ -223,7 +223,7 @@ def _spans(index: Index) -> list[tuple[int, int]]:
 
 
 def _topics(channels: list[tuple[Index, Channel]]) -> list[Topic]:
-    """Return the topics of all channels; channels with the same name are one topic."""
+    """Return the topics of all channels; channels with the same name form one topic."""
     out: dict[str, Topic] = {}
     for index, channel in channels:
         schema = index.schemas.get(channel.schema_id)
@@ -321,11 +321,11 @@ class TimeOrder:
             else:
                 left += 1
         if batch.messages not in (None, left + len(times)):
-            raise batch.file.fault(batch.place.offset, f'a chunk with {left + len(times)} messages, of which its '
-                                   f'indexes count {batch.messages}')
+            raise batch.file.fault(batch.place.offset, f'a chunk has {left + len(times)} messages, but its '
+                                   f'indexes list {batch.messages}')
         if times and not batch.start_ns <= min(times) <= max(times) <= batch.end_ns:
             raise batch.file.fault(batch.place.offset, f'a chunk claims messages from {batch.start_ns} to '
-                                   f'{batch.end_ns} ns and has some from {min(times)} to {max(times)} ns')
+                                   f'{batch.end_ns} ns, but its messages are from {min(times)} to {max(times)} ns')
         order = np.argsort(np.frombuffer(times, np.uint64), kind='stable')
         return _OpenBatch(data, *(array('Q', np.frombuffer(column, np.uint64)[order].tobytes())
                              for column in (times, starts, ends)))
