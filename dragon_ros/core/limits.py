@@ -93,7 +93,7 @@ LIMITS = (
     Limit('SEARCHED_BENCHES', 'the benches of an untrusted scene in a search for the first contact', 'benches',
           'reported as unknown without `--trust`; `inspect --check` uses the certificate in the bag'),
     Limit('SEARCH_WORK', 'the work of a first-contact search in an untrusted scene', 'states times benches',
-          'the search is given up without `--trust`'),
+          'the search is abandoned without `--trust`'),
     Limit('PROOF_S', 'the time of the checker for the certificate in a bag', 'seconds',
           'the checker is stopped; without `--trust`, a run that ends in a contact is then not checked'),
     Limit('VENUE_CORNERS', 'the obstacles and the inside of a venue', 'corners', 'rejected'),

@@ -34,7 +34,7 @@ class Unmatched(NamedTuple):
 
 
 class Synchronizer:
-    """Holds unpaired messages in order of arrival; a later pair or a limit causes them to be dropped.
+    """Holds unpaired messages in order of arrival, and drops them when a later pair is complete or a limit is reached.
 
     If a run restarts while one topic lags, a stamp may occur again; the oldest messages are then paired first. One
     topic may run ahead while the other is resent, so the bound applies to the bytes of both topics together.

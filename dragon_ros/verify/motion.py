@@ -235,7 +235,7 @@ def _inwards(front: Motion, handle: Handle, segment: SpiralSegment, link: Link) 
 
 
 def _turned(segment: SpiralSegment, p: arb, a: arb, slopes: Slopes) -> Turning:
-    """Return the turning of a link of direction theta + psi whose inner handle moves with p and a."""
+    """Return the turning of a link in direction theta + psi whose inner handle moves with speed p and rate a."""
     turned = ONE + slopes.psi_1
     return Turning(p * turned * segment.side, (a * turned + p * p * slopes.psi_2) * segment.side)
 

@@ -63,7 +63,7 @@ def _image(segment: SpiralSegment, low: arb, high: arb, link: Link) -> Range:
         ratio, stands = _ratio(segment, left, right, from_left, from_right, link)
         if stands and (ratio > 0 or ratio < 0):
             pair = (from_left, from_right) if ratio > 0 else (from_right, from_left)
-        elif stands and right - left < _NARROW * from_right:    # the handle turns back here; its span bounds how far
+        elif stands and right - left < _NARROW * from_right:    # it turns back here; the span bounds how far it moves
             pair = left + (from_right - right), right + (from_left - left)
         elif halvings:
             middle = (HALF * (left + right)).mid()

@@ -287,7 +287,7 @@ def test_formats_by_suffix(room, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [
-    ([], 'nothing is given'), (['nowhere'], 'does not exist'), (['--t', '-3'], 'must exceed 0'),
+    ([], 'no input'), (['nowhere'], 'does not exist'), (['--t', '-3'], 'must exceed 0'),
     (['--answers', 'a.yaml'], 'did you mean t_s?'), (['--answers', 'b.yaml'], "b.yaml:1: t_s: 'soon'"),
     (['.'], 'no workbook')])
 def test_what_cannot_be_graded_is_said_in_one_line(arguments, says, tmp_path, monkeypatch, capsys):

@@ -28,7 +28,7 @@ COMMANDS = {
     'design fit winding': 'write --scene winding', 'contact --scene WINDING': 'did you mean winding',
     'inspect': 'BAG', 'inspect nowhere.mcap': 'cannot be read', 'export a.mcap': '--output',
     'simulate --output a.mcap': '--force', 'simulate --rate fast --output b.mcap': 'write a number such as 0.5',
-    'view --port 99999999': '0 to 65535', 'cost --scene nowhere': 'is not known', 'grade': 'nothing is given',
+    'view --port 99999999': '0 to 65535', 'cost --scene nowhere': 'is not known', 'grade': 'no input',
     'grade text.txt': 'not an XLSX', 'grade --pitch 45cm': 'write a number such as 0.5'}
 
 

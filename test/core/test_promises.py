@@ -1,4 +1,4 @@
-"""Promises on random short chains, through state, states and tick, at every tier, with and without a table.
+"""Promises hold for random short chains, through state, states and tick, at every tier, with and without a table.
 
 Each scene is compared with forward placement at the exact tier, which test_accuracy compares with 50 digits. The long
 form of this test is ``./dragon cost promises --chains 100000``.

@@ -1,6 +1,6 @@
 """Bags with unusual structures, and the reports that every reader of the package must give about them.
 
-A mix is built from bytes, two for each step: chunks and messages outside of them, stray ends of data, messages whose
+A mix is built from bytes, two for each step: chunks and messages outside of them, stray DataEnd records, messages whose
 type has another length, topics of other dragons, undeclared channels, and summaries that are right, wrong or absent.
 """
 import struct

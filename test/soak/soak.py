@@ -251,7 +251,7 @@ def main(argv: list[str]) -> int:
     """Run the soak test, and print the results as JSON."""
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
     options.add_argument('--minutes', type=float, default=60.0, help='how long (60)')
-    options.add_argument('--folder', type=Path, default=Path('soak'), help='for bags and logs; it must not exist')
+    options.add_argument('--folder', type=Path, default=Path('soak'), help='new folder for bags and logs')
     options.add_argument('--seed', type=int, default=1, help='of the lengths of the stalls, and of the controls (1)')
     options.add_argument('--controls', type=float, default=0.0, metavar='S',
                          help='seconds between two controls of the sim (0: none)')

@@ -166,7 +166,7 @@ def again(run):
 
 @lru_cache
 def honest(run):
-    """Return the certificates that the solver writes without a bug, which the checker accepts."""
+    """Return the certificate that the solver without bugs writes, after the checker has accepted it."""
     values = written(again(run))
     assert proved(values)
     return values

@@ -80,7 +80,7 @@ def _teams(arguments: Namespace) -> 'list[Team]':
     given = {key: number(option, value, above=0.0, high=1e6) for key, option in _ANSWERS.items()
              if (value := getattr(arguments, option[2:])) is not None}
     if not arguments.paths and not given and arguments.answers is None:
-        raise InputError('grade: nothing is given; give workbooks, a folder, or an answer such as --t 412.473838')
+        raise InputError('grade: no input; give workbooks, a folder, or an answer such as --t 412.473838')
     teams = teams_of(arguments.paths) if arguments.paths else [Team('answers', [])]
     if given and len(teams) > 1:
         raise InputError(f'{_ANSWERS[next(iter(given))]}: is the answer of one team, but {len(teams)} teams are given; '

@@ -183,7 +183,7 @@ WORDS: Words = {
     'interrupted': ('interrupted: {done} of {whole} teams were graded', '已中断：{whole} 支队伍中评了 {done} 支'),
     'forward': ('forward', '前向'), 'backward': ('backward', '后向'), 'central': ('central', '中心'),
 }
-_NAMES = ('kind', 'quantity')       # parameters that are keys
+_NAMES = ('kind', 'quantity')       # parameters whose values may be keys of WORDS
 
 
 def sentence(key: str, parameters: Mapping[str, object] | None = None, lang: str = 'en') -> str:

@@ -45,7 +45,7 @@ _LAST_PLACES = 4        # rounding error of a contact's time, in ulps; it determ
 _WIDEST_M = 1e-6        # largest slack, times min(1 m, longest bench)
 _GRAZING_M = 1e-7       # largest gap of grazing benches, times min(1 m, longest bench)
 _HARDLY = 0.99          # fraction of the clear distance before a grazing that is proved; the rest allows for rounding
-_TOO_FAR = 'the leader goes too far to be searched'
+_TOO_FAR = 'the leader travels too far for a search'
 
 Pair = tuple[int, int]
 
