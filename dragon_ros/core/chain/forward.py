@@ -179,7 +179,7 @@ def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
     step = float(track.segments[k].shifts(u[:1], block.link_m, direction, None)[0][0])
     if step:
         most = np.minimum(left, (edge - u) / step + 1)
-        steps = np.arange(1.0, int(np.max(most)) + 1)[:, None]
+        steps = 1.0 + np.arange(int(np.max(most)))[:, None]
         high, low = u, lo
         for part in product(steps, step):
             high, low = plus(high, low, part)

@@ -5,7 +5,7 @@ wound up behind the start of the head, the tail moves out along the track, and e
 length from the next handle towards the tail.
 """
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -167,16 +167,9 @@ class Profile(Settings):
         out = list(self._times)
         for (t0, v0), (t1, v1) in pairwise(self.knots):
             if v0 * v1 < 0:
-                x = bracketed_newton(self._rest_of(v0, v1), 0.0, 1.0, v0 / (v0 - v1))[0]
-                out.append(t0 + x * (t1 - t0))
+                x = v0 / (v0 - v1)
+                out.append(t0 + (x if self.ramps == 'linear' else _smooth_share(x)) * (t1 - t0))
         return sorted(set(out))
-
-    def _rest_of(self, v0: float, v1: float) -> Callable[[float], tuple[float, float]]:
-        """Return a function of x that is 0 where the ramp between v0 and v1 crosses zero speed, with its slope."""
-        rest = v0 / (v0 - v1)
-        if self.ramps == 'linear':
-            return lambda x: (x - rest, 1.0)
-        return lambda x: (x * x * (3 - 2 * x) - rest, 6 * x * (1 - x))
 
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
         """Return the first time at which the leader has travelled ``distance_m``; None if it never does.
@@ -215,6 +208,11 @@ def ramp(knots: Sequence[Knot], reached_m: Fraction, smooth: bool = False) -> tu
     way = [reached_m, *(one / power for power, one in enumerate(speeds, 1))]
     rates = [power * one for power, one in enumerate(rise, 1)] or [Fraction(0)]
     return tuple(ExactPolynomial(t_s, values) for values in (way, speeds, rates))
+
+
+def _smooth_share(rise: float) -> float:
+    """Return the share of its time after which a smooth ramp has risen by a share of its change of speed."""
+    return bracketed_newton(lambda x: (x * x * (3 - 2 * x) - rise, 6 * x * (1 - x)), 0.0, 1.0, rise)[0]
 
 
 def ramp_m(one: Knot, two: Knot) -> Fraction:

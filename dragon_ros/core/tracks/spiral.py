@@ -319,7 +319,7 @@ def steps(theta: Floats, chord: float | Floats, guess: Floats) -> tuple[Floats, 
         change = 0.5 * (delta * delta + 2 * across * outer * s - square) / np.maximum(phi, 1e-300)
         delta = np.clip(delta - change, 1e-300, pi)
         spent += theta.size
-        wild = (np.abs(change) > TIGHT * delta) | (delta >= _TAME_RAD) | (chord > 2 * theta + pi)
+        wild = (np.abs(change) > TIGHT * delta) | (delta >= _TAME_RAD)
         if not np.any(wild & (delta < _TAME_RAD)):
             break
     each = np.broadcast_to(chord, theta.shape)

@@ -147,6 +147,22 @@ def test_what_is_walked_is_the_exact_integral_whatever_is_forgotten(speeds, keep
     assert law.acceleration_at_m_s2(law.knots[-1][0]) == pytest.approx((speeds[-1] - ([0.0, *speeds])[-2]) * 7)
 
 
+@given(st.lists(st.floats(-1.5, 1.5), min_size=1, max_size=12), st.floats(0, 1), st.sampled_from([0.0, 0.5, 9.0]))
+def test_between_ticks_a_walked_law_is_the_integral_of_its_ramps_and_its_last_speed_continues(speeds, share, keep_s):
+    times = [0.3 + n / 7 for n in range(len(speeds) + 1)]
+    law = walked_from(LED, times[0])
+    for t_s, speed in zip(times[1:], speeds, strict=True):
+        law = law.walked_on(t_s, speed, keep_s)
+    known, all_speeds = law.knots[0][0], [0.0, *speeds]
+    for t_s in [*np.linspace(known, times[-1], 9), known + share * (times[-1] - known), times[-1] + share]:
+        fine = np.unique([*np.linspace(times[0], t_s, 7), *(one for one in times if one < t_s), t_s])
+        speed = np.interp(fine, times, all_speeds)
+        assert law.speed_at_m_s(float(t_s)) == pytest.approx(speed[-1], abs=1e-12)
+        gone = float(np.sum(0.5 * (speed[1:] + speed[:-1]) * np.diff(fine)))
+        assert sum(law.travelled_m(float(t_s))) == pytest.approx(gone, abs=1e-12)
+    assert law.travelled_m(np.array(times[-1:]))[0] == law.travelled_m(times[-1])[0]
+
+
 def test_the_leading_handle_moves_as_it_says():
     for lead in ('head', 'tail'):
         scene = replace(SCENE, head=replace(LED, lead=lead))

@@ -9,7 +9,15 @@ from hypothesis import strategies as st
 from dragon_ros.core.batches import states
 from dragon_ros.core.chain.chain import marched, marched_many
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.chain.forward import blocks_of, by_segment, forward, forward_many, row_by_row, together
+from dragon_ros.core.chain.forward import (
+    blocks_of,
+    by_segment,
+    forward,
+    forward_many,
+    next_places,
+    row_by_row,
+    together,
+)
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.lock import follower, lock_angle, turning_places
 from dragon_ros.core.errors import ChainLockError, TrackEndError
@@ -102,6 +110,19 @@ def test_handles_that_are_placed_segment_by_segment_are_those_placed_row_by_row(
     # Exactly at a joint, rounding decides on which side a handle lies.
     apart = np.abs(track.distances(*found[:2]) - track.distances(*expected[:2]))
     assert np.max(apart) < 1e-12
+
+
+@pytest.mark.parametrize('track', [CURLY, WINDING_IN, track_of(Spiral(0.55, 16.0))], ids=['curly', 'turn', 'spiral'])
+@pytest.mark.parametrize('count', [0, 3])
+def test_without_links_or_without_leaders_the_handles_are_the_leaders(track, count):
+    leaders = track.places_at(np.linspace(1.0, 4.0, count), np.zeros(count))
+    for found, spent in (forward_many(track, (), leaders, BEHIND), by_segment(track, (), leaders, BEHIND)):
+        assert spent == 0
+        for one, row in zip(leaders, found, strict=True):
+            assert np.array_equal(np.asarray(row).reshape(1, count), one[None])
+    none = tuple(one[:0] for one in leaders)
+    found, state_, spent = next_places(track, none, 1.65, BEHIND)
+    assert (state_, spent, [one.size for one in found]) == (None, 0, [0, 0, 0])
 
 
 def test_where_the_track_ends_handles_that_are_placed_segment_by_segment_say_so():

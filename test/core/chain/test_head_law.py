@@ -76,6 +76,19 @@ def test_the_extent_holds_every_distance_on_the_way(rows, first, ramp, t_s):
         assert low - 1e-12 <= law.travelled_m(t_s * n / 199)[0] <= high + 1e-12
 
 
+@given(st.floats(-3, 3), st.floats(0, 200))
+def test_the_extent_of_a_constant_law_is_from_its_start_to_where_it_is(speed, t_s):
+    assert Head(speed).extent_m(t_s) == (min(0.0, speed * t_s), max(0.0, speed * t_s))
+
+
+@given(st.floats(0.1, 3), st.floats(0.1, 3), st.floats(0.5, 9), ramps)
+def test_where_a_ramp_changes_its_sign_the_leader_rests(first, second, gap_s, ramp):
+    law = Profile(((0.0, first), (1.0, first), (1.0 + gap_s, -second)), ramp)
+    (rest_s,) = {*law.breaks_s} - {0.0, 1.0, 1.0 + gap_s}
+    assert law.speed_at_m_s(rest_s) == pytest.approx(0, abs=1e-12)
+    assert 1.0 < rest_s < 1.0 + gap_s
+
+
 @examples(50)
 @given(knots, speeds, ramps, st.floats(0.1, 200))
 def test_the_extent_is_met_where_speeds_change_their_sign_at_knots(rows, first, ramp, t_s):

@@ -3,7 +3,7 @@ from math import inf, pi
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from dragon_ros.core.batches import states
@@ -117,3 +117,63 @@ def test_a_handle_turns_back_three_times_if_the_handle_before_it_reverses_just_b
     back = np.flatnonzero(np.diff(np.sign(np.diff(rear)))) + 1
     assert turning_places([8.0, 13.75], low, high) == pytest.approx(heads[back], abs=heads[1] - heads[0])
     assert back.size == 3
+
+
+def broken_link(head, chords):
+    """Return the first link that cannot be placed with the head at an angle; None if all can."""
+    for k, chord in enumerate(chords):
+        head = follower(head, chord)
+        if head == inf:
+            return k
+    return None
+
+
+# A link that is longer by a turn locks where the rear handle of the link before it turns back.
+LINKS = st.one_of(st.lists(st.floats(0.5, 25), min_size=1, max_size=5),
+                  st.tuples(st.floats(5, 20), st.floats(5.5, 7.5), st.floats(-3, 7)).map(
+                      lambda row: [row[0], row[0] + row[1], row[0] + row[1] + row[2]]))
+
+
+@given(LINKS)
+@example([8.0, 13.75])
+@example([10.2, 16.87])
+@example([6.51, 13.86, 18.24])
+@example([33.0, 20.0, 25.0])
+def test_outside_the_lock_of_a_mixed_chain_all_links_have_places_and_just_inside_the_named_one_has_none(chords):
+    angle, link = head_lock_angle(chords)
+    lowest = angle * (1 + 1e-9) + 1e-9
+    for head in [lowest, *np.linspace(lowest, lowest + 8, 60), *np.linspace(lowest, lowest + 0.1, 20)]:
+        assert broken_link(head, chords) is None
+    assert (broken_link(angle * (1 - 1e-9), chords) if angle else 0) == link
+
+
+@pytest.mark.parametrize('chord', [0.3, 2.0, 4.0, 5.5, 6.0, 7.0, 8.0, 12.0, 20.0, 33.0, 60.0])
+def test_a_link_turns_back_exactly_where_its_rear_handle_is_nearest_or_furthest_in(chord):
+    heads = np.linspace(lock_angle(chord) + 1e-6, chord + 5, 8001)
+    rear = np.array([follower(head, chord) for head in heads])
+    back = np.flatnonzero(np.diff(np.sign(np.diff(rear)))) + 1
+    assert turns(chord) == pytest.approx(heads[back], abs=2 * (heads[1] - heads[0]))
+
+
+@given(st.floats(5.6, 1e4))
+def test_a_float_below_the_lock_the_rear_handle_continues_from_where_it_was_above(chord):
+    angle = lock_angle(chord)
+    assert lock._rear(angle * (1 - 1e-12), chord) == pytest.approx(follower(angle * (1 + 1e-12), chord), abs=1e-3)
+    assert lock._rear(angle + 1, chord) == follower(angle + 1, chord)
+
+
+@given(st.floats(-3, 3), st.floats(0.01, 4), st.floats(0.01, 4), st.sampled_from([0.2, 1.0, 3.0]))
+def test_the_first_float_at_which_a_function_is_not_negative_takes_few_evaluations(root, below, above, power):
+    asked = []
+
+    def value(x):
+        asked.append(x)
+        return np.sign(x - root) * abs(x - root)**power + 0.5 * (x - root)
+    low, high = root - below, root + above
+    found = lock._first_at_least_0(value, low, high)
+    assert low < found <= high
+    assert value(found) >= 0 > value(np.nextafter(found, -inf))
+    assert power != 1.0 or len(asked) < 24
+    exact = root + 0.5 * above
+    assert lock._first_at_least_0(lambda x: x - exact, low, exact) == exact     # the end itself
+    assert lock._first_at_least_0(lambda x: 1.0, low, high) == pytest.approx(low, abs=1e-15)

@@ -87,6 +87,14 @@ def test_what_cannot_be_walked_is_refused_with_the_place_and_both_cures(drawn, x
     assert f'bend of radius {LEAST_M:g} m, the tightest' in str(caught.value)
 
 
+def test_a_bend_that_would_stray_from_corners_by_more_than_its_radius_is_refused():
+    corners = points((0, 0), (13, 0), (8, 0.17), (9.6, 2.7))
+    with pytest.raises(InputError, match='larger radius or longer legs') as caught:
+        routed(corners)
+    x, y = caught.value.fields['place_m']
+    assert min(abs(complex(x, y) - corners)) < 2 * RADIUS_M
+
+
 def test_a_bend_that_is_too_tight_is_widened_to_the_radius_and_says_so():
     route = routed(points((-20, 0), (0, 0)), Cubic((0j, 1 + 0j, 1 + 1j, 1 + 1j)), points((1, 1), (1, 20)))
     (change,) = route.changes
@@ -171,6 +179,7 @@ def test_any_line_is_either_walked_within_what_is_said_or_refused(legs):
     except InputError:
         return
     assert min(radii(route), default=LEAST_M) >= LEAST_M * (1 - 1e-9)
+    assert all(change.is_corner or change.off_m <= RADIUS_M for change in route.changes)
     said = max([route.strays_m, *(change.off_m for change in route.changes)])
     assert apart_m(route, drawn) <= said * (1 + 1e-6) + 0.011
     ends = np.array(laid(route).coords)[[0, -1]]
