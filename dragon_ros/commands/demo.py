@@ -154,8 +154,8 @@ def _processes(log: Path) -> Iterator['_Processes']:
         start = _Processes(file)
         try:
             yield start
-            # The recorder stops last, so that it receives everything from the monitor.
-            for process in (*start.monitors, *start.recorders):
+            # The recorder ends once the monitor, which is still there, has reported on everything.
+            for process in (*start.recorders, *start.monitors):
                 process.send_signal(signal.SIGINT)
                 _finished(process)
         finally:
@@ -188,11 +188,16 @@ class _Processes:
         return process
 
     def wait_for_contact(self) -> None:
-        """Wait until the monitor, which may lag behind, has reported a contact."""
+        """Wait until the monitor, which may lag behind, has reported a contact, and the recorder has discovered it."""
+        self._wait_for('contact of benches', 'the monitor reported no contact')
+        self._wait_for('a monitor has been found', 'the recorder did not discover the monitor')
+
+    def _wait_for(self, words: str, otherwise: str) -> None:
+        """Wait until the log contains ``words``. Raises DragonError."""
         end = time.monotonic() + _LONGEST_S
-        while 'contact of benches' not in Path(self.log.name).read_text(encoding='utf-8'):
+        while words not in Path(self.log.name).read_text(encoding='utf-8'):
             if time.monotonic() > end:
-                raise DragonError(f'the monitor reported no contact; see {self.log.name}')
+                raise DragonError(f'{otherwise}; see {self.log.name}')
             time.sleep(0.05)
 
 

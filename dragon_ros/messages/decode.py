@@ -23,6 +23,7 @@ _MOST_LISTS = 2         # number of markers in a message that contains all bench
 _SMALLEST_MARKER = 180
 _HEALTH_BYTES = 65_536      # limit of accepted messages; a message from a monitor has about 100 bytes
 _SECONDS = re.compile(r'([0-9]{1,10})\.([0-9]{9})')
+_COUNT = re.compile('[0-9]{1,9}')
 _MARKER_BYTES, _RUN_BYTES = 200, 4096       # upper bounds on the memory per marker and per run
 
 
@@ -252,16 +253,30 @@ def read_diagnostics(data: bytes) -> list[Status]:
             for row in decode('diagnostic_msgs/msg/DiagnosticArray', data)['status']]
 
 
-def examined_ns(data: bytes, dragon: str) -> int | None:
-    """Return the time of the tick to which a monitor's diagnostics of a dragon refer; None for other messages."""
+@dataclass(frozen=True)
+class Health:
+    """What a monitor publishes on /diagnostics about itself: the time of the last tick on which it has reported.
+
+    ``t_ns`` is None before the first tick; ``waiting`` is the number of messages that have arrived and are not yet
+    read, and ``leaves`` is true for the last message of a monitor that ends.
+    """
+
+    t_ns: int | None
+    waiting: int
+    leaves: bool
+
+
+def read_health(data: bytes, dragon: str) -> Health | None:
+    """Return the health of a dragon's monitor from its diagnostics; None for other messages."""
     try:
         statuses = read_diagnostics(data) if len(data) <= _HEALTH_BYTES else []
     except MessageError:        # the message may be invalid, because a recorder stores it unchanged
         return None
     for status in statuses:
-        found = _SECONDS.fullmatch(status.values.get('t_s', ''))
-        if found and status.name == f'{dragon}: clearance':
-            return int(found[1]) * NS + int(found[2])
+        if status.name == f'{dragon}: clearance':
+            found, waiting = _SECONDS.fullmatch(status.values.get('t_s', '')), status.values.get('waiting', '')
+            return Health(int(found[1]) * NS + int(found[2]) if found else None,
+                          int(waiting) if _COUNT.fullmatch(waiting) else 0, status.values.get('leaves') == 'true')
     return None
 
 

@@ -79,12 +79,17 @@ def level_of(report: Report | None, warn_below_m: float) -> bytes:
     return bytes(DiagnosticStatus.ERROR if report.count else DiagnosticStatus.WARN)
 
 
-def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: int) -> DiagnosticStatus:
-    """Return OK, WARN or ERROR for the last observed tick of a dragon (by its namespace), with the tick's numbers."""
+def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: int, waiting: int = 0,
+              leaves: bool = False) -> DiagnosticStatus:
+    """Return OK, WARN or ERROR for the last observed tick of a dragon (by its namespace), with the tick's numbers.
+
+    ``waiting`` messages are yet to be read; ``leaves`` marks the last message of a monitor that ends.
+    """
+    state = {'dropped': str(dropped), 'waiting': str(waiting), **({'leaves': 'true'} if leaves else {})}
     name = f'{dragon}: clearance'
     level = level_of(report, warn_below_m)
     if report is None:
-        return _status(level, name, 'waiting for handles and benches', {'dropped': str(dropped)}, dragon)
+        return _status(level, name, 'waiting for handles and benches', state, dragon)
     obstacle = report.obstacle(report.closest) if report.closest else ''
     pair = ' and '.join((str(report.closest[0]), repr(obstacle) if obstacle else str(report.closest[1]))
                         ) if report.closest else ''
@@ -96,7 +101,7 @@ def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: 
     return _status(level, name, message, {
         't_s': '{}.{:09d}'.format(*stamp_of(report.observation.t_ns)), 'clearance_m': f'{report.clearance_m:.12f}',
         'closest': pair, 'warn_below_m': f'{warn_below_m:g}', 'in_contact': str(report.count),
-        'dropped': str(dropped)}, dragon)
+        **state}, dragon)
 
 
 class Changes:

@@ -39,6 +39,11 @@ class Inbox:
         return self._skips.skipped
 
     @property
+    def waiting(self) -> int:
+        """The number of messages that are yet to be read."""
+        return len(self._waiting)
+
+    @property
     def fill(self) -> float:
         """The used fraction of the budget."""
         return max(self._bytes / INBOX_BYTES, len(self._waiting) / INBOX_MESSAGES)

@@ -172,12 +172,16 @@ class Monitor(DragonNode):
             else:
                 self.get_logger().info(status.message)
 
-    def _publish_health(self, always: bool = False) -> None:
+    def leave(self) -> None:
+        """Publish the last message, from which recorders know that no reports follow."""
+        self._publish_health(always=True, leaves=True)
+
+    def _publish_health(self, always: bool = False, leaves: bool = False) -> None:
         """Publish on /diagnostics, but without ``always`` only when the level changes."""
         dragon = self.get_namespace().strip('/')
         last = self._changes.last
         if self._changes.level(messages.level_of(last, self._warn_below_m)) or always:
-            status = messages.health_of(dragon, last, self._warn_below_m, self.dropped)
+            status = messages.health_of(dragon, last, self._warn_below_m, self.dropped, self._inbox.waiting, leaves)
             message = DiagnosticArray(status=[status, *self._obstacles.statuses(dragon),
                                               *self.pace.warnings(dragon, time.monotonic()),
                                               *publishers.warnings_of(f'{dragon}: monitor', self._several)])
@@ -190,7 +194,8 @@ def run(stop: threading.Event) -> int:
     node = Monitor()
     try:
         code = shell.spin(node, stop, rest_s=_REST_S)
-        publisher_queue.drain(node.topic_publishers.values(), stop)
+        node.leave()
+        publisher_queue.drain(node.topic_publishers.values(), stop, node.get_logger().warning)
         return code
     finally:
         before = f'; {node.pace.before} were published before it listened' if node.pace.before else ''

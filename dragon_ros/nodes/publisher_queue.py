@@ -152,11 +152,17 @@ class EncodedTopic:
             self.published += 1
 
 
-def drain(publishers: Iterable[Publisher], stop: threading.Event) -> None:
-    """Wait until readers have everything; unsent messages are lost with their publisher. A signal shortens it."""
+def drain(publishers: Iterable[Publisher], stop: threading.Event, warn: Callable[[str], object]) -> None:
+    """Wait until readers have everything; unsent messages are lost with their publisher. A signal shortens it.
+
+    ``warn`` is called if some readers do not answer in time.
+    """
     begin = time.monotonic()
     for publisher in publishers:
         while publisher.get_subscription_count() and not publisher.wait_for_all_acked(Duration()):
-            if time.monotonic() > begin + (_ACKED_S if stop.is_set() else _ALL_ACKED_S):
+            longest_s = _ACKED_S if stop.is_set() else _ALL_ACKED_S
+            if time.monotonic() > begin + longest_s:
+                warn(f'{publisher.topic_name}: not all readers have acknowledged the last messages within '
+                     f'{longest_s:g} s; they may lack some')
                 return
             time.sleep(_LOOK_S)     # measured by the steady clock, which the middleware may not follow

@@ -11,6 +11,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.publisher import Publisher
 
+from dragon_ros.bags.record.last_word import LastWord
 from dragon_ros.bags.record.loss_accounting import RECEIVED, LossAccount
 from dragon_ros.bags.record.scene_reader import SceneReader
 from dragon_ros.bags.record.simulation_clock import SimulationClock
@@ -21,19 +22,21 @@ from dragon_ros.cli import command_line
 from dragon_ros.core.errors import DiskError
 from dragon_ros.core.limits import RECORDED_SCENES
 from dragon_ros.messages.channels import Channel, channels
-from dragon_ros.messages.decode import MessageError, examined_ns, read_stamp_ns, read_string, stamp_at_of
+from dragon_ros.messages.decode import MessageError, read_health, read_stamp_ns, read_string, stamp_at_of
 from dragon_ros.messages.even_skips import FROM_FILL, EvenSkips
 from dragon_ros.nodes import publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.scenes import provenance
 
-_REST_S = 5.0       # longest time to write the messages that arrived before a signal
+_REST_S = 5.0       # longest time to write, after a signal, the messages and reports on ticks that arrived before it
 _QUIET_S = 0.5      # a run ends when its publisher has left and nothing has arrived for this long
+_MONITOR_S = 10.0   # longest wait for a monitor that neither reports nor has messages to read
 _IDLE_S = 0.25      # longest wait of messages without a stamp for the next handles
 _COUNT_S = 1.0       # interval between counts of publishers
 _MOST_UNACCOUNTED = 100_000     # messages that may wait until a scene is read; if there are more, the recorder waits
 _HEALTH = '/diagnostics'
-_MARKS = ('handles', 'clearance/stamped')       # their stamps apply to their publisher's next messages
+_REPORT = 'clearance/stamped'      # the first message of a monitor's report on a tick
+_MARKS = ('handles', _REPORT)       # their stamps apply to their publisher's next messages
 
 
 class Recorder(DragonNode):
@@ -54,6 +57,7 @@ class Recorder(DragonNode):
         self._handles, = (one for one in self._sources if one.topic == self._names['handles'])
         self._each_tick = {self._names[name] for name, channel in channels().items() if channel.each_tick}
         self._latched = {self._names[name] for name, channel in channels().items() if channel.latched}
+        self._word, self._awaited_s, self._heard_s = LastWord(), 0.0, 0.0
         self._skips, self._skipped_before = EvenSkips(), 0
         self._several: dict[str, list[str]] = {}
         self._named = set[str]()        # topics with messages that were left out
@@ -77,10 +81,25 @@ class Recorder(DragonNode):
         if self.writer.error is not None:
             return True
         quiet = self._seen and not keep_going and now - self._last > _QUIET_S
-        if quiet and not self.count_publishers('handles'):
-            self.get_logger().info('the publisher of handles has left')
-            return True
-        return False
+        if not quiet or self.count_publishers('handles') or self._awaits_monitor():
+            return False
+        self.get_logger().info('the publisher of handles has left')
+        return True
+
+    def has_rested(self) -> bool:
+        """Return whether all reports on the ticks that arrived before the first call are there."""
+        self._word.fix()
+        return self.writer.error is not None or not self._awaits_monitor()
+
+    def _awaits_monitor(self) -> bool:
+        """Return whether a monitor has yet to report on the last tick; say so once."""
+        if self._word.is_said or not self.count_publishers(_REPORT):
+            return False
+        now = time.monotonic()
+        if not self._awaited_s:
+            self._awaited_s = now
+            self.get_logger().info('waiting for the monitor to report on the last tick')
+        return now - max(self._awaited_s, self._heard_s) < _MONITOR_S
 
     def close(self) -> bool:
         """Write held messages and the account, close the bag, and return whether it is complete. Raises DiskError."""
@@ -102,7 +121,8 @@ class Recorder(DragonNode):
 
     def _is_complete(self, gone: bool) -> bool:
         """Return whether the closed bag has all published messages, as far as is known."""
-        return self.losses.complete(gone) and not self._unpaired and self.bag.kept >= self.losses.received
+        return (self.losses.complete(gone) and not self._unpaired and not self._word.is_missing
+                and self.bag.kept >= self.losses.received)
 
     @property
     def _unpaired(self) -> Counter[str]:
@@ -143,9 +163,10 @@ class Recorder(DragonNode):
                                       'no reader accepts them')
 
     def _left_out(self) -> dict[str, str]:
-        """Return, by topic, how many messages were left out because they were too large or their tick was unknown."""
+        """Return, what is missing: messages by topic (too large, or of an unknown tick), and a monitor's last word."""
         found = {f'{topic} too large': str(count) for topic, count in self.bag.left_out.items()}
         found |= {f'{topic} of an unknown tick': str(count) for topic, count in self._unpaired.items()}
+        found |= {'monitor last word': 'missing'} if self._word.is_missing else {}
         return found | ({'complete': 'false'} if found else {})
 
     def _log_summary(self, gone: bool) -> None:
@@ -163,6 +184,8 @@ class Recorder(DragonNode):
         for topic, count in self._unpaired.items():
             log.warning(f'{topic}: {count} messages without a stamp are left out: their tick is unknown, because no '
                         'stamped message of their publisher was received just before them')
+        if self._word.is_missing:
+            log.warning("the monitor's last word is missing: it has not reported on the last ticks")
         if self.losses.received > self.bag.kept:
             log.warning(f'{self.losses.received - self.bag.kept} received messages are not in the bag')
 
@@ -198,7 +221,8 @@ class Recorder(DragonNode):
         shared = channel.name.startswith('/')      # all nodes of the graph publish this topic, stamped with wall time
         once = channel.latched and channel.publisher == 'sim'      # valid for all ticks, regardless of its stamp
         stamp_at = None if shared or once else stamp_at_of(channel.type)
-        handles, scene, health = (channel.name == name for name in ('handles', 'scene', _HEALTH))
+        handles, benches, scene, report, health = (
+            channel.name == name for name in ('handles', 'benches', 'scene', _REPORT, _HEALTH))
         watched = self._monitored if channel.publisher == 'monitor' and not shared else self._simulation
         dragon, marks = self.get_namespace().strip('/'), channel.name in _MARKS
 
@@ -207,7 +231,7 @@ class Recorder(DragonNode):
             self._seen = self._seen or handles
             source_ns, sequence = info['source_timestamp'], info['publication_sequence_number'] or 0
             try:
-                t_ns = examined_ns(data, dragon) if health else None if stamp_at is None else read_stamp_ns(
+                t_ns = self._heed(data, dragon) if health else None if stamp_at is None else read_stamp_ns(
                     data[:4] + data[stamp_at:stamp_at + 8])
                 if t_ns is None:
                     watched.unstamped(topic, data, source_ns, sequence, channel.latched, not (shared or once))
@@ -216,12 +240,29 @@ class Recorder(DragonNode):
                     return
                 if handles:
                     self.losses.stamp(t_ns)
+                elif benches:
+                    self._word.examinable(t_ns)
+                elif report:
+                    self._word.begins(t_ns)
+                    self._heard_s = self._last
                 if marks:       # the previous tick's messages are written first, to keep the bag in order
                     watched.mark(source_ns, t_ns, sequence)
                 self._log(topic, data, t_ns, sequence, source_ns)
             except MessageError as error:
                 self.get_logger().warning(f'{topic}: message not recorded: {error}', throttle_duration_sec=1.0)
         return callback
+
+    def _heed(self, data: bytes, dragon: str) -> int | None:
+        """Note the health of a monitor, and return the time of the tick to which it refers, if any."""
+        health = read_health(data, dragon)
+        if health is None:
+            return None
+        if not self._word.heard:
+            self.get_logger().info('a monitor has been found')
+        self._word.health(health)
+        if health.waiting:
+            self._heard_s = time.monotonic()
+        return health.t_ns
 
     def _learn(self, text: str) -> None:
         """Start reading the scene of the run unless it is the last one that was read."""
@@ -265,7 +306,7 @@ def run(bag: BagWriter, keep_going: bool, flush_s: float, queue_mb: float, trust
     node = Recorder(bag, flush_s, queue_mb, trust)
     try:
         node.get_logger().info(f'recording to {bag.path}')
-        shell.spin(node, stop, lambda: node.poll(keep_going), _REST_S)
+        shell.spin(node, stop, lambda: node.poll(keep_going), _REST_S, node.has_rested)
     finally:
         complete = node.close()
         node.destroy_node()

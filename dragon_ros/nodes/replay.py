@@ -170,7 +170,7 @@ def run(bag: BagReader, choice: Choice, given: dict[str, Any], stop: threading.E
                 node.get_logger().info('keys: space pauses and resumes, s steps, the arrows seek 5 s')
             code = shell.spin(node, stop, lambda: node.player.done)
         node.get_logger().info(node.summary())
-        publisher_queue.drain(node.topic_publishers.values(), stop)
+        publisher_queue.drain(node.topic_publishers.values(), stop, node.get_logger().warning)
         return code
     finally:
         node.destroy_node()

@@ -55,12 +55,16 @@ def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_j
         rclpy.try_shutdown()
 
 
-def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: False, rest_s: float = 0.0) -> int:
-    """Serve a node's callbacks until a signal or ``until()``, and then those already due, for at most ``rest_s``."""
+def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: False, rest_s: float = 0.0,
+         rested: Callable[[], bool] = lambda: True) -> int:
+    """Serve a node's callbacks until a signal or ``until()``, and then those already due and until ``rested()``.
+
+    The second part takes at most ``rest_s``.
+    """
     with closing(Spinner(node)) as spinner:
         while not stop.is_set() and not until():
             spinner.once()
-        spinner.rest(rest_s)
+        spinner.rest(rest_s, rested)
     return OK
 
 

@@ -188,7 +188,7 @@ def run(given: dict[str, Any], stop: threading.Event) -> int:
                                                          for name, topic in node.topics.items()))
         if node.commands:
             node.get_logger().info(node.commands.summary())
-        publisher_queue.drain(node.topic_publishers.values(), stop)
+        publisher_queue.drain(node.topic_publishers.values(), stop, node.get_logger().warning)
         return code
     finally:
         node.destroy_node()

@@ -11,6 +11,7 @@ import os
 import select
 import threading
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 
 from rcl_interfaces.msg import ParameterEvent
@@ -47,11 +48,17 @@ class Spinner:
             self._serve(_AT_ONCE)
             self._look()
 
-    def rest(self, longest_s: float) -> None:
-        """Serve until nothing is ready."""
+    def rest(self, longest_s: float, until: Callable[[], bool]) -> None:
+        """Serve until nothing is ready and ``until()`` is true."""
         end_s, empty = time.monotonic() + longest_s, 0
-        while time.monotonic() < end_s and empty < _EMPTY_WAITS:
-            empty = 0 if self._serve(1) else empty + 1
+        while time.monotonic() < end_s:
+            if empty < _EMPTY_WAITS:
+                empty = 0 if self._serve(1) else empty + 1
+            elif until():
+                return
+            else:
+                self.once()
+                empty = 0
 
     def close(self) -> None:
         """Release the node."""

@@ -16,10 +16,11 @@ from dragon_ros.messages import decode as decoder
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import (
+    Health,
     MessageError,
     decode,
-    examined_ns,
     read_diagnostics,
+    read_health,
     read_marker_array,
     read_multi_array,
     read_pose_array,
@@ -219,19 +220,21 @@ def test_diagnostics_are_read_as_the_monitor_writes_them():
     assert (status.level, status.name, status.message, status.values) == (2, 'n', 'a message', {'k': 'v'})
 
 
-def test_the_health_of_a_dragon_has_the_time_of_its_tick_and_all_else_has_none():
+def test_the_health_of_a_monitor_is_that_of_its_dragon_and_all_else_is_none():
     serialization = pytest.importorskip('rclpy.serialization')
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-    def of(t_s, name='red: clearance', more=0):
-        rows = [DiagnosticStatus(name='battery')] * (1 + more) + [
-            DiagnosticStatus(name=name, values=[KeyValue(key='t_s', value=t_s)])]
-        return examined_ns(bytes(serialization.serialize_message(DiagnosticArray(status=rows))), 'red')
-    assert of('2147483647.000000001') == 2147483647 * 10**9 + 1
-    assert [of('soon'), of('1.5'), of('-1.000000000')] == [None] * 3
+    def of(t_s, name='red: clearance', more=0, **values):
+        rows = [DiagnosticStatus(name='battery')] * (1 + more) + [DiagnosticStatus(
+            name=name, values=[KeyValue(key=key, value=value) for key, value in {'t_s': t_s, **values}.items()])]
+        return read_health(bytes(serialization.serialize_message(DiagnosticArray(status=rows))), 'red')
+    assert of('2147483647.000000001') == Health(2147483647 * 10**9 + 1, 0, leaves=False)
+    assert [of(t_s) for t_s in ('soon', '1.5', '-1.000000000')] == [Health(None, 0, leaves=False)] * 3
+    assert of('', waiting='37', leaves='true') == Health(None, 37, leaves=True)
+    assert of('', waiting='-1', leaves='yes') == of('', waiting='9' * 10) == Health(None, 0, leaves=False)
     assert [of('1.000000000', name=f'{dragon}: clearance') for dragon in ('blue', 'white')] == [None] * 2
     assert of('1.000000000', more=9999) is None         # longer than any monitor's message
-    assert examined_ns(b'\0\1\0\0', 'red') is None
+    assert read_health(b'\0\1\0\0', 'red') is None
 
 
 def test_poses_are_views_of_the_bytes():

@@ -40,6 +40,11 @@ def heard_events(node):
     return out
 
 
+def in_order(text, *words):
+    places = [text.find(word) for word in words]
+    return -1 not in places and places == sorted(places)
+
+
 def by_topic(path):
     with BagReader(path) as bag:
         out = {}
@@ -414,6 +419,8 @@ def test_the_demo_can_be_run_again_in_one_place(start, tmp_path, times):
         assert demo.end() == 0, demo.text
         assert '1953 messages are bit-identical to the model, 0 are not' in demo.text
         assert 'the same bytes, the same event' in demo.text
+        for log in ('live.log', 'replay.log'):      # the monitor stays until the recorder has everything
+            assert in_order((folder / log).read_text(), 'a monitor has been found', 'nothing is missing', 'saw 651')
     assert all((folder / name).read_bytes() != OLD_BAG.read_bytes() for name in names)
 
 

@@ -1,0 +1,52 @@
+"""A recorder knows when a monitor has reported on the last tick."""
+import pytest
+
+from dragon_ros.bags.record.last_word import LastWord
+from dragon_ros.messages.decode import Health
+
+
+def word_of(*events):
+    """Return the state after events: ('tick', t), ('begins', t), ('fix',) or ('health', t, waiting, leaves)."""
+    word = LastWord()
+
+    def health(t_ns, waiting=0, leaves=False):
+        word.health(Health(t_ns, waiting, leaves))
+    for what, *values in events:
+        {'tick': word.examinable, 'begins': word.begins, 'fix': word.fix, 'health': health}[what](*values)
+    return word
+
+
+TICKS = ('tick', 1), ('tick', 2)
+
+
+@pytest.mark.parametrize(('events', 'said'), [
+    ([], False),                                            # no monitor, or one that is just being discovered
+    (TICKS, False),
+    ([('health', None)], True),                             # a monitor without anything to examine
+    ([*TICKS, ('health', 1)], False),
+    ([*TICKS, ('health', 2)], True),
+    ([*TICKS, ('begins', 1), ('health', 1)], False),
+    ([('health', None), *TICKS, ('begins', 2)], False),     # the report has only begun
+    ([('health', None), *TICKS, ('begins', 2), ('begins', 3)], True),
+    ([*TICKS, ('health', 2), ('tick', 3)], False),
+    ([*TICKS, ('health', 1, 0, True)], True),               # the monitor has left before the last tick
+    ([*TICKS, ('health', 1, 0, True), ('health', 1)], False),       # another monitor
+    ([*TICKS, ('health', 1), ('health', 1)], True),         # nothing to read: it has skipped the last tick
+    ([*TICKS, ('health', 1), ('health', 1, 5)], False),
+    ([*TICKS, ('health', 1), ('health', 1, 5), ('health', 1)], False),
+    ([('health', 1), ('tick', 2), ('health', 1)], False),   # the first may be older than the tick
+    ([('tick', 2), ('health', 1), ('begins', 1), ('health', 1)], False),
+    ([('tick', 5), ('health', 5), ('tick', 2)], False),     # time has jumped back
+    ([*TICKS, ('fix',), ('tick', 3), ('health', 2)], True),
+    ([*TICKS, ('fix',), ('tick', 3), ('health', 1)], False),
+    ([*TICKS, ('fix',), ('health', None), ('begins', 3), ('begins', 4)], True),     # the monitor has passed the tick
+])
+def test_a_monitor_has_said_its_last_word_once_no_report_on_the_last_tick_can_follow(events, said):
+    assert word_of(*events).is_said is said
+
+
+def test_the_last_word_is_missing_only_from_a_monitor_that_was_heard():
+    assert not word_of(*TICKS).is_missing
+    assert not word_of(*TICKS, ('begins', 1)).is_missing
+    assert word_of(*TICKS, ('health', 1)).is_missing
+    assert not word_of(*TICKS, ('health', 2)).is_missing

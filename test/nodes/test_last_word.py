@@ -1,0 +1,111 @@
+"""A recorder ends only after the monitor's last word on a run, or reports in one line that it is missing."""
+import signal
+from contextlib import contextmanager
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from test_graph import SHORT, events_of, overrides
+from test_record import received
+
+from dragon_ros.messages.channels import channels
+from dragon_ros.nodes import qos
+
+FOUND, WAITS = 'a monitor has been found', 'waiting for the monitor'
+MISSING = "the monitor's last word is missing"
+
+
+@pytest.fixture
+def held(start, node):
+    """A monitor that has examined no tick, because its first tick waits for a map; and the map's publisher."""
+    from nav_msgs.msg import OccupancyGrid
+    from visualization_msgs.msg import MarkerArray
+    monitor = start('monitor')
+    maps = node.create_publisher(OccupancyGrid, '/map', qos.profile('reliable', 'transient_local', 1))
+    venues = node.create_publisher(MarkerArray, 'venue', qos.of_channel(channels()['venue']))
+    venues.publish(b'\0\1\0\0\7\0\0\0')
+    monitor.wait_for('venue: not used')     # publishers are discovered in order, so the map's is known too
+    return monitor, maps
+
+
+def run_to_the_end(start, readers):
+    sim = start('sim', '--scene', 'first_contact', *overrides(*SHORT), '--ros-args', '-p', 'time_scale:=0.0',
+                '-p', f'wait_subscribers:=[handles={readers},benches={readers}]')
+    assert sim.end() == 0, sim.text     # all readers have acknowledged all messages
+
+
+@contextmanager
+def stopped(process):
+    """Stop a process from running within the block."""
+    process.signal(signal.SIGSTOP)
+    yield
+    process.signal(signal.SIGCONT)
+
+
+@pytest.mark.parametrize('ended_by', ['the end of the run', 'a signal'])
+def test_a_recorder_waits_for_a_monitor_that_has_not_yet_examined_the_last_tick(start, held, tmp_path, ended_by):
+    from nav_msgs.msg import OccupancyGrid
+    bag, (monitor, maps) = tmp_path / 'run.mcap', held
+    record = start('record', '--output', bag, *(['--keep-going'] if ended_by == 'a signal' else []))
+    record.wait_for(FOUND)
+    run_to_the_end(start, readers=2)
+    with stopped(monitor):
+        if ended_by == 'a signal':
+            record.signal(signal.SIGINT)
+        record.wait_for(WAITS)
+    maps.publish(OccupancyGrid())
+    assert record.end() == 0, record.text
+    assert len(events_of(bag)) == 1, record.text
+    assert 'nothing is missing' in record.text
+    assert MISSING not in record.text
+
+
+def test_a_recorder_that_never_gets_the_last_word_of_a_monitor_says_so_and_exits_3(start, held, tmp_path):
+    bag, (monitor, _) = tmp_path / 'run.mcap', held
+    record = start('record', '--output', bag)
+    record.wait_for(FOUND)
+    run_to_the_end(start, readers=2)
+    monitor.signal(signal.SIGKILL)      # a killed process does not tell others that it leaves
+    assert record.stop() == 3, record.text
+    assert sum(MISSING in line for line in record.lines) == 1, record.text
+    assert 'NOT COMPLETE' in record.text
+    told = received(bag)['dragon_ros.received']
+    assert (told['complete'], told['monitor last word']) == ('false', 'missing')
+
+
+def test_a_monitor_that_is_stopped_during_a_run_has_said_its_last_word(start, tmp_path):
+    bag, monitor = tmp_path / 'run.mcap', start('monitor')
+    record = start('record', '--output', bag)
+    record.wait_for(FOUND)
+    sim = start('sim', '--scene', 'first_contact', *overrides('run.start_s=412.3', 'run.stop_s=430'), '--ros-args',
+                '-p', 'wait_subscribers:=[handles=2,benches=2]')
+    monitor.wait_for('contact of benches 0 and 8')
+    assert monitor.stop() == 0, monitor.text
+    assert sim.stop() == 0, sim.text
+    assert record.end() == 0, record.text
+    assert len(events_of(bag)) == 1
+    assert MISSING not in record.text
+    assert WAITS not in record.text
+
+
+def test_a_recorder_that_discovers_a_monitor_late_still_receives_its_contact(start, tmp_path):
+    bag = tmp_path / 'run.mcap'
+    record = start('record', '--output', bag, '--keep-going')
+    record.wait_for('recording to')
+    with stopped(record):
+        monitor = start('monitor')
+        run_to_the_end(start, readers=1)
+        monitor.wait_for('contact of benches 0 and 8')
+    record.wait_for(FOUND)
+    record.stop()
+    assert len(events_of(bag)) == 1, record.text
+    assert monitor.stop() == 0, monitor.text
+
+
+def test_a_recorder_without_a_monitor_waits_for_none(start, tmp_path):
+    record = start('record', '--output', tmp_path / 'run.mcap')
+    run_to_the_end(start, readers=1)
+    assert record.end() == 0, record.text
+    assert WAITS not in record.text
+    assert MISSING not in record.text
