@@ -126,7 +126,7 @@ def test_a_directory_is_a_rosbag2_bag_split_as_asked(tmp_path, options, files):
 
 
 def test_one_file_cannot_be_split(tmp_path):
-    with pytest.raises(InputError, match='name a directory'):
+    with pytest.raises(InputError, match='give a directory'):
         BagWriter(tmp_path / 'a.mcap', options=BagOptions(split_size_mb=1))
     assert not list(tmp_path.iterdir())
 

@@ -305,7 +305,7 @@ def test_no_scene_on_the_topic_ends_or_blinds_a_recorder(start, node, tmp_path):
 @pytest.mark.parametrize(('options', 'says'), [
     (['--compression', 'zip'], '--compression'), (['--split-size-mb', '0'], 'split_size_mb'),
     (['--flush-s', '0'], '--flush-s'), (['--queue-mb', 'nan'], '--queue-mb'),
-    (['--output', 'a.mcap', '--split-size-mb', '5'], 'name a directory')])
+    (['--output', 'a.mcap', '--split-size-mb', '5'], 'give a directory')])
 def test_record_options_that_make_no_sense_are_refused(start, tmp_path, options, says):
     process = start('record', *options)
     assert process.end() == 2

@@ -1,1 +1,1 @@
-"""The parts of a recorder other than the bag: a writer thread, simulation times and loss accounting."""
+"""Support for recorders: a writer thread, simulation times and loss accounting."""

@@ -14,7 +14,7 @@ class IntervalSet:
         """Start empty."""
         self._lows: list[int] = []
         self._highs: list[int] = []
-        self.forgotten = 0      # missing numbers in early gaps that were dropped to bound the memory
+        self.forgotten = 0      # missing numbers in early gaps, which were dropped to bound memory use
 
     def add(self, k: int) -> None:
         """Add a number; adding it twice is harmless."""
@@ -48,7 +48,7 @@ class IntervalSet:
         return self._highs[-1] if self._highs else None
 
     def gaps(self, last: int | None = None) -> list[Interval]:
-        """Return the gaps between the first and the last number (or a later ``last``), both ends included."""
+        """Return the gaps between the first and the last number (or a later ``last``) as inclusive intervals."""
         found = [(high + 1, low - 1) for high, low in zip(self._highs, self._lows[1:], strict=False)]
         if last is not None and self.last is not None and last > self.last:
             found.append((self.last + 1, last))

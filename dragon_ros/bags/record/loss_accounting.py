@@ -1,9 +1,9 @@
-"""Loss accounting: compares received with published messages, so that every loss is reported.
+"""Loss accounting: compares received with published messages so that every loss is reported.
 
-There are two sources. A publisher numbers its messages (DDS publication sequence numbers): a gap means that messages
-were lost in transit, and a first number above 1 shows how many were published before the recorder listened. If the
-scene is known, a stamp also identifies a tick: a gap means that ticks are missing (lost or never published), and a
-first tick after tick 0 means that the beginning of the run is missing.
+It has two sources. Publishers number their messages (DDS publication sequence numbers): a gap in the numbers means that
+messages were lost in transit, and a first number above 1 shows how many were published before the recorder subscribed.
+If the scene is known, a stamp also identifies a tick: a gap in the ticks means that ticks are missing (lost or never
+published), and a first tick after tick 0 means that the beginning of the run is missing.
 """
 from collections import Counter
 from collections.abc import Iterable
@@ -14,7 +14,7 @@ from dragon_ros.bags.record.interval_set import Interval, IntervalSet
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.messages.channels import channel_of, live
 
-RECEIVED = 'dragon_ros.received'     # name of the metadata record with the account
+RECEIVED = 'dragon_ros.received'     # name of the metadata record that contains the account
 _MOST_STEPS = 1000
 _MOST_EARLY = 100_000       # largest number of stamps kept until the scene is known
 
@@ -25,7 +25,7 @@ class TopicCount:
 
     received: int = 0
     left_out: int = 0           # dropped because the disk was too slow
-    lost: int = 0               # messages lost from publishers that have been replaced
+    lost: int = 0               # messages lost from earlier publishers
     sequence: IntervalSet = field(default_factory=IntervalSet)
     ticks: IntervalSet = field(default_factory=IntervalSet)
     off_ticks: int = 0
@@ -43,7 +43,7 @@ class TopicCount:
             self.sequence.add(sequence)
 
     def scene_came(self) -> list[int]:
-        """Return the stamps that waited for the scene, which has now arrived."""
+        """Note that the scene has arrived, and return the stamps that waited for it."""
         early, self.early = self.early or [], None
         self.scene_ahead = not early
         return early
@@ -58,7 +58,7 @@ class TopicCount:
 
     @property
     def lost_on_the_way(self) -> int:
-        """The number of published messages that were not received, after the first received one."""
+        """The number of messages that were published after the first received one but not received."""
         return 0 if self.shared else self.lost + interval_set.count(self.sequence.gaps()) + self.sequence.forgotten
 
     @property
@@ -80,9 +80,9 @@ class LossAccount:
         self._last_ns: int | None = None
 
     def scene(self, scene: Scene | None, namespace: str) -> None:
-        """Set the recorded run; it assigns a tick to each stamp, including those that arrived just before the scene.
+        """Set the scene, whose run assigns a tick to each stamp, including stamps that arrived just before the scene.
 
-        Another run resets the ticks.
+        A different run resets the ticks.
         """
         run = None if scene is None else scene.run
         self._each_tick = {f'{namespace}/{row.name}' for row in (() if scene is None else live(scene.effects))}
@@ -93,7 +93,7 @@ class LossAccount:
         self.scene_again()
 
     def scene_again(self) -> None:
-        """Count stamps that arrived just before the scene if the scene equals that of the previous run."""
+        """Count the stamps that arrived just before a scene that equals the previous one."""
         for topic, row in self.topics.items():
             for t_ns in row.scene_came():
                 if self._run is not None and topic in self._each_tick:
@@ -104,7 +104,7 @@ class LossAccount:
         self._offered.add(topic)
 
     def share(self, topics: Iterable[str]) -> None:
-        """Mark topics with several simultaneous publishers: their missing messages cannot be counted."""
+        """Mark topics with several simultaneous publishers, whose missing messages cannot be counted."""
         for topic in topics:
             self._row(topic).shared = True
 
@@ -115,7 +115,7 @@ class LossAccount:
         return row
 
     def note(self, topic: str, t_ns: int, sequence: int, kept: bool = True) -> None:
-        """Count a message that was logged at ``t_ns`` or left out of the bag."""
+        """Count a message that was logged at ``t_ns`` or, if not ``kept``, left out of the bag."""
         row = self._row(topic)
         row.received += 1
         row.number(sequence)
@@ -128,7 +128,7 @@ class LossAccount:
             row.tick(self._run, t_ns)
 
     def stamp(self, t_ns: int) -> None:
-        """Record the stamp of handles; their spacing is reported if no scene is known."""
+        """Record the stamp of a handles message; the spacing of these stamps is reported if no scene is known."""
         if self._last_ns is not None and (len(self._steps) < _MOST_STEPS or t_ns - self._last_ns in self._steps):
             self._steps[t_ns - self._last_ns] += 1
         self._last_ns = t_ns
@@ -136,7 +136,8 @@ class LossAccount:
     def missing(self, ended: bool) -> dict[str, list[Interval]]:
         """Return the missing ticks of each topic, between its first and its last tick.
 
-        If the run has ``ended``, its last tick is the latest tick of any topic, and topics that end earlier lack ticks.
+        If the run has ``ended``, its last tick is the latest tick of any topic, and a topic that ends earlier lacks
+        ticks.
         """
         ticks = {topic: row.ticks for topic, row in self.topics.items()
                  if row.ticks.last is not None and not row.shared}
@@ -145,9 +146,9 @@ class LossAccount:
         return {topic: gaps for topic, gaps in found.items() if gaps}
 
     def beginnings(self) -> dict[str, int]:
-        """Return how many messages each topic lacks before its first one, by the run's ticks or by sequence numbers.
+        """Return how many messages each topic lacks before the first one received, by ticks or by sequence numbers.
 
-        This covers only topics with one message per tick and, without a scene, only those of ``sim``, because other
+        Only topics with one message per tick are counted and, without a scene, only those of ``sim``, because other
         topics continue across runs.
         """
         if self._run is None:
@@ -158,7 +159,7 @@ class LossAccount:
         return {topic: count for topic, count in found.items() if count}
 
     def unheard(self) -> list[str]:
-        """Return the topics without any message although the scene or a publisher provides one per tick."""
+        """Return the topics on which the scene or a publisher promises one message per tick but none was received."""
         return sorted((self._each_tick | self._offered) - {topic for topic, row in self.topics.items() if row.received})
 
     def complete(self, ended: bool) -> bool:

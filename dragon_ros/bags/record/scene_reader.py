@@ -22,10 +22,10 @@ class ReadScene(NamedTuple):
 
 
 class SceneReader:
-    """Reads one scene at a time; of the scenes that arrive meanwhile, it reads only the newest."""
+    """Reads one scene at a time; of the scenes that arrive in the meantime, it reads only the newest."""
 
     def __init__(self, settings: dict[str, str], trust: bool = False) -> None:
-        """``settings`` are the recorder's, for the metadata record."""
+        """``settings`` are the recorder's settings, which the metadata record contains."""
         self._settings, self._trust = settings, trust
         self._thread = ThreadPoolExecutor(1, 'scene')
         self._job: Future[ReadScene] | None = None
@@ -44,7 +44,7 @@ class SceneReader:
             self._next = text
 
     def take(self, wait: bool = False) -> ReadScene | None:
-        """Return the newest scene once it has been read, each only once; with ``wait``, wait for it."""
+        """Return the newest scene if it has been read and not yet returned; with ``wait``, wait for it."""
         while self._job is not None and (wait or self._job.done()):
             found, self._job = self._result(self._job), None
             if self._next is None:

@@ -1,9 +1,9 @@
 """Assigns a simulation time to every recorded message, with or without a stamp.
 
 A message with a stamp is logged at that time. A message without a stamp belongs to the tick of the last stamped message
-that its publisher sent before it. Source times determine this order, since topics overtake each other in transit. For a
-sim, the stamped message is the handles (velocities follow); for a monitor, which lags behind the sim, it is the stamped
-clearance. A message that cannot be assigned to a tick is left out and counted.
+that its publisher sent before it. Source times determine this order, since topics overtake each other in transit. A
+sim's stamped message is the handles message, which the velocities follow; a monitor lags behind the sim, and its
+stamped message is the clearance. A message that cannot be assigned to a tick is left out and counted.
 
 Source times come from the system clock, which may be set back during a run. The next message of a topic then has an
 earlier source time than the previous one. Messages are therefore ordered by a moment, which consists of the number of
@@ -19,7 +19,7 @@ from dragon_ros.core.limits import HELD_BYTES
 
 Write = Callable[[str, bytes, int, int, int], None]
 _KEEP = 1000
-_SURELY_NS = 10**9      # no delay in transit explains source times that go back further than this
+_SURELY_NS = 10**9      # delays in transit never make source times go back further than this
 _Moment = tuple[int, int]       # how often the clock has been set back so far, and the source time in ns
 
 
@@ -52,10 +52,10 @@ class _Sent(NamedTuple):
 
 
 class SimulationClock:
-    """Holds back a publisher's messages without a stamp until their tick is known."""
+    """Holds a publisher's messages without a stamp until their tick is known."""
 
     def __init__(self, write: Write) -> None:
-        """``write(topic, data, t_ns, sequence, source_ns)`` receives every message once."""
+        """``write(topic, data, t_ns, sequence, source_ns)`` is called once for each logged message."""
         self._write = write
         self._moments: list[_Moment] = []       # moments of the marks, in order
         self._marks: list[_Mark] = []
@@ -69,7 +69,7 @@ class SimulationClock:
         self.unpaired: Counter[str] = Counter()     # messages with an unknown tick, by topic
 
     def mark(self, source_ns: int, t_ns: int, sequence: int = 0) -> None:
-        """Record the source time and the sequence number of the stamped message of the tick at ``t_ns``."""
+        """Record the source time and the sequence number of a tick's stamped message; ``t_ns`` is the stamp."""
         last = self._marks[-1] if self._marks else None
         if last and _Sent(last.moment, last.sequence).is_before_setting_back(source_ns, sequence):
             self._set_back, self._turn_ns = self._set_back + 1, (last.moment[1], source_ns)
@@ -113,7 +113,8 @@ class SimulationClock:
     def _is_after_turn(self, source_ns: int) -> bool:
         """Return whether a message was sent after the clock's last set-back, and not merely delayed in transit.
 
-        If the clock was set back by less than a second, the answer may, in rare cases, be ambiguous for up to a second.
+        If the clock was set back by less than a second, source times may, in rare cases, be ambiguous for up to a
+        second.
         """
         before_ns, after_ns = self._turn_ns
         if before_ns - after_ns < _SURELY_NS:
@@ -180,7 +181,7 @@ class SimulationClock:
         return None
 
     def _is_gap(self, at: int) -> bool:
-        """Return whether a later tick's stamped message was lost; messages after it may then belong to either tick."""
+        """Return whether a stamped message was lost after this mark; later messages may belong to either tick."""
         if at + 1 == len(self._marks):
             return False
         here, there = self._marks[at].sequence, self._marks[at + 1].sequence

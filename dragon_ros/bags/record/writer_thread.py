@@ -13,10 +13,10 @@ _Job = tuple[int, Callable[[], object]]      # size in bytes, and the write
 
 
 class WriterThread:
-    """Accepts messages immediately and writes them in order; the file is brought up to date every second (``flush_s``).
+    """Accepts messages immediately and writes them in order; the file is flushed every ``flush_s`` seconds.
 
-    If the queue is full, a ``patient`` write waits, and the wait is counted: nothing is dropped here. After a disk
-    error, which is kept in ``error``, nothing more is written.
+    If the queue is full, a ``patient`` write waits, and the wait is counted; nothing is dropped here. After a disk
+    error, which is stored in ``error``, nothing more is written.
     """
 
     def __init__(self, bag: BagWriter, flush_s: float = 1.0, queue_mb: float = 256.0) -> None:

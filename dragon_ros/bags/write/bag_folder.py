@@ -13,12 +13,12 @@ _METADATA = 'metadata.yaml'
 class BagFolder:
     """A folder with the parts of one bag.
 
-    While a part is being written, ``metadata.yaml.new`` already has the size that the metadata will need. The parts can
-    therefore be listed even if the disk fills up.
+    While a part is being written, ``metadata.yaml.new`` already has the size that the metadata will need, so the parts
+    can be listed even if the disk fills up.
     """
 
     def __init__(self, path: Path, replace: bool) -> None:
-        """Create and lock the folder; replacing one removes only the files of a bag. Raises MissingError."""
+        """Create and lock the folder; replacing a folder removes only its bag files. Raises MissingError."""
         self.path, self._new = path, path / f'{_METADATA}.new'
         parts = sorted(path.glob(f'{path.resolve().name}_*.mcap'))
         replace = replace or (bool(parts) and all(map(holds_no_message, parts)))
@@ -45,8 +45,8 @@ class BagFolder:
         try:
             self._new.write_bytes(bytes(size))
         except OSError as error:
-            raise self._fault(f'{self.path}: no further part can begin: {error.strerror}; what was written before is '
-                              'kept') from None
+            raise self._fault(f'{self.path}: no further part can begin: {error.strerror}; earlier data are kept'
+                              ) from None
 
     def write_metadata(self, text: str) -> None:
         """Replace metadata.yaml atomically. Raises DiskError."""
@@ -58,8 +58,8 @@ class BagFolder:
         except OSError as error:
             with suppress(OSError):
                 self._new.unlink(missing_ok=True)
-            raise self._fault(f'{self.path / _METADATA}: cannot be written: {error.strerror}; `inspect` reads the '
-                              '.mcap files beside it') from None
+            raise self._fault(f'{self.path / _METADATA}: cannot be written: {error.strerror}; `inspect` can read '
+                              'the .mcap files without it') from None
 
     def close(self) -> None:
         """Unlock the folder."""

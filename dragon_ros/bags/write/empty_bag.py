@@ -11,17 +11,17 @@ if TYPE_CHECKING:
     from dragon_ros.bags.read.mcap import Index
 
 _HOLDING = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.ATTACHMENT)
-_CUT_BYTES = 4096       # a record truncated by a kill has at most this many bytes; more may be something else
+_CUT_BYTES = 4096       # longest remainder that counts as a truncated record; a longer one may be something else
 
 
 def holds_no_message(path: Path) -> bool:
-    """Return whether a file is an .mcap file, complete or truncated, without messages and attachments."""
+    """Return whether a file is an .mcap file, complete or truncated, without messages or attachments."""
     try:
         if not path.is_file():
             return False
         if path.stat().st_size == 0:
             return path.suffix == '.mcap'
-        from dragon_ros.bags.read.mcap import McapFile, scanned_index  # imported late: few bags replace another
+        from dragon_ros.bags.read.mcap import McapFile, scanned_index  # imported lazily: it is rarely needed
         with closing(McapFile(path)) as file:
             index = scanned_index(file)
             return not (index.batches or index.attachments) and _ends_at_damage(index)
@@ -30,7 +30,7 @@ def holds_no_message(path: Path) -> bool:
 
 
 def _ends_at_damage(index: 'Index') -> bool:
-    """Return whether a file is undamaged, or only the beginning of an empty record follows the damage."""
+    """Return whether a file is undamaged, or ends in a truncated record that is no message, chunk or attachment."""
     if index.damage is None:
         return True
     file, at = index.file, index.damage.fields['offset']

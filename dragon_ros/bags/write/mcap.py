@@ -1,10 +1,10 @@
-"""Writes one MCAP file chunk by chunk. A chunk is written whole or not at all, so the file can always be closed.
+"""Writes one MCAP file chunk by chunk. A chunk is written completely or not at all, so the file can always be closed.
 
 It is written by hand because the library's writer ends a chunk only by size, cannot flush on demand, and cannot undo a
-chunk that a full disk truncated. Records are the library's, except for the Message record, which is packed here because
-it is on the hot path. With two alternating buffers, a thread compresses and writes a full chunk while the next one is
-filled. A caller that already has its own writer thread does not use this thread, since handing over a chunk costs as
-much as filling it.
+chunk that a full disk truncated. Records are encoded by the library, except for the Message record, which is packed
+here because it is on the hot path. With two alternating buffers, a thread compresses and writes a full chunk while the
+next one is filled. A caller that has its own writer thread does not use this thread, since handing over a chunk costs
+as much as filling it.
 """
 import os
 import struct
@@ -39,13 +39,13 @@ CHUNK_BYTES = 2**20
 _BUFFER_BYTES = 2 * CHUNK_BYTES
 _MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; the data follow
 MESSAGE_HEAD_BYTES = _MESSAGE.size
-MESSAGE_BYTES = limits.CHUNK_BYTES - _MESSAGE.size      # of a message's data, since readers reject larger chunks
+MESSAGE_BYTES = limits.CHUNK_BYTES - _MESSAGE.size      # limit for a message's data, since readers reject larger chunks
 MAGIC = b'\x89MCAP0\r\n'
 _Bytes = bytes | bytearray | memoryview
 
 
 class Worker:
-    """Runs jobs on a thread, in order; at most one is pending, which bounds the memory."""
+    """Runs jobs on a thread, in order; at most one is pending, which bounds memory use."""
 
     def __init__(self, name: str) -> None:
         """``name`` names the thread, which starts with the first job."""
@@ -53,7 +53,7 @@ class Worker:
         self._job: Future[None] | None = None
 
     def start(self, job: Callable[[], None]) -> None:
-        """Start a job after the previous one. Raises the previous job's error without starting the new one.
+        """Wait for the previous job, then start the new one. If the previous job failed, raise its error instead.
 
         Returns when the job first releases the interpreter lock. A thread that merely requests the lock can starve
         while its holder keeps releasing and retaking it, as numpy does; the job would then run only when the caller
@@ -100,7 +100,7 @@ def _after(begun: Lock, job: Callable[[], None]) -> None:
 
 
 def packed_bytes(topics: int) -> int:
-    """Return the memory in bytes of the entry for a chunk with messages of this many topics."""
+    """Return the size in bytes of the entry for a chunk that contains messages on this many topics."""
     return _CHUNK.size + topics * _COUNT.size
 
 
@@ -115,7 +115,7 @@ class Stored(NamedTuple):
     counts: tuple[tuple[int, int], ...]
 
     def found_by(self, compression: str) -> records.ChunkIndex:
-        """Return the chunk's index record; the MessageIndex of each channel follows the chunk, in order."""
+        """Return the chunk's index record; its channels' MessageIndex records follow the chunk in order."""
         length = _CHUNK_HEAD + len(compression) + self.size
         offsets, end = {}, self.start + length
         for channel, messages in self.counts:
@@ -148,7 +148,7 @@ class FileParts:
         self._chunks += 1
 
     def chunks(self) -> Iterator[Stored]:
-        """Yield the chunks, the last one first."""
+        """Yield the chunks from last to first."""
         end = len(self._rows)
         while end:
             middle = end - _CHUNK.size
@@ -168,7 +168,7 @@ class FileParts:
 
 
 class OpenChunk:
-    """The chunk being filled: messages as records in a reused buffer; ``index`` has (log time, offset) by channel."""
+    """The chunk being filled: message records in a reused buffer; ``index`` lists (log time, offset) by channel."""
 
     def __init__(self) -> None:
         """Start empty."""
@@ -205,7 +205,7 @@ class OpenChunk:
 
     @property
     def is_full(self) -> bool:
-        """Whether the chunk is large enough to be ended."""
+        """Whether the chunk is large enough to be written."""
         return self.size >= CHUNK_BYTES
 
     def times_ns(self) -> tuple[int, int]:
@@ -224,7 +224,7 @@ def _memory(size: int) -> memoryview:
 
 
 def record_bytes(*rows: records.McapRecord) -> bytes:
-    """Return the bytes of records."""
+    """Return records as bytes."""
     builder = RecordBuilder()
     for row in rows:
         row.write(builder)
@@ -234,8 +234,8 @@ def record_bytes(*rows: records.McapRecord) -> bytes:
 def around(chunk: records.Chunk, size: int, messages: dict[int, list[tuple[int, int]]]) -> tuple[bytes, bytes]:
     """Return the bytes before and after the data of a chunk.
 
-    ``chunk`` has no data, to save a copy; ``size`` bytes of data follow it. ``messages`` has (log time, offset in
-    the chunk) by channel.
+    ``chunk`` has no data, to save a copy; ``size`` bytes of data follow it. ``messages`` lists (log time, offset in the
+    chunk) by channel.
     """
     assert not chunk.data
     head = record_bytes(chunk)
@@ -245,7 +245,7 @@ def around(chunk: records.Chunk, size: int, messages: dict[int, list[tuple[int, 
 
 
 class PackedChunk(NamedTuple):
-    """A compressed chunk with the bytes around it, raw bytes, first and last log time, and (channel, messages)."""
+    """A compressed chunk with the bytes around it, raw size, first and last log time, and (channel, messages)."""
 
     head: bytes
     data: _Bytes
@@ -255,13 +255,13 @@ class PackedChunk(NamedTuple):
     counts: tuple[tuple[int, int], ...]
 
     def __reduce_ex__(self, protocol: Any) -> tuple[type['PackedChunk'], tuple[Any, ...]]:
-        """Return how a chunk is pickled; from protocol 5 on, its data can be sent apart, through shared memory."""
+        """Pickle the chunk; from protocol 5 on, its data can be transferred separately, through shared memory."""
         data = PickleBuffer(self.data) if protocol >= 5 else bytes(self.data)
         return PackedChunk, (self.head, data, *self[2:])
 
 
 def packed(done: OpenChunk, compression: str, compress: Callable[[memoryview], _Bytes]) -> PackedChunk:
-    """Return a chunk as it is written; ``compression`` is a name in MCAP and a function."""
+    """Return a chunk in its stored form; ``compression`` is MCAP's name for the algorithm of ``compress``."""
     data, times_ns = compress(done.data), done.times_ns()
     chunk = records.Chunk(compression=compression, data=b'', message_start_time=times_ns[0],
                           message_end_time=times_ns[1], uncompressed_crc=zlib.crc32(done.data),
@@ -271,15 +271,15 @@ def packed(done: OpenChunk, compression: str, compress: Callable[[memoryview], _
 
 
 class Packer:
-    """Packs messages into the same chunks as a McapWriter does."""
+    """Packs messages into the same chunks as a McapWriter would."""
 
     def __init__(self, compression: str) -> None:
-        """Take the compression as BagOptions names it."""
+        """``compression`` is a name from BagOptions."""
         self._compression, self._compress = mcap_name(compression), compressor(compression)
         self._open = OpenChunk()
 
     def pack(self, messages: Iterable[tuple[int, bytes, int, int]]) -> list[PackedChunk]:
-        """Return the chunks of messages; each message is given as channel, data, time in ns and sequence number."""
+        """Return messages as chunks; each message is given as (channel, data, time in ns, sequence number)."""
         chunks = []
         for channel, data, t_ns, sequence in messages:
             if self._open.size and not self._open.takes(len(data)):
@@ -302,7 +302,7 @@ def mcap_name(compression: str) -> str:
 
 def closing(schemas: Sequence[records.Schema], channels: Sequence[records.Channel], parts: FileParts,
             compression: str, end: int) -> bytes:
-    """Return everything after a file's last part, which ends at ``end``: DataEnd, index and footer."""
+    """Return the bytes that follow a file's last part, which ends at ``end``: DataEnd, index and footer."""
     data_end = record_bytes(records.DataEnd(data_section_crc=0))
     start = end + len(data_end)
     chunks = [record_bytes(chunk.found_by(compression)) for chunk in parts.chunks()]
@@ -324,7 +324,7 @@ def closing(schemas: Sequence[records.Schema], channels: Sequence[records.Channe
 
 
 def statistics(schemas: int, channels: int, parts: FileParts) -> records.Statistics:
-    """Return the counts of a file."""
+    """Return the Statistics record of a file."""
     counts: Counter[int] = Counter()
     for chunk in parts.chunks():
         counts.update(dict(chunk.counts))
@@ -342,7 +342,7 @@ def _taken(builder: RecordBuilder) -> bytes:
 
 
 class McapWriter:
-    """Writes one file. A failed write raises DiskError and leaves the file as it was.
+    """Writes one file. A failed write raises DiskError and leaves the file unchanged.
 
     If writing a chunk fails on a thread, the next call that writes raises the error; messages added in between are lost
     with the chunk.
@@ -373,7 +373,7 @@ class McapWriter:
 
     @property
     def size(self) -> int:
-        """Bytes of the file without its index; the open chunk is counted uncompressed."""
+        """The size of the file in bytes, without its index; the open chunk counts uncompressed."""
         self._settle()
         return self._end + self._open.size
 
@@ -444,7 +444,7 @@ class McapWriter:
             self._thread.start(partial(self._write_chunk, done))
 
     def _settle(self) -> None:
-        """Wait until the ended chunks are in the file. If a chunk is lost, drop the open one to leave no gap."""
+        """Wait until the ended chunks are in the file. If one is lost, drop the open one too, to avoid a gap."""
         try:
             self._thread.settle()
         except DiskError:
@@ -455,7 +455,7 @@ class McapWriter:
         self._write_packed(packed(done, self._compression, self._compress))
 
     def _write_packed(self, chunk: PackedChunk) -> None:
-        """Write a chunk with one call on large buffers, because each call releases and retakes the interpreter lock."""
+        """Write a chunk with a single call, because each call releases and retakes the interpreter lock."""
         start = self._append([chunk.head, chunk.data, chunk.tail])
         self.parts.add(Stored(start, len(chunk.data), chunk.raw_size, *chunk.times_ns, chunk.counts))
         if self._fsync:
@@ -511,8 +511,7 @@ class McapWriter:
             with suppress(OSError):
                 self._file.truncate(self._end)
                 self._file.seek(self._end)
-            raise DiskError(f'{self.path}: cannot be continued: {error.strerror}; what was written before is kept'
-                            ) from None
+            raise DiskError(f'{self.path}: cannot be continued: {error.strerror}; earlier data are kept') from None
         start = self._end
         self._end += sum(map(len, data))
         self._cache.grown(self._end)
@@ -529,8 +528,8 @@ class McapWriter:
             self._write([_HEADER])
         self._file.truncate(self._end)
         self._file.seek(self._end)
-        return DiskError(f'{self.path}: was truncated to {size} bytes by another program during recording; what '
-                         'followed is lost')
+        return DiskError(f'{self.path}: was truncated to {size} bytes by another program during recording; the '
+                         'rest is lost')
 
     def _write(self, data: list[_Bytes]) -> None:
         """Write buffers at the current position; an almost full disk may first accept only a part of them."""
@@ -561,8 +560,8 @@ _HEADER = MAGIC + record_bytes(records.Header('ros2', f'dragon_ros {__version__}
 def compressor(name: str) -> Callable[[memoryview], _Bytes]:
     """Return the function that compresses a chunk.
 
-    MCAP's C++ library calls level -3 "fast". For 223 benches, its bags are 5 % larger than at the default level 1, but
-    writing them takes three fifths of the time, and reading them takes half the time.
+    MCAP's C++ library calls level -3 of zstd "fast". For 223 benches, bags are 5 % larger than at the default level 1,
+    but writing them takes three fifths of the time, and reading them takes half the time.
     """
     if name == 'none':
         return lambda raw: raw
@@ -577,7 +576,7 @@ def _create(path: Path, overwrite: bool) -> FileIO:
     try:
         if overwrite and path.exists() and not path.stat().st_mode & 0o222:
             raise MissingError(f'{path}: is read-only; give another --output')
-        # An existing file is emptied only under a lock, when no other process is writing it.
+        # An existing file is emptied only after it is locked, that is, when no other process is writing it.
         file = FileIO(path, 'r+' if path.exists() and (overwrite or holds_no_message(path)) else 'x')
         flock(file, LOCK_EX | LOCK_NB)
         file.truncate(0)

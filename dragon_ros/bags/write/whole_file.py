@@ -7,7 +7,7 @@ from typing import IO
 
 @contextmanager
 def whole_or_none(path: Path, overwrite: bool) -> Iterator[IO[bytes]]:
-    """Create a file; an incomplete one is removed. Raises OSError."""
+    """Create a file, and remove it if writing fails. Raises OSError."""
     with path.open('wb' if overwrite else 'xb') as file:
         try:
             yield file

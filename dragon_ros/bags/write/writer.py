@@ -1,7 +1,7 @@
 """Writes bags in rosbag2's profile: ros2msg schemas, CDR bytes, QoS and type hash for each channel.
 
-A path that ends in .mcap is one file; any other is a rosbag2 directory with ``metadata.yaml`` and one or more
-files.
+A path that ends in .mcap names a single file; any other path names a rosbag2 directory with ``metadata.yaml`` and one
+or more files.
 """
 import os
 import sys
@@ -24,7 +24,7 @@ from dragon_ros.messages.channels import Channel
 from dragon_ros.messages.schemas import schema_text, type_hash
 
 MB = 10**6
-_SWITCH_S = 2e-5        # shorter than numpy's time between two releases of the interpreter lock
+_SWITCH_S = 2e-5        # shorter than the time between two releases of the interpreter lock by numpy
 _VERSION = 9            # version of metadata.yaml, as ROS 2 Jazzy writes it
 _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 _INDEX_BYTES, _INDEX_BYTES_A_CHUNK = 100_000, 600        # schemas, channels and metadata; a chunk with 10 channels
@@ -76,7 +76,7 @@ class BagPart(NamedTuple):
 
 @dataclass
 class _Extras:
-    """The records that every file of a bag contains, so that each file documents its run on its own."""
+    """The records that every file of a bag contains, so that each file documents its run independently."""
 
     metadata: list[tuple[str, dict[str, str]]] = field(default_factory=list)
     attachments: list[tuple[str, str, bytes]] = field(default_factory=list)
@@ -94,7 +94,7 @@ class BagWriter:
         self.path, self.options, self._threaded = path, options or BagOptions(), threaded
         self._overwrite, self._single = overwrite, path.suffix == '.mcap'
         if self._single and self.options.splits:
-            raise InputError(f'--output {path}: is one file and cannot be split; name a directory')
+            raise InputError(f'--output {path}: is one file and cannot be split; give a directory')
         self._folder = None if self._single else BagFolder(path, overwrite)
         self._broken: DiskError | None = None       # the reason why no part follows the last one
         self._channels: dict[str, Channel] = {}
@@ -149,7 +149,7 @@ class BagWriter:
         return self._ids[topic]
 
     def write_chunk(self, chunk: PackedChunk) -> None:
-        """Append a chunk that was packed elsewhere with the channels of ``channel_of``; the bag must not split."""
+        """Append a chunk that was packed elsewhere with channels of ``channel_of``; the bag must have no limits."""
         assert not self._limited
         self._open_file().add_chunk(chunk)
         topics = {channel: topic for topic, channel in self._ids.items()}
@@ -157,7 +157,7 @@ class BagWriter:
             self.counts[topics[channel]] += messages
 
     def end_chunk(self) -> None:
-        """Let the next message begin a chunk."""
+        """End the open chunk, so that the next message begins a new one."""
         self._open_file().end_chunk()
 
     def flush(self) -> None:
@@ -231,7 +231,7 @@ class BagWriter:
             self._start_ns = t_ns
 
     def _next_file(self) -> None:
-        """End this part and begin the next one. Raises DiskError, after which no part follows."""
+        """End this part and begin the next one. Raises DiskError; no further part can then begin."""
         try:
             self._end_file()
             self._write_metadata()
@@ -255,7 +255,7 @@ class BagWriter:
 
     @property
     def kept(self) -> int:
-        """The number of messages in the closed bag: all of them, unless the disk was full."""
+        """The number of messages in the closed bag: all that were written, unless the disk became full."""
         return sum(file.messages for file in self._files)
 
     def _summary(self) -> BagPart:
@@ -288,7 +288,7 @@ def qos_text(channel: Channel) -> str:
 
 def _metadata_text(files: Sequence[BagPart], topics: Mapping[str, tuple[str, str, str]],
                    custom: Mapping[str, str]) -> str:
-    """Return the file's text; ``topics`` maps each name to type, offered QoS (as text) and type hash."""
+    """Return the text of metadata.yaml; ``topics`` maps each name to type, offered QoS (as text) and type hash."""
     filled = [file for file in files if file.messages]
     start = min((file.start_ns for file in filled), default=0)
     end = max((file.end_ns for file in filled), default=0)
@@ -317,7 +317,7 @@ def _topic(name: str, kind: str, qos: str, type_hash: str, count: int) -> dict[s
 
 @contextmanager
 def prompt_switches() -> Iterator[None]:
-    """Give the compressing thread the interpreter lock soon, since the thread is idle while it waits.
+    """Let the compression thread obtain the interpreter lock quickly, since it is idle until it does.
 
     By default, a thread may demand the lock only after waiting for 5 ms, and each release restarts that wait.
     """
