@@ -24,7 +24,7 @@ def plugged(document: Document) -> Head | Profile:
     document.check_keys('head.', given, KEYS)
     name, settings = given.get('law'), given.get('settings', {})
     if not isinstance(settings, dict) or not all(isinstance(key, str) for key in settings):
-        document.refuse('head.settings', f'it holds {settings!r}; write a mapping of names to values')
+        document.refuse('head.settings', f'its value is {settings!r}; write a mapping of names to values')
     found = _found(document, name)
     try:
         make = found.load()

@@ -284,7 +284,7 @@ def _made(document: Document, name: str, kinds: dict[str, type], given: dict[str
 def _part(document: Document, name: str, key: str, given: Any) -> Any:
     """Return one of a list of mappings: a piece of a joined track, or a group of benches."""
     if not isinstance(given, dict) or (len(PARTS[key]) > 1 and 'kind' not in given):
-        document.refuse(name, f'it holds {shown(given)}; write for example {_EXAMPLES[key]}')
+        document.refuse(name, f'its value is {shown(given)}; write for example {_EXAMPLES[key]}')
     return _made(document, name, PARTS[key], dict(given))
 
 

@@ -42,7 +42,7 @@ class Document:
         """Return the mapping under ``key`` (empty if it is omitted)."""
         value = self.values.get(key, {})
         if not isinstance(value, dict):
-            self.refuse(key, f'it holds {shown(value)}; write a mapping of keys below it')
+            self.refuse(key, f'its value is {shown(value)}; write a mapping of keys below it')
         return value
 
     def check_keys(self, prefix: str, given: Iterable[str], known: Iterable[str]) -> None:

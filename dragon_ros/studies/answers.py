@@ -1,4 +1,4 @@
-"""Numerical summary of a data set: the number of rows of each status, and statistics of the answers."""
+"""Numerical summary of a data set: the number of rows with each status, and statistics of the answers."""
 from collections.abc import Iterator
 from dataclasses import asdict
 from importlib.util import find_spec
@@ -54,7 +54,7 @@ def summary(data: DataSet) -> dict[str, Any]:
 
 
 def _figures(study: Study, table: pa.Table, name: str) -> dict[str, Any]:
-    """Return the minimum, median and maximum of an answer, and, for random rows, bounds for all dragons."""
+    """Return the minimum, median and maximum of an answer and, for random designs, bounds for all dragons."""
     values = numbers(table, name)
     known = values[~np.isnan(values)]
     if not known.size:
@@ -102,13 +102,13 @@ def _between(one: dict[str, Any]) -> str:
 
 
 def _bounds(name: str, one: dict[str, Any]) -> Iterator[str]:
-    """Yield a bound that covers all but one dragon in a thousand, or the number of rows needed if there are too few."""
+    """Yield a bound that covers all but one dragon in a thousand or, if there are too few rows, the number needed."""
     if 'share' not in one:
         return
     if one['bound'] is not None:
         yield f'{name}: {one["share"]:.1%} of dragons are below {one["bound"]:.9g} (with 95 % confidence)'
         return
-    normal = ('; if the values are normally distributed, which these rows do not contradict, it is '
+    normal = ('; if the values are normally distributed (these rows are consistent with that), it is '
               f'{one["bound_if_normal"]:.9g}'
               if 'bound_if_normal' in one else '')
     yield (f'{name}: a bound for {one["share"]:.1%} of dragons (95 % confidence) needs {one["rows_for_bound"]:,} rows'

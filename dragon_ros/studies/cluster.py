@@ -1,8 +1,8 @@
-"""Run a study with Dask: on processes that it starts on this host, or on a running cluster.
+"""Run a study with Dask, on new processes on this host or on a running cluster.
 
 A batch takes about ``_BATCH_S`` seconds, to keep the overhead of Dask small. A few batches per worker are submitted in
 advance. The result of a batch is a Parquet file, which is written as received. If a worker dies, Dask computes its
-batch again; if a batch kills several workers in a row, its rows are tried one by one.
+batch again; if a batch kills several workers in a row, its rows are computed one by one.
 """
 import asyncio
 import logging
@@ -36,18 +36,18 @@ from dragon_ros.studies.rows import FAILED, OK, STATUSES, columns_of, parsed, ro
 from dragon_ros.studies.sampling import check_libraries
 from dragon_ros.version import __version__
 
-_BATCH_S = 2.0          # work per batch; each costs Dask a few milliseconds
-_MOST_ROWS = 4096       # largest batch; a block is a multiple of it
+_BATCH_S = 2.0          # work per batch; each batch costs Dask a few milliseconds
+_MOST_ROWS = 4096       # most rows in a batch; a block is a multiple of it
 _AHEAD = 2              # batches per worker: one is computed while the next one waits
 _LATEST = 0.3           # weight of the latest batch in the average time per row
 _WAIT_S = 0.5           # longest wait for a batch before signals are checked again
 _LOOK_S = 2.0           # time between two counts of the workers
 _CONNECT_S = 30.0
 _START_S = 120.0        # longest wait for a thread of this process
-_NO_WORKERS_S = 60.0    # time without workers that counts as an error
-# Dask's HTTP routes serve its dashboard, which is off. Its profiler is also off: sampling a hundred times per second
-# took a tenth of a worker's time. By default a worker returns blocks of 64 KB and more to the system, and allocating
-# them again takes as long as the arithmetic.
+_NO_WORKERS_S = 60.0    # time without workers after which the study ends with an error
+# Dask's dashboard and the HTTP routes that serve it are off. Its profiler is off, too: sampling a hundred times per
+# second took a tenth of a worker's time. By default, a worker returns freed blocks of 64 KB or more to the system, and
+# allocating them again takes as long as the arithmetic.
 _ALONE: dict[str, Any] = {'distributed.scheduler.http.routes': [], 'distributed.worker.http.routes': [],
                           'distributed.worker.profile.enabled': False, 'distributed.admin.tick.interval': '1s',
                           'distributed.admin.system-monitor.interval': '5s',
@@ -58,7 +58,7 @@ _ALONE: dict[str, Any] = {'distributed.scheduler.http.routes': [], 'distributed.
 
 
 class BatchResult(NamedTuple):
-    """The result of a batch: rows as a Parquet file, the number of rows of each status, and the seconds of work."""
+    """The result of a batch: rows as a Parquet file, the number of rows with each status, and the time spent."""
 
     part: bytes
     statuses: dict[str, int]
@@ -81,13 +81,13 @@ class StudyProgress:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions that must agree on all workers, so that rows have the same values."""
+    """Return the versions that must agree on all workers for rows to have the same values."""
     return {'dragon_ros': __version__, 'python': python_version(), 'numpy': np.__version__, 'scipy': _scipy(),
             'pyarrow': pyarrow.__version__, 'dask': dask.__version__, 'distributed': distributed.__version__}
 
 
 def _scipy() -> str:
-    """Return the version of scipy, which only random laws need."""
+    """Return the version of scipy, or 'none', since only some studies need it."""
     try:
         return version('scipy')
     except PackageNotFoundError:
@@ -106,8 +106,8 @@ def compute(text: str, start: int, stop: int, wanted: dict[str, str]) -> BatchRe
 def _check_same(who: str, found: dict[str, str], wanted: dict[str, str]) -> None:
     for name, mine in wanted.items():
         if found.get(name) != mine:
-            raise InputError(f'scheduler: {who} has {name} {found.get(name)}, this process {mine}; rows would '
-                             'differ: install the same versions everywhere (docs/studies.md)', field=name)
+            raise InputError(f'scheduler: {who} has {name} {found.get(name)}, this process has {mine}; rows would '
+                             'differ; install the same versions everywhere (docs/studies.md)', field=name)
 
 
 @contextmanager
@@ -133,7 +133,7 @@ def local_client(workers: int | None) -> Iterator[Client]:
 def _running_loop() -> tuple[IOLoop, Callable[[], None]]:
     """Return an event loop that runs in its own thread, and a function that ends it. Raises DragonError if none starts.
 
-    Dask can also start one, but allows only ten seconds, which is too short if the machine stalls for a moment.
+    Dask could start a loop itself, but allows only ten seconds, which is too short if the machine stalls briefly.
     """
     ready: Queue[tuple[IOLoop, asyncio.Event]] = Queue()
 
@@ -148,7 +148,7 @@ def _running_loop() -> tuple[IOLoop, Callable[[], None]]:
     try:
         loop, over = ready.get(timeout=_START_S)
     except Empty:
-        raise DragonError(f'no thread of this process ran for {_START_S:g} s; is the machine overloaded? '
+        raise DragonError(f'no thread of this process started within {_START_S:g} s; is the machine overloaded? '
                           'Start the study again') from None
 
     def end() -> None:
@@ -161,8 +161,9 @@ def _running_loop() -> tuple[IOLoop, Callable[[], None]]:
 def _deaf_to_ctrl_c() -> Iterator[None]:
     """Block SIGINT in threads and processes that are started inside this block; in this thread it stays pending.
 
-    A terminal sends SIGINT to all processes, but this process should stop the workers, without a traceback from each.
-    The resource tracker of multiprocessing is started beforehand, since it would unblock the signal.
+    A terminal sends SIGINT to all processes, but only this process should react, by stopping the workers; otherwise,
+    each of them would print a traceback. The resource tracker of multiprocessing is started beforehand, since starting
+    it would unblock the signal.
     """
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
@@ -215,7 +216,7 @@ def _asked(call: Callable[[], Any]) -> Any:
 
 
 def run(data: DataSet, client: Client, stop: Event, tell: Callable[[StudyProgress], object]) -> StudyProgress:
-    """Compute and write the missing rows of a data set, until it is complete or ``stop`` is set.
+    """Compute and write the missing rows of a data set until it is complete or ``stop`` is set.
 
     ``tell`` is called after each batch. Raises DiskError if rows cannot be written, DragonError if the cluster is lost.
     Written rows are kept, and the next run continues from them.
@@ -254,7 +255,7 @@ class _StudyRun:
         return not self._ranges and not self.ahead
 
     def fill(self) -> None:
-        """Submit batches until every worker has enough of them."""
+        """Submit batches until every worker has enough."""
         if monotonic() >= self._look_again:
             self._count_workers()
             self._look_again = monotonic() + _LOOK_S
@@ -273,7 +274,7 @@ class _StudyRun:
         future.add_done_callback(self._came.put)
 
     def _size(self) -> int:
-        """Return the size of the next batch: one row until a row has been timed, and fewer rows towards the end."""
+        """Return the size of the next batch: a single row until one has been timed, and fewer rows towards the end."""
         if self._row_s is None:
             return 1
         left = sum(stop - start for start, stop in self._ranges)
@@ -281,10 +282,10 @@ class _StudyRun:
         return max(1, min(int(_BATCH_S / max(self._row_s, 1e-6)), share, _MOST_ROWS))
 
     def _count_workers(self) -> None:
-        """Count the workers. Raises DragonError if the scheduler is gone or no worker joins."""
+        """Count the workers. Raises DragonError if the scheduler is lost or no worker joins."""
         if self._client.status not in ('running', 'connecting'):
-            raise DragonError(f'the scheduler is gone; {self.progress.done} rows are kept; start the study again to '
-                              'continue')
+            raise DragonError(f'the connection to the scheduler is lost; {self.progress.done} rows are kept; start the '
+                              'study again to continue')
         try:
             self.progress.workers = sum(self._client.nthreads().values())
         except (OSError, TimeoutError) as error:
@@ -293,10 +294,10 @@ class _StudyRun:
         self._seen = monotonic() if self.progress.workers else self._seen
         if monotonic() - self._seen > _NO_WORKERS_S:
             raise DragonError(f'there has been no worker for {_NO_WORKERS_S:g} s; {self.progress.done} rows are kept; '
-                              'start workers, then the study again')
+                              'start workers, and then the study again')
 
     def take(self) -> None:
-        """Write the batches that have arrived; wait a little if there are none."""
+        """Write the batches that have arrived; if there are none, wait briefly."""
         with suppress(Empty):
             self._keep(self._came.get(timeout=_WAIT_S))
             while True:
@@ -325,7 +326,7 @@ class _StudyRun:
             self.progress.statuses[status] += count
 
     def _after_deaths(self, start: int, stop: int) -> None:
-        """Split a batch that killed workers into single rows; a single row that kills workers has failed."""
+        """Split a batch that killed workers into single rows; a single row that kills workers is marked as failed."""
         if stop - start > 1:
             for index in range(start, stop):
                 self._submit(index, index + 1)
@@ -337,7 +338,7 @@ class _StudyRun:
 
 
 def _in_blocks(ranges: list[tuple[int, int]]) -> Iterator[tuple[int, int]]:
-    """Yield ranges cut at the ends of blocks, so that no part spans two blocks."""
+    """Yield the ranges, split at the boundaries of blocks, so that no part spans two blocks."""
     for start, stop in ranges:
         while start < stop:
             end = min(stop, (start // BLOCK + 1) * BLOCK)
@@ -347,7 +348,7 @@ def _in_blocks(ranges: list[tuple[int, int]]) -> Iterator[tuple[int, int]]:
 
 def complete(data: DataSet, stop: Event, tell: Callable[[StudyProgress], object], workers: int | None = None,
              scheduler: str | None = None) -> StudyProgress:
-    """Compute the missing rows of a data set on processes of this host or on the cluster of a scheduler (``run``).
+    """Compute the missing rows of a data set as ``run`` does, in local processes or on a running cluster.
 
     If nothing is missing, no process is started.
     """

@@ -2,8 +2,8 @@
 
 A part contains the rows of one index range and is named after it. It is written under a temporary name, synchronised to
 disk and renamed, so a killed study, a full disk or a power cut leaves no partial file. The parts of batches are joined
-into larger ones, block by block, and then removed. If the study is killed in between, duplicates are ignored until the
-next run removes them. Finally, each block of ``BLOCK`` rows is one file, regardless of the batches.
+into larger ones, block by block, and then removed. If the study is killed in between, duplicate rows are ignored until
+the next run removes them. In the end, each block of ``BLOCK`` rows is one file, regardless of the batches.
 """
 import fcntl
 import os
@@ -37,7 +37,7 @@ class RowFile(NamedTuple):
 
 
 def schema_of(study: Study) -> pa.Schema:
-    """Return the schema of a study's Parquet files; each file includes the study."""
+    """Return the schema of a study's Parquet files; its metadata contain the study."""
     columns = [(name, pa.list_(_TYPES[one.type]) if one.is_list else _TYPES[one.type])
                for name, one in columns_of(study).items()]
     return pa.schema(columns, metadata={'dragon_ros.study': study.text})
@@ -59,12 +59,12 @@ class DataSet:
     """The rows of a study in a folder to which a single process writes."""
 
     def __init__(self, folder: Path, study: Study) -> None:
-        """Use an existing folder."""
+        """``folder`` must exist."""
         self.folder, self.study = folder, study
 
     @property
     def parts(self) -> list[RowFile]:
-        """The parts in order, except parts that are covered by another part."""
+        """The parts in order, except those covered by another part."""
         kept: list[RowFile] = []
         for part in sorted(self._files(), key=lambda one: (one.start, -one.stop)):
             if not kept or part.start >= kept[-1].stop:
@@ -128,7 +128,7 @@ class DataSet:
                             'and start the study again to continue') from None
 
     def _join(self, block: int) -> None:
-        """Join the parts of a block into one if all its rows exist, and remove the parts."""
+        """If all rows of a block exist, join its parts into one and remove them."""
         stop = min(block + BLOCK, self.study.rows)
         parts = [part for part in self.parts if block <= part.start < stop]
         if sum(part.stop - part.start for part in parts) == stop - block and len(parts) > 1:
@@ -137,14 +137,14 @@ class DataSet:
             self.tidy()
 
     def tidy(self) -> None:
-        """Remove what a killed run left behind: unfinished files, and parts that another part covers."""
+        """Remove the remains of a killed run: unfinished files, and parts covered by another part."""
         kept = {part.path for part in self.parts}
         try:
             for path in (self.folder / ROWS).iterdir():
                 if path.suffix == '.tmp' or (_PART.fullmatch(path.name) and path not in kept):
                     path.unlink(missing_ok=True)
         except OSError as error:
-            raise DiskError(f'{self.folder / ROWS}: cannot be tidied: {error.strerror}') from None
+            raise DiskError(f'{self.folder / ROWS}: cannot be cleaned up: {error.strerror}') from None
 
     def join_blocks(self) -> None:
         """Join the parts that an earlier run left unjoined."""
@@ -156,7 +156,8 @@ def _read(part: RowFile, schema: pa.Schema) -> pa.Table:
     try:
         table = pq.read_table(part.path, columns=schema.names)
         if len(table) != part.stop - part.start:
-            raise InputError(f'{part.path}: has {len(table)} rows; remove it and start the study again')
+            raise InputError(f'{part.path}: has {len(table)} rows instead of {part.stop - part.start}; remove it '
+                             'and start the study again')
         return table.cast(schema)
     except (OSError, pa.ArrowException, ValueError) as error:
         why = ' '.join(str(error).split())[:200]
@@ -165,7 +166,7 @@ def _read(part: RowFile, schema: pa.Schema) -> pa.Table:
 
 
 def open_set(folder: Path) -> DataSet:
-    """Return the data set of a folder. Raises MissingError or InputError if it contains none."""
+    """Return the data set in a folder. Raises MissingError or InputError if it contains none."""
     document = read_document(folder / STUDY_FILE)
     return DataSet(folder, study_of(document, None))
 
@@ -174,7 +175,8 @@ def open_set(folder: Path) -> DataSet:
 def writing(folder: Path, study: Study) -> Iterator[DataSet]:
     """Yield the data set of a study in a new or existing folder, for one process at a time.
 
-    Raises InputError if the folder holds another study or another process is writing, DiskError if it is not writable.
+    Raises InputError if the folder contains another study or another process is writing to it, MissingError or
+    DiskError if it is not writable.
     """
     try:
         (folder / ROWS).mkdir(parents=True, exist_ok=True)
@@ -199,7 +201,7 @@ def _lock(file: IO[bytes], folder: Path) -> None:
 
 
 def _check_same(folder: Path, study: Study) -> None:
-    """Reject a folder with rows of another study or version; the number of samples may differ."""
+    """Reject a folder with rows of another study or version; it may have fewer samples."""
     path = folder / STUDY_FILE
     if not path.exists():
         return
@@ -207,15 +209,15 @@ def _check_same(folder: Path, study: Study) -> None:
     before = study_of(document, None)
     if before.identity != study.identity:
         key = next(key for key, value in study.identity.items() if before.identity[key] != value)
-        raise InputError(f'{folder}: holds rows of another study, which differs in {key}; give another --output, or '
+        raise InputError(f'{folder}: contains rows of another study, which differs in {key}; give another --output, or '
                          'remove the folder', field=key)
     if before.rows > study.rows:
         raise InputError(f'{folder}: holds a study of {before.samples} samples, but this one has {study.samples}; give '
                          'at least as many', field='samples')
     made_by = document.section('about').get('dragon_ros')
     if made_by != versions()['dragon_ros']:
-        raise InputError(f'{folder}: holds rows of dragon_ros {made_by}, but this is {versions()["dragon_ros"]}; give '
-                         'another --output')
+        raise InputError(f'{folder}: contains rows of dragon_ros {made_by}, but this is {versions()["dragon_ros"]}; '
+                         'give another --output')
 
 
 def _write_study(folder: Path, study: Study) -> None:

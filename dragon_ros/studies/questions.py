@@ -1,8 +1,8 @@
-"""The questions that a study can ask about a scene: options, columns of the answer, and the answering function.
+"""The questions that a study can ask about a scene: options, columns of the answer, and its computation.
 
-Answers have brackets if the search provides them; ``proved`` indicates whether they are proved (docs/model.md). Rows of
-a batch share work: scenes with the same dragon and track share a compiled model, and the smallest pitch of a dragon is
-searched for only once.
+Answers have brackets if the search provides them; a column ``..._proved`` tells whether they are proved
+(docs/model.md). Rows of a batch share work: scenes with the same dragon and track share a compiled model, and the
+smallest pitch of a dragon is searched for only once.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -35,7 +35,7 @@ class Asked:
     """A scene, and the results that several questions need, so that the first contact is computed only once."""
 
     def __init__(self, scene: Scene, tell: Tell) -> None:
-        """Store the scene. ``tell(states)`` is called during the work, and may raise an exception to end it."""
+        """Store the scene. ``tell(states)`` is called during the work, and may raise an exception to stop it."""
         self.scene, self.tell = scene, tell
 
     @cached_property
@@ -46,7 +46,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class FirstContactQuestion:
-    """The first contact of the run: time, benches or bench and obstacle, and point; without one, how the run ends."""
+    """The first contact of the run: time, pair (benches, or bench and obstacle) and point; or the run's end."""
 
     columns: ClassVar[dict[str, type]] = {
         'contact': bool, 'contact_t_s': float, 'contact_low_s': float, 'contact_high_s': float, 'contact_inner': int,
@@ -55,7 +55,7 @@ class FirstContactQuestion:
         'run_end': str}
 
     def answer(self, asked: Asked) -> Values:
-        """Answer. The bounds on the time follow from the position error; the proof excludes earlier contacts."""
+        """Return the answer. The time bounds follow from the position error; the proof excludes earlier contacts."""
         found, proved = asked.contact, asked.contact.certificate.complete
         if isinstance(found, NoContact):
             return {'contact': False, 'contact_proved': proved, 'run_end_s': found.end.t_s, 'run_end': found.end.reason}
@@ -82,7 +82,7 @@ class NearMissesQuestion:
         number('ask.near_misses.below_m', self.below_m, above=0.0, high=_NEAR_M)
 
     def answer(self, asked: Asked) -> Values:
-        """Answer. Near misses are sampled, not proved."""
+        """Return the answer. Near misses are found by sampling and are not proved."""
         found = near_misses(asked.scene, asked.contact, self.below_m, asked.tell)
         nearest = found.nearest[0] if found.nearest else None
         out = {'near_misses': found.count, 'near_miss_proved': False}
@@ -96,7 +96,7 @@ class NearMissesQuestion:
 
 @dataclass(frozen=True)
 class ClearanceQuestion:
-    """The smallest gap between benches, or to obstacles, at time ``at_s``, by default at the end of the run."""
+    """The smallest gap between benches, or to obstacles, at time ``at_s`` (by default, at the end of the run)."""
 
     at_s: float | None = None
     columns: ClassVar[dict[str, type]] = {
@@ -109,7 +109,7 @@ class ClearanceQuestion:
             number('ask.clearance.at_s', self.at_s, low=0.0)
 
     def answer(self, asked: Asked) -> Values:
-        """Answer. The bounds follow from the (tested) position error. Fewer than three benches have no gap."""
+        """Return the answer. Its bounds follow from the (tested) position error; below three benches, it is empty."""
         simulation = compile_scene(asked.scene)
         t_s = simulation.end.t_s if self.at_s is None else self.at_s
         chain = simulation.chain(t_s)
@@ -132,9 +132,9 @@ class ClearanceQuestion:
 class MinPitchQuestion:
     """The smallest pitch at which the head reaches a circle without contact, starting at ``start_turns``.
 
-    By default ``start_turns`` is the scene's. If all benches behind the head are equal, it is proved that no pitch from
-    the result to ``largest_m`` has a contact. For mixed benches the bracket from ``smallest_m`` to ``largest_m`` is
-    bisected: its two ends are proved, but larger pitches are not examined.
+    By default, ``start_turns`` is taken from the scene. If all benches behind the head are equal, it is proved that no
+    pitch from the result to ``largest_m`` has a contact. For mixed benches, the bracket from ``smallest_m`` to
+    ``largest_m`` is bisected: both ends of the result are proved, but larger pitches are not examined.
     """
 
     diameter_m: float = 9.0
@@ -157,7 +157,7 @@ class MinPitchQuestion:
             number('ask.min_pitch.start_turns', self.start_turns, above=0.0, high=1e4)
 
     def answer(self, asked: Asked) -> Values:
-        """Answer. ``min_pitch_m`` is the upper, safe end of the bracket."""
+        """Return the answer. ``min_pitch_m`` is the upper, safe end of the bracket."""
         dragon = asked.scene.dragon
         start_turns = asked.scene.spiral.start_turns if self.start_turns is None else self.start_turns
         try:
@@ -186,7 +186,7 @@ class _Key:
 
 @lru_cache(maxsize=_SHARED)
 def _pitch_of(key: _Key) -> MinPitch:
-    """Return the smallest pitch from a cache that serves all rows with the same key."""
+    """Return the smallest pitch; rows with the same key share the cached result."""
     question, dragon, start_turns = key.values
     return min_pitch(dragon, question.diameter_m, start_turns, question.largest_m, question.within_m, key.tell,
                      question.smallest_m)
@@ -208,7 +208,7 @@ class FitQuestion:
             number('ask.fit.square_m', self.square_m, above=0.0)
 
     def answer(self, asked: Asked) -> Values:
-        """Answer. ``fits_...`` is empty if no square is given or the bounds cannot decide."""
+        """Return the answer. ``fits_...`` is empty if no square is given or the bounds do not decide the question."""
         found = bounding_box(asked.scene, progress=asked.tell)
         out: Values = {'fit_proved': True}
         for name, (low_m, high_m) in (('centred', found.centred_m), ('free', found.free_m)):
@@ -240,7 +240,7 @@ class MaxSpeedQuestion:
         number('ask.max_speed.limit_m_s', self.limit_m_s, above=0.0, high=1e9)
 
     def answer(self, asked: Asked) -> Values:
-        """Answer. At the lower bound no handle exceeds the limit; at the upper bound one does."""
+        """Return the answer. At the lower bound, no handle exceeds the limit; at the upper bound, one does."""
         found = max_speed(asked.scene, asked.tell)
         low, high = self.limit_m_s / found.bound, self.limit_m_s / found.ratio
         return {'max_speed_m_s': low, 'max_speed_low_m_s': low, 'max_speed_high_m_s': high,
@@ -250,12 +250,12 @@ class MaxSpeedQuestion:
 
 @dataclass(frozen=True)
 class LockQuestion:
-    """The time and the link of the lock that ends the run unless it ends earlier."""
+    """The time and the link of the lock that would end the run if the run had no stop time."""
 
     columns: ClassVar[dict[str, type]] = {'locks': bool, 'lock_t_s': float, 'lock_link': int, 'lock_proved': bool}
 
     def answer(self, asked: Asked) -> Values:
-        """Answer. The position of the lock is exact to the last float; this is tested, not proved."""
+        """Return the answer. The lock is located to the last float; this is tested, not proved."""
         limit = compile_scene(replace(asked.scene, run=replace(asked.scene.run, stop_s=None))).limit
         if limit is None or limit.reason != 'lock':
             return {'locks': False, 'lock_proved': False}
@@ -267,7 +267,7 @@ Question = (FirstContactQuestion | NearMissesQuestion | ClearanceQuestion | MinP
 QUESTIONS: dict[str, type[Question]] = {
     'contact': FirstContactQuestion, 'near_misses': NearMissesQuestion, 'clearance': ClearanceQuestion,
     'min_pitch': MinPitchQuestion, 'fit': FitQuestion, 'max_speed': MaxSpeedQuestion, 'lock': LockQuestion}
-# The column of each answer that summaries and figures show by default.
+# For each question, the column that summaries and figures show by default.
 MAIN = {'contact': 'contact_t_s', 'near_misses': 'near_miss_gap_m', 'clearance': 'clearance_m',
         'min_pitch': 'min_pitch_m', 'fit': 'fit_centred_high_m', 'max_speed': 'max_speed_m_s', 'lock': 'lock_t_s'}
 

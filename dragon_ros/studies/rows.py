@@ -1,7 +1,7 @@
 """Rows and batches of rows. A row is a scene of a study with its answers; it depends only on the study and its index.
 
-If a scene is rejected or exceeds its budget, its row states the reason. Only ``cpu_s``, and hence whether a row exceeds
-its budget, depends on the machine.
+If a scene is rejected or exceeds its budget, its row states the reason. Only ``cpu_s``, and therefore whether a row
+exceeds its budget, depends on the machine.
 """
 import hashlib
 import json
@@ -22,7 +22,7 @@ from dragon_ros.version import __version__
 OK, REFUSED, OVER_BUDGET, FAILED = 'ok', 'refused', 'over_budget', 'failed'
 STATUSES = (OK, REFUSED, OVER_BUDGET, FAILED)       # from best to worst; a row has the worst status of its answers
 _ABOUT: dict[str, type] = {'status': str, 'reason': str, 'cpu_s': float, 'version': str, 'scene_sha256': str}
-_MOST_SHOWN = 500       # characters of a reason
+_MOST_SHOWN = 500       # most characters of a reason
 Row = dict[str, Any]
 
 
@@ -55,14 +55,14 @@ def _type_of(study: Study, key: str, variation: object) -> type:
 
 
 def row_of(study: Study, index: int) -> Row:
-    """Return the row with an index; missing answers are None."""
+    """Return the row with the given index; missing answers are None."""
     return _computed(study, _DrawnRow.of(study, index))
 
 
 def rows_of(study: Study, indices: Iterable[int]) -> list[Row]:
-    """Return rows in index order. Rows with the same dragon and track are computed consecutively.
+    """Return rows in index order. Rows with equal dragons and tracks are computed consecutively.
 
-    They share a compiled model, which does not affect their values.
+    Such rows share a compiled model, which does not affect their values.
     """
     drawn = sorted((_DrawnRow.of(study, index) for index in indices), key=lambda one: one.shares)
     return sorted((_computed(study, one) for one in drawn), key=lambda row: row['index'])
@@ -113,14 +113,14 @@ def _computed(study: Study, drawn: _DrawnRow) -> Row:
 
 
 def _tried(what: str, answer: Callable[[], object], reasons: list[tuple[str, str]], study: Study) -> object:
-    """Return an answer, or record why there is none: the error of one scene must not end a study of a million."""
+    """Return an answer, or record why there is none: one scene's error must not end a study of a million rows."""
     try:
         return answer()
     except _OverBudget:
         reasons.append((OVER_BUDGET, f'{what}: took more than its budget of {study.budget_s:g} s'))
     except DragonError as error:
         reasons.append((REFUSED, f'{what}: {" ".join(str(error).split())}'))
-    except Exception as error:  # noqa: BLE001 - a defect of one scene is a row that says so
+    except Exception as error:  # noqa: BLE001 - a failing scene is reported in its row
         reasons.append((FAILED, f'{what}: {type(error).__name__}: {" ".join(str(error).split())}'))
     return None
 

@@ -17,15 +17,15 @@ Values = dict[str, Any]
 
 
 def check_libraries(study: Study) -> None:
-    """Reject a study that needs scipy (for a Sobol sequence or a normal law) if scipy is not installed."""
+    """Reject a study that needs scipy (for a Sobol sequence or a normal distribution) if scipy is not installed."""
     needs = study.design in ('sobol', 'saltelli') or any(isinstance(one, Normal) for _, one in study.vary)
     if needs and not find_spec('scipy'):
-        raise MissingError(f"scipy: is not installed; design {study.design} or a normal law needs it: "
+        raise MissingError("scipy: it is not installed, but Sobol sequences and normal distributions need it; "
                            "pip install 'dragon_ros[study]'")
 
 
 def values_of(study: Study, index: int) -> Values:
-    """Return the values of the varied keys for the row of an index; values per bench are lists."""
+    """Return the values of the varied keys for the row with the given index; per-bench values are lists."""
     if study.design == 'grid':
         return _in_grid(study, index)
     point, at, out = _point(study, index), 0, {}
@@ -39,7 +39,7 @@ def values_of(study: Study, index: int) -> Values:
 def scene_values_of(study: Study, values: Values) -> Values:
     """Return the base scene with the given values substituted, as a mapping laid out like a scene file."""
     scene: Values = _copied(study.base)
-    for key, value in values.items():       # groups are split last, so that the other groups keep their numbers
+    for key, value in values.items():       # groups are split afterwards, so that all groups keep their numbers
         if not isinstance(value, list):
             last, target = target_of(scene, key)
             target[last] = value
@@ -56,7 +56,7 @@ def _copied(value: Any) -> Any:
 
 
 def _in_grid(study: Study, index: int) -> Values:
-    """Return the values at a point of a grid; the last key changes fastest."""
+    """Return the values at a point of a grid; the last key varies fastest."""
     out: Values = {}
     for key, variation in reversed(study.vary):
         steps = levels_of(variation)
@@ -75,13 +75,13 @@ def levels_of(variation: Variation) -> list[Any]:
 
 
 def _typed(study: Study, key: str, value: Any) -> Any:
-    """Return a value as an integer if the scene has an integer for this key."""
+    """Return a value, rounded to an integer if the scene's value of this key is an integer."""
     last, target = target_of(study.base, key)
     return round(value) if isinstance(target[last], int) and isinstance(value, float) else value
 
 
 def _point(study: Study, index: int) -> Floats:
-    """Return a point of the unit cube."""
+    """Return the point of the unit cube for the row with the given index."""
     if study.design == 'random':
         return np.random.default_rng(np.random.SeedSequence(study.seed, spawn_key=(index,))).random(study.dimensions)
     if study.design == 'sobol':
@@ -90,7 +90,7 @@ def _point(study: Study, index: int) -> Floats:
 
 
 def _of_two(study: Study, base: int, which: int) -> Floats:
-    """Return base point A (0) or B (1), or A with B's values of one key (2 onwards), as in Saltelli 2010, table 2."""
+    """Return base point A (0) or B (1), or A with B's values of one key (2 and up), as in Saltelli 2010, table 2."""
     both = _sequence(2 * study.dimensions, study.seed).point(base)
     a, b = both[:study.dimensions], both[study.dimensions:]
     if which < 2:
@@ -106,12 +106,12 @@ class _Sequence:
     """A scrambled Sobol sequence and a position in it. Advancing is fast; going back restarts it."""
 
     def __init__(self, dimensions: int, seed: int) -> None:
-        from scipy.stats import qmc  # other designs do not need it
+        from scipy.stats import qmc  # imported lazily, because other designs do not need it
         self._engine, self._next = qmc.Sobol(dimensions, scramble=True, seed=np.random.default_rng(seed)), 0
         self._last: Floats = np.empty(0)
 
     def point(self, index: int) -> Floats:
-        """Return the point with an index."""
+        """Return the point with the given index."""
         if index == self._next - 1:
             return self._last
         if index < self._next:
@@ -129,7 +129,7 @@ def _sequence(dimensions: int, seed: int) -> _Sequence:
 
 
 def _drawn(variation: Variation, point: Floats) -> list[Any]:
-    """Return the values of a variation at points of [0, 1)."""
+    """Return the values of a variation for coordinates in [0, 1)."""
     if isinstance(variation, Listed):
         return [variation.values[int(one * len(variation.values))] for one in point]
     if isinstance(variation, Range) and variation.steps:

@@ -32,24 +32,24 @@ def study_schema() -> Schema:
     questions = {name: {'anyOf': [{'type': 'null'}, kind_schema('', kind, needed=False)]}
                  for name, kind in QUESTIONS.items()}
     parts = {
-        'scene': {'description': 'the base scene: a name, a file beside the study, or its keys',
+        'scene': {'description': 'the base scene: a name, a file, or the keys of a scene file',
                   'anyOf': [{'type': 'string'}, scene], 'default': 'winding'},
         'set': {'description': 'keys of the base scene to change', 'type': 'object',
                 'properties': scene['properties']},
-        'vary': {'description': 'what varies, by dotted keys such as track.pitch_m', 'type': 'object',
+        'vary': {'description': 'the variations, by dotted keys such as track.pitch_m', 'type': 'object',
                  'minProperties': 1, 'additionalProperties': _VARIATION},
         'design': {'description': 'how points are chosen; saltelli estimates the influence of each key',
                    'enum': list(DESIGNS), 'default': Study.design},
         'samples': {'description': 'number of points; ignored for a grid', 'type': 'integer', 'minimum': 1},
-        'seed': {'description': 'of all designs but grid', 'type': 'integer', 'minimum': 0, 'default': Study.seed},
+        'seed': {'description': 'ignored for a grid', 'type': 'integer', 'minimum': 0, 'default': Study.seed},
         'ask': {'description': 'the questions about each scene', 'anyOf': [
             {'type': 'array', 'minItems': 1, 'items': {'enum': list(QUESTIONS)}},
             {'type': 'object', 'minProperties': 1, 'additionalProperties': False, 'properties': questions}]},
         'budget_s': {'description': 'CPU seconds that a row may take', 'type': 'number', 'exclusiveMinimum': 0,
                      'default': Study.budget_s},
-        'about': {'description': 'free notes without any effect', 'type': 'object'}}
+        'about': {'description': 'free-form notes, which have no effect', 'type': 'object'}}
     return {'$schema': 'https://json-schema.org/draft/2020-12/schema', 'title': 'A study of dragon_ros',
-            'description': 'Which scenes are computed, and which questions are asked about each.', 'type': 'object',
+            'description': 'The scenes to compute, and the questions to answer about each.', 'type': 'object',
             'additionalProperties': False, 'required': ['vary', 'ask'], 'properties': parts}
 
 

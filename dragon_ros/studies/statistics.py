@@ -15,7 +15,7 @@ from dragon_ros.studies.study import Study
 CONFIDENCE = 0.95
 _RESAMPLES = 999
 _NORMAL_FROM = 20       # fewest rows for which a standard deviation is estimated
-_MOST_TESTED = 5000     # number of values; for more, the p-values of the test are inaccurate
+_MOST_TESTED = 5000     # most values that are tested, since for more, the test's p-values are inaccurate
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Estimate:
 
 
 def quantile(values: Floats, share: float, confidence: float = CONFIDENCE) -> Estimate:
-    """Return a quantile of samples (N,) and the order statistics that bracket it, by the binomial distribution."""
+    """Return a quantile of samples (N,) and the order statistics that bracket it, using the binomial distribution."""
     from scipy.stats import binom  # slow to import
     ordered, out = np.sort(values), (1 - confidence) / 2
     count = ordered.size
@@ -43,7 +43,7 @@ def safe_rows(share: float, confidence: float = CONFIDENCE) -> int:
 
 
 def upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) -> float:
-    """Return an upper bound for a share of all values, with a given confidence; inf if there are too few rows."""
+    """Return an upper bound for a share of all values, with the given confidence; inf if there are too few rows."""
     from scipy.stats import binom
     count = values.size
     rank = int(binom.ppf(confidence, count, share)) + 1
@@ -51,7 +51,7 @@ def upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) ->
 
 
 def normal_upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) -> float:
-    """Return the bound of ``upper_bound`` **if** values are normally distributed (the one-sided tolerance factor)."""
+    """Return a bound like ``upper_bound`` that holds only **if** values are normally distributed (tolerance factor)."""
     from scipy.stats import nct, norm
     count = values.size
     factor = float(nct.ppf(confidence, count - 1, norm.ppf(share) * sqrt(count))) / sqrt(count)
@@ -91,7 +91,7 @@ class Indices:
 
 
 def indices(study: Study, values: Floats) -> list[Indices]:
-    """Return the Sobol indices of an answer (rows,), with bootstrapped intervals, for the design ``saltelli``.
+    """Return the Sobol indices of an answer (rows,) in a study of design ``saltelli``, with bootstrapped intervals.
 
     The estimators are those of Saltelli 2010. Raises FieldError for another design, or if an answer is missing, since
     the indices need every row.

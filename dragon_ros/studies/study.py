@@ -1,7 +1,7 @@
 """A study: a base scene, its variations, the design, the samples and the questions. It is read like a scene.
 
-A study is self-contained: it includes its complete base scene and can be written as a YAML text from which it can be
-restored. Workers receive this text, and data sets contain it.
+A study is self-contained: it includes its complete base scene and can be written as YAML text and restored from it.
+Workers receive this text, and data sets contain it.
 """
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -22,40 +22,40 @@ from dragon_ros.studies.questions import QUESTIONS, Question, name_of
 
 DESIGNS = ('grid', 'random', 'sobol', 'saltelli')
 MOST_ROWS = 10**9
-MOST_DIMENSIONS = 10_000        # limit of a Sobol sequence; saltelli needs twice as many, and scipy supports 21,201
+MOST_DIMENSIONS = 10_000        # limit for Sobol sequences: saltelli needs twice as many, and scipy supports 21,201
 _KEYS = ('scene', 'set', 'vary', 'design', 'samples', 'seed', 'ask', 'budget_s', 'about')
 _MOST_STEPS = 100_000
-_MOST_DIGITS = 6        # largest number of digits in the index of a list item
-_FAR = 1e300            # largest value, so that differences stay finite
+_MOST_DIGITS = 6        # most digits in the index of a list item
+_FAR = 1e300            # largest value, chosen so that differences stay finite
 Values = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Listed:
-    """A list of values; a random design takes each with equal probability."""
+    """A list of values; a random design draws each with equal probability."""
 
     values: tuple[Any, ...]
     is_per_bench: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        """Reject an empty list, and values other than numbers, words and None."""
+        """Reject an empty list, and one that contains neither only numbers nor only words."""
         if not 1 <= len(self.values) <= _MOST_STEPS:
             raise FieldError('values', len(self.values), f'a list has 1 to {_MOST_STEPS} values', 'give at least one')
         for value in self.values:
             if not isinstance(value, (int, float, str)):
                 raise FieldError('values', value, 'a list can contain only numbers and words', 'use only these')
         if len({isinstance(value, str) for value in self.values}) > 1:
-            raise FieldError('values', self.values, 'a list has numbers or words', 'use only one kind')
+            raise FieldError('values', self.values, 'a list contains either numbers or words', 'use only one kind')
 
     @property
     def as_value(self) -> Any:
-        """The form in a study file."""
+        """The value as written in a study file."""
         return list(self.values)
 
 
 @dataclass(frozen=True)
 class Range:
-    """``steps`` values from ``low`` to ``high``, both included; a random design takes any value in between."""
+    """``steps`` values from ``low`` to ``high``, inclusive; without ``steps``, random values in between."""
 
     low: float
     high: float
@@ -70,7 +70,7 @@ class Range:
 
     @property
     def as_value(self) -> Any:
-        """The form in a study file."""
+        """The value as written in a study file."""
         return {'from': self.low, 'to': self.high, **({} if self.steps is None else {'steps': self.steps})}
 
 
@@ -89,7 +89,7 @@ class Uniform:
 
     @property
     def as_value(self) -> Any:
-        """The form in a study file."""
+        """The value as written in a study file."""
         return {'uniform': [self.low, self.high], **_per(self.is_per_bench)}
 
 
@@ -114,7 +114,7 @@ class Normal:
 
     @property
     def as_value(self) -> Any:
-        """The form in a study file."""
+        """The value as written in a study file."""
         return {'normal': [self.mean, self.deviation], 'within': [self.low, self.high], **_per(self.is_per_bench)}
 
 
@@ -127,10 +127,10 @@ def _per(is_per_bench: bool) -> Values:
 
 @dataclass(frozen=True)
 class Study:
-    """A base scene, the varied keys, the design and the questions: with an index, all that determines a row.
+    """A base scene, the varied keys, the design and the questions; together with an index, they determine a row.
 
     ``samples`` is the number of points of a random or Sobol design; for ``saltelli`` it is the number of base points,
-    each of which has two rows plus one per key. It is ignored for grids. ``budget_s`` is the CPU time per row.
+    each of which has two rows plus one per key. The value is ignored for grids. ``budget_s`` is the CPU time per row.
     """
 
     scene: Scene = field(default_factory=Scene)
@@ -171,7 +171,7 @@ class Study:
         group, target = target_of(self.base, key)
         value = target.get(group)
         if isinstance(value, (list, dict)):
-            raise FieldError(at, value, 'it is not a single value', 'name one of the keys below it')
+            raise FieldError(at, value, 'it is not a single value', 'name one of the keys inside it')
         if self.design == 'grid' and (isinstance(variation, (Uniform, Normal)) or
                                       (isinstance(variation, Range) and variation.steps is None)):
             raise FieldError(at, variation.as_value, 'a grid needs lists, or ranges with steps',
@@ -184,12 +184,12 @@ class Study:
 
     @cached_property
     def base(self) -> Values:
-        """The complete base scene, as the mapping of a scene file."""
+        """The complete base scene, as a mapping laid out like a scene file."""
         return scene_values(self.scene)
 
     @cached_property
     def widths(self) -> tuple[int, ...]:
-        """The number of coordinates that each key takes: one, or one per bench."""
+        """The number of coordinates that each key uses: one, or one per bench."""
         return tuple(target_of(self.base, key)[1]['count'] if one.is_per_bench else 1 for key, one in self.vary)
 
     @property
@@ -204,7 +204,7 @@ class Study:
 
     @cached_property
     def values(self) -> Values:
-        """The study as the mapping of a study file."""
+        """The study as a mapping laid out like a study file."""
         return {**self.identity, 'samples': self.samples}
 
     @cached_property
@@ -216,13 +216,13 @@ class Study:
 
     @cached_property
     def text(self) -> str:
-        """The study as a study file."""
+        """The study as the text of a study file."""
         return as_text(self.values)
 
     def with_samples(self, samples: int) -> 'Study':
         """Return the study with another number of samples. Raises FieldError for a grid."""
         if self.design == 'grid':
-            raise FieldError('samples', samples, f'the number of points of a grid is fixed, {self.samples}',
+            raise FieldError('samples', samples, f'the number of points of a grid is fixed at {self.samples}',
                              'change the steps in its file')
         return replace(self, samples=samples)
 
@@ -236,7 +236,7 @@ def as_text(values: Values) -> str:
 def target_of(scene: Values, key: str) -> tuple[str, Values]:
     """Return the last part of a dotted key and the mapping of a scene that contains it. Raises FieldError.
 
-    The items of a list are numbered from 1, as in errors of scene files.
+    List items are numbered from 1, as in error messages about scene files.
     """
     *sections, last = key.split('.')
     target: Any = scene
@@ -253,24 +253,24 @@ def target_of(scene: Values, key: str) -> tuple[str, Values]:
 
 
 def _steps_of(variation: Variation) -> Any:
-    """Return a sequence whose length is that of a variation in a grid."""
+    """Return a sequence with as many items as a variation has values in a grid."""
     return variation.values if isinstance(variation, Listed) else range(getattr(variation, 'steps', None) or 1)
 
 
 def study_names() -> list[str]:
-    """Return the names of the studies of the package."""
+    """Return the names of the studies that the package includes."""
     return sorted(path.stem for path in (configuration_folder() / 'studies').glob('*.yaml'))
 
 
 def load_study(name_or_file: str) -> Study:
-    """Return the study with a name or in a file. Raises InputError, which names the file, line and key."""
+    """Return a study, given its name or its file. Raises InputError, which gives the file, line and key."""
     if '/' in name_or_file or name_or_file.endswith(('.yaml', '.yml')):
         path = Path(name_or_file)
     elif name_or_file in study_names():
         path = configuration_folder() / 'studies' / f'{name_or_file}.yaml'
     else:
-        raise MissingError(f'no study is called {name_or_file!r}; the studies are {", ".join(study_names())}; or give '
-                           'the path of a .yaml file, or of a data set to continue it')
+        raise MissingError(f'no study is called {name_or_file!r}; the studies are {", ".join(study_names())}; give '
+                           'a name, the path of a .yaml file, or the path of a data set to continue')
     return study_of(read_document(path), path.parent)
 
 
@@ -280,7 +280,7 @@ def study_from(name: str, text: str) -> Study:
 
 
 def study_of(document: Document, folder: Path | None) -> Study:
-    """Return the study described by a document. Scene files are looked up in a folder, or rejected without one."""
+    """Return the study described by a document. Scene files are looked up in ``folder``, or rejected if it is None."""
     document.check_keys('', document.values, _KEYS)
     given = document.values
     try:
@@ -296,7 +296,7 @@ def study_of(document: Document, folder: Path | None) -> Study:
 
 
 def _scene(document: Document, folder: Path | None) -> Scene:
-    """Return the base scene: a name or file with the changes of ``set``, or a mapping laid out like a scene file."""
+    """Return the base scene, given by name or file, with the changes of ``set``, or as a mapping like a scene file."""
     given = document.values.get('scene', 'winding')
     changes = document.section('set')
     if isinstance(given, dict):
@@ -305,7 +305,7 @@ def _scene(document: Document, folder: Path | None) -> Scene:
         places = {key.removeprefix('scene.'): place for key, place in document.places.items()}
         return scene_of(Document(document.name, given, places))
     if not isinstance(given, str) or folder is None:
-        document.refuse('scene', f'it holds {shown(given)}; write the name or file of a scene, or its keys')
+        document.refuse('scene', f'its value is {shown(given)}; write the name or file of a scene, or its keys')
     if '/' in given or given.endswith(('.yaml', '.yml')):
         given = str(folder / given)
     try:
@@ -331,7 +331,7 @@ def _variation(document: Document, key: str, given: Any) -> Variation:
         document.check_keys(f'{at}.', given, known)
         per = given.get('per')
         if per is not None and per != 'bench':
-            document.refuse(f'{at}.per', f'{shown(per)} is not known; write per: bench, or omit it')
+            document.refuse(f'{at}.per', f'{shown(per)} is unknown; write per: bench, or omit it')
         return _made(document, at, given, per == 'bench')
     except FieldError as error:
         raise FieldError(f'{at}.{error.fields["field"]}', error.fields['value'], error.fields['limit'],
@@ -349,7 +349,8 @@ def _made(document: Document, at: str, given: Values, is_per_bench: bool) -> Var
     if 'uniform' in given:
         return Uniform(*_pair(document, f'{at}.uniform', given['uniform']), is_per_bench)
     if 'within' not in given:
-        document.refuse(f'{at}.within', 'it is missing; a normal distribution is truncated: write within: [low, high]')
+        document.refuse(f'{at}.within', 'it is missing; normal distributions must be truncated; write within: [low, '
+                                         'high]')
     return Normal(*_pair(document, f'{at}.normal', given['normal']), *_pair(document, f'{at}.within', given['within']),
                   is_per_bench)
 
@@ -361,7 +362,7 @@ def _pair(document: Document, at: str, given: Any) -> tuple[float, float]:
 
 
 def _questions(document: Document) -> tuple[Question, ...]:
-    """Return the questions of a list of names, or of a mapping of names to options."""
+    """Return the questions, given as a list of names or as a mapping from names to options."""
     given = document.values.get('ask', [])
     if isinstance(given, list) and all(isinstance(name, str) for name in given):
         given = dict.fromkeys(given)

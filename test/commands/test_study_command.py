@@ -98,7 +98,7 @@ def test_the_rows_of_a_study_are_arrays_in_python(computed):
     (['.'], 'study.yaml: cannot be read'),
     (['.', '--output', 'x'], '--output: the folder of a study is its own output'),
     (['pitch_map', '--output', 'x', '--samples', '3'],
-     'samples: 3 is not valid: the number of points of a grid is fixed, 77'),
+     'samples: 3 is not valid: the number of points of a grid is fixed at 77'),
     (['tolerances', '--output', 'x', '--samples', '0'], '--samples: 0'),
     (['tolerances', '--output', 'x', '--workers', '0'], '--workers: 0'),
     (['tolerances', '--output', 'x', '--workers', '2', '--scheduler', 'tcp://127.0.0.1:9'], 'has its own workers'),

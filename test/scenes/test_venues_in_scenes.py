@@ -79,7 +79,7 @@ def test_a_bag_cannot_have_a_file_read():
                                                                       r"points"),
     ('{obstacles: [{kind: line, name: wall}]}', r'f:3: venue\.obstacles\.1\.points_m: it is missing'),
     ('{obstacles: [{kind: disc, name: wall}]}', r'f:3: venue\.obstacles\.1\.kind: .disc. is not known; the kinds are'),
-    ('{obstacles: [{name: wall}]}', r'f:3: venue\.obstacles\.1: it holds .*write for example {kind: line'),
+    ('{obstacles: [{name: wall}]}', r'f:3: venue\.obstacles\.1: its value is .*write for example {kind: line'),
     ('{obstacles: [{kind: polygon, name: a, points_m: [[9, 9], [8, 9], [8, 8]], holes_m: 3}]}', r'f:3: .*holes_m: 3 '),
     ('{}', r'f:3: venue\.obstacles: 0 '),
     ('{obstacle: []}', r'f:3: venue\.obstacle: unknown key; did you mean obstacles\?'),

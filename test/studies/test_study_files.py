@@ -37,7 +37,7 @@ def test_a_range_on_a_whole_number_gives_whole_numbers_and_a_grid_counts_itself(
 
 def test_samples_can_be_changed_but_not_those_of_a_grid(study):
     assert study().with_samples(99).rows == 99
-    with pytest.raises(InputError, match='samples: 3 is not valid: the number of points of a grid is fixed, 2'):
+    with pytest.raises(InputError, match='samples: 3 is not valid: the number of points of a grid is fixed at 2'):
         study(GRID).with_samples(3)
 
 
