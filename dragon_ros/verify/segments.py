@@ -8,7 +8,7 @@ head enters at ``first`` and leaves at ``last``; None means that a segment has n
 from cmath import exp
 from dataclasses import dataclass
 from functools import cached_property
-from math import asin, asinh, hypot, pi, sin, sqrt
+from math import asin, asinh, pi, sin, sqrt
 from typing import NamedTuple, Protocol
 
 from flint import acb, arb
@@ -299,8 +299,8 @@ class SpiralSegment:
             return delta + twice * sine * ((u - delta) * cosine - sine)
 
         least = _about_arc(theta) - furthest_m(self.bend, link.near) / float(self.b)
-        inner = max(_about_after(max(least, 0.0)), float(self.inner))
-        found = certified(value, slope, bracketed(about, 0.0, theta - inner, near / hypot(1, theta)))
+        most = theta - max(_about_after(max(least, 0.0)), float(self.inner))
+        found = certified(value, slope, bracketed(about, 0.0, most, most))
         if not found > 0:
             raise Refused('a position on the track could not be proved: it may be on the wrong side of a handle')
         return found

@@ -55,7 +55,7 @@ def values(status):
 
 def test_a_contact_is_reported_from_start_to_end_on_every_topic(start, node):
     from visualization_msgs.msg import Marker
-    start('monitor')
+    monitor = start('monitor')
     heard = Listener(node, 'collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance',
                      'clearance/marker')
     source = Publisher(node)
@@ -86,6 +86,10 @@ def test_a_contact_is_reported_from_start_to_end_on_every_topic(start, node):
     assert [message.data for message in heard.got['collision/active']] == [False, True, False]
     clearance = [message.data for message in heard.got['clearance']]
     assert clearance[:3] == pytest.approx([9.015e-4, 3.67e-4, -1.618e-4], abs=1e-5)
+    monitor.wait_for('end of contact')
+    lines = [line for line in monitor.text.splitlines() if 'of benches 0 and 8' in line or 'end of contact' in line]
+    assert ['ERROR' in line for line in lines] == ['end of contact' not in line for line in lines]
+    assert len(lines) == 2
 
 
 def test_health_goes_from_ok_over_warn_to_error_and_back(start, node):

@@ -1,4 +1,5 @@
 """The checker's own track, chain and law equal the solver's to the last digits, and are far more precise."""
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
@@ -19,9 +20,10 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 from dragon_ros.scenes.load import scene_values
-from dragon_ros.verify import reading
+from dragon_ros.verify import family, reading, segments, track
 from dragon_ros.verify.balls import exact, precise
 from dragon_ros.verify.cover import Budget
+from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Law
 from dragon_ros.verify.posture import Dragon as Benches
 from dragon_ros.verify.posture import Posture
@@ -75,19 +77,51 @@ def test_handles_lie_where_the_exact_tier_puts_them_and_are_known_to_a_billionth
 
 @pytest.mark.parametrize('name', SCENES)
 def test_distances_along_the_track_lead_to_places_and_back(name):
-    _, track, posture = chain(SCENES[name], SCENES[name].run.start_s)
+    _, line, posture = chain(SCENES[name], SCENES[name].run.start_s)
     for n in range(3):
         place = posture.place(n)
-        away = track.distance(track.place_at(track.distance(place).mid())) - track.distance(place)
+        away = line.distance(line.place_at(line.distance(place).mid())) - line.distance(place)
         assert abs(float(away)) < 1e-20
-        assert track.apart_m(place, posture.place(n + 1)) >= float(
+        assert line.apart_m(place, posture.place(n + 1)) >= float(
             abs(posture.point(n) - posture.point(n + 1)).lower()) * (1 - 1e-15)
+
+
+@pytest.mark.parametrize('name', SCENES)
+def test_places_are_first_computed_in_floats_which_are_right_to_a_billionth(name, monkeypatch):
+    asked = []
+
+    def watched(value, slope, guess, certified=segments.certified):
+        found = certified(value, slope, guess)
+        asked.append((guess, float(found)))
+        return found
+    for module in (segments, track):
+        monkeypatch.setattr(module, 'certified', watched)
+    scene = SCENES[name]
+    for t_s in np.linspace(scene.run.start_s, compile_scene(scene).end.t_s, 4).tolist():
+        _, line, posture = chain(scene, t_s)
+        place = posture.place(1)
+        with suppress(Refused):     # ahead, towards the leading handle, where the track has no centre
+            line.next(place, Benches(read(scene)).benches[0].link, -1 if line.to_centre else 1)
+    assert name == 'loop' or asked
+    for guess, found in asked:
+        assert guess == pytest.approx(found, rel=1e-9, abs=1e-9)
+
+
+def test_a_curvature_times_the_distance_from_the_centre_is_greatest_at_the_root_of_two_and_below_its_bound():
+    theta = np.linspace(0, 10, 100_001)
+    most = np.max(theta * (2 + theta**2) / (1 + theta**2)**1.5)
+    assert most <= family._BENT <= 1.002 * most
+
+
+@given(st.floats(0, 1e6))
+def test_the_angle_of_an_arc_is_found_from_its_length(theta):
+    assert segments._about_after(segments._about_arc(theta)) == pytest.approx(theta, rel=1e-12, abs=1e-300)
 
 
 def test_the_start_is_32_pi_and_not_its_float():
     precise(16.0)
-    track = track_of(read(Scene()))
-    start = track.place_at(track.start).u
+    line = track_of(read(Scene()))
+    start = line.place_at(line.start).u
     assert abs(start - 32 * arb.pi()) < 1e-26
     assert abs(start - arb(32 * np.pi)) > 1e-15
 
@@ -95,8 +129,8 @@ def test_the_start_is_32_pi_and_not_its_float():
 def test_joints_meet_as_they_head():
     precise(16.0)
     for scene in SCENES.values():
-        track = track_of(read(scene))
-        for before, after in zip(track.segments, track.segments[1:], strict=False):
+        line = track_of(read(scene))
+        for before, after in zip(line.segments, line.segments[1:], strict=False):
             assert abs(before.point(before.last) - after.point(after.first)) < 1e-30
             assert abs(before.heading(before.last) - after.heading(after.first)) < 1e-30
 
