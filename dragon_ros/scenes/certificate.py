@@ -1,6 +1,6 @@
 """Write certificates of first contact from the solver's proof; ``dragon_ros.verify`` checks them.
 
-The bag of a run that ends in its first contact stores the claim of its certificate beside its scene.
+If a run ends in its first contact, its bag stores the certificate's claim together with the scene.
 """
 from collections.abc import Sequence
 from math import ceil
@@ -14,15 +14,15 @@ from dragon_ros.scenes.load import scene_values
 
 _VERSION = 2        # version of the format and its claims; certificates of 0.2.0 and earlier have none
 _WITH_VENUE = 3     # version for a scene with a venue
-_MOST = 20_000      # largest number of rows of a certificate, which are only hints where to split intervals
+_MOST = 20_000      # most rows in a certificate; they are only hints on where to split intervals
 _NAMES = {ALL: 'all', 0: 'head', 1: 'body'}
 
 
 def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
     """Return a certificate as plain values. Raises InputError if there is none.
 
-    It contains the claim and hints where to split intervals, but not the solver's bounds: the checker does not use
-    them.
+    The certificate contains the claim and hints on where to split intervals, but not the solver's bounds, because the
+    checker does not use them.
     """
     proof = found.certificate
     if not proof.complete:
@@ -37,7 +37,7 @@ def claim_of(found: Contact | NoContact) -> dict[str, Any] | None:
 
 
 def of_claim(scene: Scene, claim: Any) -> dict[str, Any]:
-    """Return a claim about a scene as a certificate without intervals, which are only hints to the checker."""
+    """Return a claim about a scene as a certificate without intervals, which are only hints for the checker."""
     return _certificate(scene, claim, [])
 
 

@@ -32,9 +32,9 @@ _PX_M = 0.0254 / 96     # in CSS, a pixel is a 96th of an inch
 _MOST_LISTED = 12
 _SIZE = re.compile(r'\s*(\d{1,20}(?:\.\d{0,20})?|\.\d{1,20})\s*(mm|cm|in|pt|pc)\s*')
 _MM = {'mm': 1.0, 'cm': 10.0, 'in': 25.4, 'pt': 25.4 / 72, 'pc': 25.4 / 6}
-_JOINED = 1e-9          # relative to a coordinate; ends closer than this are one point
+_JOINED = 1e-9          # relative to the coordinates; ends closer than this are joined
 _SCALE = re.compile(r'1\s*:\s*(\d+(?:\.\d*)?)')
-METRES = 'metres of the SVG: '      # before six numbers a to f in the description: x = a u + c v + e, y = b u + d v + f
+METRES = 'metres of the SVG: '      # precedes a to f in the description: x = a u + c v + e, y = b u + d v + f
 _NUMBER = r'[-+0-9.eE]{1,30}'
 _METRES = re.compile(METRES + r'matrix\((' + ', '.join([_NUMBER] * 6) + r')\)')
 # Errors that svgelements raises for invalid drawings.
@@ -133,7 +133,7 @@ def _text(path: Path, data: bytes) -> str:
 
 
 def _dialect(text: str) -> type[csv.Dialect]:
-    """Return a dialect with the delimiter of the first data line: semicolon, tab, comma or blanks."""
+    """Return a dialect with the delimiter of the first data line: semicolon, tab, comma or spaces."""
     head = next((line for line in text.splitlines() if line.strip() and not line.lstrip().startswith('#')), '')
 
     class Dialect(csv.excel):
@@ -155,7 +155,7 @@ def _columns(path: Path, head: list[str]) -> tuple[int, int]:
     for pair in (('x_m', 'y_m'), ('x', 'y')):
         if all(name in names for name in pair):
             return names.index(pair[0]), names.index(pair[1])
-    raise InputError(f'{path}: its columns are {shown(", ".join(names))[1:-1]}; name the two with coordinates x and y, '
+    raise InputError(f'{path}: its columns are {shown(", ".join(names))[1:-1]}; name the coordinate columns x and y, '
                      'in metres (for degrees, use GeoJSON)')
 
 
@@ -176,7 +176,7 @@ def _within(path: Path, point: complex) -> complex:
 # GeoJSON and WKT
 
 def map_line(path: Path, asked: str | None, origin_deg: tuple[float, float] | None) -> DrawnLine:
-    """Return the line of a GeoJSON or WKT file with a given name; ``venue_files.read_drawing`` projects degrees."""
+    """Return a line of a GeoJSON or WKT file, chosen by name; ``venue_files.read_drawing`` projects degrees."""
     from shapely import get_coordinates
 
     from dragon_ros.scenes.venue_files import read_drawing
@@ -194,7 +194,7 @@ def map_line(path: Path, asked: str | None, origin_deg: tuple[float, float] | No
 # SVG
 
 def svg_line(path: Path, asked: str | None, scale: tuple[float, bool] | None) -> DrawnLine:
-    """Return the path of an SVG file with a given id or Inkscape label; the lower left corner of the page is (0, 0).
+    """Return a path of an SVG file, chosen by id or Inkscape label; the lower left corner of the page is (0, 0).
 
     ``scale`` is metres per unit of the viewBox, or per metre on paper. Pictures that define their own scale, such as
     those of ``plot``, do not accept one.
@@ -213,7 +213,7 @@ def svg_line(path: Path, asked: str | None, scale: tuple[float, bool] | None) ->
 
 
 def _id_of(shapes: list[tuple[list['Element'], 'Element']], names: list[str], asked: str | None) -> str | None:
-    """Return the id of the only path with this label if no path has the label as its id."""
+    """Return the id of the only path labelled ``asked`` if no path has that id; otherwise return ``asked``."""
     labelled = [name for name, shape in zip(names, shapes, strict=True) if asked in _said(*shape, _LABEL)]
     return labelled[0] if asked is not None and asked not in names and len(labelled) == 1 else asked
 
@@ -224,12 +224,12 @@ def _name(number: int, above: list['Element'], element: 'Element') -> str:
 
 
 def _said(above: list['Element'], element: 'Element', key: str) -> list[str]:
-    """Return the values of an attribute of a shape, and of its group if that contains nothing else."""
+    """Return the values of an attribute of a shape and of its group, if the group contains nothing else."""
     return [value for one in (element, *(above[-1:] if len(above[-1]) == 1 else [])) if (value := one.get(key))]
 
 
 def _tree(path: Path, data: bytes) -> 'Element':
-    """Parse a file that declares no entities; check its depth and number of elements while parsing."""
+    """Parse a file; reject it while parsing if it declares entities, is nested too deeply or has too many elements."""
     builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate(namespace_separator='}')
     depth, count = 0, 0
 
@@ -237,8 +237,8 @@ def _tree(path: Path, data: bytes) -> 'Element':
         nonlocal depth, count
         depth, count = depth + 1, count + 1
         if depth > XML_DEPTH or count > XML_ELEMENTS:
-            raise InputError(f'{path}: it is nested {depth} deep or has {count} elements; the limits are {XML_DEPTH} '
-                             f'and {XML_ELEMENTS}')
+            raise InputError(f'{path}: it is nested {depth} levels deep or has {count} elements; the limits are '
+                             f'{XML_DEPTH} and {XML_ELEMENTS}')
         builder.start(_qualified(tag), {_qualified(key): value for key, value in attributes.items()})
 
     def end(tag: str) -> None:
@@ -255,7 +255,7 @@ def _tree(path: Path, data: bytes) -> 'Element':
         parser.Parse(data, True)
     except expat.ExpatError as error:
         raise InputError(f'{path}: it is not SVG: {error}') from None
-    except ValueError as error:     # Python does not know the encoding
+    except ValueError as error:     # Python does not support the encoding
         raise InputError(f'{path}: it is not SVG: {shown(str(error))[1:-1]}') from None
     return builder.close()
 
@@ -279,7 +279,7 @@ def _shapes(element: 'Element', above: list['Element']) -> Iterator[tuple[list['
 
 
 def _metres_of(root: 'Element') -> tuple[float, ...] | None:
-    """Return the matrix from user units to metres that a picture's description contains."""
+    """Return the matrix from user units to metres in a picture's description; None if there is no valid matrix."""
     for element in root.iter():
         found = _METRES.search(element.text or '')
         if found:
@@ -301,8 +301,8 @@ def _read(path: Path, above: list['Element'], element: 'Element') -> tuple[Any, 
         from svgelements import SVG, Shape
         from svgelements import Path as SvgPath
     except ImportError:
-        raise MissingError(f"{path}: SVG is read by svgelements: pip install 'dragon_ros[svg]' or pip install "
-                           'svgelements') from None
+        raise MissingError(f"{path}: reading SVG requires svgelements; pip install 'dragon_ros[svg]' or pip "
+                           'install svgelements') from None
     copies = [_copy(one) for one in (*above, element)]
     _size_in_pixels(copies[0])
     for outer, inner in pairwise(copies):
@@ -320,7 +320,7 @@ def _read(path: Path, above: list['Element'], element: 'Element') -> tuple[Any, 
 
 
 def _copy(element: 'Element') -> 'Element':
-    """Return an element without its children and without attributes of other namespaces."""
+    """Return an element without its children, its class and attributes from other namespaces."""
     kept = {key: value for key, value in element.attrib.items() if not key.startswith('{')}
     kept.pop('class', None)
     return ElementTree.Element(element.tag, kept)
@@ -336,7 +336,7 @@ def _size_in_pixels(root: 'Element') -> None:
 
 def _parts(path: Path, document: Any, shape: Any, matrix: tuple[float, ...] | None,
            scale: tuple[float, bool] | None) -> Iterator[DrawnPart]:
-    """Yield the parts of an svgelements shape in metres; consecutive lines are one part."""
+    """Yield the parts of an svgelements shape in metres; consecutive lines form one part."""
     from svgelements import Arc, Close, CubicBezier, Line, Move, QuadraticBezier
     try:
         bare = _to_metres(document, matrix, scale)
@@ -352,7 +352,7 @@ def _parts(path: Path, document: Any, shape: Any, matrix: tuple[float, ...] | No
         raise InputError(f'{path}: it has {len(segments)} points; the limit is {DRAWING_POINTS}')
     if any(isinstance(one, Move) for one in segments[1:]):
         raise InputError(f'{path}: {shown(shape.id)}: it has several parts; split it (Inkscape: Path > Break Apart) '
-                         'and name one', field='path')
+                         'and choose one', field='path')
     for one in segments[1:]:
         start, end = to_m(one.start), to_m(one.end)
         if isinstance(one, (Line, Close)):
@@ -374,7 +374,7 @@ def _parts(path: Path, document: Any, shape: Any, matrix: tuple[float, ...] | No
 
 
 def _ellipse(path: Path, to_m: Any, arc: Any) -> EllipseArc:
-    """Return an arc by its conjugate half axes, which remain conjugate under any affine transform."""
+    """Return an arc, described by conjugate half axes, which remain conjugate under any affine transform."""
     centre = to_m(arc.center)
     a, b = to_m(arc.prx) - centre, to_m(arc.pry) - centre
     start = to_m(arc.start) - centre

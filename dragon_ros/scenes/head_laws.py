@@ -1,9 +1,9 @@
 """Custom head laws: Python entry points in the group ``dragon_ros.head_laws``.
 
-An entry point is a function that takes the settings of a scene file as keyword arguments and returns a ``Head`` or a
-``Profile`` of ``dragon_ros.core.chain.head_law``. It must return the same law for the same settings. The scene stores
-the returned law instead of the entry point's name, so a bag can be recomputed without the plug-in. Only a scene file or
-a command line loads an entry point, never a bag or a topic.
+An entry point is a function that receives the settings from a scene file as keyword arguments and returns a ``Head`` or
+a ``Profile`` of ``dragon_ros.core.chain.head_law``. It must return the same law for the same settings. The scene stores
+the returned law instead of the entry point's name, so a bag can be recomputed without the plug-in. Entry points are
+loaded only for scene files and command lines, never for bags or topics.
 """
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ KEYS = ('kind', 'law', 'settings')
 
 
 def plugged(document: Document) -> Head | Profile:
-    """Return the custom head law that the section head names. Raises InputError if it is missing or invalid."""
+    """Return the custom head law named in the section head. Raises InputError if it is missing or invalid."""
     given = document.section('head')
     document.check_keys('head.', given, KEYS)
     name, settings = given.get('law'), given.get('settings', {})
@@ -29,7 +29,7 @@ def plugged(document: Document) -> Head | Profile:
     try:
         make = found.load()
         laws = [make(**settings) for _ in range(2)]
-    except Exception as error:      # noqa: BLE001 - it is third-party code
+    except Exception as error:      # noqa: BLE001 - third-party code may raise anything
         document.refuse('head.law', f'{name} ({found.value}) failed: {type(error).__name__}: {error}')
     law: Any = laws[0]
     if type(law) not in (Head, Profile):
@@ -42,12 +42,12 @@ def plugged(document: Document) -> Head | Profile:
 
 
 def _found(document: Document, name: Any) -> 'EntryPoint':
-    """Return the entry point with a name, without loading it."""
-    from importlib.metadata import entry_points  # this import takes a tenth of the time of the command `table`
+    """Return the entry point with the given name, without loading it."""
+    from importlib.metadata import entry_points  # imported lazily: it takes a tenth of the time of `table`
     known = entry_points(group=GROUP)
     found = [one for one in known if one.name == name]
     if len(found) != 1:
         names = ', '.join(sorted({one.name for one in known})) or 'none is installed'
-        document.refuse('head.law', f'{name!r} is {"named twice" if found else "not known"}; entry points in {GROUP}: '
+        document.refuse('head.law', f'{name!r} is {"defined twice" if found else "unknown"}; entry points in {GROUP}: '
                         f'{names}')
     return found[0]

@@ -29,9 +29,9 @@ SECTIONS: dict[str, dict[str, type]] = {
     'noise': {'': Noise},
     'trails': {'': Trails},
     'venue': {'': Venue},
-}       # each section with its kinds, of which the first one is the default
+}       # the kinds of each section; the first kind is the default
 _ABSENT = ('venue',)        # sections without a default
-# Keys that hold a list of mappings.
+# Keys whose values are lists of mappings.
 PARTS: dict[str, dict[str, type]] = {'pieces': dict(PIECES), 'groups': {'': Group}, 'obstacles': dict(OBSTACLES)}
 _EXAMPLES = {'pieces': '{kind: line, length_m: 5}', 'groups': '{count: 100, length_m: 2.2}',
              'obstacles': '{kind: line, name: wall, points_m: [[0, 0], [9, 0]]}'}
@@ -40,15 +40,15 @@ _WORDS = ('lead', 'ramps', 'side', 'name')
 CHOICES = ('solver', 'markers')
 SINGLES = ('accuracy', 'effects', *CHOICES)
 _MOST_SHOWN = 100       # longest --set in an error message, in characters
-# Lines with corners of a venue, as provenance writes them.
+# Lines with the corners of a venue, as written by provenance.
 _CORNERS = re.compile(r"^[ -]*(?:points_m|inside)?:? *'?[-+.e0-9, ]+'?\n", re.MULTILINE)
 ABOUT = 'about'     # notes on a scene, which have no effect
 
 
 def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
-    """Return the scene of a name or file, with ``key=value`` overrides (dotted keys) applied to it.
+    """Return a scene, given its name or its file, with ``key=value`` overrides (dotted keys) applied.
 
-    Omitted keys have the classic values. Raises InputError with file, line and key.
+    Omitted keys default to the classic values. Raises InputError with file, line and key.
     """
     document = _read(name_or_file)
     for override in overrides:
@@ -57,7 +57,7 @@ def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
 
 
 def load_venue(name_or_file: str) -> Venue:
-    """Return the venue of a scene (a name or file), or of a GeoJSON or WKT file. Raises InputError."""
+    """Return the venue of a scene (given its name or file), or of a GeoJSON or WKT file. Raises InputError."""
     if Path(name_or_file).suffix.lower() in ('.geojson', '.json', '.wkt'):
         document = parse_document(name_or_file, '{}')
         document.values['venue'] = {'file': str(Path(name_or_file).absolute())}
@@ -74,7 +74,7 @@ def load_venue(name_or_file: str) -> Venue:
 
 
 def _read(name_or_file: str) -> Document:
-    """Return the document of a scene's name or file, including the venue file that it names."""
+    """Return the document of a scene, given its name or file, including the contents of its venue file."""
     path = _find(name_or_file)
     document = read_document(path)
     _take_file(document, path.parent)
@@ -103,18 +103,18 @@ def _take_file(document: Document, folder: Path) -> None:
 
 
 def _refuse_late_origin(document: Document) -> None:
-    """Reject an origin from an option or a change if the venue file has already been projected about another one."""
+    """Reject an origin from an option or a change if the venue file has already been projected about another origin."""
     place = document.places.get('venue.origin_deg', '')
     if 'venue.file' in document.places and place and not place.startswith(f'{document.name}:') and (
             document.values['venue'].get('origin_deg') is not None):
-        document.refuse('venue.origin_deg', 'the venue file was projected about its own origin; set the origin beside '
+        document.refuse('venue.origin_deg', 'the venue file was projected about its own origin; set origin_deg next to '
                                             'venue.file')
 
 
 def _scene_with_plugin(document: Document) -> Scene:
     """Return the scene of a user's document, which may name a custom head law.
 
-    A venue file named by an option or a change is relative to the working directory.
+    The path of a venue file in an option or a change is relative to the working directory.
     """
     _take_file(document, Path())
     if document.section('head').get('kind') == PLUGIN:
@@ -123,7 +123,7 @@ def _scene_with_plugin(document: Document) -> Scene:
 
 
 def changed_scene(name_or_file: str, changes: Mapping[str, Any]) -> Scene:
-    """Return the scene of a name or file, changed by a mapping that is laid out like a scene file.
+    """Return a scene, given its name or file, changed by a mapping that is laid out like a scene file.
 
     Keys of a section are changed one by one; if the kind changes, the section's other keys are dropped.
     Raises InputError with the key.
@@ -141,14 +141,14 @@ def changed_scene(name_or_file: str, changes: Mapping[str, Any]) -> Scene:
 
 
 def _as_lists(value: Any) -> Any:
-    """Return tuples and arrays as lists, as in YAML."""
+    """Return a value with its tuples as lists, as in YAML."""
     if isinstance(value, Mapping):
         return {key: _as_lists(one) for key, one in value.items()}
     return [_as_lists(one) for one in value] if isinstance(value, (tuple, list)) else value
 
 
 def strangers_scene(name: str, text: str, trust: bool = False) -> Scene:
-    """Return the scene that a text from a bag or a topic describes.
+    """Return the scene described by a text from a bag or a topic.
 
     Unless ``trust`` is set, the budgets of ``core.limits`` apply. Raises InputError.
     """
@@ -167,7 +167,7 @@ def strangers_scene(name: str, text: str, trust: bool = False) -> Scene:
 
 
 def _characters_of_corners(text: str) -> int:
-    """Return the number of characters in those lines of a scene's text that contain only corners of a venue."""
+    """Return the number of characters in the lines of a scene's text that contain only corners of a venue."""
     return sum(map(len, _CORNERS.findall(text)))
 
 
@@ -178,7 +178,7 @@ def _within(name: str, what: str, value: int, most: int) -> None:
 
 
 def scene_of(document: Document) -> Scene:
-    """Return the scene that a document describes. Raises InputError."""
+    """Return the scene described by a document. Raises InputError."""
     scene = _settings(document)
     _check_compiled(document, scene)
     return scene
@@ -200,7 +200,7 @@ def _settings(document: Document) -> Scene:
     if document.section('head').get('kind') == PLUGIN:
         document.refuse('head.kind', 'custom head laws are loaded only from scene files, not from bags or topics')
     if isinstance(document.values.get('venue'), dict) and 'file' in document.values['venue']:
-        document.refuse('venue.file', 'files are read only for scene files, not for bags or topics')
+        document.refuse('venue.file', 'venue files are read only for scene files, not for bags or topics')
     document.check_keys('', document.values, (*SECTIONS, *SINGLES, ABOUT))
     try:
         values = document.values
@@ -230,7 +230,7 @@ def scene_values(scene: Scene) -> dict[str, Any]:
 
 
 def _find(name_or_file: str) -> Path:
-    """Return the file of a scene: a path if it looks like one, otherwise a scene of the package."""
+    """Return the file of a scene, given its path or the name of a scene in the package."""
     if '/' in name_or_file or name_or_file.endswith(('.yaml', '.yml')):
         return Path(name_or_file)
     known = scene_names()
@@ -243,7 +243,7 @@ def _find(name_or_file: str) -> Path:
 
 
 def _values(part: Any, kinds: dict[str, type]) -> dict[str, Any]:
-    """Return one section, or one item of a list in it, as a mapping; items omit keys that are None."""
+    """Return a section, or an item of a list in it, as a mapping; items omit keys that are None."""
     kind = next(name for name, one in kinds.items() if isinstance(part, one))
     values = {f.name: getattr(part, f.name) for f in fields(part)}
     for key in PARTS.keys() & values.keys():
@@ -258,12 +258,12 @@ def _plain(value: Any) -> Any:
 
 
 def _build(document: Document, name: str, kinds: dict[str, type]) -> Any:
-    """Build the dataclass of a section from its mapping; ``kind`` selects one if there are several."""
+    """Build the dataclass of a section from its mapping; the key ``kind`` selects one if there are several."""
     return _made(document, name, kinds, dict(document.section(name)))
 
 
 def _made(document: Document, name: str, kinds: dict[str, type], given: dict[str, Any]) -> Any:
-    """Return the dataclass of a kind; keys and shapes are checked here, and the dataclass checks the values."""
+    """Return an instance of the chosen kind. Keys and shapes are checked here; the dataclass checks the values."""
     chosen = given.pop('kind', next(iter(kinds))) if len(kinds) > 1 else ''
     if not isinstance(chosen, str) or chosen not in kinds:
         document.refuse(f'{name}.kind', f'{shown(chosen)} is not known; '
@@ -282,14 +282,14 @@ def _made(document: Document, name: str, kinds: dict[str, type], given: dict[str
 
 
 def _part(document: Document, name: str, key: str, given: Any) -> Any:
-    """Return one of a list of mappings: a piece of a joined track, or a group of benches."""
+    """Return an item of a list of mappings: a piece of a joined track, a group of benches or an obstacle."""
     if not isinstance(given, dict) or (len(PARTS[key]) > 1 and 'kind' not in given):
         document.refuse(name, f'its value is {shown(given)}; write for example {_EXAMPLES[key]}')
     return _made(document, name, PARTS[key], dict(given))
 
 
 def _value(document: Document, name: str, value: Any) -> Any:
-    """Return the value of a key: numbers as numbers, and the lists of certain keys as tuples."""
+    """Return the value of a key, with text such as 1e-9 as a number and the lists of certain keys as tuples."""
     key = name.rpartition('.')[2]
     if key == 'knots':
         if not isinstance(value, list) or not all(_is_pair(knot) for knot in value):
@@ -314,7 +314,7 @@ def _value(document: Document, name: str, value: Any) -> Any:
 
 
 def _points(document: Document, name: str, value: Any) -> tuple[tuple[Any, ...], ...]:
-    """Return points from a list of pairs, or from the shorter text of WKT (``0 0, 4 0, 4 3``)."""
+    """Return points, given as a list of pairs or in the shorter notation of WKT (``0 0, 4 0, 4 3``)."""
     if isinstance(value, str):
         pairs = [one.split() for one in value.split(',')]
         try:
@@ -355,7 +355,7 @@ def _override(document: Document, text: str) -> None:
 
 
 def _below(target: Any, section: str, place: str, key: str) -> Any:
-    """Return the section or the list item (counted from 1) that a part of a dotted key selects."""
+    """Return the section or list item (numbered from 1) that a part of a dotted key selects."""
     below = target[_item(target, section, place, key)] if isinstance(target, list) else target.setdefault(section, {})
     if not isinstance(below, (dict, list)):
         raise InputError(f'{place}: {section} is not a section', field=key)
@@ -363,7 +363,7 @@ def _below(target: Any, section: str, place: str, key: str) -> Any:
 
 
 def _item(items: list[Any], number: str, place: str, key: str) -> int:
-    """Return the index of an item, which dotted keys count from 1."""
+    """Return the index of a list item, which dotted keys number from 1."""
     if not (number.isdecimal() and 1 <= int(number) <= len(items)):
         raise InputError(f'{place}: {shown(number)} is not an item of a list of {len(items)}; '
                          f'count from 1 to {len(items)}', field=key)

@@ -21,8 +21,8 @@ from dragon_ros.version import __version__
 
 RECORD = 'dragon_ros'
 ATTACHMENT = 'scene.yaml'
-CLAIM = 'first_contact'     # key of ``about`` for the claim of the certificate, if the run ends in its contact
-# The OpenBLAS function that returns the running kernel's name, in distribution builds and in numpy's wheels.
+CLAIM = 'first_contact'     # key of ``about`` for the certificate's claim, if the run ends in its first contact
+# Names of the OpenBLAS function that returns the kernel in use, in distribution builds and in numpy's wheels.
 _CORE_NAMES = ('openblas_get_corename', 'openblas_get_corename64_', 'scipy_openblas_get_corename64_',
                'scipy_openblas_get_corename')
 
@@ -39,10 +39,10 @@ def versions() -> dict[str, str]:
 
 @lru_cache(maxsize=1)
 def kernels() -> dict[str, str]:
-    """Return the kernels of BLAS and numpy on this machine, which determine the last bits.
+    """Return the kernels of BLAS and numpy on this machine, which determine the last bits of results.
 
-    The entry for BLAS has name, version and kernel (``unknown`` if it reports none), and that for numpy the CPU
-    features.
+    The BLAS entry contains name, version and kernel (``unknown`` if BLAS reports none); the other lists the CPU
+    features that numpy uses.
     """
     about: Mapping[str, Any] = np.show_config(mode='dicts')
     blas = about.get('Build Dependencies', {}).get('blas', {})
@@ -63,13 +63,13 @@ def other_kernel(made: Mapping[str, str]) -> str | None:
 
 
 def scene_file(scene: Scene, settings: Mapping[str, Any] | None = None) -> str:
-    """Return the complete scene as a scene file; its section ``about`` holds versions, kernels and other settings."""
+    """Return the complete scene as a scene file; its section ``about`` lists versions, kernels and settings."""
     about = {**versions(), **kernels(), **(settings or {})}
     values = {**scene_values(scene), 'about': about}
     if scene.venue is None:
         return yaml.safe_dump(values, sort_keys=False)
     values['venue'] = _with_short_points(values['venue'])
-    return yaml.safe_dump(values, sort_keys=False, width=inf)       # one line for each list of points
+    return yaml.safe_dump(values, sort_keys=False, width=inf)       # one line per list of points
 
 
 def _with_short_points(value: Any) -> Any:
@@ -90,9 +90,9 @@ def differing_scene_file(scene: Scene, about: Mapping[str, Any]) -> str:
 
 
 def run_metadata(text: str, scene: Scene | None, recorder: Mapping[str, str]) -> dict[str, str]:
-    """Return the metadata record of a bag with the scene file ``text``; ``recorder`` holds settings of its recorder.
+    """Return the metadata record of a bag with the scene file ``text``; ``recorder`` lists its recorder's settings.
 
-    ``scene`` is the scene that the text describes; None if this version cannot read it.
+    ``scene`` is the scene described by the text, or None if this version cannot read it.
     """
     record = {'scene': text, **{f'about.{_text(key)}': _text(value) for key, value in _about(text).items()}}
     if scene is not None:
@@ -103,7 +103,7 @@ def run_metadata(text: str, scene: Scene | None, recorder: Mapping[str, str]) ->
 
 
 def _only_in(words: str, others: str) -> str:
-    """Return the words that the other list lacks; two lists of CPU features differ in few words."""
+    """Return the words that the other list lacks, since two lists of CPU features differ in few words."""
     known = set(others.split())
     left = [word for word in words.split() if word not in known]
     return shown(' '.join(left)) if left else 'fewer'
@@ -133,11 +133,11 @@ def _text(value: Any) -> str:
 
 
 def _git(*arguments: str) -> str:
-    """Return the git commit of the checkout that contains this code; '' outside a checkout."""
+    """Return the output of a git command in the checkout that contains this code; '' outside a checkout."""
     root = Path(__file__).resolve().parents[2]
     if not (root / '.git').exists():
         return ''
-    import subprocess  # reading a bag must not start a process
+    import subprocess  # imported lazily: reading a bag must not start a process
     with suppress(OSError, subprocess.SubprocessError):
         return subprocess.run(['git', '-C', str(root), *arguments], capture_output=True, text=True, check=True,
                               timeout=5).stdout.strip()

@@ -23,7 +23,7 @@ _PLAIN: dict[Any, Schema] = {int: {'type': 'integer'}, float: {'type': 'number'}
                              type(None): {'type': 'null'}}
 
 
-# Points of a venue are pairs, or the text of WKT.
+# Points of a venue are pairs, or text as in WKT.
 _POINTS: Schema = {'anyOf': [{'type': 'array', 'minItems': 2, 'items': {
     'type': 'array', 'prefixItems': [{'type': 'number'}] * 2, 'items': False, 'minItems': 2}}, {'type': 'string'}]}
 _VENUE_FILE: Schema = {
@@ -48,7 +48,7 @@ def scene_schema() -> Schema:
     parts['accuracy'] = {'description': 'largest position error in metres, or a tier', 'default': defaults.accuracy,
                          'anyOf': [{'type': 'number', 'exclusiveMinimum': 0}, {'enum': list(TIERS)}]}
     parts['effects'] = {
-        'description': 'what is simulated besides the handles', 'type': 'array', 'default': defaults.effects.names,
+        'description': 'results to simulate besides the handles', 'type': 'array', 'default': defaults.effects.names,
         'items': {'oneOf': [{'const': effect.names[0], 'description': text} for effect, text in MEANINGS.items()]}}
     for name, (text, choices) in _WAYS.items():
         parts[name] = {'description': text, 'enum': list(choices), 'default': getattr(defaults, name)}
@@ -69,7 +69,7 @@ def _section(kinds: Mapping[str, type]) -> Schema:
 
 
 def kind_schema(name: str, one: type, needed: bool) -> Schema:
-    """Return the schema of one dataclass; ``needed`` is true if its kind must be given."""
+    """Return the schema of one dataclass; ``needed`` states whether the kind must be given."""
     properties = {field.name: _field(field) for field in fields(one)}
     required = [field.name for field in fields(one) if field.default is MISSING]
     if name:

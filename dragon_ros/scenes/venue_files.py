@@ -1,4 +1,4 @@
-"""Read venues and drawings from GeoJSON, projecting degrees to metres about their centre, or from WKT in metres.
+"""Read venues and drawings from GeoJSON, where degrees are projected to metres, or from WKT in metres.
 
 A feature's name is its property ``name``. Benches must stay in the polygon named ``inside``. Coordinates in GeoJSON are
 degrees (RFC 7946) unless the file has ``"units": "m"`` at its top level, or a ``crs`` as in the older specification.
@@ -36,9 +36,9 @@ class Drawing:
 def read_drawing(path: Path, origin_deg: tuple[float, float] | None = None) -> Drawing:
     """Return the features of a GeoJSON (``.geojson``, ``.json``) or WKT (``.wkt``, one per line) file, in metres.
 
-    Degrees become metres east and north of ``origin_deg`` (longitude, latitude), by default the centre of the drawing.
-    Coordinates in metres are kept; ``origin_deg`` is then the position of (0, 0). Raises MissingError if the file
-    cannot be read, and InputError if it is invalid.
+    Degrees are converted to metres east and north of ``origin_deg`` (longitude, latitude), by default the centre of the
+    drawing. Coordinates in metres are not changed; ``origin_deg`` is then the position of (0, 0). Raises MissingError
+    if the file cannot be read, and InputError if it is invalid.
     """
     text = _text_of(path)
     if path.suffix.lower() == '.wkt':
@@ -134,7 +134,7 @@ def _points(line: Any) -> list[list[float]]:
 
 
 def _wkt_features(path: Path, text: str) -> Iterator[Feature]:
-    """Yield the features of lines such as ``fountain: POLYGON ((0 0, 1 0, 1 1))``; # starts a comment."""
+    """Yield the features from lines such as ``fountain: POLYGON ((0 0, 1 0, 1 1))``; # starts a comment."""
     from shapely import from_wkt
     from shapely.errors import ShapelyError
     for number, line in enumerate(text.splitlines(), 1):
@@ -216,7 +216,7 @@ def _crs(path: Path, values: dict[str, Any]) -> str | None:
 
 def _projected(path: Path, features: tuple[Feature, ...], crs: str,
                origin_deg: tuple[float, float] | None) -> Drawing:
-    """Return features in metres east and north of an origin, by the transverse Mercator projection about it."""
+    """Return features in metres east and north of an origin, using the transverse Mercator projection about it."""
     import numpy as np
     from shapely import get_coordinates, transform
     every = np.concatenate([get_coordinates(one.geometry) for one in features])
@@ -224,13 +224,13 @@ def _projected(path: Path, features: tuple[Feature, ...], crs: str,
         raise InputError(f'{path}: a coordinate is missing or not a finite number; draw that point again')
     if crs == 'OGC:CRS84' and not (np.all(np.abs(every[:, 0]) <= 180) and np.all(np.abs(every[:, 1]) < 90)):
         raise InputError(f'{path}: its coordinates are not degrees (longitude, latitude); if they are metres, write '
-                         '"units": "m" at its top')
+                         '"units": "m" at its top level')
     try:
         from pyproj import Transformer
         from pyproj.exceptions import ProjError
     except ImportError:
-        raise MissingError(f"{path}: degrees become metres by pyproj: pip install 'dragon_ros[maps]' or pip install "
-                           'pyproj; or, if they are metres, write "units": "m" at its top') from None
+        raise MissingError(f"{path}: converting degrees to metres requires pyproj; pip install 'dragon_ros[maps]' or "
+                           'pip install pyproj; or, if they are metres, write "units": "m" at its top level') from None
     try:
         to_degrees = Transformer.from_crs(crs, 'OGC:CRS84', always_xy=True)
         degrees = np.stack(to_degrees.transform(*every.T), axis=1)
@@ -258,8 +258,9 @@ def degrees_of(geometry: Any, origin_deg: tuple[float, float]) -> Any:
     try:
         from pyproj import Transformer
     except ImportError:
-        raise MissingError("venue.origin_deg: metres become degrees by pyproj: pip install 'dragon_ros[maps]' or pip "
-                           'install pyproj; or omit the origin (--set venue.origin_deg=null) to keep metres') from None
+        raise MissingError("venue.origin_deg: converting metres to degrees requires pyproj; pip install "
+                           "'dragon_ros[maps]' or pip install pyproj; or omit the origin (--set "
+                           'venue.origin_deg=null) to keep metres') from None
     project = Transformer.from_crs(_plane(origin_deg), 'OGC:CRS84', always_xy=True)
 
     def degrees(points: Any) -> Any:

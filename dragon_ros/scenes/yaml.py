@@ -42,7 +42,7 @@ class Document:
         """Return the mapping under ``key`` (empty if it is omitted)."""
         value = self.values.get(key, {})
         if not isinstance(value, dict):
-            self.refuse(key, f'its value is {shown(value)}; write a mapping of keys below it')
+            self.refuse(key, f'its value is {shown(value)}; write a mapping of keys to values')
         return value
 
     def check_keys(self, prefix: str, given: Iterable[str], known: Iterable[str]) -> None:
@@ -55,7 +55,7 @@ class Document:
 
 
 def read_own(path: Path) -> Document:
-    """Read a YAML mapping that comes with the package; libyaml, if PyYAML has it, is ten times as fast."""
+    """Read a YAML mapping that comes with the package, using libyaml if PyYAML includes it: it is ten times as fast."""
     return _document(str(path), path.read_text(encoding='utf-8'), getattr(yaml, 'CSafeLoader', _Loader))
 
 
@@ -98,7 +98,7 @@ def _document(name: str, text: str, kind: Callable[[str], Any]) -> Document:
 
 
 def _composed(text: str, kind: Callable[[str], Any]) -> tuple[Any, yaml.Node | None]:
-    """Return a loader and the root of a text. Long texts use libyaml, if PyYAML has it, because it is faster.
+    """Return a loader and the root node of a text. Long texts use libyaml if PyYAML includes it, because it is faster.
 
     ``kind`` reads texts that libyaml rejects or that are nested too deeply, because its errors quote the text and the
     position. Raises YAMLError or ValueError.
@@ -114,7 +114,7 @@ def _composed(text: str, kind: Callable[[str], Any]) -> tuple[Any, yaml.Node | N
 
 
 def _is_shallow(text: str, kind: Any) -> bool:
-    """Return whether a text is within the nesting limit; libyaml would compose it recursively."""
+    """Return whether a text is within the nesting limit, since libyaml composes nodes recursively."""
     depth = 0
     for event in yaml.parse(text, kind):
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
@@ -140,7 +140,7 @@ def _value_of(loader: Any, root: yaml.Node) -> Any:
 
 
 class _Loader(yaml.SafeLoader):
-    """A loader that rejects deep nesting while scanning; PyYAML would take quadratic time and then recurse."""
+    """A loader that rejects deep nesting while scanning, since PyYAML would take quadratic time and then recurse."""
 
     def fetch_flow_collection_start(self, kind: Any) -> None:
         self._refuse_deeper_than(self.flow_level)
@@ -153,7 +153,7 @@ class _Loader(yaml.SafeLoader):
     def _refuse_deeper_than(self, depth: int) -> None:
         if depth >= YAML_DEPTH:
             mark = self.get_mark()  # type: ignore[no-untyped-call]
-            raise yaml.scanner.ScannerError(None, None, f'it is nested more than {YAML_DEPTH} deep', mark)
+            raise yaml.scanner.ScannerError(None, None, f'it is nested more than {YAML_DEPTH} levels deep', mark)
 
 
 def check_size(root: yaml.Node | None) -> None:
@@ -166,7 +166,7 @@ def check_size(root: yaml.Node | None) -> None:
             sizes[id(node)] = 1 + sum(map(size, _below(node)))
         return sizes[id(node)]
     if root is not None and size(root) > YAML_VALUES:
-        raise ValueError(f'it has more than {YAML_VALUES} values once its aliases are expanded')
+        raise ValueError(f'it has more than {YAML_VALUES} values after its aliases are expanded')
 
 
 def _below(node: yaml.Node) -> list[yaml.Node]:

@@ -58,7 +58,7 @@ def test_a_law_of_ones_own_leads_the_dragon_and_its_scene_stands_without_it(tmp_
     ('{kind: plugin, law: restless}', 'two different laws for the same settings'),
     ('{kind: plugin, law: gone}', 'AttributeError'),
     ('{kind: plugin, law: waves}', 'broken, gone, restless, text, wave'),
-    ('{kind: plugin}', 'None is not known'),
+    ('{kind: plugin}', 'None is unknown'),
     ('{kind: plugin, law: wave, settings: {top: 2}}', 'TypeError'),
     ('{kind: plugin, law: wave, settings: [2]}', 'head.settings'),
     ('{kind: plugin, law: wave, speed: 2}', 'head.speed'),

@@ -69,7 +69,7 @@ def test_corners_of_a_venue_have_a_budget_of_their_own():
 
 
 def test_a_bag_cannot_have_a_file_read():
-    with pytest.raises(InputError, match=r'venue\.file: files are read only for scene files'):
+    with pytest.raises(InputError, match=r'venue\.file: venue files are read only for scene files'):
         strangers_scene('bag', f'{TRACK}venue: {{file: /etc/passwd}}')
 
 
@@ -206,7 +206,7 @@ def test_the_origin_of_a_file_in_degrees_stays_with_the_scene(tmp_path):
     scene = load_scene(str(path))
     assert scene.venue.origin_deg == pytest.approx((113.101, 23.0005), abs=1e-12)
     assert strangers_scene('bag', scene_file(scene)) == scene
-    with pytest.raises(InputError, match=r'origin_deg.*set the origin beside venue.file'):
+    with pytest.raises(InputError, match=r'origin_deg.*set origin_deg next to venue.file'):
         load_scene(str(path), ['venue.origin_deg=[113.1, 23.0]'])
     assert load_scene(str(path), ['venue.origin_deg=null']).venue.origin_deg is None
 
