@@ -1,6 +1,6 @@
-"""The hard cases: named scenes, in series that approach each singularity, shared by tests and benchmarks.
+"""The hard cases: named scenes in series that approach each singularity, shared by tests and benchmarks.
 
-``truth`` has a reference for each case, to 50 digits, from JSON files that the scripts in this package compute.
+The module ``truth`` reads a 50-digit reference for each case from JSON files that scripts in this package compute.
 """
 from hard_cases.dances import dances
 from hard_cases.problems import Problem, problems

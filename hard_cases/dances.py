@@ -1,7 +1,7 @@
-"""The named hard cases with composite tracks, head laws or a leading tail; ``problems`` has the others.
+"""The named hard cases with composite tracks, head laws or a leading tail; ``problems`` contains the others.
 
-These cases are hard at the joints: a link across one or several joints, a handle exactly on a joint, a track that
-returns to itself so that a chord has several roots, a bend almost too tight to follow.
+Most of these cases are hard at the joints: links span one or several joints, or a handle is exactly on a joint. In
+others, the track returns to itself so that a chord has several roots, or a bend is almost too tight to follow.
 """
 from dataclasses import replace
 from functools import lru_cache
@@ -39,7 +39,7 @@ def dances() -> tuple[Problem, ...]:
                    (93.0, 1.0)), 'smooth')
     return (
         Problem('turning', _TURNING, (0.0, 50.0, 100.0, 100.5, 102.86, 109.0, _EXIT_S, 114.47997, 150.0, 200.0),
-                tuple(range(224)), 'the contest scene of the turn, all handles, also with the head at its ends'),
+                tuple(range(224)), "the contest's turn, all handles, also with the head at the ends of the turn"),
         _like('tight', 'the second arc almost too tight for the head link', replace(_TURNING, track=STurn(
             ratio=2.12, before_m=10.0)), (0.0, 20.0, 22.0, 23.62, 25.0, 26.0)),
         _like('equal-arcs', 'two arcs of equal radius', replace(_TURNING, track=STurn(ratio=1.0)), (3.0, 8.0, 14.0)),
@@ -51,7 +51,7 @@ def dances() -> tuple[Problem, ...]:
             (Line(10.0), Line(2.86), Arc(2.0, 90.0), Line(10.0)), (10.0, 12.86, 14.0, 20.0)),
         _on('wiggle', 'segments shorter than a link, so that a link spans up to five joints', _WIGGLE,
             (2.0, 3.0, 5.0, 7.1, 8.6, 9.5, 12.0)),
-        _on('loop', 'the track crosses itself: many positions behind are a link away, and the first one counts',
+        _on('loop', 'the track crosses itself: many positions are one link away, and the first one counts',
             (Line(5.0), Arc(1.0, 360.0), Line(1.0), Arc(0.9, -540.0), Line(9.0)), (5.0, 8.0, 11.3, 12.0, 15.0, 22.0),
             _SHORT),
         _on('hairpin', 'a half turn almost too tight to follow', (Line(5.0), Arc(1.45, 180.0), Line(9.0)),
@@ -60,9 +60,9 @@ def dances() -> tuple[Problem, ...]:
             (Line(4.0), SpiralArc(1.0, 2.0, 4.0, 'right'), SpiralArc(2.0, 2.0, 1.0, 'right'),
              SpiralArc(3.0, 0.8, 2.0, 'left')),
             (4.5, 20.0, 60.0, 81.0, 92.5)),
-        _on('circle', 'several rounds on a circle that is extended backwards', (Arc(3.0, 90.0), Line(4.0)),
+        _on('circle', 'several rounds of a circle that is extended backwards', (Arc(3.0, 90.0), Line(4.0)),
             (0.0, 4.0, 7.0), Dragon(40)),
-        _like('law', 'ramps, a turn back, a jump and a hold; times inside ramps',
+        _like('law', 'ramps, a reversal, a jump and a stop; times inside ramps',
               replace(_TURNING, head=law), (3.0, 8.0, 59.0, 61.3, 64.1, 70.0, 85.0, 91.7, 100.0)),
         _like('unwinding', 'the tail leads, on one spiral', Scene(track=Spiral(0.55, 6.0), head=Head(1.0, 'tail')),
               (0.0, 0.1, 60.0, 300.0), 224),

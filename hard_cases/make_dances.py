@@ -2,9 +2,9 @@
 
     ./dragon python -m hard_cases.make_dances
 
-The script needs mpmath and takes a few minutes. The script shares no numerical code with the package: it reads the
-scene's floats as exact numbers and constructs the track independently. The next handle is found by steps that cannot
-pass it: if a position is g metres short of the chord, there is no root within g metres of track. Everything is computed
+The script needs mpmath and runs for a few minutes. It shares no numerical code with the package: it reads the scene's
+floats as exact numbers and constructs the track independently. It finds the next handle in steps that cannot overshoot:
+if a position is g metres short of the chord, there is no root within the next g metres of track. Everything is computed
 twice, the second time with more digits, and compared.
 """
 import json
@@ -118,7 +118,7 @@ def arc(u: Number) -> Number:
 
 @dataclass
 class Track:
-    """Pieces, and for each piece the distance along the track at u = anchor."""
+    """Pieces, each with the distance along the track at its origin (u = anchor for a spiral)."""
 
     pieces: list[Any]
     origins: list[Number]
@@ -129,7 +129,7 @@ class Track:
         return k, self.pieces[k].after(metres - self.origins[k])
 
     def next(self, k: int, u: Number, chord: Number, way: int) -> tuple[int, Number]:
-        """Return the first position behind, or ahead, at a distance of the chord's length."""
+        """Return the first position behind or ahead, as ``way`` selects, that is a chord away."""
         if chord == 0:
             return k, u
         here, start = self.pieces[k].at(u), u
@@ -142,7 +142,7 @@ class Track:
 
     @staticmethod
     def _on(piece: Any, here: Number, u: Number, chord: Number, way: int) -> Number | None:
-        """Return the first u on a piece at a distance of the chord's length; None if the piece ends before."""
+        """Return the first u on a piece that is a chord away from ``here``; None if the piece ends first."""
         end = piece.first if way == BACK else piece.last
         sense = way * (getattr(piece, 'way', 1))
         for _ in range(10_000):
@@ -157,7 +157,7 @@ class Track:
 
 
 def polished(piece: Any, here: Number, u: Number, chord: Number) -> Number:
-    """Return the root next to u, by Newton's method."""
+    """Return the root near u, using Newton's method."""
     for _ in range(100):
         link = piece.at(u) - here
         slope = piece.tangent(u) * (mp.sqrt(1 + u * u) * piece.b * piece.way if isinstance(piece, Winding) else 1)
@@ -198,7 +198,7 @@ def turn_of(turn: STurn) -> Track:
 
 
 def laid(track: Composite) -> Track:
-    """Return joined pieces in the plane; the first piece extends backwards without limit."""
+    """Lay out joined pieces in the plane; the first piece extends backwards without limit."""
     pieces: list[Any] = []
     origins, point, direction = [mp.zero], mpc(0), mpc(1)
     for spec in track.pieces:
@@ -218,7 +218,7 @@ def laid(track: Composite) -> Track:
 
 
 def wound(spec: Any, point: Number, direction: Number) -> Winding:
-    """Return a spiral from a point in a direction."""
+    """Return a spiral that starts at a point in a given direction."""
     start, last = 2 * mp.pi * mpf(spec.from_turns), 2 * mp.pi * mpf(spec.to_turns)
     way = AHEAD if last > start else BACK
     side = 1 if (spec.side == 'left') == (way == AHEAD) else -1
@@ -257,7 +257,7 @@ def chain_at(scene: Scene, t_s: float) -> list[tuple[Number, Number]]:
 
 
 def places(track: Track, place: tuple[int, Number], links: list[Number], way: int) -> Iterator[tuple[int, Number]]:
-    """Yield the positions of the handles from the leader on."""
+    """Yield the positions of the handles, starting with the leader."""
     yield place
     for chord in links:
         place = track.next(*place, chord, way)
@@ -266,7 +266,7 @@ def places(track: Track, place: tuple[int, Number], links: list[Number], way: in
 
 def followed(track: Track, leader: tuple[int, Number], links: list[Number], way: int,
              speed: Number) -> Iterator[tuple[Number, Number]]:
-    """Yield point and velocity of the handles from the leader on."""
+    """Yield the point and the velocity of each handle, starting with the leader."""
     before = None
     for k, u in places(track, leader, links, way):
         point, tangent = track.pieces[k].at(u), track.pieces[k].tangent(u)

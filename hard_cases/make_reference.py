@@ -2,11 +2,11 @@
 
     ./dragon python -m hard_cases.make_reference
 
-The script needs mpmath (gmpy2 makes it faster, with the same result) and takes up to a few minutes. The script shares
-no numerical code with the package: it reads the scene's floats as exact binary numbers. Lengths are in units of b =
-pitch / 2 pi, angles in rad. A chord between theta and theta + delta obeys the law of cosines, and velocities are
-projected from the link and the tangents as vectors; guard digits compensate for cancellation. Everything is computed
-twice, the second time with more digits, and compared.
+The script needs mpmath (gmpy2 makes it faster, with the same result) and runs for up to a few minutes. It shares no
+numerical code with the package, and reads the scene's floats as exact binary numbers. Lengths are in units of b = pitch
+/ 2 pi, angles in rad. A chord between theta and theta + delta obeys the law of cosines, and velocities are projected
+from the link and the tangents as vectors; guard digits compensate for cancellation. Everything is computed twice, the
+second time with more digits, and compared.
 """
 import json
 import sys
@@ -21,12 +21,12 @@ from dragon_ros.core.scene import Scene
 from hard_cases.problems import Problem, problems
 
 DIGITS = 50                     # digits of every result, relative to the distance from the centre
-GUARD = 40                      # additional digits of the computation: the law of cosines loses up to 20
-AGREED = 40                     # digits that two computations must have in common
-MORE = 20                       # additional digits of the second computation
+GUARD = 40                      # additional digits for the computation, since the law of cosines loses up to 20
+AGREED = 40                     # digits to which the two computations must agree
+MORE = 20                       # further digits for the second computation
 WRITTEN = 25                    # significant digits in the file
 TARGET = Path(__file__).with_name('reference.json')
-Number = Any                    # the types of mpmath are created at run time
+Number = Any                    # mpmath creates its types at run time
 Function = Callable[[Number], tuple[Number, Number]]
 
 
@@ -86,7 +86,7 @@ def place(b: Number, theta: Number, speed: Number) -> Handle:
 
 
 def head_angle(scene: Scene, b: Number, t_s: float) -> Number:
-    """Return theta with S(theta) = S(theta0) - v t, by Newton's method from outside: convexity makes it monotone."""
+    """Solve S(theta) = S(theta0) - v t by Newton's method, which converges monotonically from outside (convexity)."""
     start = 2 * mp.pi * mp.mpf(scene.track.start_turns)
     arc = arc_length(start) - mp.mpf(scene.head.speed_m_s) * mp.mpf(t_s) / b
     assert arc >= 0, f'{t_s!r} s is after the head reaches the centre'
@@ -119,7 +119,7 @@ def extrapolated(before: list[Number]) -> Number:
 
 
 def next_handle(theta: Number, chord: Number, guess: Number) -> Link:
-    """Return the link to the smallest root of the chord equation; links of zero length carry the speed over."""
+    """Return the link to the smallest root of the chord equation; a link of zero length leaves the speed unchanged."""
     if chord == 0:
         return Link(mp.zero, mp.one)
     excess = excess_of(theta, chord)
@@ -132,7 +132,7 @@ def next_handle(theta: Number, chord: Number, guess: Number) -> Link:
 
 
 def excess_of(theta: Number, chord: Number) -> Function:
-    """Return delta -> (half of squared chord minus wanted squared chord, its slope).
+    """Return the function from delta to half of (squared chord - wanted squared chord), and its slope.
 
     The slope, delta + 2 theta sin^2(delta/2) + theta (theta + delta) sin(delta), has only positive terms up to delta =
     pi, so a root there is unique and the smallest one.
@@ -149,7 +149,7 @@ def excess_of(theta: Number, chord: Number) -> Function:
 
 
 def first_rise(theta: Number, excess: Function) -> Number:
-    """Return an angle beyond pi, on the first rise, at which the chord is too long."""
+    """Return an angle beyond pi, on the chord's first rise, at which the chord is too long."""
     def falling(delta: Number) -> tuple[Number, Number]:
         cos, sin = mp.cos_sin(delta)
         return -excess(delta)[1], -(1 + 2 * theta * sin + theta * (theta + delta) * cos)
@@ -164,7 +164,7 @@ def first_rise(theta: Number, excess: Function) -> Number:
 
 
 def prove_smallest(theta: Number, delta: Number) -> None:
-    """Prove with interval arithmetic that the chord grows all the way from pi to delta."""
+    """Prove with interval arithmetic that the chord grows everywhere from pi to delta."""
     iv.dps = mp.dps
     inner, pieces = iv.mpf(theta), [(+mp.pi, delta)]
     for _ in range(100_000):
@@ -178,7 +178,7 @@ def prove_smallest(theta: Number, delta: Number) -> None:
 
 
 def projected(theta: Number, delta: Number, chord: Number) -> Number:
-    """Return v[i+1] / v[i] = cos alpha / cos beta, from vectors with the front handle on the x axis.
+    """Return v[i+1] / v[i] = cos alpha / cos beta, computed from vectors with the front handle on the x axis.
 
     The link vector also checks the root: it must be as long as the chord.
     """
@@ -194,7 +194,7 @@ def projected(theta: Number, delta: Number, chord: Number) -> Number:
 def root(function: Function, low: Number, high: Number, start: Number) -> Number:
     """Return the root of an increasing function in [low, high]: Newton's method, or bisection if a step is too long.
 
-    The next error is the square of the last step times half the curvature over the slope; 10 digits are left for that.
+    The remaining error is the square of the last step times half the curvature over the slope; 10 digits allow for it.
     """
     x, small = min(max(start, low), high), mp.mpf(10) ** -(mp.dps // 2 + 5)
     for _ in range(500):
@@ -208,7 +208,7 @@ def root(function: Function, low: Number, high: Number, start: Number) -> Number
 
 
 def check_agreement(coarse: list[Handle], fine: list[Handle]) -> None:
-    """Assert that two computations agree to AGREED digits of the radius and of the speed."""
+    """Assert that two computations agree to AGREED digits, relative to the radius and to the speed."""
     assert len(coarse) == len(fine)
     for a, b in zip(coarse, fine, strict=True):
         small = mp.mpf(10) ** -AGREED
@@ -217,7 +217,7 @@ def check_agreement(coarse: list[Handle], fine: list[Handle]) -> None:
 
 
 def check_known_values(found: dict[str, list[list[Handle]]]) -> None:
-    """Assert the known check values to half a unit of their last digit."""
+    """Assert that known values are reproduced to half a unit in their last digit."""
     (start, *_), late = found['classic'], found['classic'][5]
     known = [(start[1].x, '8.363823851'), (start[1].y, '2.826543891'), (start[1].speed, '0.999971038'),
              (late[0].x, '4.420274'), (late[0].y, '2.320429'), (late[223].x, '1.785033'), (late[223].y, '9.301164')]

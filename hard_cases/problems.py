@@ -1,4 +1,4 @@
-"""The hard cases on one spiral, in series that approach each singularity; ``dances`` has the others."""
+"""The hard cases on one spiral, in series that approach each singularity; ``dances`` contains the others."""
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import pi
@@ -11,7 +11,7 @@ from dragon_ros.core.tracks.spec import Spiral
 
 @dataclass(frozen=True)
 class Problem:
-    """A scene, the times at which it is hard, and the handles in the reference, including the worst."""
+    """A scene, the times at which it is hard, and the handles in the reference, including the worst one."""
 
     name: str
     scene: Scene
@@ -21,7 +21,7 @@ class Problem:
 
 
 _CLASSIC = Scene()
-_LOCK_S = 432.91792422838296     # lock of the classic dragon, to the nearest float; a test compares it with the model
+_LOCK_S = 432.91792422838296     # lock of the classic dragon as the nearest float; a test compares it with the model
 _ALL = tuple(range(224))
 MIXED = Mixed((Group(3.41), Group(2.2, 10), Group(1.1), Group(4.0, 2), Group(0.55), Group(0.9, 15), Group(2.2, 10)))
 _LONG_FOURTH, _FOURTH_LOCKS_S = Mixed((Group(1.1, 3), Group(3.9), Group(1.6, 6))), 430.61003584845963
@@ -63,9 +63,9 @@ def problems() -> tuple[Problem, ...]:
         _with('inner-turn', 'short links down to the last turn before the centre', (0.0, 2.5, 3.0, 3.1),
               Dragon(40, 0.7, 0.65), Spiral(0.55, 1.4)),
         _with('centre', 'the head reaches the centre itself', (0.0, 6.0, 6.425), Dragon(6, 0.6, 0.6), Spiral(1.0, 1.4)),
-        _with('link-beyond-diameter', 'a head link longer than the diameter at its front', (432.85, 432.9),
+        _with('link-beyond-diameter', 'a head link longer than the diameter at its front end', (432.85, 432.9),
               Dragon(20)),
-        _with('link-is-diameter', 'a head link of exactly the diameter 2 theta + pi', (0.0,), Dragon(20), diameter),
+        _with('link-is-diameter', 'a head link equal to the diameter 2 theta + pi', (0.0,), Dragon(20), diameter),
         _with('tiny-pitch', 'eight thousand turns that are almost circles', (0.0, 100.0, 1000.0, 1.9e5), None,
               Spiral(1e-3, 8000.0)),
         _with('huge-pitch', 'an almost straight track', (0.0, 100.0, 500.0), None, Spiral(1e3, 2.0)),
@@ -79,7 +79,7 @@ def problems() -> tuple[Problem, ...]:
         _with('almost-joined', 'body links of a nanometre', (0.0, 300.0), Dragon(10, 3.41, 0.55 + 1e-9)),
         _with('mixed', 'benches of six lengths, one of them with coinciding handles', (0.0, 300.0, 412.0, 432.0),
               MIXED),
-        _with('mixed-lock', 'a long fourth link that locks first; 1e-2 to 1e-8 s before',
+        _with('mixed-lock', 'a long fourth link that locks first; 1e-2 to 1e-8 s before the lock',
               tuple(_FOURTH_LOCKS_S - 10.0 ** -k for k in (2, 4, 6, 8)), _LONG_FOURTH),
         _with('rest', 'a head at rest', (0.0, 1e6), None, None, 0.0),
         _with('crawl', 'a head at 1e-9 m/s', (0.0, 1e9), None, None, 1e-9),

@@ -15,13 +15,13 @@ from hard_cases.problems import Problem
 
 _FOLDER = Path(__file__).resolve().parent
 _FILES = ('reference.json', 'dances.json')
-_KEYS = ('x', 'y', 'speed', 'vx', 'vy')     # the first file has signed speeds along a spiral, the second velocities
+_KEYS = ('x', 'y', 'speed', 'vx', 'vy')     # the first file contains signed speeds, the second velocities
 Solve = Callable[[float], tuple[Floats, Floats]]
 
 
 @dataclass(frozen=True)
 class Truth:
-    """Reference handles at the times of a problem; each number is a float plus a remainder.
+    """Reference handles at the times of a problem; each number is the sum of two floats.
 
     Arrays are (times, handles, 3): x, y, speed; or (times, handles, 4): x, y, vx, vy.
     """
@@ -42,7 +42,7 @@ def _everything() -> dict[str, Any]:
 
 
 def design_figures() -> dict[str, str]:
-    """Return the length of the contest's turn and the largest speed of a head on it, as decimal strings."""
+    """Return the length of the contest's turn and the largest speed of its head, as decimal strings."""
     figures: dict[str, str] = _read(_FILES[1])['figures']
     return figures
 
