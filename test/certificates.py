@@ -1,4 +1,4 @@
-"""The answers of ``dragon_ros.verify`` about certificates, as plain values, for tests of several rooms."""
+"""Verdicts of ``dragon_ros.verify`` on certificates, as plain values; shared by the tests of several rooms."""
 import json
 
 import pytest

@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, Phase, settings
 
 def pytest_addoption(parser):
     parser.addoption('--minutes', type=float, help='fuzz (test/fuzz) for this long instead of a few seconds')
-    parser.addoption('--first-seed', type=int, default=1, help='of the fuzz with --minutes, after an earlier run')
-    parser.addoption('--long', action='store_true', help='also run all that is marked as long: further cases, clusters')
+    parser.addoption('--first-seed', type=int, default=1, help='first seed of a fuzz with --minutes')
+    parser.addoption('--long', action='store_true', help='also run the tests marked as long: more cases, clusters')
 
 
 # Libraries that an ordinary ROS 2 install need not have (rosdep has no key for three of them), and the helper modules
@@ -44,14 +44,14 @@ def pytest_terminal_summary(terminalreporter):
 
 def pytest_configure():
     os.environ['LC_ALL'] = 'C.UTF-8'        # commands use the language of the locale
-    # A background job ignores SIGINT, and a job of nohup ignores SIGHUP; processes started here would inherit this.
+    # Background jobs ignore SIGINT, and jobs under nohup ignore SIGHUP; processes started here would inherit this.
     for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
 
 
 def pytest_make_parametrize_id(val):
-    """Shorten names of tests that are a long text: ``colcon test`` stops at lines of more than 64 kB."""
+    """Shorten test ids that are long texts: ``colcon test`` stops at lines longer than 64 kB."""
     return f'{val[:40]!a} of {len(val)}' if isinstance(val, str | bytes) and len(val) > 1000 else None
 
 
@@ -88,12 +88,11 @@ def pytest_xdist_auto_num_workers():
 
 settings.register_profile('repeatable', derandomize=True, deadline=None, database=None, max_examples=40,
                           suppress_health_check=[HealthCheck.too_slow])
-# With other versions of libraries, the same code has the same properties, so a few examples suffice to show that it
-# runs.
+# For runs with other library versions: the properties do not depend on them, so a few examples show that the code runs.
 settings.register_profile('brief', settings.get_profile('repeatable'), max_examples=10)
 # For use by hand, after changes to the code that a property covers: 25 times as many examples as usual.
 settings.register_profile('thorough', settings.get_profile('repeatable'), max_examples=1000)
-# For mutants (test/mutants), for which the first failing example is enough.
+# For mutants (test/mutants): the first failing example is enough.
 settings.register_profile('first', settings.get_profile('repeatable'), report_multiple_bugs=False,
                           phases=(Phase.explicit, Phase.generate))
 settings.load_profile('repeatable')
@@ -101,6 +100,6 @@ settings.load_profile('repeatable')
 
 @pytest.fixture(autouse=True)
 def _floating_point_errors_raise():
-    # Underflow to zero is exact enough everywhere here and raises no error.
+    # An underflow to zero is always exact enough here, so it raises no error.
     with np.errstate(all='raise', under='ignore'):
         yield

@@ -1,4 +1,4 @@
-"""Measure the contents of a drawn figure with Matplotlib's renderer: boxes of texts and legends, and curves."""
+"""Measure a drawn figure with Matplotlib's renderer: the boxes of its texts and legends, and its curves."""
 import numpy as np
 from matplotlib.text import Annotation, Text
 from shapely.affinity import rotate
@@ -46,7 +46,7 @@ class Picture:
 
 
 def _texts(figure):
-    """Every drawn text of a figure, with its box in pixels, which is rotated like the text."""
+    """Every drawn text of a figure with its box in pixels, rotated with the text."""
     return ((text.get_text(), _box(text)) for text in _drawn(figure))
 
 
@@ -85,14 +85,14 @@ def _of_words(annotation):
 
 
 def outside(axes, points):
-    """The points (N, 2) in data coordinates that are cut off by the limits of the axes."""
+    """The points (N, 2) in data coordinates that lie outside the axis limits."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     inside = np.all((points >= (left, bottom)) & (points <= (right, top)), axis=1)
     return points[~inside]
 
 
 def readable(save):
-    """A function that saves the figure of a cost page, whose titles, axes and legends must be readable."""
+    """Wrap a function that saves the figure of a cost page: the figure must be readable before it is saved."""
     def saved(figure, stem):
         seen = Picture(figure)
         assert (seen.cropped(), seen.hidden(), seen.small()) == ([], [], [])

@@ -1,4 +1,4 @@
-"""Processes of the package that start quickly, forked from a process that has already imported their libraries.
+"""Processes of the package that start quickly because they are forked from one that has imported their libraries.
 
 An executable needs a second to import its libraries, and the tests start hundreds of executables. Tests of the start
 and the end of processes (signals during imports, exit codes, security, the shell) run ``python -m dragon_ros`` instead.
@@ -61,7 +61,7 @@ class Forked:
 
 
 def _run(arguments, environment, cwd, output):
-    """In the new process, run the same as ``python -m dragon_ros``, without the environment of the first process."""
+    """In the new process, do the same as ``python -m dragon_ros``, without the environment of the first process."""
     from dragon_ros.__main__ import run
     os.environ.clear()
     os.environ.update(environment)

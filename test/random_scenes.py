@@ -1,23 +1,23 @@
-"""Random scenes of every kind, as the plain values of a scene file; a seed always gives the same scene.
+"""Random scenes of every kind, as the plain values of a scene file; a seed always produces the same scene.
 
-Tests and comparisons of two versions of the code draw their scenes from here. So that a seed gives the same scene on
-every machine and for every version, this module imports nothing from the package, takes all random numbers from
-``Random.random`` (the only method whose numbers Python guarantees) and keeps six figures of every number. This module
-draws each scene once and never consults the code under test: a few scenes in a hundred are rejected (bends that are too
-tight, chains that are locked from the start, accuracies beyond floats), as some users' scenes are.
+Tests and comparisons of two versions of the code draw their scenes from here. So that a seed produces the same scene
+on every machine and in every version, this module imports nothing from the package, takes all random numbers from
+``Random.random`` (the only method whose numbers Python guarantees) and rounds every number to six significant figures.
+It draws each scene once and never consults the code under test: a few scenes in a hundred are rejected (bends that are
+too tight, chains that are locked from the start, accuracies beyond floats), as some users' scenes are.
 
 The parts of a scene are drawn in this order:
 
-1. the benches: equal, a longer or shorter head, or mixed; 1 to 300; insets from none to half a bench, which leaves
-   links of zero length; occasionally benches that are wide, or long for their track;
+1. the benches: 1 to 300; all equal, with a longer or shorter head, or mixed; with insets from zero to half a bench,
+   which leaves links of zero length; occasionally wide, or long for their track;
 2. the track: a single spiral (walked inwards, outwards, or far out, up to 1e5 turns), an S-turn, a circle, or a
    composite of lines, arcs and spirals. Pitches and radii are drawn for these benches, from less than what they need to
-   several times as much, so that about half of the runs have a contact, some lock and some reach the end of the track;
-3. the leader: head or tail, forwards or back, at a constant speed or by a profile with ramps, jumps, rests and
-reversals;
+   several times that, so that about half of the runs have a contact, some lock and some reach the end of the track;
+3. the leader: head or tail, forwards or backwards, at a constant speed or by a profile with ramps, jumps, rests and
+   reversals;
 4. the run, the accuracy, the effects and their settings.
 
-One scene in ten has every length, and with them the speed, in another unit: 1e-6 to 1e6.
+One scene in ten has all lengths, and therefore its speed, in another unit: 1e-6 m to 1e6 m.
 
 ``./dragon python test/random_scenes.py SEED`` prints a scene as a file (JSON, which is YAML) that every command
 accepts.
@@ -30,7 +30,7 @@ from random import Random
 from typing import Any, NamedTuple
 
 KINDS = {'in': 34, 'out': 7, 'far': 4, 'turn': 20, 'composite': 27, 'circle': 8}     # kinds of tracks, in percent
-TIGHTEST = 1.98         # the limit of scene files for curvature times longest link on a composite track
+TIGHTEST = 1.98         # the limit in scene files on curvature times longest link, for composite tracks
 _NEEDS = {'clearance': 'benches', 'contact': 'clearance', 'markers': 'contact', 'forces': 'accelerations'}
 _EFFECTS = ('velocity', 'benches', 'clearance', 'contact', 'markers', 'accelerations', 'forces', 'noise', 'trails',
             'clock', 'diagnostics')
@@ -43,15 +43,15 @@ class Dice:
         self._random = Random(seed)
 
     def between(self, low: float, high: float) -> float:
-        """Any number between two."""
+        """A number between two limits."""
         return figures(low + (high - low) * self._random.random())
 
     def scaled(self, low: float, high: float) -> float:
-        """Any number between two positive numbers; each decade is equally likely."""
+        """A number between two positive limits; each decade is equally likely."""
         return figures(exp(log(low) + log(high / low) * self._random.random()))
 
     def whole(self, low: int, high: int) -> int:
-        """A whole number between two, both included; small numbers are more likely."""
+        """A whole number between two limits, both included; small numbers are more likely."""
         return min(high, int(exp(log(low) + log((high + 1) / low) * self._random.random())))
 
     def chance(self, parts: float) -> bool:
@@ -63,7 +63,7 @@ class Dice:
         return choices[int(self._random.random() * len(choices))]
 
     def one_by_parts(self, parts: dict[Any, float]) -> Any:
-        """One of several choices, drawn according to their weights."""
+        """One of several choices, drawn by their weights."""
         left = self._random.random() * sum(parts.values())
         for choice, part in parts.items():
             left -= part
@@ -87,12 +87,12 @@ class Benches(NamedTuple):
 
     @property
     def longest_link_m(self) -> float:
-        """Length of the longest link, or a tenth of a bench if that is longer; it serves as a scale."""
+        """Length of the longest link, or a tenth of the longest bench if that is more; used as a scale."""
         return max(*(length - 2 * self.inset_m for length in self.lengths_m), 0.1 * max(self.lengths_m))
 
     @property
     def chain_m(self) -> float:
-        """Length of the whole chain, or of one bench if that is longer."""
+        """Length of the whole chain, or of the longest bench if that is longer."""
         return max(sum(length - 2 * self.inset_m for length in self.lengths_m), max(self.lengths_m))
 
     @property
@@ -102,10 +102,10 @@ class Benches(NamedTuple):
 
 
 class Way(NamedTuple):
-    """A track, and the leader's possible motion on it."""
+    """A track and the motion that the leader can make on it."""
 
     section: dict[str, Any]
-    onwards_m: float                # a useful distance along ``sense``; positive is inwards or onwards
+    onwards_m: float                # a useful distance in the direction of ``sense``: 1 is inwards or onwards
     lead: str = 'head'
     sense: int = 1
     has_end: bool = False           # whether the model ends after this distance
@@ -134,7 +134,7 @@ def kind_of(seed: int) -> str:
 
 
 def _benches(dice: Dice, kind: str, unit_m: float) -> Benches:
-    """Draw the benches; circles and composites get fewer, since each of their benches is searched separately."""
+    """Draw the benches: fewer on circles and composites, where each bench is searched for separately."""
     most = 300 if kind in ('in', 'out', 'turn') else 120
     count = dice.one_by_parts({dice.whole(2, 8): 10, dice.whole(8, 40): 50, dice.whole(30, most): 40})
     count = 1 if dice.chance(1) else count
@@ -154,14 +154,14 @@ def _benches(dice: Dice, kind: str, unit_m: float) -> Benches:
     head = {'longer head': body * dice.one(1.55, dice.between(1, 3)), 'equal': body,
             'shorter head': max(least, body * dice.between(0.3, 1))}[how]
     head = head if how == 'equal' else figures(head)
-    head = max(head, 2 * inset)     # after rounding, the holes must still fit
+    head = max(head, 2 * inset)     # the holes must still fit after rounding
     section = {'benches': count, 'head_length_m': head, 'body_length_m': body, **one}
     return Benches(section if dice.chance(50) else {'kind': 'equal', **section}, [head] + [body] * (count - 1), inset,
                    width)
 
 
 def _groups(dice: Dice, count: int, least_m: float, body_m: float) -> list[dict[str, Any]]:
-    """Draw two to six groups of benches; the last lengths may be repeated."""
+    """Draw two to six groups of benches; the last groups may repeat lengths."""
     lengths: list[float] = []
     groups = []
     for left in range(dice.whole(2, 6), 0, -1):
@@ -175,7 +175,7 @@ def _groups(dice: Dice, count: int, least_m: float, body_m: float) -> list[dict[
 
 
 def _pitch(dice: Dice, benches: Benches, radius_m: float) -> float:
-    """Draw a pitch that is about sufficient, too small, or ample for the longest benches at a radius.
+    """Draw a pitch that is nearly sufficient, too small, or ample for the longest benches at a radius.
 
     The middle of a bench of length L on a circle of radius r lies L^2 / (8 r) inside the circle.
     """
@@ -314,7 +314,7 @@ _TRACKS = {'in': _inwards, 'out': _outwards, 'far': _far, 'turn': _turn, 'circle
 
 
 def _head(dice: Dice, way: Way, speed_m_s: float) -> tuple[dict[str, Any], float, bool]:
-    """Draw the head law, the time by which the leader covers about the useful distance, and whether it never ends."""
+    """Draw the head law, the time in which the leader covers about the useful distance, and whether it keeps moving."""
     lead = {'lead': way.lead} if way.lead == 'tail' or dice.chance(20) else {}
     time_s = figures(way.onwards_m / speed_m_s)
     if dice.chance(2):
@@ -328,7 +328,7 @@ def _head(dice: Dice, way: Way, speed_m_s: float) -> tuple[dict[str, Any], float
 
 
 def _knots(dice: Dice, speed_m_s: float, time_s: float) -> tuple[list[list[float]], float]:
-    """Draw a profile, and the time at which the leader has covered about the distance of a constant speed."""
+    """Draw a profile, and the time in which the leader covers about as far as it would at a constant speed."""
     knots = [[0.0, dice.one(0.0, speed_m_s)]]
     for _ in range(dice.whole(1, 7)):
         t_s, before = knots[-1]
@@ -371,7 +371,7 @@ def _ways_to_compute(dice: Dice) -> dict[str, Any]:
 
 
 def _effects(dice: Dice, unit_m: float) -> dict[str, Any]:
-    """Draw effects, the effects that they need, and their settings."""
+    """Draw effects, the effects that they require, and their settings."""
     if dice.chance(50):
         return {}
     effects = {name for name in _EFFECTS if dice.chance(8 if name in ('accelerations', 'forces') else 30)}
@@ -386,7 +386,7 @@ def _effects(dice: Dice, unit_m: float) -> dict[str, Any]:
 
 
 def main(seeds: list[str]) -> None:
-    """Print the scenes of some seeds."""
+    """Print the scenes of the given seeds."""
     for seed in seeds:
         print(json.dumps(random_scene(int(seed)), indent=1))
 

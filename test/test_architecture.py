@@ -1,4 +1,4 @@
-"""The architecture holds: imports point down; executables, packaging, lint and types are tested too."""
+"""Tests of the architecture: imports point down; executables, packaging, lint and types are also checked."""
 import ast
 import os
 import runpy
@@ -18,7 +18,7 @@ from dragon_ros.executables import EXECUTABLES
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / 'dragon_ros'
-# Each room and what it may import besides itself; the tests skip rooms that do not exist yet.
+# Each room and what it may import besides itself; rooms that do not exist yet are skipped.
 BELOW_NODES = ('core', 'version', 'configuration', 'scenes', 'messages', 'bags', 'cli')
 ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
          'studies': BELOW_NODES, 'commands': (*BELOW_NODES, 'studies'), 'nodes': BELOW_NODES,
@@ -52,8 +52,8 @@ BESIDE = {'hard_cases': {'hard_cases'}, 'benchmarks': {'benchmarks', 'hard_cases
 def read(path):
     """Return the modules that a file imports, and the names of the package in its imports and strings.
 
-    Imports for types and inside functions also count, and so do strings, such as the argument of ``import_module``. The
-    bare name of the package does not count, because it is also the name of a folder, a record and a logger.
+    Imports for types and inside functions count as well, and so do strings such as the argument of ``import_module``.
+    The bare name of the package does not count, because it is also the name of a folder, a record and a logger.
     """
     imported, found = [], set()
     for node in ast.walk(ast.parse(path.read_text())):
@@ -82,14 +82,14 @@ def libraries(path):
 
 
 def upward(room, path):
-    """Return the rooms of the package that a room's module names although they are not below it."""
+    """Return the modules that a room's module names although their rooms are not below its own."""
     below = {room, *ROOMS[room], *STARTS.get(room, ())}
     return {name for name in named(path) if (part := name.split('.')[1]) in ROOMS and part not in below
             and name.removeprefix('dragon_ros.') not in below}
 
 
 def upward_in_core(room, path):
-    """Return the rooms of the core that a core room's module names although they are not below it."""
+    """Return the modules of the core that a core room's module names although their rooms are not below its own."""
     found = set()
     for name in named(path):
         _, top, part, module = [*name.split('.'), '', ''][:4]
@@ -102,7 +102,7 @@ def upward_in_core(room, path):
 
 
 def modules(folder, rooms):
-    """Return (room, file) of every module of these rooms, which are folders or single files."""
+    """Return (room, file) for every module of these rooms, each of which is a folder or a single file."""
     return [(room, path) for room in rooms
             for path in (*sorted((folder / room).rglob('*.py')), *folder.glob(f'{room}.py'))]
 
@@ -154,7 +154,7 @@ PLANTED = ['import {}', 'from {} import anything', 'def later():\n    import {}'
 
 
 def not_found(folder, other, upward_of):
-    """Return the forms of an import of a module that are not detected, each planted in a file."""
+    """Plant each form of importing a module in a file, and return the forms that are not detected."""
     files = {folder / f'planted_{number}.py': how.format(f'dragon_ros.{other}') for number, how in enumerate(PLANTED)}
     for path, code in files.items():
         path.write_text(code)
@@ -187,9 +187,9 @@ def test_what_the_core_may_import_has_no_circle():
 
 
 def mentioned(path, known):
-    """Return the modules that a module names in imports or strings, anywhere in its code.
+    """Return the known modules that a file names in imports or strings, anywhere in its code.
 
-    A string that ends in a dot, such as a prefix for ``import_module``, stands for all modules with this prefix.
+    A string that ends in a dot, such as a prefix for ``import_module``, names all modules with this prefix.
     """
     found = named(path)
     return {name for one in found if one.endswith('.') for name in known if name.startswith(one)} | found & known
@@ -265,7 +265,7 @@ def copy_source(target):
     return target
 
 
-NO_BYTECODE = {'PYTHONDONTWRITEBYTECODE': '1'}      # the environment of a copy that is used only once
+NO_BYTECODE = {'PYTHONDONTWRITEBYTECODE': '1'}      # the environment of a copy, which is used only once
 
 
 def installed_names(prefix):

@@ -1,4 +1,4 @@
-"""The documents are correct: every command in them runs, every link resolves, and every table matches the code."""
+"""Tests of the documents: every command in them runs, every link resolves, and every table matches the code."""
 import importlib.util
 import re
 import shlex
@@ -26,31 +26,31 @@ LONGEST_S = 50
 CONTEST_ROWS = {0: 'head', 1: 'section 1', 51: 'section 51', 101: 'section 101', 151: 'section 151', 201: 'section 201',
                 223: 'tail, rear'}
 
-# The beginning of a command in a document, the command that runs instead (None if nothing runs), and the reason. The
-# longest beginning that matches is used.
+# For the first words of a documented command: the command that runs instead (None if nothing runs), and the reason. The
+# longest match is used.
 SUBSTITUTES = {
     './dragon demo': (None, 'takes ten seconds and four processes; test/nodes/test_graph.py runs it'),
-    './dragon python test/bags/crash.py': (None, 'takes twenty minutes; test/bags/test_crash.py runs a few kills'),
+    './dragon python test/bags/crash.py': (None, 'takes twenty minutes; test/bags/test_crash.py does a few kills'),
     './dragon python test/soak/soak.py': (None, 'takes an hour'),
     './dragon python test/soak/moved_clock.py': (None, 'takes minutes and a C compiler'),
-    './dragon python test/soak/backlog.py': (None, 'takes minutes, and stops processes'),
-    './dragon mutants': (None, 'takes minutes; test/mutants tests the changes and the runs'),
+    './dragon python test/soak/backlog.py': (None, 'takes minutes and stops processes'),
+    './dragon mutants': (None, 'takes minutes; test/mutants tests the tool'),
     './dragon test': (None, 'would run these tests again'),
     './dragon check': (None, 'would run these tests again'),
     './dragon lock': (None, 'queries the package index; test/test_locks.py checks the locks'),
     './dragon docs': (None, 'writes to the checkout; a test below checks the tables'),
     './dragon python docs/examples/common_mistakes.py': (None, 'a test below runs it and compares its tables'),
     './dragon python docs/examples/': (None, 'requires a sim; test/nodes/test_examples.py runs it with one'),
-    './dragon grade result1.xlsx': ('grade --help', 'requires files; test/commands/test_grade.py grades some'),
-    './dragon grade class': ('grade --help', "requires a class's files; test/commands/test_grade_files.py has a few"),
+    './dragon grade result1.xlsx': ('grade --help', 'requires answer files; test/commands/test_grade.py grades some'),
+    './dragon grade class': ('grade --help', "requires a class's files; test/commands/test_grade_files.py has some"),
     './dragon view': ('view --help', 'runs until Ctrl-C; test/commands/test_view.py tests the page'),
-    './dragon record --output live.mcap': ('record --help', 'waits for a sim; test/nodes/test_record.py has one'),
+    './dragon record --output live.mcap': ('record --help', 'waits for a sim; test/nodes/test_record.py starts one'),
     './dragon sim --scene small.yaml': ('sim --scene small.yaml --ros-args -p time_scale:=0.0 -p discovery_s:=0.0',
-                                        'the same run, without the 20 s in real time'),
+                                        'the same run, without taking 20 s of real time'),
     './dragon sim --set': ('sim --set run.stop_s=0.1 --ros-args -p time_scale:=0.0 -p discovery_s:=0.0 -p '
-                           'robot_description:=true', 'in less time; test/nodes/test_graph.py tests the topics'),
+                           'robot_description:=true', 'a shorter run; test/nodes/test_graph.py tests the topics'),
     './dragon sim --scene led': ('sim --scene led --set run.stop_s=0.2 --ros-args -p discovery_s:=0.0',
-                                 'waits an hour for commands; test/nodes/test_led.py sends some'),
+                                 'waits for commands for an hour; test/nodes/test_led.py sends some'),
     './dragon monitor': ('monitor --help', 'runs until Ctrl-C; test/nodes/test_examples.py publishes handles for it'),
     './dragon table --contest': (None, 'takes half a minute on a busy machine; '
                                 'test/commands/test_contest_files.py writes the tables'),
@@ -95,7 +95,7 @@ SUBSTITUTES = {
     'export': (None, "sets up the reader's shell; each test has its own domain"),
 }
 
-# A shell block with the indented lines below it, or an indented block.
+# A shell block and the indented lines below it, or an indented block.
 _BLOCK = re.compile(r'^```sh\n(.*?)^```\n(?:\n((?:    [^\n]*\n)+))?|((?:^    [^\n]*\n)+)', re.DOTALL | re.MULTILINE)
 
 
@@ -133,7 +133,7 @@ def run(arguments, folder):
 
 @pytest.fixture
 def command(tmp_path, monkeypatch, capsys):
-    """A function that runs a command in the test's folder (a node as a process) and returns the same as ``run``."""
+    """A function like ``run`` that runs a command in the test's folder; only nodes run in a process of their own."""
     monkeypatch.chdir(tmp_path)
 
     def run_here(arguments):
@@ -177,13 +177,13 @@ def test_every_command_of_a_document_runs_and_says_what_is_shown(path, tmp_path,
 
 
 def _steady(text):
-    """Return a text without durations, and with single blanks between words."""
+    """Return a text with its durations masked and single spaces between words."""
     return re.sub(r'\s+', ' ', re.sub(r'in \d+\.\d+ s', 'in S', text))
 
 
 @pytest.fixture(scope='module')
 def venue_page(tmp_path_factory):
-    """The folder in which the commands of the venue page that make scenes from drawings have run."""
+    """The folder in which the venue page's commands that make scenes from drawings have run."""
     folder, page = tmp_path_factory.mktemp('venue'), ROOT / 'docs' / 'venue.md'
     write_files(page, folder)
     with pytest.MonkeyPatch.context() as patch:
@@ -214,7 +214,7 @@ def test_the_drawing_and_the_walls_of_the_venue_page_are_the_scene_street(venue_
 def test_the_drawing_of_the_square_becomes_its_track_within_the_tolerance(venue_page):
     shipped, arcs = (compile_scene(dr.scene(name)).track_line(1e-4) for name in ('square', venue_page / 'arcs.yaml'))
     for one, other in ((shipped, arcs), (arcs, shipped)):
-        shared = one[one[:, 0] > 0]     # the drawing also has the line on which the dragon stands at the start
+        shared = one[one[:, 0] > 0]     # the drawing also contains the line on which the dragon stands at the start
         assert LineString(other).buffer(0.02 * 1.01).contains(LineString(shared))
 
 
@@ -249,7 +249,7 @@ def test_every_link_of_a_document_leads_to_a_file_and_a_heading(path):
 
 
 def headings(path):
-    """Return the headings of a document as links write them."""
+    """Return the headings of a document in the form used in links."""
     lines = re.findall(r'^#+ (.*)$', path.read_text(), re.MULTILINE)
     return [re.sub(r'[^\w\- ]', '', line.lower()).replace(' ', '-') for line in lines]
 

@@ -1,4 +1,4 @@
-"""Run the ROS linters' checks of licence and manifest without these linters; ruff has the other rules."""
+"""The ROS linters' checks of the licence and the manifest, without these linters; ruff covers the other rules."""
 import hashlib
 import tokenize
 from pathlib import Path
@@ -42,7 +42,7 @@ def test_the_manifest_is_what_the_tools_of_ros_accept_without_a_warning():
 
 
 # Keys of rosdep and packages of ROS 2 that resolve on Ubuntu noble and later, according to rosdistro of 2026-08-22.
-# rosdep installs test dependencies by default and stops at the first unknown key.
+# By default rosdep also installs test dependencies, and it stops at the first unknown key.
 RESOLVED = {
     'rclpy', 'diagnostic_msgs', 'geometry_msgs', 'nav_msgs', 'rcl_interfaces', 'rosgraph_msgs', 'sensor_msgs',
     'std_msgs', 'std_srvs', 'visualization_msgs', 'ament_index_python', 'launch', 'launch_ros', 'ros2launch',
@@ -68,6 +68,6 @@ def test_a_file_whose_library_is_missing_is_left_out_by_name(request, source, li
 
 
 def test_no_two_files_of_tests_have_one_name():
-    """Pytest imports files by name, and would reject the second of two files with the same name."""
+    """Pytest imports test files by name and would reject the second of two files with the same name."""
     names = [path.name for path in (ROOT / 'test').rglob('*.py') if path.name != 'conftest.py']
     assert sorted({name for name in names if names.count(name) > 1}) == []

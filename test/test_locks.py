@@ -1,4 +1,4 @@
-"""``./dragon`` installs packages that are locked by version and hash, and rejects a changed file."""
+"""``./dragon`` installs packages that are locked to a version and a hash, and rejects a changed file."""
 import re
 import subprocess
 import sys

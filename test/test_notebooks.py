@@ -1,4 +1,4 @@
-"""The notebooks of docs/notebooks run from top to bottom, and are stored without their outputs."""
+"""The notebooks in docs/notebooks run from top to bottom and are stored without outputs."""
 import warnings
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The generator draws every kind of random scene, a seed gives the same scene everywhere, and most scenes load."""
+"""The generator draws every kind of random scene, a seed produces the same scene everywhere, and most scenes load."""
 import ast
 import hashlib
 import json
@@ -56,7 +56,7 @@ def pieces_of(scene):
     return scene['track'].get('pieces', [])
 
 
-FEATURES = {        # the smallest number of SCENES that must have the feature
+FEATURES = {        # the least number of SCENES that must have the feature
     'a tail that leads': (40, lambda scene: scene['head'].get('lead') == 'tail'),
     'a leader that moves backwards': (40, lambda scene: min(speeds_of(scene['head'])) < 0),
     'a profile': (60, lambda scene: 'knots' in scene['head']),

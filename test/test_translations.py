@@ -14,27 +14,27 @@ _FIGURE = re.compile(r'(?<![A-Za-z0-9_.])\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?')
 
 
 def code(text):
-    """Return the lines of code and of shown output, but not comments, which are translated."""
+    """Return the lines of code and of shown output, without comments, which are translated."""
     lines = (line.partition('#')[0].rstrip() for block in _CODE.findall(_MADE.sub('', text)) for line in
              block.splitlines())
     return [line for line in lines if line.strip()]
 
 
 def figures(text):
-    """Return the numbers of two or more digits in prose and in tables, as they are written."""
+    """Return the numbers of two or more digits in prose and in tables, as written."""
     prose = re.sub(r'\]\([^)]*\)|`[^`]*`', '', _CODE.sub('', _MADE.sub('', text)))
     return {figure for found in _FIGURE.findall(prose) if len(figure := found.rstrip(',')) > 1}
 
 
 def links(path, text):
-    """Return the files to which a page links; a Chinese page counts as the English page that it translates."""
+    """Return the files to which a page links, with a Chinese page replaced by the English page that it translates."""
     targets = (target.partition('#')[0] for target in re.findall(r'\]\(([^)\s]+)\)', _MADE.sub('', text)))
     files = {(path.parent / target).resolve() for target in targets if target and '://' not in target}
     return {ENGLISH.get(file, file) for file in files}
 
 
 def terms(text):
-    """Return the English words of the glossary's tables: the first column or, on the Chinese page, the second."""
+    """Return the first two columns of the glossary's tables: English and Chinese, in the order of the page."""
     rows = [[cell.strip() for cell in line.split('|')[1:-1]] for line in text.splitlines() if line.startswith('| ')]
     return [row[:2] for row in rows]
 

@@ -1,4 +1,4 @@
-"""Scenes with random venues, and shapely's results for them at many instants, for tests of several rooms."""
+"""Scenes with random venues and shapely's results for them at many instants; shared by the tests of several rooms."""
 from dataclasses import replace
 
 import numpy as np
@@ -34,7 +34,7 @@ AROUND = ((-60.0, -60.0), (60.0, -60.0), (60.0, 60.0), (-60.0, 60.0))
 
 
 def random_venue(scene, seed, largest_m=2.0):
-    """Return obstacles near or on the dragon's path, none of which covers the middle of the head at the start."""
+    """Return a venue with obstacles near or on the dragon's path; none covers the middle of the head at the start."""
     rng = np.random.default_rng(seed)
     line, obstacles = compile_scene(scene).track_line(0.05), []
     start = shapely.Point(corners_at(scene, [scene.run.start_s])[0, 0].mean(axis=0))
@@ -50,13 +50,13 @@ def random_venue(scene, seed, largest_m=2.0):
 
 
 def corners_at(scene, times_s):
-    """Return the corners of all benches (T, N, 4, 2) at times."""
+    """Return the corners of all benches (T, N, 4, 2) at the given times."""
     chain = states(scene, list(times_s))
     return benches_of(chain, scene.dragon, axes_of(chain)).corners
 
 
 def times_of(scene, step_m, until_s=None):
-    """Return times of the run, up to a given time, so dense that the leader moves at most one step between them."""
+    """Return times of the run up to a given time; between neighbouring times the leader moves at most one step."""
     end_s = compile_scene(scene).end.t_s if until_s is None else until_s
     knots = [speed for _, speed in scene.head.knots] if isinstance(scene.head, Profile) else [scene.head.speed_m_s]
     start_s, fastest = scene.run.start_s, max(map(abs, knots))
@@ -71,7 +71,7 @@ def edges_of(venue):
 
 
 def touched_at(scene, times_s, at_once=2000):
-    """Return, for each time, whether any bench touches another one or an edge of the venue."""
+    """Return for each time whether any bench touches another bench or an edge of the venue."""
     lines = shapely.union_all([*edges_of(scene.venue).values()])
     shapely.prepare(lines)
     i, j = np.triu_indices(scene.dragon.benches, 2)
@@ -84,7 +84,7 @@ def touched_at(scene, times_s, at_once=2000):
 
 
 def with_venue(scene, seed, largest_m=0.7):
-    """Return a scene in a random venue, without the obstacles that its dragon touches at the start."""
+    """Return a scene in a random venue whose obstacles do not touch its dragon at the start."""
     venue = random_venue(scene, seed, largest_m)
     lines, boxes = edges_of(venue), shapely.polygons(corners_at(scene, [scene.run.start_s])[0])
     kept = tuple(one for one in venue.obstacles if not np.any(shapely.intersects(lines[one.name], boxes)))

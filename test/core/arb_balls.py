@@ -1,4 +1,4 @@
-"""Balls of ``ball_arithmetic`` in arb, at 200 bits: the same formulas yield references for enclosures in floats.
+"""The balls of ``ball_arithmetic`` in arb at 200 bits, as references for enclosures computed in floats.
 
 An arb's radius is rounded outwards at each operation, so its enclosures are rigorous. The radius has 30 bits, so it
 exceeds the exact value by about a billionth, which is less than the amount that ``Ball`` adds for its own rounding.
@@ -15,7 +15,7 @@ BITS = 200
 
 @contextmanager
 def in_arb(*modules):
-    """Make modules compute with these balls, except for bounds that they combine in floats."""
+    """Make modules compute with these balls, except in bounds that they combine in floats."""
     before, ctx.prec = ctx.prec, BITS
     names = {'Ball': ArbBall.of, 'between': between, 'side_by_side': side_by_side, 'ABOVE': 1.0}
     patches = [patch.object(module, name, new) for module in modules for name, new in names.items()
@@ -31,7 +31,7 @@ def in_arb(*modules):
 
 
 def upper(x):
-    """Return a float that is at least |x|; infinite if nothing is known."""
+    """Return a float that is at least |x|, or infinity if x has no finite bound."""
     most = x.abs_upper()
     return float(np.nextafter(float(most), np.inf)) if most.is_finite() else np.inf
 
@@ -45,14 +45,14 @@ each_mid = np.vectorize(lambda x: float(x.mid()) if x.is_finite() else np.nan, o
 
 @partial(np.vectorize, otypes=[object])
 def _inverse(x):
-    """Return the reciprocal by the formula of ``Ball``, because arb's own radius may be larger."""
+    """Return the reciprocal, computed by the formula of ``Ball`` because arb's own radius may be larger."""
     mid, rad = abs(x.mid()), x.rad()
     return 1 / x.mid() + arb(0, 1) * rad / (mid * (mid - rad)) if mid > rad else arb('nan')
 
 
 @partial(np.vectorize, otypes=[object, object, object])
 def _trig(x):
-    """Return sine, cosine and 1 - cosine by the formulas of ``Ball``."""
+    """Return sine, cosine and 1 - cosine, computed by the formulas of ``Ball``."""
     mid, rad, some = x.mid(), x.rad(), arb(0, 1)
     sin, cos, half, bow = mid.sin(), mid.cos(), (mid / 2).sin(), rad * rad / 2
     aside = abs(sin) * rad + bow
@@ -60,7 +60,7 @@ def _trig(x):
 
 
 class ArbBall:
-    """Numbers in the form of ``Ball``, as an array of arbs."""
+    """An array of arbs with the interface of ``Ball``."""
 
     __array_ufunc__ = None
 

@@ -1,9 +1,9 @@
-"""Observed orders of convergence, from iterates with hundreds of digits."""
+"""Observed orders of convergence, computed from iterates with hundreds of digits."""
 import mpmath
 
 
 def errors_of(iterates, root):
-    """Return the log10 errors of the iterates as long as they shrink and have not reached the last digits."""
+    """Return the log10 errors of the iterates, except errors below 1e-300, where digits run out."""
     logs = [float(mpmath.log10(abs(x - root))) for x in iterates if x != root]
     return [e for e in logs if e > -300]
 

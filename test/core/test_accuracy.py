@@ -33,7 +33,7 @@ CASES = {**SPIRALS, **DANCES}
 
 
 def worst_errors(problem, tier, solver='march'):
-    """Return the worst (position error / promise, speed error / promise, evaluations) over the problem's times."""
+    """Return the worst position and speed errors of a problem, each relative to its promise, and the evaluations."""
     scene = replace(problem.scene, accuracy=tier, solver=solver)
     simulation = compile_scene(scene)
     known, handles = truth(problem), list(problem.handles)
@@ -53,7 +53,7 @@ def worst_errors(problem, tier, solver='march'):
 
 
 def speed_error_m_s(scene, chain, t_s, known, number, handles):
-    """Return the largest error of signed speeds if the reference has them, otherwise of velocities."""
+    """Return the largest error of signed speeds if the reference has them, and of velocities otherwise."""
     v = velocity_of(scene, chain, t_s)[handles]
     if known.high.shape[2] == 3:
         found = -np.sum(v * chain.tangents[handles], axis=-1)       # positive inwards
@@ -64,7 +64,7 @@ def speed_error_m_s(scene, chain, t_s, known, number, handles):
 @pytest.mark.parametrize('solver', SOLVERS)
 @pytest.mark.parametrize('name', CASES)
 def test_every_tier_keeps_its_promise_on_every_hard_case(name, solver, request):
-    # The march has the same bits at every tier (see below), so the tightest promise implies the others. A table of a
+    # The march is bit-identical at every tier (see below), so the tightest promise implies the others. A table for a
     # hundred thousand links takes a second to build.
     all_tiers = (solver == 'table' and name != 'long') or request.config.getoption('--long')
     for tier in PROMISING if all_tiers else ['exact']:
@@ -83,12 +83,12 @@ def test_exact_is_within_1e_12_m_of_the_reference_on_the_whole_classic_run():
 
 
 def test_links_that_are_solved_one_step_less_break_the_exact_promise(monkeypatch):
-    broken = []     # cases that Newton's method breaks if it stops as it would for a promise a thousand times looser
+    broken = []     # cases that fail if Newton's method stops as it would for a promise a thousand times looser
     for name, problem in SPIRALS.items():
         simulation = compile_scene(problem.scene)
         if 'lock' in name or simulation.size_m > 20 or simulation.size_m < 1e-2:
             continue
-        assert simulation.end       # found with the unchanged step
+        assert simulation.end       # computed before the step is changed
         loose = sqrt(0.5 * 1e3 * EXACT.promise_m / simulation.model.length_m)
         for module in (spiral, forward):
             monkeypatch.setattr(module, 'TIGHT', loose)
@@ -173,7 +173,7 @@ def test_the_last_representable_tick_before_the_lock_is_computed():
     assert np.all(np.isfinite(state(scene, scene.run.time_ns(compile_scene(scene).last_tick) / 1e9).p))
 
 
-@pytest.mark.parametrize('name', [name for name in CASES if name != 'long'])    # this tile takes a while to build
+@pytest.mark.parametrize('name', [name for name in CASES if name != 'long'])    # its tile takes long to build
 def test_many_states_at_once_keep_the_promise_too(name, request):
     problem = CASES[name]
     conditions = [conditioning(state(problem.scene, t_s)) for t_s in problem.times_s]

@@ -90,7 +90,7 @@ def test_equations_20_to_22_edges():
     distances = sorted(corners[:, 1] - k * corners[:, 0] - middle)
     assert distances[-1] == pytest.approx(0.15 * sqrt(1 + k * k), abs=1e-12)
     assert distances[-1] != pytest.approx(0.15, abs=1e-3)
-    printed = k * (front[0] - front[0])         # equation 20 leaves out + y1
+    printed = k * (front[0] - front[0])         # equation 20 omits + y1
     assert abs(printed - front[1]) > 1
 
 
@@ -123,4 +123,4 @@ def test_section_3_4_next_layer_is_outside():
     first, last = adjacent_layer_windows(angle)
     assert first[0] <= 8 <= last[0]
     inwards = np.searchsorted(angle, angle[:2] - 2 * pi)
-    assert not inwards.any(), 'no bench at all lies at theta - 2 pi of the head'
+    assert not inwards.any(), 'no bench is one layer further in than the head'

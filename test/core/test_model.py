@@ -1,4 +1,4 @@
-"""Models are compiled from scenes, shared by equal scenes, and cached within limits."""
+"""Models are compiled from scenes, shared by equal scenes, and cached up to a limit."""
 import gc
 import weakref
 from dataclasses import replace

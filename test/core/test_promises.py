@@ -38,7 +38,7 @@ def test_chains_whose_last_links_once_followed_unchecked_keep_their_promise(accu
 def test_a_head_with_a_short_link_leaves_all_speeds_as_exact_as_the_others_do(number):
     scene, times_s = promises.random_scene(number)
     assert scene.dragon.link_lengths_m[0] < 0.2 * scene.dragon.link_lengths_m[1]
-    assert np.max(shares(scene, times_s)) < 0.3     # 0.75 if truncated for the link of the head
+    assert np.max(shares(scene, times_s)) < 0.3     # 0.75 if series were truncated for the link of the head
 
 
 lengths = st.floats(0.05, 6)
@@ -63,7 +63,7 @@ tracks = st.one_of(
 def test_random_chains_keep_their_promise_through_state_states_and_tick(dragon, track, lead, accuracy, part, solver):
     try:
         scene = Scene(dragon, track, Head(1.0, lead), Run(0, 1e3), solver=solver)
-        t_s = round(part * min(100.0, compile_scene(scene).end.t_s), 9)     # a tick is at whole nanoseconds
+        t_s = round(part * min(100.0, compile_scene(scene).end.t_s), 9)     # ticks are at whole nanoseconds
         compile_scene(replace(scene, accuracy=accuracy))
     except DragonError:
         assume(False)

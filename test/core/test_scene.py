@@ -1,4 +1,4 @@
-"""Scenes are settings alone: frozen, normalised, equal if equivalent, small when pickled, without a solver."""
+"""Scenes contain only settings: frozen, normalised, equal if equivalent, small when pickled, and without a solver."""
 import json
 import pickle
 import subprocess

@@ -1,4 +1,4 @@
-"""Ticks and states: a run has the right limits, and a frame is a function of scene and tick alone."""
+"""Ticks and states: a run has the right limits, and a frame depends only on the scene and the tick."""
 import numpy as np
 import pytest
 

@@ -1,4 +1,4 @@
-"""Benches on a track in the checker's form, on intervals of the leading handle, for the tests of bounds."""
+"""The checker's benches on a track, and their intervals between two positions of the leading handle."""
 from flint import acb, arb
 from hypothesis import assume
 from hypothesis import strategies as st
@@ -19,7 +19,7 @@ from dragon_ros.verify.segments import SpiralSegment
 from dragon_ros.verify.track import Place, Track, track_of
 
 BENCHES = 9
-# The step of the finite differences: positions are accurate to 1e-28, and hence second differences to 1e-10.
+# The step of finite differences: positions are accurate to 1e-28, so second differences are accurate to 1e-10.
 STEP = 1e-9
 
 
@@ -44,13 +44,13 @@ BENT = {'sway': SWAY, 'sway, mirrored': mirrored(SWAY), 'coils': COILS, 'coils, 
 
 
 def plain(dragon):
-    """Return benches as the checker reads them."""
+    """Return a dragon as the checker reads it."""
     values = {'scene': scene_values(Scene(dragon=dragon, track=Spiral())), 'contact': {'t_s': None}, 'intervals': []}
     return reading._claims(values).scene
 
 
 def compiled(dragon, track, tail_leads=False):
-    """Return the track, the benches and the largest curvature (None to the centre) in the form that intervals need."""
+    """Return the checker's track and benches and the largest curvature, which is None for a spiral to its centre."""
     scene = plain(dragon)
     values = scene_values(Scene(dragon=Dragon(1, 0.2, 0.2, 0.1, 0.0), track=track))
     shape = reading._kind('scene.track', values['track'], reading._TRACKS)
@@ -61,7 +61,7 @@ def compiled(dragon, track, tail_leads=False):
 
 
 def centred(dragon, pitch_m=0.9, turns=3.4, side=1):
-    """Return the track, the benches and the largest curvature for a spiral to its centre, turning to either side."""
+    """Return the same as ``compiled`` for a spiral to its centre that turns to either side."""
     precise(1e3)
     start = 2 * half_turn() * exact(turns)
     b = exact(pitch_m) / (2 * half_turn())
@@ -70,7 +70,7 @@ def centred(dragon, pitch_m=0.9, turns=3.4, side=1):
 
 
 def made(kind, dragon):
-    """Return the track of a kind, the benches and the largest curvature."""
+    """Return the same as ``compiled`` for a kind of track."""
     if kind in CENTRED:
         return centred(dragon, side=CENTRED[kind])
     return compiled(dragon, BENT[kind], tail_leads=kind == 'out of a spiral')
@@ -86,13 +86,13 @@ def reach_m(track, benches):
 
 
 def made_with_reach(kind, dragon):
-    """Return ``made(...)`` and the head's range; reject examples with an empty range or too tight bends."""
+    """Return ``made(...)`` and the head's range; reject examples with an empty range or with bends too tight."""
     made_of = made(kind, dragon)
     track, benches, bend = made_of
     assume(bend is None or bend * max(benches.longest_links) < 1.98)
     try:
         low, high = reach_m(track, benches)
-    except Refused:     # the chain is locked, or is off the track
+    except Refused:     # the chain is locked or off the track
         assume(False)
     assume(low < high)
     return made_of, low, high
@@ -104,21 +104,24 @@ def at(track, benches, metres):
 
 
 def interval(made_of, start, stop):
-    """Return an interval, and the dragon at its ends."""
+    """Return an interval and the dragon at both of its ends."""
     track, benches, bend = made_of
     ends = at(track, benches, start), at(track, benches, stop)
     return Interval(track, benches, 0, ends, bend), ends
 
 
 def around(track, benches, metres, by_metres):
-    """Return the dragon at a position, and one step before and after it, in the leading coordinate or in metres."""
+    """Return the dragon one step before a position, at it, and one step after it.
+
+    The step is in metres or in the coordinate of the leading handle.
+    """
     here = track.place_at(arb(metres))
     return [Posture(track, benches, 0, track.place_at(arb(metres) + STEP * k) if by_metres
                     else Place(here.segment, here.u + STEP * k)) for k in (-1, 0, 1)]
 
 
 def corners(pose):
-    """Return the corners of a bench, in balls."""
+    """Return the corners of a bench as balls."""
     length, width = pose.axis * pose.shape.half_length, pose.axis * acb(0, 1) * pose.shape.half_width
     return [pose.middle + length * x + width * y for x in (1, -1) for y in (1, -1)]
 

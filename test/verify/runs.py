@@ -1,11 +1,11 @@
-"""Random runs of every kind: tracks, laws, leaders, mixes of benches, sizes from millimetres to kilometres.
+"""Random runs with every kind of track, law, leader and mix of benches, in sizes from millimetres to kilometres.
 
 Run this program by hand, with any number of runs:
 
     python test/verify/runs.py SEED COUNT
 
-This command writes the certificate of each run for which the solver finds an answer, checks it, and prints rejected
-certificates.
+It writes the certificate of each run for which the solver finds an answer, checks the certificate, and prints each
+rejected one.
 """
 import random
 import sys
@@ -93,7 +93,7 @@ class Draw:
 
 
 def certificates(seed):
-    """Yield (number, scene, certificate) of all runs for which the solver has an answer and a certificate."""
+    """Yield (number, scene, certificate) for all runs that the solver can answer."""
     for number in count():
         try:
             scene = Draw(f'{seed}.{number}').scene()
@@ -103,7 +103,7 @@ def certificates(seed):
 
 
 def main(seed, wanted):
-    """Check certificates, and print the rejected and the slow ones, and the number of each kind."""
+    """Check certificates; print each rejected one, and then the number of kinds and the CPU times."""
     sys.path.insert(0, str(Path(__file__).parents[1]))
     from certificates import proved
 

@@ -1,4 +1,4 @@
-"""Honest certificates of every kind of run are accepted, and the result states their claim."""
+"""Honest certificates for every kind of run are accepted, and the result states their claim."""
 import json
 from itertools import islice, pairwise
 from pathlib import Path
@@ -17,7 +17,7 @@ from dragon_ros.scenes import certificate
 from dragon_ros.scenes.load import load_scene, scene_of, scene_values
 from dragon_ros.scenes.yaml import Document
 
-CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # at 4.28 turns, it is between two positions at which its body touches
+CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # at 4.28 turns, the head is between two positions at which the body touches
 LOOP = Composite((Line(5.0), Arc(3.0, 720.0)))
 OUT_AND_IN = Profile(((0.0, 0.0), (5.0, -1.0), (15.0, -1.0), (25.0, 1.0), (60.0, 1.0)), 'smooth')
 SCENES = {
@@ -121,7 +121,7 @@ def test_random_honest_certificates_are_accepted(seed):
 
 
 def bare(scene, **contact):
-    """Return a certificate without intervals."""
+    """Return a certificate with no intervals."""
     return {'scene': scene_values(scene), 'contact': {'t_s': None, **contact}, 'intervals': []}
 
 

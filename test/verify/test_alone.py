@@ -23,7 +23,7 @@ LOOP = Scene(dragon=Dragon(12), track=Composite((Line(5.0), Arc(3.0, 720.0))), r
 
 @pytest.fixture(scope='module')
 def files(tmp_path_factory):
-    """Write three certificate files: of a contact, of no contact, and a false one."""
+    """Write three certificate files: one for a contact, one for no contact, and a false one."""
     folder = tmp_path_factory.mktemp('certificates')
     values = {'contact': written(SHORT), 'none': written(LOOP)}
     values['false'] = {**values['contact'], 'contact': {'t_s': None}}

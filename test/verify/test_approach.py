@@ -23,7 +23,7 @@ PAIR = FOUND['benches']
 
 
 def contact_m():
-    """Return the distance travelled by the head when benches begin to overlap, to the last bit of a float."""
+    """Return the distance that the head has travelled when benches begin to overlap, to the last bit of a float."""
     track, benches, _ = compiled(BODY, TRACK)
     low, high = FOUND['t_s'] - 1e-9, FOUND['t_s'] + 1e-9
     while low < (middle := 0.5 * (low + high)) < high:
@@ -37,14 +37,17 @@ THERE_M = contact_m()
 
 
 def claim(head, t_s=None, stop_s=None, start_s=0.0, grazing=False):
-    """Return a certificate without intervals of a contact at a time, or of no contact."""
+    """Return a certificate with no intervals for a contact at a time, or for no contact."""
     scene = Scene(dragon=BODY, track=TRACK, head=head, run=Run(start_s, stop_s))
     contact = {'t_s': t_s} if t_s is None else {'t_s': t_s, 'benches': PAIR} | ({'grazing': True} if grazing else {})
     return {'scene': scene_values(scene), 'contact': contact, 'intervals': []}
 
 
 def there_and_back(beyond_m):
-    """Return a head law that turns back this far beyond the contact, rests for an hour and returns, with both times."""
+    """Return a head law and the times of its turn and of its second arrival at the contact.
+
+    The head turns back this far beyond the contact, rests for an hour and returns.
+    """
     turn_s = THERE_M + beyond_m
     back_s = turn_s + BACK_S
     again_s = back_s + HOUR

@@ -1,4 +1,4 @@
-"""Results that claim to be complete are proved, however close to its contact a run starts or stops."""
+"""Results that claim to be complete can be proved, however close to its contact a run starts or stops."""
 from collections import Counter
 from dataclasses import replace
 from math import inf, nextafter
@@ -24,7 +24,7 @@ EFFORT = 5.0
 
 
 def contacts(seeds):
-    """Yield random scenes with a contact during their runs: spirals, joined tracks, mixed benches, leading tails."""
+    """Yield random scenes of all kinds with a contact during the run, with their seeds and the times of contact."""
     for seed in seeds:
         try:
             scene = scene_of(Document('scene', random_scene(seed)))
@@ -36,13 +36,13 @@ def contacts(seeds):
 
 
 def around(scene, t_s):
-    """Return the time of a contact, and times one float, a nanometre and a micrometre of the leader's travel away."""
+    """Return a contact's time, and times one float, one nanometre and one micrometre of the leader's travel away."""
     unit = min(1.0, float(max(scene.dragon.bench_lengths_m))) / (abs(scene.head.speed_at_m_s(t_s)) or 1.0)
     return [t_s, nextafter(t_s, inf), nextafter(t_s, -inf), *(t_s + way * unit for way in (1e-9, -1e-9, 1e-6, -1e-6))]
 
 
 def runs_around(scene, t_s):
-    """Yield runs that stop near a contact, that start near it, and that do both."""
+    """Yield runs that stop near a contact, start near it, or do both."""
     start_s, stop_s = scene.run.start_s, scene.run.stop_s
     for at_s in around(scene, t_s):
         if at_s >= start_s:
@@ -54,7 +54,7 @@ def runs_around(scene, t_s):
 
 
 def test_results_of_runs_that_start_or_stop_at_their_contact_are_proved():
-    """At most one in a thousand results reports instead that it is incomplete."""
+    """At most one result in a thousand reports that it is incomplete, and is not proved."""
     seen = Counter()
     for seed, scene, t_s in contacts(range(SEEDS)):
         for run in (scene.run, *runs_around(scene, t_s)):

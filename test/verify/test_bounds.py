@@ -1,4 +1,4 @@
-"""The checker's bounds hold on whole intervals: no corner deviates by more, and no point moves further."""
+"""The checker's bounds hold on whole intervals: no corner deviates by more, and none moves further."""
 from contextlib import suppress
 
 import pytest
@@ -16,14 +16,14 @@ from dragon_ros.verify.posture import Posture, overlap
 
 
 def seen(posture, n):
-    """Return corners of bench n in the frame of the leading bench, and of the leading bench in that of bench n."""
+    """Return the corners of bench n in the frame of the leading bench, and vice versa."""
     lead, other = posture.pose(0), posture.pose(n)
     return ([(corner - lead.middle) * lead.axis.conjugate() for corner in corners(other)],
             [(corner - other.middle) * other.axis.conjugate() for corner in corners(lead)])
 
 
 def bends(postures, n):
-    """Return the largest second differences in both frames."""
+    """Return the largest second difference of a corner in each of the two frames."""
     before, here, after = (seen(posture, n) for posture in postures)
     return [max(float(abs(a - 2 * b + c)) / STEP**2 for a, b, c in zip(*frames, strict=True))
             for frames in zip(before, here, after, strict=True)]

@@ -1,4 +1,4 @@
-"""Each enclosure of the checker holds, and in tight cases a missing or swapped term would be noticed."""
+"""Each enclosure of the checker holds, and in tight cases a missing or swapped term would fail the test."""
 from fractions import Fraction
 from functools import partial, reduce
 from itertools import pairwise
@@ -49,7 +49,7 @@ HALVES = 150        # halvings of an interval of a radian: enough to find a turn
 
 
 def turning(segment, low, high, link):
-    """Return the positions of the front handle and the next one when the latter turns back (the chord's slope is 0)."""
+    """Return the positions of a handle and the next one when the latter turns back (the chord's slope is 0)."""
     low, high = arb(low), arb(high)
     for _ in range(HALVES):
         middle = ((low + high) / 2).mid()
@@ -59,7 +59,7 @@ def turning(segment, low, high, link):
 
 
 def first_link():
-    """Return the first link of the classic dragon, on its spiral."""
+    """Return the spiral of the classic dragon and its first link."""
     track, benches, _ = centred(Dragon(BENCHES), 0.55, 16.0)
     return track.segments[0], benches.benches[0].link
 
@@ -144,7 +144,7 @@ def nearest_m(posture, n, centre=0):
 @pytest.mark.parametrize('pitch_m', [0.01, 0.05, 0.3])
 @pytest.mark.parametrize('start', [0.0, 3.0, 10.0])
 def test_links_that_are_out_of_reach_are_further_out_than_all_of_the_leading_bench(pitch_m, start):
-    """With a tiny pitch both handles of a link are equally far out, so the bound on its middle is tight."""
+    """On a tiny pitch both handles of a link are equally far out, so the bound on the link's middle is tight."""
     made_of = centred(Dragon(40, 1.0, 1.0, 2e-4, 1e-4), pitch_m, 1.5 / pitch_m)
     piece, ends = interval(made_of, start, start + 1e-6)
     furthest = max(abs(complex(corner)) for corner in corners(ends[0].pose(0)))
@@ -158,7 +158,7 @@ def test_links_that_are_out_of_reach_are_further_out_than_all_of_the_leading_ben
 @pytest.mark.parametrize(('kind', 'start', 'length'), [
     ('to the centre', 2.0, 4.0), ('to the centre', 14.0, 3.0), ('turn', 12.0, 1.5), ('turn', 12.5, 1.0)])
 def test_benches_that_are_out_of_reach_are_so_while_the_leading_bench_goes_in_or_out(kind, start, length):
-    """This also holds for handles beyond the end of their spiral."""
+    """This includes handles beyond the end of the spiral."""
     dragon = Dragon(60, 0.8, 0.8, 2e-4, 1e-4)
     made_of = centred(dragon, 0.9, 3.4) if kind == 'to the centre' else compiled(dragon, STurn(1.7, 5.0, 1.5))
     track, benches, _ = made_of
@@ -195,7 +195,7 @@ def test_benches_are_apart_wherever_the_track_bends_so_little_that_links_lead_aw
     (Composite((Arc(40.0, 300.0),), 60.0), 40.0), (Composite((Arc(40.0, -300.0),), 60.0), 40.0),
     (Composite((SpiralArc(0.3, 40.0, 20.0, 'left'), Arc(0.9, 5.0)), 0.0), None)], ids=['left', 'right', 'spiral'])
 def test_links_lead_away_by_their_lengths_but_for_what_the_tightest_bend_turns_them_by(track, radius_m, n):
-    """On a circle, links turn by exactly the bound, which on a spiral is that of the innermost leading position."""
+    """On a circle, links turn by exactly the bound; on a spiral, the innermost leading position sets the bound."""
     def piece(width_m):
         dragon = Mixed((Group(0.9), *(Group(0.5 + 0.1 * k) for k in range(8))), width_m, 0.2)
         return interval(compiled(dragon, track), start, start + 1.0)[0]
@@ -278,7 +278,7 @@ def test_the_range_of_a_handle_holds_where_it_turns_back_and_hardly_more(share):
 
 @pytest.mark.parametrize('ends', [(14.76, 14.84), (14.9, 15.5)])
 def test_the_range_of_a_handle_that_moves_one_way_is_that_between_its_places_at_the_ends(ends):
-    """Between the lock and its turning point, a handle moves against the one in front; further out, with it."""
+    """Inside its turning point, towards the lock, a handle moves against the handle in front; further out, with it."""
     segment, link = first_link()
     low, high = map(arb, ends)
     begin, end = _image(segment, low, high, link)
@@ -300,7 +300,7 @@ def test_the_chain_stands_only_if_the_chord_rises_up_to_the_longest_span():
 
 @pytest.mark.parametrize('ends', [(14.8, 15.5), (14.8, 15.0), (14.8, 16.0)])
 def test_a_range_that_is_put_together_from_parts_reaches_from_the_least_place_to_the_greatest(ends):
-    """Parts in which a handle turns back are at most a billionth of its coordinate wide."""
+    """A part in which a handle turns back is at most a billionth of the handle's coordinate wide."""
     segment, link = first_link()
     low, high = map(arb, ends)
     begin, end = _image(segment, low, high, link)
@@ -330,7 +330,7 @@ def test_ranges_are_those_that_handles_go_through(kind, low, high):
 
 @pytest.mark.parametrize('share', [-0.3, 0.0, 0.3])
 def test_a_place_that_may_be_on_either_side_of_a_joint_holds_the_points_of_both(share):
-    """Across the line, only the widened ball contains the arc."""
+    """In the direction across the line, only the widened ball contains the arc."""
     track, _, _ = compiled(THIN, Composite((Line(30.0), Arc(2.0, 90.0)), 8.0))
     joint, wide = track.joints[0], exact(1e-16)
     place = track.place_at(joint + wide * exact(share) + arb(0, 1) * wide)
@@ -345,7 +345,7 @@ def test_a_place_that_may_be_on_either_side_of_a_joint_holds_the_points_of_both(
 
 
 def test_beyond_a_joint_points_and_directions_stray_from_the_curve_continued_as_far_as_is_said_and_no_further():
-    """Handles deviate most if the curvature jumps from one end of its range to the other, as a millimetre shows."""
+    """A handle 1 mm beyond a joint deviates most if the curvature jumps from one end of its range to the other."""
     track, _, _ = compiled(THIN, Composite((Arc(2.0, 90.0), Arc(2.0, -90.0)), 1.0))
     way, first = exact(1e-3), track.segments[0]
     place, beyond = Place(0, first.last + way / first.radius, 1e-3), Place(1, way / first.radius)
@@ -361,7 +361,7 @@ def test_beyond_a_joint_points_and_directions_stray_from_the_curve_continued_as_
 @pytest.mark.parametrize('scale', [1.0, 1e-5])
 @pytest.mark.parametrize(('turns', 'inwards'), [((2.0, 1.0), True), ((1.0, 2.0), False)])
 def test_curvatures_next_to_a_joint_hold_that_of_a_spiral_a_hair_beyond_it(turns, inwards, scale):
-    """The spiral follows an arc whose radius equals the radius of curvature at the spiral's end to the last bit."""
+    """The spiral follows an arc whose radius is, to the last bit, the radius of curvature at the spiral's beginning."""
     u, b = 2 * pi * turns[0], 1.2 * scale / (2 * pi)
     radius = b * (1 + u * u)**1.5 / (2 + u * u) * (1 + (4e-16 if inwards else -4e-16))
     track, _, _ = compiled(THIN, Composite((Arc(radius, 90.0), SpiralArc(1.2 * scale, *turns, 'left')), 0.0))
@@ -382,7 +382,7 @@ def test_curvatures_next_to_a_joint_hold_that_of_a_spiral_a_hair_beyond_it(turns
     (Composite((SpiralArc(1.0, 1.0, 3.0, 'left'),), 0.0), 2.9, 1.2),
     (Composite((Line(2.0), Arc(2.0, 350.0)), 0.0), 1.9, 2.9)], ids=['on a spiral', 'beyond a joint'])
 def test_a_place_that_is_not_the_nearest_one_is_refused_though_it_is_a_link_away(monkeypatch, track, place, far):
-    """The float solver is made to find a root more than half a tightest turn away, where the chord shrinks."""
+    """The float solver is made to find a root over half a turn of the tightest bend away, where the chord shrinks."""
     placed, _, _ = compiled(THIN, track)
     segment = placed.segments[-1]
     if isinstance(segment, SpiralSegment):
@@ -420,7 +420,7 @@ def test_the_next_handle_across_a_joint_is_where_it_is_from_all_places_of_the_on
 @examples(20)
 @given(st.floats(0, 1), st.floats(1e-9, 8))
 def test_all_curvatures_between_two_places_are_bounded_and_no_others(kind, share, length):
-    """The tracks are lines, arcs and spirals that turn either way, with one or more joints between the positions."""
+    """The tracks are lines, arcs and spirals that turn either way, with at least one joint between the positions."""
     track, _, _ = made(kind, THIN)
     low, high = -5.0 if track.begin is None else float(track.begin), 40.0 if track.end is None else float(track.end)
     first = low + share * (high - low - 1e-6)
@@ -492,7 +492,7 @@ def test_a_chord_is_said_to_rise_up_to_its_peak_and_no_further(theta):
 
 
 def test_a_span_beyond_the_peak_of_its_chord_is_none(monkeypatch):
-    """The float solver is made to find a later root, where the chord grows again."""
+    """The float solver is made to find a later root, at which the chord grows again."""
     segment = centred(THIN, 2 * pi, 16.0)[0].segments[0]
     theta, later = 2.0, 2 * pi + 1.0
 

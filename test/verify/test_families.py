@@ -1,4 +1,4 @@
-"""The checker confirms the solver's proof for a family, and rejects every other claim."""
+"""The checker confirms the solver's proof for a family and rejects every other claim."""
 import json
 import random
 from dataclasses import replace
@@ -22,7 +22,7 @@ BOX = {'dragon.width_m': 0.003, 'dragon.body_length_m': 0.002, 'track.pitch_m': 
 
 @pytest.fixture(scope='module')
 def honest():
-    """Return the certificate of a family, and the proof in it."""
+    """Return the certificate for a family, and the proof from which it was written."""
     proof = first_contact_within(SMALL, BOX)
     return family_values(SMALL, proof), proof
 

@@ -1,4 +1,4 @@
-"""The checker's bounds for a family hold for every bench of its dragons, and are tight."""
+"""The checker's bounds for a family hold for every bench of its dragons and are tight."""
 import json
 import random
 from contextlib import suppress
@@ -62,7 +62,7 @@ def head_at(t_s, scale):
 
 
 def behind(theta, chord):
-    """Return the polar angle of the next handle: the chord between two points of r = theta grows up to half a turn."""
+    """Return the polar angle of the next handle on r = theta; the chord to it grows up to half a turn."""
     def excess(delta):
         outer = theta + delta
         return hypot(outer * cos(delta) - theta, outer * sin(delta)) - chord
@@ -77,7 +77,7 @@ def handles(t_s, scale, links):
 
 
 def one_of(draw, ends):
-    """Return an end of an interval, or less often a value inside it."""
+    """Return either end of an interval or, in one case of three, a value inside it."""
     low, high = ends
     return draw.choice([low, high, draw.uniform(low, high)])
 
@@ -157,7 +157,7 @@ def test_what_links_span_in_a_box_is_what_they_do_at_its_ends():
 
 
 def held(lead, box, ahead):
-    """Return 'held' if the remaining box contains another bench, otherwise how the box misses the bench."""
+    """Return 'held' if the remaining box contains the other bench, and otherwise how the box misses it."""
     left = PROOF._occurring(lead, box)
     if left is None:
         return 'nothing'
@@ -181,7 +181,7 @@ def around(value, wide):
 
 @pytest.mark.parametrize('wide', [1e-9, 0.02])
 def test_all_pairs_of_all_dragons_up_to_the_claimed_time_are_in_the_boxes_and_none_is_left_out(wide):
-    """The start and the claimed time are included. Pairs that are treated as out of reach do not touch."""
+    """This includes the start and the claimed time. Pairs that are treated as out of reach do not touch."""
     draw, first, seen = random.Random(9), PROOF._first(), {'held': 0, 'beyond': 0}
     for _ in range(12):
         scale, links = dragon(draw)
@@ -206,7 +206,7 @@ def test_all_pairs_of_all_dragons_up_to_the_claimed_time_are_in_the_boxes_and_no
 @pytest.mark.parametrize('lead', [0, 1])
 @pytest.mark.parametrize(('t_s', 'sense'), [(UNTIL_S, -1), (3.0, 1)])
 def test_what_is_a_hair_before_the_start_or_after_the_claimed_time_does_not_occur(lead, t_s, sense):
-    """The head at the start, and the head and first body bench at the claimed time, are tested for all tolerances."""
+    """For all tolerances: the head at the start, and the head and the first body bench at the claimed time."""
     for scale in (PROOF._scale if sense < 0 else PROOF._scale[:1]):
         links = [PROOF._head[0]] + [PROOF._body[0]] * 3
         theta = handles(t_s, scale, links)[lead]
@@ -237,7 +237,7 @@ def test_the_head_has_passed_no_place_further_in_by_the_claimed_time():
 
 
 def test_where_some_link_might_lock_no_head_is_said_to_go():
-    """The limit is a curvature of 1.09 / r times the longer link, whether of the head or of a body bench."""
+    """The limit is on a curvature of 1.09 / r times the longer link, whether it belongs to the head or the body."""
     for dragon in (Dragon(8, 2.9, 0.8, 0.2, 0.1), Dragon(8, 0.8, 2.9, 0.2, 0.1)):
         scale, least = 2 * pi / 0.5, 0.5 * 1.09 * (2 * pi / 0.5) * 2.7
         gone_s = (arc(8 * pi) - arc(least)) / scale
@@ -249,7 +249,7 @@ def test_where_some_link_might_lock_no_head_is_said_to_go():
 
 @pytest.mark.parametrize('benches', [3, 4, 5, 24, 60])
 def test_boxes_reach_out_to_the_last_bench_with_two_behind_it_and_no_further(benches):
-    """This reach is required when the head starts, with the longest links on the narrowest spiral."""
+    """The reach is needed when the head starts with the longest links on the narrowest spiral."""
     scene = replace(SCENE, dragon=Dragon(benches, 1.5, 1.2, 0.2, 0.1), run=Run())
     proof = proof_of(scene=scene)
     last = handles(0.0, PROOF._scale[1], [PROOF._head[1], *[PROOF._body[1]] * benches])[benches - 3]
@@ -284,7 +284,7 @@ def test_strips_reach_from_the_shortest_links_to_the_longest_and_no_further(thet
 
 
 def reach(theta, scale, link, other, half, over):
-    """Return how far ahead another bench is still considered on a track without ends."""
+    """Return how far ahead another bench may be and still be considered, on a track without ends."""
     wide = SimpleNamespace(_half=half, _over=over, _head=link, _body=link, _start=arb(1e6),
                            _gone_m=(arb(0), arb(1e9)), _gone_by=lambda theta, scale: arb(0.5),
                            _strips=lambda lead, box: box[AHEAD])
@@ -294,7 +294,7 @@ def reach(theta, scale, link, other, half, over):
 @pytest.mark.parametrize(('theta', 'link', 'half', 'over'), [
     (30.0, 0.3, 2.0, 0.01), (30.0, 0.3, 1.0, 0.3), *((8.0, 0.8, 0.1 + 0.03 * n, 0.001) for n in range(12))])
 def test_wide_and_long_benches_that_are_out_of_reach_do_not_touch_all_round(theta, link, half, over):
-    """On a narrow spiral, successive benches pass all sides of the inner one."""
+    """On a narrow spiral, successive benches pass on all sides of the inner one."""
     scale = 10.0
     far = reach(*((value, value) for value in (theta, scale, link, link)), half, over)
     inner = rectangle(theta, behind(theta, scale * link), 0.0, scale, half, over)
@@ -353,7 +353,7 @@ def test_distances_and_slopes_of_a_box_hold_those_of_its_points(seed, wide):
 @pytest.mark.parametrize('rows', [*((row,) for row in range(5)), (0, 1), (2, 3, 4), (0, 1, 2, 3, 4)], ids=str)
 @pytest.mark.parametrize('seed', thinned(range(3), lambda seed: seed == 0))
 def test_a_box_is_cleared_while_its_benches_are_apart_and_no_longer(rows, seed):
-    """The box is widened from a small gap; the mean value theorem loses only a second-order term."""
+    """The box is widened around benches with a small gap; the mean value theorem loses only a second-order term."""
     draw, over = random.Random(seed), 0.2
     point = [value * draw.uniform(0.97, 1.03) for value in MIDDLE]
     half = root(lambda half: -gap(point, half, over) + 0.02, 0.0, 3.0)

@@ -1,4 +1,4 @@
-"""Positions and travel of handles on an interval stay within the checker's bounds."""
+"""The positions of handles on an interval, and the distances they travel, stay within the checker's bounds."""
 from types import SimpleNamespace
 
 import pytest
@@ -14,7 +14,7 @@ from dragon_ros.verify.motion import _turning, furthest
 from dragon_ros.verify.track import Place
 
 TURN_M = 432.7581345      # travel of the head at which handle 1 of the classic dragon turns back
-NEVER_LESS = 1 - 1e-12      # relative to a bound: the rounding of balls and floats if both sides are equal
+NEVER_LESS = 1 - 1e-12      # allows for the rounding of balls and floats if a value equals its bound
 
 
 def gone_m(track, one, two):
@@ -23,7 +23,7 @@ def gone_m(track, one, two):
 
 
 def hold(made_of, start, stop, shares):
-    """Compare the bounds of all handles with their positions inside an interval and their distances from both ends."""
+    """Compare the bounds of all handles with their positions in an interval and their distances from both ends."""
     track, benches, _ = made_of
     piece, ends = interval(made_of, start, stop)
     inside = [at(track, benches, start + (stop - start) * share) for share in shares]
@@ -43,12 +43,12 @@ def hold(made_of, start, stop, shares):
 
 
 def held(kind, dragon, begin, length, shares):
-    """Check an interval of a track that begins at a share of the head's reach."""
+    """Check an interval of a track; the interval begins at a share of the head's range."""
     made_of, low, high = made_with_reach(kind, dragon)
     try:
         start = low + begin * (high - low)
         hold(made_of, start, min(start + length, high - 1e-9 * max(high, 1.0)), shares)
-    except Refused:     # the chain is locked, or is off the track
+    except Refused:     # the chain is locked or off the track
         assume(False)
 
 
@@ -76,7 +76,7 @@ def test_so_do_handles_that_turn_back_up_to_a_nanometre_before_a_lock(kind, drag
 
 @pytest.mark.parametrize('side', [1, -1])
 def test_the_first_links_of_the_classic_dragon_turn_back_and_what_follows_them_does_too(side):
-    """While the head moves from 16.5 to 14.735 rad, handle 1 turns back at 17.876 rad, and travels 1.750 m in all."""
+    """While the head moves from 16.5 to 14.735 rad, handle 1 turns back at 17.876 rad and travels 1.750 m in all."""
     track, benches, bend = centred(Dragon(BENCHES), 0.55, 16.0, side)
     ends = [float(track.distance(Place(0, arb(theta)))) for theta in (16.5, 14.735)]
     piece, _ = interval((track, benches, bend), *ends)
@@ -114,7 +114,7 @@ def test_a_handle_that_turns_back_anywhere_in_an_interval_stays_within_its_bound
 @examples(60)
 @given(st.floats(0.1, 9), st.floats(0.1, 9), st.floats(0, 1), st.booleans())
 def test_the_mean_value_theorem_bounds_what_turns_once_and_no_less(down, up, share, first_up):
-    """The function on [0, 1] has slopes from -down to up, and changes direction at a share of the interval."""
+    """A function on [0, 1] has the slopes -down and up, and changes direction at a share of the interval."""
     slopes = (up, -down) if first_up else (-down, up)
     turn = 5 + slopes[0] * share
     last = turn + slopes[1] * (1 - share)
@@ -136,7 +136,7 @@ def test_a_place_is_as_far_from_two_others_as_at_the_bound_that_is_further_from_
 
 @pytest.mark.parametrize('half', [0.01, 0.03])
 def test_how_far_handles_go_that_turn_back_is_bounded_tightly(half):
-    """The bound is at most five times too large, as the mean value theorem uses the steepest slope of the interval."""
+    """The bound is at most five times too large: the mean value theorem uses the steepest slope of the interval."""
     track, benches, bend = centred(Dragon(BENCHES), 0.55, 16.0)
     middle = float(track.distance(Place(0, arb(14.863))))
     piece, ends = interval((track, benches, bend), middle - half, middle + half)

@@ -1,4 +1,4 @@
-"""Untrusted certificates, whatever they contain, are quickly rejected with one clear error."""
+"""Untrusted certificates are rejected quickly and with one clear error, whatever they contain."""
 import copy
 import json
 import re
@@ -31,7 +31,7 @@ def proof():
 
 
 def places(value, at=()):
-    """Return the path of every value of a certificate."""
+    """Return the path of every value in a certificate."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     return [at, *(place for key, below in items for place in places(below, (*at, key)))]
 
@@ -72,7 +72,7 @@ def test_a_strange_number_of_the_proof_is_refused(proof, key, strange):
     changed = copy.deepcopy(proof)
     (changed['contact'] if key == 't_s' else changed['intervals'][0])[key] = strange
     if (key, strange) == ('t_s', None) or (key.endswith('_m') and type(strange) in (int, float) and abs(strange) < 3):
-        return      # no contact is also a valid claim, and a position is only a hint about where to cut
+        return      # no contact is also a valid claim, and a position is only a hint about where to cut an interval
     with pytest.raises(Refused):
         check(json.dumps(changed).encode())
 
@@ -96,7 +96,7 @@ def test_what_is_no_json_is_refused(text):
 
 
 def hostile(**sections):
-    """Return a claim of no contact for a scene that takes long to check."""
+    """Return a claim of no contact in a scene that takes long to check."""
     scene = {'dragon': {'kind': 'equal', 'benches': 223, 'head_length_m': 3.41, 'body_length_m': 2.2, 'width_m': 0.01,
                         'hole_inset_m': 0.275},
              'track': {'kind': 'spiral', 'pitch_m': 0.55, 'start_turns': 16.0},

@@ -13,7 +13,7 @@ from dragon_ros.verify import motion
 from dragon_ros.verify.balls import size
 from dragon_ros.verify.errors import Refused
 
-SLACK = 1e-7        # error of derivatives from finite differences
+SLACK = 1e-7        # error of derivatives by finite differences
 DRAGON = Dragon(BENCHES, 1.9, 1.7, 0.2, 0.2)
 
 
@@ -24,13 +24,13 @@ def derivatives(values):
 
 
 def turned(postures, n):
-    """Return the angles of a link, relative to its angle in the middle."""
+    """Return the angles of a link, relative to its angle in the middle posture."""
     axes = [posture.pose(n).axis for posture in postures]
     return [(axis * axes[1].conjugate()).arg() for axis in axes]
 
 
 def truths(track, postures, piece, n):
-    """Yield pairs of a derivative and its bounds, for the n-th handle and the link behind it."""
+    """Yield pairs of a derivative and its bounds for the n-th handle and the link behind it."""
     moving, turning = piece._motion(n), piece._turning(n)
     places = [posture.place(n) for posture in postures]
     if len({place.segment for place in places}) == 1:
@@ -50,7 +50,7 @@ def truths(track, postures, piece, n):
 
 
 def hold(made_of, start, stop, shares, wide=inf):
-    """Compare derivatives inside an interval with their bounds, and the widths of the bounds with a limit."""
+    """Compare derivatives inside an interval with their bounds, and the widths of these bounds with a limit."""
     track, benches, _ = made_of
     piece, _ = interval(made_of, start, stop)
     for share in shares:
@@ -74,7 +74,7 @@ def test_derivatives_stay_within_their_bounds(kind, dragon, begin, length, share
     try:
         start = low + begin * 0.97 * (high - low)
         hold(made_of, start, min(start + length, low + 0.98 * (high - low)), shares)
-    except Refused:     # the chain is locked, or is off the track
+    except Refused:     # the chain is locked or off the track
         assume(False)
 
 
@@ -89,7 +89,7 @@ def test_on_short_intervals_bounds_are_hardly_wider_than_what_happens(kind, shar
 
 @pytest.mark.parametrize('length', [0.3, 0.8])
 def test_across_a_joint_of_two_equal_arcs_directions_are_those_that_are_taken_and_no_others(length):
-    """The link and the tangents turn by as much as the bends allow."""
+    """The link and the tangents turn by as much as the bends allow them to."""
     bent = Composite((Arc(2.0, 180.0), Arc(2.0, 150.0)), 8.0)
     track, benches, bend = made_of = compiled(Dragon(4, 1.6, 1.6, 0.2, 0.2), bent)
     joint = float(track.joints[0])

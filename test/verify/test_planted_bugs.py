@@ -1,4 +1,4 @@
-"""A bug planted anywhere in the solver, so that it misses or misdates a contact, is caught by the checker."""
+"""The checker catches bugs planted anywhere in the solver that make it miss or misdate a contact."""
 import sys
 from dataclasses import replace
 from functools import cached_property, lru_cache
@@ -97,7 +97,7 @@ def side_of_an_arc(patch):
 
 
 def joint(patch):
-    """Pieces that begin a centimetre beside the end of the preceding piece."""
+    """Pieces that begin a centimetre away from the end of the preceding piece."""
     true = composite._segment
     patch.setattr(composite, '_segment', lambda piece, start, heading, open_ended: true(
         piece, start + (0.01j * heading if isinstance(piece, Arc) else 0.0), heading, open_ended))
@@ -147,7 +147,7 @@ def constant_of_the_lipschitz_bound(patch):
 
 
 def first_passage(patch):
-    """Positions that are dated half a microsecond late."""
+    """Positions whose times are half a microsecond late."""
     true = search_domain.SearchDomain.time_s
     patch.setattr(search_domain.SearchDomain, 'time_s', lambda self, gone_m: true(self, gone_m) + 5e-7)
 
@@ -166,7 +166,7 @@ def again(run):
 
 @lru_cache
 def honest(run):
-    """Return the certificate that the solver without bugs writes, after the checker has accepted it."""
+    """Return the certificate that the solver writes without a bug, after the checker has accepted it."""
     values = written(again(run))
     assert proved(values)
     return values

@@ -1,4 +1,4 @@
-"""The checker's benches in the plane, compared with results derived by hand."""
+"""The positions of the checker's benches, compared with results derived by hand."""
 from argparse import ArgumentTypeError
 from math import asin, hypot, inf
 

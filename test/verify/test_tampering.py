@@ -1,4 +1,4 @@
-"""Each change that makes a certificate false is rejected with its own error."""
+"""Every change that makes a certificate false is rejected with an error of its own."""
 import copy
 import re
 from math import inf, nan
@@ -37,7 +37,7 @@ def test_each_is_accepted_as_it_is(honest, name):
 
 
 def tampered(values, path, change):
-    """Return a copy with one value changed, removed or added."""
+    """Return a copy in which one value is changed, removed or added."""
     out = copy.deepcopy(values)
     *above, last = path
     target = out
@@ -168,7 +168,7 @@ def test_over_forty_kinds_of_tampering_are_tried_on_every_kind_of_certificate():
 
 
 def shifted(values, at=()):
-    """Return the paths of all numbers of a scene whose sign may be changed, and of all sides, leads and ramps."""
+    """Yield (path, opposite) for all numbers other than 0, sides, leads and ramps of a scene."""
     items = values.items() if isinstance(values, dict) else enumerate(values) if isinstance(values, list) else ()
     for key, below in items:
         if isinstance(below, dict | list):
@@ -184,7 +184,7 @@ OPPOSITE = {'left': 'right', 'right': 'left', 'head': 'tail', 'tail': 'head', 's
 
 @pytest.mark.parametrize('kind', [kind for kind in KINDS if kind not in ('none', 'lock', 'other')])
 def test_no_contact_is_proved_of_a_scene_with_a_sign_a_side_or_a_sense_changed(honest, kind):
-    """Exceptions: a track's start and heading, an arc that is never reached, and the law of a contact at the start."""
+    """Except for a track's start and heading, an arc that is never reached, and the law of a contact at the start."""
     values = honest[kind]
     moves = values['contact']['t_s'] > values['scene']['run']['start_s']
     changes = [(path, change) for path, change in shifted(values['scene'])

@@ -1,4 +1,4 @@
-"""The checker's own track, chain and law equal the solver's to the last digits, and are far more precise."""
+"""The checker's own track, chain and law equal the solver's to the last digits and are far more precise."""
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
@@ -53,7 +53,7 @@ def read(scene):
 
 
 def chain(scene, t_s):
-    """Return the checker's handles at a time, as balls, and its track."""
+    """Return the checker's handles (as balls), track and posture at a time."""
     precise(1e4)
     plain = read(scene)
     track, dragon = track_of(plain), Benches(plain)
@@ -100,7 +100,7 @@ def test_places_are_first_computed_in_floats_which_are_right_to_a_billionth(name
     for t_s in np.linspace(scene.run.start_s, compile_scene(scene).end.t_s, 4).tolist():
         _, line, posture = chain(scene, t_s)
         place = posture.place(1)
-        with suppress(Refused):     # ahead, towards the leading handle, where the track has no centre
+        with suppress(Refused):     # if the track has no centre, search ahead, towards the leading handle
             line.next(place, Benches(read(scene)).benches[0].link, -1 if line.to_centre else 1)
     assert name == 'loop' or asked
     for guess, found in asked:

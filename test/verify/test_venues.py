@@ -1,4 +1,4 @@
-"""Obstacles in the checker: accepted and rejected claims, and bounds that hold inside intervals."""
+"""Obstacles in the checker: claims that it accepts and rejects, and bounds that hold inside intervals."""
 import copy
 import json
 import re
@@ -156,7 +156,7 @@ def test_a_solver_that_misses_the_wall_is_refused(monkeypatch):
 
 
 def swept(scene, lead, low, high):
-    """Return an interval of the checker, and a function from a share of its leading handle's travel to the posture."""
+    """Return an interval of the checker, and a function from a share of the leader's travel in it to the pose."""
     told = claims_of(json.dumps(written(scene)).encode()).scene
     track, dragon = track_of(told), Checked(told)
     ends = [Posture(track, dragon, lead, track.place_at(arb(place))) for place in (low, high)]
@@ -179,7 +179,7 @@ def corners(pose):
 @pytest.mark.parametrize(('low', 'high', 'tight'), [
     (16.0, 16.2, 0.52), (14.0, 14.05, 0.52), (13.5, 14.1, 0.1), (11.0, 12.5, 0.01), (5.0, 6.0, 0)])
 def test_corners_leave_straight_lines_by_no_more_than_the_sag(low, high, tight):
-    """The bound is tested before the first bend of the street, where it begins, and inside it, in both frames."""
+    """The bound is tested before the first bend of the street, at its beginning and inside it, in both frames."""
     scene = Scene(SCENES['street'].dragon, SCENES['street'].track, run=Run(stop_s=1.0))
     interval, between = swept(scene, 0, low, high)
     poses = [between(share) for share in np.linspace(0, 1, 21).tolist()]
@@ -196,7 +196,7 @@ def test_corners_leave_straight_lines_by_no_more_than_the_sag(low, high, tight):
 
 @pytest.mark.parametrize('name', ['street', 'turn', 'spiral', 'mixed spiral', 'coils', 'a link of no length'])
 def test_what_is_proved_clear_of_an_edge_is_clear_of_it_in_between(name):
-    """For random edges beside an interval: if ``meets`` finds no overlap, shapely finds none at any position in it."""
+    """If ``meets`` finds no overlap of an interval and a random edge, shapely finds none at any position inside."""
     scene, rng = (SCENES | MORE)[name], np.random.default_rng(5)
     scene = Scene(scene.dragon, scene.track, scene.head, Run(scene.run.start_s, scene.run.start_s + 0.5))
     start_m = float(track_of(claims_of(json.dumps(written(scene)).encode()).scene).start)

@@ -6,11 +6,11 @@ from mpmath import mp, mpc, mpf
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.tracks.segments import BEHIND, ArcSegment, LineSegment
 
-DIGITS, STEP = 40, mpf(10) ** -10     # second-order differences have an error of STEP^2, so 20 digits are right
+DIGITS, STEP = 40, mpf(10) ** -10     # second-order differences have an error of STEP^2, so 20 digits are correct
 
 
 def point(segment, u):
-    """Return the point at a coordinate of a segment, even beyond its ends."""
+    """Return the point at a coordinate of a segment, which may be beyond the segment's ends."""
     if isinstance(segment, LineSegment):
         return mpc(segment.start) + mpc(segment.direction) * u
     if isinstance(segment, ArcSegment):
@@ -20,7 +20,7 @@ def point(segment, u):
 
 
 def metres(segment, u):
-    """Return an arc length up to a coordinate, positive in the head's direction."""
+    """Return the arc length up to a coordinate, positive in the head's direction."""
     if isinstance(segment, LineSegment):
         return u
     if isinstance(segment, ArcSegment):
@@ -30,7 +30,7 @@ def metres(segment, u):
 
 
 def root(function, start):
-    """Return a simple root by the secant method, whose order of 1.6 turns 12 digits into 40 in three steps."""
+    """Find a simple root by the secant method; its order of 1.6 turns 12 digits into 40 in three steps."""
     a, b = start, start + mpf(10) ** -8
     at_a, at_b = function(a), function(b)
     for _ in range(60):
@@ -64,13 +64,13 @@ def handles(chain, segments, links, forward_m):
 
 
 class Guess:
-    """Initial guesses for the roots from a chain of the package, with handles on the requested segments."""
+    """Initial guesses for the roots, from a chain of the package, with each handle on the requested segment."""
 
     def __init__(self, chain, segments):
         self.track, self.leader = chain.track, chain.leader
         self.starts = [mpf(float(u)) + mpf(float(lo)) for u, lo in zip(chain.u, chain.u_lo, strict=True)]
         for i, k in enumerate(segments):
-            if k != chain.segment[i]:     # the handle is at the joint between both segments
+            if k != chain.segment[i]:     # the handle is at the joint between the two segments
                 self.starts[i] = mpf(float(chain.track.segments[k].first if k > chain.segment[i] else
                                            chain.track.segments[k].last))
 

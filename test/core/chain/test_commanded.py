@@ -1,4 +1,4 @@
-"""A commanded leader: speeds respect the limits, it stops before every end, and past motion stays exact."""
+"""A commanded leader respects its limits and stops before every end, and its past motion stays exact."""
 import itertools
 from dataclasses import replace
 from fractions import Fraction
@@ -32,7 +32,7 @@ SCENE = Scene(Dragon(benches=20), head=LED, run=Run(3, 100, 30), effects=Effect.
 
 
 def walk(scene, wanted, keep_s=10.0):
-    """Return the ticks (t_s, speed) and the laws of a run that follows these commands."""
+    """Return the ticks (t_s, speed) and the laws of a run in which the leader follows these commands."""
     law, rows, laws = None, [], []
     back, onwards = compile_scene(scene).model.limits
     ends_m = back.gone_m if back else -inf, onwards.gone_m if onwards else inf

@@ -24,7 +24,7 @@ def law_of(rows, first, ramp):
 
 
 def simpson(law, a, b):
-    """Integrate a speed that is at most cubic, exactly except for rounding."""
+    """Integrate a speed that is at most cubic in time; only rounding makes the result inexact."""
     return (b - a) / 6 * (law.speed_at_m_s(a) + 4 * law.speed_at_m_s(0.5 * (a + b)) + law.speed_at_m_s(b))
 
 

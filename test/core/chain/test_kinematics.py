@@ -1,4 +1,4 @@
-"""Accelerations of all handles on every track, under every law, with head and tail leading, against 40 digits."""
+"""Accelerations of all handles on every track, under every law, with either end leading, against 40 digits."""
 from dataclasses import replace
 
 import numpy as np
@@ -35,9 +35,9 @@ def accelerations(scene, t_s):
 
 
 def allowed(v, a, scene):
-    """Return the allowed error of accelerations: each link turns by the errors of its handles over its length.
+    """Return the allowed error of accelerations: position errors turn a link by their sum divided by its length.
 
-    Position errors are at most 2e-12 m. The errors add up along the chain, and near a lock they grow like speeds.
+    Position errors are at most 2e-12 m. They add up along the chain and, near a lock, grow as speeds do.
     """
     links = scene.dragon.link_lengths_m
     angle = 4e-12 / np.min(links[links > 0], initial=1.0)
@@ -89,7 +89,7 @@ LAWS = st.builds(lambda lead, ramps, speeds: Profile(tuple((4.0 * n, v) for n, v
 @given(DRAGONS, TRACKS, LAWS, st.floats(0, 12))
 @example(Mixed((Group(3.41), Group(0.55), Group(2.2))), Spiral(0.55, 1.0), Profile(((0.0, 0.0), (4.0, 1.0))), 2.0)
 def test_accelerations_agree_with_40_digits_anywhere(dragon, track, law, t_s):
-    t_s = round(t_s * NS) / NS      # as frames are stamped
+    t_s = round(t_s * NS) / NS      # frames have stamps in whole nanoseconds
     try:
         scene = Scene(dragon, track, law, Run(stop_s=20.0))
         assume(compile_scene(scene).end.t_s > t_s)

@@ -120,7 +120,7 @@ def test_a_handle_turns_back_three_times_if_the_handle_before_it_reverses_just_b
 
 
 def broken_link(head, chords):
-    """Return the first link that cannot be placed with the head at an angle; None if all can."""
+    """Return the number of the first link that cannot be placed with the head at an angle, or None if all can be."""
     for k, chord in enumerate(chords):
         head = follower(head, chord)
         if head == inf:
@@ -128,7 +128,7 @@ def broken_link(head, chords):
     return None
 
 
-# A link that is longer by a turn locks where the rear handle of the link before it turns back.
+# A link about one pitch (2 pi) longer than the link before it locks where the rear handle of that link turns back.
 LINKS = st.one_of(st.lists(st.floats(0.5, 25), min_size=1, max_size=5),
                   st.tuples(st.floats(5, 20), st.floats(5.5, 7.5), st.floats(-3, 7)).map(
                       lambda row: [row[0], row[0] + row[1], row[0] + row[1] + row[2]]))
@@ -175,5 +175,5 @@ def test_the_first_float_at_which_a_function_is_not_negative_takes_few_evaluatio
     assert value(found) >= 0 > value(np.nextafter(found, -inf))
     assert power != 1.0 or len(asked) < 24
     exact = root + 0.5 * above
-    assert lock._first_at_least_0(lambda x: x - exact, low, exact) == exact     # the end itself
+    assert lock._first_at_least_0(lambda x: x - exact, low, exact) == exact     # the upper end itself
     assert lock._first_at_least_0(lambda x: 1.0, low, high) == pytest.approx(low, abs=1e-15)

@@ -44,7 +44,7 @@ TICK = 413 * 50
 
 @lru_cache
 def subsets():
-    """Return every subset of the effects that contains all required effects."""
+    """Return every set of effects that includes the effects required by its members."""
     return list(_subsets())
 
 
@@ -62,7 +62,7 @@ def _subsets():
 
 
 def values_of(value):
-    """Return the numbers in a value as bytes, whatever its type."""
+    """Return plain values and bytes that are equal if all numbers in a value are bit-identical."""
     if isinstance(value, Chain):
         return value.p.tobytes(), value.evaluations
     if hasattr(value, '__dataclass_fields__'):
@@ -272,7 +272,7 @@ EVERYWHERE = [
 @pytest.mark.parametrize('scene', EVERYWHERE, ids=['turn', 'tail', 'turn, tail and law', 'law', 'mixed'])
 @pytest.mark.parametrize('t_s', [6.0, 23.0])
 def test_on_every_track_tensions_accelerate_all_handles_but_the_leader_and_its_link_does_their_work(scene, t_s):
-    """There is one more handle than there are links, so the last handle is free; the leader is moved externally."""
+    """The tensions of N links accelerate N of the N + 1 handles; the remaining one, the leader, is moved externally."""
     frame = frame_of(compile_scene(scene), None, round(t_s * 1e9), state(scene, t_s))
     pull = frame.tension_n_kg[:, None] * frame.axis
     force = np.zeros_like(frame.acceleration_m_s2)

@@ -1,4 +1,4 @@
-"""Each operation on balls contains arb's result at 200 bits, since floats are rounded outwards."""
+"""The result of each operation on balls contains arb's result at 200 bits, since floats are rounded outwards."""
 import numpy as np
 import pytest
 from arb_balls import ArbBall, each_exact, each_upper, in_arb
@@ -15,7 +15,7 @@ OPERATIONS = {
 
 
 def random_balls(seed, scale):
-    """Return balls of both signs and many magnitudes; radii range from the least possible to the number itself."""
+    """Return balls of both signs and many magnitudes, with radii from the least possible to the number itself."""
     dice = np.random.default_rng(seed)
     mid = dice.choice((-1, 1), (COUNT // 20, 20)) * 10 ** dice.uniform(-scale, scale, (COUNT // 20, 20))
     return Ball(mid, OUTWARDS * np.abs(mid) * 10 ** dice.uniform(np.log10(LEAST), 0, mid.shape))

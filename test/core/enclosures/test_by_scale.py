@@ -1,4 +1,4 @@
-"""Derivatives by the scale of a dragon equal finite differences of marched chains, within the accuracy of these."""
+"""Derivatives with respect to a dragon's scale equal finite differences of marched chains, within their accuracy."""
 import numpy as np
 import pytest
 
@@ -13,18 +13,18 @@ from dragon_ros.core.tracks.spec import Spiral
 
 UNIT = track_of(Spiral(2 * np.pi))
 DRAGONS = [Dragon(12), Dragon(12, 6.0, 2.2), Mixed((Group(3.4), Group(1.2, 3), Group(2.2, 5)))]
-STEP = 2e-3     # relative to the variable: differences have errors of STEP^2 and of 1e-13 / STEP
+STEP = 2e-3     # relative to the variable: errors of differences are STEP^4 (truncation) and 1e-13 / STEP (rounding)
 
 
 def placed(links, theta):
-    """Return polar angles (K+1,) of handles, and directions (K,) of links, without jumps."""
+    """Return the polar angles (K+1,) of handles and the directions (K,) of links, both without jumps of 2 pi."""
     chain = marched(UNIT, links, Place(0, DoubleDouble(theta, 0.0)), BEHIND)
     z = chain.p @ [1, 1j]
     return chain.u, np.unwrap(np.angle(z[:-1] - z[1:]))
 
 
 def differences(at, x, step):
-    """Return first and second derivatives at x, to fourth order, of the angles and directions from ``at``."""
+    """Return first and second derivatives at x, to fourth order, of the angles and directions that ``at`` returns."""
     rows = [at(x + k * step) for k in (-2, -1, 0, 1, 2)]
     out = []
     for parts in zip(*rows, strict=True):

@@ -1,4 +1,4 @@
-"""Numbers with first derivatives contain all samples in a box, and are tight in a small box."""
+"""Enclosures of values and first derivatives contain all samples in a box, and are tight in a small box."""
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +7,7 @@ from properties import examples
 
 from dragon_ros.core.enclosures.gradients import Graded, Vector, polar, variables
 
-# Each formula for boxes and for plain numbers; complex numbers give derivatives without cancellation.
+# Each formula for boxes and for plain numbers; complex steps yield its derivatives without cancellation.
 FORMULAS = {
     'sum': (lambda x, y: x + y, lambda x, y: x + y),
     'difference': (lambda x, y: x - y, lambda x, y: x - y),
@@ -37,7 +37,7 @@ def box_of(x, y, wide, tall):
 
 
 def true(name, x, y):
-    """Return the value of a formula, and its derivatives by both variables."""
+    """Return the value of a formula and its derivatives with respect to both variables."""
     _, plain = FORMULAS[name]
     step = 1e-30
     return (plain(x, y) + 0.0 * x, np.imag(plain(x + 1j * step, y + 0j)) / step + 0.0 * x,

@@ -33,14 +33,14 @@ def chain_at(leader, gone_m):
 
 
 def tops(leader, low_m, high_m):
-    """Return the bounds (N, handles) for all handles between two positions of the leader, for N pairs of positions."""
+    """Return bounds (N, handles) on the logs of all handles' speeds between the positions of N pairs."""
     count, none = low_m.size, np.zeros(low_m.size)
     seen, row = states(leader, np.concatenate((low_m, high_m))), np.arange(low_m.size)
     return bounds(seen.rows(row), seen.rows(count + row), LawBetween(none, none, Ball(none, none)))
 
 
 def logs_between(leader, low_m, high_m):
-    """Return the logs of the speeds (15, N, handles) at positions from one to another, including both."""
+    """Return the logs of the speeds (15, N, handles) at 15 positions from the first to the last of each pair."""
     places = np.linspace(low_m, high_m, 15)
     return states(leader, places.ravel()).log.reshape(*places.shape, -1)
 
@@ -68,7 +68,8 @@ def test_near_the_centre_no_handle_is_faster_than_its_bound_where_none_turns_bac
     low = lock_m - apart_m - np.geomspace(1e-6, 6, 60)
     low = np.array([one for one in low.tolist() if not any(one < turn < one + apart_m for turn in turning)])
     above, seen = tops(leader, low, low + apart_m), logs_between(leader, low, low + apart_m)
-    # Near the lock, the relative rounding error of the head's position grows by C for a link, and by C^2 for a speed.
+    # Near the lock, if speeds reach C, the relative rounding error of the head's position grows by a factor of C in a
+    # link and of C^2 in a speed.
     off = 1e-14 * np.exp(2 * np.max(seen, axis=(0, 2)))
     assert np.all(seen <= above + off[:, None])
     assert np.count_nonzero(np.all(np.isfinite(above), axis=1)) > 10

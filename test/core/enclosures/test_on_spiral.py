@@ -1,4 +1,4 @@
-"""The bound on second derivatives and the bounds on which it is based hold on whole intervals."""
+"""The bound on second derivatives, and the bounds from which it is derived, hold on whole intervals."""
 from itertools import pairwise
 
 import numpy as np
@@ -36,7 +36,7 @@ def placed(dragon, theta):
 
 
 def corners(dragon, theta):
-    """Return corners of benches 2 and later in bench 0's frame, and of bench 0 in theirs, for a pitch of 2 pi."""
+    """Return the corners of benches 2 onwards in bench 0's frame, and of bench 0 in theirs, for a pitch of 2 pi."""
     chain = placed(dragon, theta)
     z = chain.p @ [1, 1j]
     angle = chain.u[:-1]
@@ -61,7 +61,7 @@ def bound(dragon, start, stop):
 
 
 def largest(dragon, start, stop, count=7):
-    """Return the largest second difference of a corner, (benches, 2)."""
+    """Return the largest second differences (benches, 2) of any corner."""
     h = 1e-3
     found = []
     for theta in np.linspace(start, stop, count):
@@ -154,7 +154,7 @@ def test_mixed_benches_and_all_behind_them_are_further_out_than_told_by_less_tha
 
 
 def outline(view, sizes, row, bench):
-    """Return points (n,) around a bench in metres."""
+    """Return points (n,) along the outline of a bench, in metres."""
     half, side = sizes.half_length_m[0, bench], sizes.half_width_m
     corner = half * np.array([1, -1, -1, 1]) + 1j * side * np.array([1, 1, -1, -1])
     share = np.linspace(0, 1, 40)[:, None]
@@ -176,7 +176,7 @@ def test_of_some_pairs_the_bounds_are_those_of_all(first):
 
 
 def gone(dragon, moved):
-    """Return the travel of each bench's farthest-moving handle and corner; ``moved`` maps points of the plane."""
+    """Return how far each bench's farthest-moving handle and corner travel; ``moved`` maps points of the plane."""
     half, side, link = 0.5 * dragon.bench_lengths_m, 0.5 * dragon.width_m, dragon.link_lengths_m
     handle = 0.5 * link[:, None] * np.array([1, -1])
     corner = half[:, None] * np.array([1, -1, -1, 1]) + 1j * side * np.array([1, 1, -1, -1])
@@ -223,7 +223,7 @@ def test_balls_hold_every_result(a, b, c, d, one, two):
 
 
 def nearly_straight(at_rad, links_rad, head, width, inset, length_rad):
-    """Return bounds (benches,) on how far benches stay behind the first along its axis, and the sampled minima."""
+    """Return bounds (benches,) on how far benches stay behind the first one along its axis, and the sampled minima."""
     link = links_rad * np.hypot(1, at_rad)
     dragon = Dragon(9, (head + 2 * inset) * link, (1 + 2 * inset) * link, width * link, inset * link)
     watch = BenchSampler(track_of(Spiral(2 * np.pi)), dragon, (0,), 9, lambda states: None, 0.0)
@@ -236,7 +236,7 @@ def nearly_straight(at_rad, links_rad, head, width, inset, length_rad):
 
 @given(st.floats(-2, 5), st.floats(1e-3, 0.07), st.floats(0.3, 3), st.floats(-2, 1), st.floats(0, 0.4),
        st.floats(0, 0.3))
-@example(-2, 0.06, 1.0, -2, 0.0, 0.0)       # near the centre, directions turn by two radians per radian
+@example(-2, 0.06, 1.0, -2, 0.0, 0.0)       # near the centre, directions turn by two radians per radian of polar angle
 @example(3, 0.05, 1.0, 1, 0.0, 0.0)         # corners of wide benches turn forwards
 @example(3, 0.001, 1.0, -2, 0.4, 0.0)       # on a curve that is nearly a line, only insets matter
 def test_benches_of_a_nearly_straight_chain_stay_behind_by_the_links_between_them(out, links_rad, head, width, inset,

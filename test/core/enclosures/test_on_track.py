@@ -35,7 +35,7 @@ COUNT = 9       # number of positions in each interval, including its ends
 
 
 def sampled(leader, gone_m, links_m=LINKS):
-    """Return chains and the states of their links at positions of the leader."""
+    """Return chains, the states of their links, and the handles' distances along the track at leader positions."""
     places = leader.places((gone_m, np.zeros_like(gone_m)))
     chain = marched_many(leader.track, links_m, places, leader.direction)
     along_m, bend = leader.track.distances(chain.segment, chain.u), leader.track.curvatures(chain.segment, chain.u)
@@ -43,7 +43,7 @@ def sampled(leader, gone_m, links_m=LINKS):
 
 
 def holds(ball, values, off):
-    """Return whether values (positions, M, K) are in a ball (M, K) or within ``off`` of it."""
+    """Return whether values (positions, M, K) are all in a ball (M, K) or within ``off`` of it."""
     with np.errstate(invalid='ignore'):
         return bool(np.all(~(np.abs(values - ball.mid) > ball.rad + off)))
 
@@ -58,7 +58,7 @@ def test_every_mean_rate_in_between_is_in_the_enclosure_of_the_rate(name, apart_
     chain, states, along_m = sampled(leader, places.ravel())
     first, last = np.arange(30), np.arange(30) + 30 * (COUNT - 1)
     moving = kinematics(states.rows(first), states.rows(last), LINKS, track.bends, chain.leader, 2e-12)
-    step, sign = apart_m / (COUNT - 1), 1.0 if way == BEHIND else -1.0      # a leading tail reverses derivatives
+    step, sign = apart_m / (COUNT - 1), 1.0 if way == BEHIND else -1.0      # derivatives change sign if the tail leads
     axis = axes_of(chain)
     yaw = np.unwrap(np.arctan2(axis[..., 1], axis[..., 0]).reshape(COUNT, 30, -1), axis=0)
     speed = np.abs(np.diff(along_m.reshape(COUNT, 30, -1), axis=0)) / step
@@ -121,7 +121,7 @@ JOINTS = {'to the other side': (track_of(Composite((Line(40.0), Arc(3.0, 90.0), 
 
 
 def passing(leader):
-    """Return the leader's distances at which a handle passes a joint of the track."""
+    """Return the distances of the leader at which any handle passes a joint of the track."""
     gone = np.linspace(0, 30, 301)
     _, _, along_m = sampled(leader, gone)
     out = []
@@ -213,7 +213,7 @@ def test_a_link_turns_by_no_more_than_its_error_if_both_ends_are_off_and_by_near
 
 
 def seen_at(middle):
-    """Return a view of one pair whose second middle is at a complex number."""
+    """Return the view of one pair whose second bench has its middle at a point, given as a complex number."""
     return Views((np.array([middle.real]), np.array([middle.imag])), np.zeros((1, 4, 2)))
 
 
@@ -230,5 +230,5 @@ def test_a_middle_that_goes_half_round_a_bench_stays_in_its_enclosure_which_is_n
 def test_a_middle_is_no_further_off_than_told_at_either_state_and_nearly_so_far(ways_m):
     turned, error_m = 1e-6, 1e-7
     off_m = _off_m(*(seen_at(way_m * np.exp(0.3j)) for way_m in ways_m), np.array([turned]), error_m)[0]
-    most = max(abs(way_m * np.expm1(1j * turned)) + 2 * error_m for way_m in ways_m)     # the error of both benches
+    most = max(abs(way_m * np.expm1(1j * turned)) + 2 * error_m for way_m in ways_m)     # the errors of both benches
     assert most <= off_m <= 1.01 * most

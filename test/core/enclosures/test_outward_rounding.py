@@ -1,4 +1,4 @@
-"""Bounds that exclude contacts are rounded outwards: on random boxes, all bounds are on the safe side of arb's balls.
+"""Bounds that exclude contacts are rounded outwards: on random boxes, all are on the safe side of arb's balls.
 
 Each formula is evaluated twice, in floats and in arb at 200 bits (``arb_balls``), on the same boxes.
 """
@@ -97,7 +97,7 @@ def test_no_bound_of_two_benches_on_any_track_is_below_what_arb_proves(seed, lea
 
 
 def arb_separations(p, half, i, j):
-    """Return separations of benches i and j from both sides along four axes, in arb, and their signed gap."""
+    """Return, in arb, the separations of benches i and j along four axes from both sides, and their signed gap."""
     def bench(n):
         (x, y), (u, v) = each_exact(p[n]), each_exact(p[n + 1])
         size = ((x - u) ** 2 + (y - v) ** 2).sqrt()

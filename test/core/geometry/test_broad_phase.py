@@ -1,4 +1,4 @@
-"""Candidates include all close pairs in any layout, and are few if the dragon winds."""
+"""The candidates include all close pairs in any layout, and are few for a winding dragon."""
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from dragon_ros.core.tracks.spec import Spiral
 
 
 def placed(scene, share=None, t_s=0.0):
-    """Return handles (N+1, 2) and benches of a scene at a time, or at a share of its run, if the chain exists."""
+    """Return the handles (N+1, 2) and benches of a scene at a time or at a share of its run, if the chain exists."""
     try:
         chain = state(scene, t_s if share is None else share * compile_scene(scene).end.t_s * (1 - 1e-9))
     except DragonError:
@@ -38,7 +38,7 @@ def chained(p, width, overhang):
 
 
 def missed(p, benches, reach_m=None):
-    """Return the pairs within reach that are not among the candidates, from a test of all pairs."""
+    """Test all pairs, and return those within reach that are not among the candidates."""
     reach = default_reach_m(benches) if reach_m is None else reach_m
     count = benches.half_length.size
     i, j = np.triu_indices(count, 2)
@@ -129,7 +129,7 @@ def test_a_bench_over_more_layers_than_turns_are_tried_is_left_to_boxes():
 
 
 def outside_windows(scene, t_s, reach_m):
-    """Return the pairs within reach that are over three benches apart, and those outside the paper's windows."""
+    """Return the pairs within reach that are more than three benches apart, and those outside the paper's windows."""
     p, benches = placed(scene, t_s=t_s)
     first, last = adjacent_layer_windows(state(replace(scene, solver='march'), t_s).u)
     i, j = candidates(p, benches, reach_m)

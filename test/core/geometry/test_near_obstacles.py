@@ -1,4 +1,4 @@
-"""The stored near edges affect only the time of an evaluation, and the results agree with shapely."""
+"""Stored near edges affect only the time that an evaluation takes, and the results agree with shapely."""
 import numpy as np
 import pytest
 import shapely
@@ -27,7 +27,7 @@ def square(x, y, half):
 
 
 def random_venue(rng):
-    """Return a yard with a large house that has a courtyard, small houses, and bent walls; sometimes with an inside."""
+    """Return a yard with a large house around a courtyard, small houses, bent walls, and sometimes a boundary."""
     obstacles = [PolygonObstacle('large', square(0, 0, 9.0), (square(0, 0, 6.0),))]
     for n in range(int(rng.integers(0, 6))):
         x, y, half = *rng.uniform(-30, 30, 2).tolist(), float(rng.uniform(0.1, 5))
@@ -40,7 +40,7 @@ def random_venue(rng):
 
 @st.composite
 def walks(draw):
-    """Draw a venue, and layouts of benches that walk, drift, turn on the spot, stand or jump in it."""
+    """Draw a venue, and layouts of benches that walk, drift, turn on the spot, rest or jump in it."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     count = int(rng.integers(1, 14))
     centre, yaw = rng.uniform(-28, 28, (count, 2)), rng.uniform(-4, 4, count)

@@ -1,4 +1,4 @@
-"""The stored near pairs affect only the time of an evaluation: each result equals that of a search of all pairs."""
+"""Stored near pairs affect only the time that an evaluation takes: results equal those of a search of all pairs."""
 import numpy as np
 import pytest
 from hypothesis import given
@@ -30,7 +30,7 @@ def of_all_pairs(benches):
 
 
 def told(found):
-    """Return a closeness in the form of ``of_all_pairs``."""
+    """Return a closeness in the form that ``of_all_pairs`` returns."""
     return found.clearance_m, found.closest, list(zip(found.i, found.j, strict=True)), found.gap_m.tolist()
 
 
@@ -160,7 +160,10 @@ def lying(centre, half=1.0, side=0.1):
 
 
 def both_sides(step):
-    """Return a layout with benches 0 and 2 a step closer; until they meet, 4 and 6 are closest; 5 does not move."""
+    """Return a layout in which benches 0 and 2 have each moved a step towards the other.
+
+    Until these two meet, benches 4 and 6 are the closest pair; bench 5 does not move.
+    """
     return lying(np.array([-1.3 + step, 20j, 1.3 - step, -20j, 10j, -10.65j, 10.25j]))
 
 
@@ -177,7 +180,7 @@ def test_gaps_are_taken_to_change_by_both_steps_and_no_more(step):
 
 
 def in_a_row(step, end=None):
-    """Return benches in a row; those in the first part move a step outwards, those from ``end`` on inwards."""
+    """Return a row of benches; the first four have moved a step forwards, and those from ``end`` on a step back."""
     n = np.arange(24)
     return lying(0.5 + 0.11 * n + step * np.where(n < 4, 1, np.where(n >= (end or 24), -1, 0)) + 0j, 0.1, 0.001)
 

@@ -30,9 +30,9 @@ def rectangles(*rows):
 
 
 def by_shapely(benches, i=0, j=1):
-    """Return the signed gap from the Minkowski difference of the corners: the distance of the origin from its boundary.
+    """Return the signed gap as the distance of the origin from the boundary of the corners' Minkowski difference.
 
-    The difference is computed relative to bench i, so that large coordinates do not enter twice; rectangles of zero
+    The difference is computed relative to bench i, so that large coordinates are not rounded twice; rectangles of zero
     size yield lines and points.
     """
     own = benches.centre[i]
@@ -111,7 +111,7 @@ def test_a_corner_a_hair_from_an_edge_has_that_gap_and_is_the_witness(yaw, turn,
     outward = np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])[edge]
     half = np.array([1.1, 0.8])
     touch = outward * half + along * half * (1 - np.abs(outward)) + hair * outward
-    # The second bench leans by 0.01 to 0.99 of a right angle, so that one corner is foremost.
+    # The second bench leans by 0.01 to 0.99 of a right angle, so that one of its corners is foremost.
     facing = (0, np.pi / 2, np.pi, -np.pi / 2)[corner]
     second_yaw = yaw + np.arctan2(-outward[1], -outward[0]) - lean * np.pi / 2 - facing
     second = rectangles((0, 0, second_yaw, 3.0, 0.4))

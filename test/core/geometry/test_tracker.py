@@ -99,7 +99,7 @@ def reports(scene, ticks, tracker=None):
 
 
 def told(rows):
-    """Return beginnings as (time, pair) and ends as (cause, pair), in order."""
+    """Return the beginnings as (time, pair) and the ends as (cause, pair), in order."""
     return [line for r in rows for line in [*((e.cause, e.benches) for e in r.ends),
                                             *(('begin', e.benches) for e in r.begins)]]
 
@@ -145,7 +145,7 @@ def test_begin_and_end_times_and_the_approach_speed_are_those_of_a_known_motion(
 
 def test_a_contact_between_ticks_of_another_is_interpolated_through_all_of_them():
     t = np.array([0.0, 1.0, 2.0, 3.0])
-    rows = reports_of(zip(t, -0.1 * (t - 0.7) * (t - 1.4) * (t - 2.6), strict=True))        # fits four ticks by a cubic
+    rows = reports_of(zip(t, -0.1 * (t - 0.7) * (t - 1.4) * (t - 2.6), strict=True))        # a cubic through four ticks
     assert [event.t_contact_s for report in rows for event in report.begins][-1] == pytest.approx(2.6, abs=1e-12)
 
 
@@ -384,7 +384,7 @@ def test_pairs_of_a_long_dragon_are_named_and_counted_as_their_benches(benches):
 @given(st.lists(st.sampled_from([0.3, 0.9, 1.0, 1.3, 2.0, 5.0]), min_size=1, max_size=3), st.integers(0, 1),
        st.floats(0.1, 0.9))
 def test_a_crossing_is_the_root_of_the_polynomial_through_the_ticks_that_belong_together(steps, sense, at):
-    """A gap that is a straight line vanishes exactly where the line does, and shrinks at the line's slope."""
+    """A gap that is linear in time vanishes exactly when the line does, and shrinks at the line's slope."""
     t = np.cumsum([3.0, *steps])
     slope = [-0.05, 0.05][sense]
     root = t[-2] + at * (t[-1] - t[-2])
@@ -410,7 +410,7 @@ def test_a_gap_that_vanishes_at_a_tick_is_a_contact_at_this_tick(ticks):
 
 @given(st.lists(st.floats(-3, 3), min_size=3, max_size=4, unique=True), st.floats(-0.5, 0.5))
 def test_benches_between_ticks_lie_on_the_polynomial_through_their_places(times, back_s):
-    """Centres and axes that are polynomials of the degree of the ticks are found again at any time."""
+    """Centres and axes that are polynomials of the degree that the ticks determine are reproduced at any time."""
     times = sorted(round(t, 2) for t in times)
     assume(np.min(np.diff(times)) > 0.1)
     half, origin = np.array([0.5, 0.25]), 7.0

@@ -1,4 +1,4 @@
-"""Gaps of benches to the edges of a venue, against shapely."""
+"""Gaps between benches and the edges of a venue, against shapely."""
 import gc
 from weakref import ref
 

@@ -1,4 +1,4 @@
-"""Boxes of a search: their parts cover exactly the box."""
+"""Boxes of a search: the parts of a box cover it exactly."""
 import numpy as np
 import pytest
 

@@ -1,4 +1,4 @@
-"""First contact is proved: the bound of every interval holds, and the checker rejects every forgery."""
+"""The first contact is proved: the bound of every interval holds, and the checker rejects every forgery."""
 import copy
 from itertools import pairwise
 
@@ -56,7 +56,7 @@ def test_the_certificate_joins_from_the_start_to_a_nanometre_before_the_contact(
 
 
 def inside(first, scene, start, stop):
-    """Return the bound of an interval and the smallest separation at positions inside."""
+    """Return the bound of an interval and the smallest separation at positions inside it."""
     watch = sampler(first, 40, scene)
     view = watch.sample(np.linspace(start, stop, 41))
     behind = np.array([scene.dragon.benches - 1 - first])

@@ -1,4 +1,4 @@
-"""On composite tracks every step of the search is cleared by a valid bound, and the checker rejects every forgery."""
+"""On composite tracks a valid bound clears every step of the search, and the checker rejects every forgery."""
 import copy
 from dataclasses import replace
 from itertools import pairwise
@@ -171,7 +171,7 @@ def test_benches_that_touch_while_the_leader_still_rests_touch_from_the_start(kn
 
 
 def passing(width):
-    """Return a scene in which the head passes through a turn, and the nearest miss of the scene."""
+    """Return a scene in which the head passes through a turn, and the nearest miss in this scene."""
     scene = Scene(dragon=Dragon(24, width_m=width), track=STurn(1.2, before_m=100.0), run=Run(112, 118))
     none = NoContact(compile_scene(scene).end, 0, Certificate((Interval(ALL, 12.0, 18.0, 23, 0.0),)))
     return scene, near_misses(scene, none, 1.0).nearest[0]
@@ -218,7 +218,7 @@ RIGID = Scene(Dragon(4, 4.119728142305396, 4.119728142305396, 0.3, 1.05986407115
 
 
 def test_a_contact_that_closes_by_millimetres_a_metre_is_found_in_few_states():
-    """A search with steps that depend only on the gap would never end: at a fixed point, its bound is too small."""
+    """A search whose steps depend only on the gap would never end: at a fixed position, its bound is too small."""
     found = first_contact(SLOW)
     assert found.benches == (1, 3)
     assert found.approach_m_s / SLOW.head.speed_m_s < 8e-3
@@ -274,7 +274,7 @@ def bounds_of(domain, gone_m, way_m, i, j):
 
 
 def seen(domain, gone_m, i, j):
-    """Return corners (2, 2, K, 4) of second benches in the frames of first benches and vice versa, along and across."""
+    """Return corners (2, 2, K, 4), along and across, of second benches in first benches' frames and vice versa."""
     benches = domain.benches(gone_m)
     out = []
     for one, two in ((i, j), (j, i)):

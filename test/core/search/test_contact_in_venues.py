@@ -114,7 +114,7 @@ def test_a_wall_alongside_a_nanometre_away_is_not_touched(away_m, touches):
 
 
 def test_a_slow_kiss_of_an_arc_and_a_wall_grazes_or_touches_as_its_gap_says():
-    """Outside a bend the head's corner is furthest out at a single position, where a wall is touched tangentially."""
+    """On the outside of a bend, the head's corner is furthest out at one position and touches a wall tangentially."""
     scene = SCENES['street']
     corners = corners_at(scene, times_of(scene, 0.001))
     far = float(np.max(corners[..., 0]))
@@ -127,7 +127,7 @@ def test_a_slow_kiss_of_an_arc_and_a_wall_grazes_or_touches_as_its_gap_says():
 
 @pytest.mark.parametrize('name', SCENES)
 def test_windows_hold_every_place_of_every_bench_once(name):
-    """In each phase, the windows of a length contain exactly the positions that its front handles pass."""
+    """In each phase, the windows of a bench length contain exactly the positions that its front handles pass."""
     scene = with_venue(SCENES[name], 1)
     travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
     for sense in travel.senses:
@@ -145,7 +145,7 @@ def test_windows_hold_every_place_of_every_bench_once(name):
 
 
 def test_bounds_leave_room_for_what_positions_and_roundings_may_err():
-    """Bounds hold for benches displaced by the error: none rises, and one falls by over a tenth of the error."""
+    """Bounds that allow for displaced benches never rise, and one of them falls by more than a tenth of the error."""
     scene = with_venue(SCENES['street'], 3)
     domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 20.0), 1, lambda states: None)
     bench, edge = swept_bench(domain, 1), np.arange(domain.around.owner.size)

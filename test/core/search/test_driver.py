@@ -1,4 +1,4 @@
-"""The loop of all searches, on gaps that are known functions of the position: what it clears, where it stops."""
+"""The loop of all searches, on gaps that are known functions of position: the ways that it clears, and its stops."""
 from dataclasses import dataclass
 from math import ceil, inf, log2
 
@@ -15,7 +15,7 @@ TOLERANCE_M = 0.01
 
 @dataclass(frozen=True)
 class Places:
-    """Samples that know only their positions, gaps and windows."""
+    """Samples that consist of positions, gaps and windows."""
 
     places: np.ndarray
     gap_m: np.ndarray
@@ -26,7 +26,7 @@ class Places:
 
 
 class Valleys:
-    """A space in which window n has the gap ``depth + slope |x - bottom|``, the smallest of a few of them."""
+    """A space in which the gap of window n is the smallest of a few valleys ``depth + slope |x - bottom|``."""
 
     tolerance_m = TOLERANCE_M
 
@@ -50,7 +50,7 @@ class Valleys:
         self.roots = [samples.places[row] for row in pairs], window
 
     def judge(self, a, b, group):
-        """Bound the gap by the steepest slope; check that each interval is part of the root that is its group."""
+        """Bound the gap by the steepest slope; check that each interval is part of the root interval of its group."""
         (low, high), window = self.roots
         assert np.array_equal(a.window, window[group])
         assert np.array_equal(b.window, window[group])
@@ -66,7 +66,7 @@ class Valleys:
 
 
 def first_stop(space, window, n):
-    """Return the first position, as progress, whose gap does not exceed the tolerance; inf if there is none."""
+    """Return the progress to the first position whose gap does not exceed the tolerance; inf if there is none."""
     sign = 1.0 if window[-1] >= window[0] else -1.0
     begin, end = sign * window[0], sign * window[-1]
     found = [inf]
@@ -91,7 +91,7 @@ def cleared(drawn, finest):
 
 
 def check_rows(space, windows, found):
-    """Check that the rows of each window join, hold and end at the bracket, which does not pass the first stop."""
+    """Check that each window's rows join, have valid bounds, and end at the bracket, which begins by the first stop."""
     for n, (window, one) in enumerate(zip(windows, found, strict=True)):
         sign, at = (1.0 if window[-1] >= window[0] else -1.0), window[0]
         for start, stop, bound in one.rows:
@@ -198,7 +198,7 @@ def test_intervals_are_divisible_down_to_rounding_of_their_ends(scale):
 
 
 class Highest(InOrder):
-    """A search for the largest value of a known function, which notes how it is run."""
+    """A search for the largest value of a known function that records the cells it judges."""
 
     def __init__(self, at_once):
         self.at_once, self.judged, self.best = at_once, [], -inf

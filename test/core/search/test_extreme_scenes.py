@@ -1,4 +1,4 @@
-"""The search of any valid scene, however extreme, ends after few states with an answer or a one-line error."""
+"""A search in any valid scene, however extreme, ends after few states with an answer or a one-line error."""
 from contextlib import suppress
 
 import pytest

@@ -1,4 +1,4 @@
-"""The proof for a family holds for its dragons, is almost as strong as possible, and states its limits."""
+"""The proof for a family holds for its dragons, is nearly as strong as possible, and states its limits."""
 from dataclasses import replace
 from functools import cache
 from itertools import product

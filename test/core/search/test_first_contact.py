@@ -25,7 +25,7 @@ from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
 from dragon_ros.scenes import certificate
 
-CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # at 4.28 turns, it is between two positions at which its body touches
+CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # at 4.28 turns, the head is between two positions at which the body touches
 
 
 @examples(15)
@@ -114,7 +114,7 @@ def test_a_run_without_contact_says_how_it_ended_and_is_proved(scene, reason):
 
 
 def test_a_second_handle_that_turns_back_near_the_lock_hides_nothing():
-    """In the last half second of a run of narrow benches the head continues inwards and the rest moves out again."""
+    """In the last half second of a run of narrow benches, the head moves on inwards, and the rest moves out again."""
     scene = Scene(dragon=Dragon(30, width_m=0.01), run=Run(432.0))
     times = np.linspace(432, compile_scene(scene).end.t_s, 50)
     places = [float(np.hypot(*state(scene, t_s).p[1])) / scene.track.b_m for t_s in times]
@@ -171,7 +171,7 @@ def test_benches_whose_links_have_no_length_touch_at_once():
 
 
 def test_the_speed_of_approach_stands_far_out_where_a_float_is_coarser_than_its_step():
-    """For a classic dragon a thousand times smaller, the speed after 17,000 km equals that after a near start."""
+    """For a classic dragon a thousand times smaller, the speed after 17,000 km equals that after the usual start."""
     scale, d = 1e-3, Dragon()
     dragon = Dragon(223, d.head_length_m * scale, d.body_length_m * scale, d.width_m * scale, d.hole_inset_m * scale)
     near, far = (Scene(effects=Effect(0), dragon=dragon, track=Spiral(0.55 * scale, turns)) for turns in (16.0, 1e5))

@@ -62,7 +62,7 @@ def test_a_single_spiral_has_no_largest_speed():
 
 
 def fastest_seen(scene, count):
-    """Return the largest speed of any handle, and the leader's, at many times of a run."""
+    """Return the largest speed of any handle, and that of the leader, among many times of a run."""
     start_s, end_s = scene.run.start_s, compile_scene(scene).end.t_s
     times = np.unique([start_s, end_s, *np.random.default_rng(4).uniform(start_s, end_s, count),
                        *(t for t in scene.head.breaks_s if start_s <= t <= end_s)]).tolist()
@@ -71,7 +71,7 @@ def fastest_seen(scene, count):
 
 
 def check(scene, found, count=200):
-    """Compare an answer with many states: no handle is faster, and the named handle is as fast at the named time."""
+    """Compare an answer with many states: no handle is faster, and at the named time the named handle is that fast."""
     seen, leader = fastest_seen(scene, count)
     top = _top(scene) or 1.0
     assert seen <= found.bound * top * (1 + 1e-9)       # batched states are accurate but not bit-identical
@@ -228,7 +228,7 @@ def test_the_leaders_largest_speed_is_that_of_its_law_with_both_sides_of_each_ju
 
 
 def test_a_leader_that_all_but_rests_is_asked_once():
-    # Cutting an interval in which the leader hardly moves yields no further information.
+    # Cutting an interval in which the leader hardly moves would yield no further information.
     dragon = Mixed((Group(1.3, 2), Group(3.41, 2), Group(1.9, 2)))
     for speed_m_s in (-1e-308, 1e-170, 1e-18):
         found = max_speed(Scene(dragon, STurn(1.98, 10.0, 0.95, -17.0), Profile(((0.0, speed_m_s),)), Run(0.0, 3.0)))

@@ -37,7 +37,7 @@ SCENES = {
 
 
 def pairs_near(benches, below_m):
-    """Return the pairs of benches whose circumscribed circles come this close at any of the times."""
+    """Return the pairs of benches whose circumscribed circles come closer than ``below_m`` at any of the times."""
     i, j = np.triu_indices(benches.centre.shape[1], 2)
     reach_m = np.hypot(benches.half_length, benches.half_width)
     near = np.zeros(i.size, dtype=bool)
@@ -47,7 +47,7 @@ def pairs_near(benches, below_m):
 
 
 def gaps_at(benches, times, i, j):
-    """Return the gaps (times, pairs) of pairs of benches at the given times."""
+    """Return the gaps (times, pairs) of pairs of benches at the times with these indices."""
     count = benches.centre.shape[1]
     every = type(benches)(benches.centre[times].reshape(-1, 2), benches.axis[times].reshape(-1, 2),
                           np.tile(benches.half_length, times.size), np.tile(benches.half_width, times.size))

@@ -28,7 +28,7 @@ def test_every_passage_of_a_place_is_named_once_and_none_of_a_place_beyond():
 @given(st.lists(st.floats(-2, 2), min_size=2, max_size=6), st.floats(-8, 8))
 def test_passages_are_where_the_leader_is_at_the_place_as_often_as_it_changes_sides(speeds, place_m):
     law = Profile(tuple((3.0 * n, speed) for n, speed in enumerate(speeds)))
-    # On a ramp, the sign of the speed, and thus the direction of the leader, may change between two breaks.
+    # On a ramp, the leader's speed, and therefore its direction, may change sign between two breaks.
     end_s = 3.0 * (len(speeds) - 1) + 2.0
     travel = RangeOfTravel(law, 0.0, end_s)
     (found,) = travel.passages_s([place_m])
@@ -39,7 +39,7 @@ def test_passages_are_where_the_leader_is_at_the_place_as_often_as_it_changes_si
 
 def test_the_leader_is_farthest_for_the_first_time():
     assert (THERE.farthest_s(1), THERE.farthest_s(-1)) == (10.0, 0.0)
-    assert RangeOfTravel(JUMPS, 4.0, 9.0).farthest_s(-1) == 6.0      # the leader rests at this place until 7 s
+    assert RangeOfTravel(JUMPS, 4.0, 9.0).farthest_s(-1) == 6.0      # the leader rests here until 7 s
     assert THERE.senses == [1]
     assert RangeOfTravel(JUMPS, 4.0, 9.5).senses == [1, -1]
     assert RangeOfTravel(JUMPS, 4.0, 7.5).senses == [-1]

@@ -23,7 +23,7 @@ STEP_S = 0.02
 
 
 def sampled(scene, step_s):
-    """Return the corners of all benches (T, N, 4, 2) at many instants."""
+    """Return the corners (T, N, 4, 2) of all benches at many instants."""
     end_s = compile_scene(scene).end.t_s
     return corners_at(scene, np.linspace(scene.run.start_s, end_s, 2 + int((end_s - scene.run.start_s) / step_s)))
 

@@ -28,7 +28,7 @@ def descending(first, dragon=DRAGONS[0]):
 
 
 def bounds(radii, scales, dragon, first):
-    """Return bounds (K-2, 2) on second derivatives by radius and by scale in a cell, in units of b."""
+    """Return bounds (K-2, 2) on the second derivatives with respect to radius and scale in a cell, in units of b."""
     (low, high), (small, large) = radii, scales
     ends = winding([low, low, high, high], [small, large, small, large], dragon, first)
     theta, delta = between(ends.theta[:1], ends.theta[3:]), between(ends.delta[1:2], ends.delta[2:3])
@@ -50,7 +50,7 @@ def corners(radius_m, scale, dragon, first):
 
 
 def second_differences(radius_m, scale, dragon, first):
-    """Return the largest second derivatives (K-2, 2) of corners by radius and by scale at one position."""
+    """Return the largest second derivatives (K-2, 2) of corners with respect to radius and scale at one position."""
     h, k = 3e-3, 3e-4 * scale
     found = corners(radius_m + h * np.array([-1, 0, 1, 0, 0]), scale + k * np.array([0.0, 0, 0, -1, 1]), dragon, first)
     return (np.max(np.abs(found[0] - 2 * found[1] + found[2]), axis=-1) / h**2,
@@ -189,7 +189,7 @@ def test_a_search_that_is_given_up_names_the_largest_pitch_that_is_not_proved():
 @pytest.mark.parametrize('first', [0, 1])
 def test_benches_further_behind_are_left_unexamined_only_if_their_lines_keep_the_tolerance_and_hardly_more(first):
     def spare(width_m):
-        """Return a lower bound on the distance of the last link's line, in tolerances, and whether it is accepted."""
+        """Return by how much the last link's line clears the benches, in tolerances, and whether this is accepted."""
         dragon = Dragon(width_m=width_m)
         search, cell = descending(first, dragon), np.array([[5.0], [5.0], [2 * np.pi], [2 * np.pi]])
         placed = windings(dragon, first, 20, cell[0], cell[2])

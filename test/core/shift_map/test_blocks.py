@@ -43,7 +43,7 @@ tracks = st.lists(lines | arcs | winds, min_size=1, max_size=7)
 
 
 def placement(track, links, direction):
-    """Return a placement with its own shift maps, without any tiles yet."""
+    """Return a placement with shift maps of its own that have no tiles yet."""
     maps = {link_m: ShiftMap(track, link_m, count, direction, EXACT)
             for link_m, count in lengths_with_maps(links).items()}
     return Placement(track, links, direction, maps)
@@ -70,7 +70,7 @@ def dance(pieces, lead):
 def agree(scene, t_s):
     """Compare the chain and its velocities, alone and in a batch, with the march, within the promise."""
     one, other, many = state(scene, t_s), state(march(scene), t_s), states(scene, [t_s, t_s])
-    atol = 0.5 * compile_scene(scene).promise_m        # the error of each may be a quarter of the promise
+    atol = 0.5 * compile_scene(scene).promise_m        # the error of either may be a quarter of the promise
     v = velocity_of(march(scene), other, t_s)
     fast = max(1.0, float(np.max(np.hypot(*v.T)))) ** 2
     np.testing.assert_allclose(one.p, other.p, rtol=0, atol=atol)

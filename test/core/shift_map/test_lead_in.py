@@ -1,4 +1,4 @@
-"""A leader one link before a block has its own series, so that one product gives the whole chain on any track."""
+"""A leader one link before a block has its own series, so that one product yields the whole chain on any track."""
 import numpy as np
 import pytest
 from test_blocks import TURNING, placement
@@ -85,7 +85,7 @@ def test_at_the_edge_of_a_tile_a_place_has_the_same_bits_from_either_side(tile):
 
 @pytest.mark.parametrize(('scene', 'most'), [(Scene(), 65), (TURNING, 4 * 34)], ids=['spiral', 'turn'])
 def test_leaders_have_series_only_on_the_stretch_that_was_asked_for(scene, most):
-    """A stretch has 64 links on a spiral, or 32 with four parts each on a turn; one more row may be partly on it."""
+    """A stretch has 64 links on a spiral, or 32 with four parts each on a turn, and it may share one more row."""
     model = compile_scene(scene).model
     shift, = model.placement.maps.values()
     model.place((20.0, 0.0))

@@ -1,4 +1,4 @@
-"""The shift map of a spiral gives all handles at once, as exactly as forward placement.
+"""The shift map of a spiral places all handles at once, as exactly as forward placement.
 
 The promises are tested against the 50-digit reference in test_accuracy.
 """
@@ -267,7 +267,7 @@ def kept(scene):
 @pytest.mark.parametrize('dragon', [Dragon(60), Mixed((Group(3.41), Group(2.2, 12), Group(2.5, 12)))],
                          ids=['classic', 'mixed'])
 def test_a_run_of_any_length_keeps_the_series_of_a_few_cells(dragon):
-    """The run of 3 km covers several tiles and many stretches; in a soak test, sim's memory grew by 45 kB/s."""
+    """The run of 3 km covers several tiles and many stretches; in a soak test, sim's memory once grew by 45 kB/s."""
     scene = Scene(dragon=dragon, track=Spiral(0.55, 1e5), run=Run(0.0, 3000.0, 1.0))
     first = tick(scene, 0).chain.p.tobytes()
     most = 0
@@ -330,7 +330,7 @@ LAST = {'places': (1.0, 1.0), 'motions': (1.0, 2.0), 'coordinates': (5.0, 1.0), 
 @pytest.mark.parametrize('term', [-2, -1])
 @pytest.mark.parametrize('name', LAST)
 def test_what_either_of_the_last_two_terms_contributes_is_told_in_units_of_the_error(name, term):
-    """A coordinate's term moves a position by half a part, 5 m, and a velocity's term is multiplied by a link, 2 m."""
+    """A coordinate's term is scaled by half a part, 5 m, and a velocity's term by a link, 2 m."""
     parts, rows, error_m = 2, 3, np.array([1e-3, 1e-6, 1e-3])
     series = {key: np.zeros((parts, build.NODES, rows * (2 if key in ('places', 'motions') else 1))) for key in LAST}
     series['places'][:, 1, ::2] = 5.0

@@ -104,7 +104,7 @@ def test_just_past_an_arc_the_next_handle_is_at_the_very_end_of_its_reach_and_as
 
 
 def test_a_link_across_a_joint_just_passed_keeps_its_length():
-    """Newton's steps leave the bracket, one end of which is next to the root, and bisection alone is not exact."""
+    """Newton's steps leave the bracket, which has one end next to the root, and bisection alone is not exact."""
     turn = STurn(1.3739674042962116, 8.25888768959588, 1.5403046253142452)
     dragon = Dragon(7, 2.2060197130833377, 1.0938917775107062, hole_inset_m=0.2)
     scene = Scene(dragon=dragon, track=turn, run=Run(0, 25))
@@ -135,7 +135,7 @@ def test_where_a_float_tells_a_joint_less_exactly_than_the_promise_a_link_across
 
 
 def test_where_a_piece_is_shorter_than_places_can_be_told_apart_links_are_marched():
-    """A table would merge joints that are 6 nm apart, 24 km along the track, and speeds would be off by millionths."""
+    """A table would merge joints that are 6 nm apart, 24 km along the track; speeds would have errors of millionths."""
     link_m = 0.00165
     track = Composite((SpiralArc(3.317378948186499e-05, 559.5, 15357.25, 'right'),
                        Arc(link_m, -360.0), Line(6e-9), Arc(link_m, -180.0)))

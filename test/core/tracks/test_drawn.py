@@ -1,4 +1,4 @@
-"""Drawn lines become tracks: rounded corners, fitted curves, no kinks, nothing impassable, and correct figures."""
+"""Drawn lines become tracks with rounded corners and fitted curves, without kinks or bends too tight to pass."""
 import cmath
 from math import cos, pi, radians, sqrt, tan
 
@@ -27,13 +27,13 @@ def routed(*parts, radius_m=RADIUS_M, tolerance_m=TOLERANCE_M):
 
 
 def laid(route):
-    """Return the track of a route from the start of the drawing as closely spaced points."""
+    """Return the track of a route, from the start of the drawing, as a line of closely spaced points."""
     track = track_of(Composite(route.pieces))
     return LineString(polyline(track, route.lead_in_m, track.end_m, 1e-5))
 
 
 def apart_m(route, drawn):
-    """Return the Hausdorff distance of a track and a drawing, both cut into short parts."""
+    """Return the Hausdorff distance between a track and a drawing, both cut into short parts."""
     return hausdorff_distance(segmentize(laid(route), 0.02),
                               segmentize(LineString(np.stack((drawn.real, drawn.imag), axis=1)), 0.02))
 

@@ -1,4 +1,4 @@
-"""Random composite tracks, long and short, near and far, against the code for the reference data with 60 digits."""
+"""Random composite tracks, long and short, near and far, against the code of the reference data at 60 digits."""
 import importlib
 from dataclasses import replace
 from math import exp, log
@@ -27,7 +27,7 @@ def walk():
 
 
 def between(dice, low, high):
-    """Return a number between two, with equal probability for each order of magnitude."""
+    """Return a number between two limits, with equal probability for each order of magnitude."""
     return exp(log(low) + dice.random() * (log(high) - log(low)))
 
 
@@ -61,7 +61,7 @@ def test_on_any_joined_track_every_handle_is_where_sixty_digits_put_it(walk, par
         try:
             scene = scene_of(seed)
             end_s = min(compile_scene(scene).end.t_s, LATEST_S)
-        except FieldError:          # bends too tight, or starts too early
+        except FieldError:          # a bend is too tight, or the start is too early
             continue
         times_s = [end_s * share for share in (0.0, 0.37, 1.0)]
         for t_s, at_once in zip(times_s, states(scene, times_s).p, strict=True):

@@ -1,4 +1,4 @@
-"""The contest's turn: symmetric, smooth, within its circle."""
+"""The contest's turn is symmetric, smooth, and within its circle."""
 import cmath
 from fractions import Fraction
 from itertools import pairwise
