@@ -211,7 +211,7 @@ def read_path(data: bytes | bytearray) -> PathMessage:
         if frame not in (frame_id, ''):
             raise MessageError(f'path: pose {number} is in the frame {shown(frame)}, but the path is in the frame '
                                f'{shown(frame_id)}')
-        x, y = reader.array('d', 7)[:2].tolist()
+        x, y, *_ = reader.array('d', 7).tolist()
         if not abs(complex(x, y)) <= COORDINATE_M:
             raise MessageError(f'path: pose {number} is at ({x!r}, {y!r}); '
                                f'expected a distance from the origin of at most {COORDINATE_M:g} m')

@@ -4,7 +4,7 @@ If a topic has several publishers, ``Streams`` distinguishes their messages.
 """
 from collections import Counter, deque
 from dataclasses import dataclass
-from math import inf
+from math import inf, isfinite
 from typing import Any, NamedTuple
 
 from dragon_ros.core.limits import MONITOR_BYTES
@@ -172,7 +172,7 @@ class Streams:
         if exact and exact.off(sequence, t_ns) < _EXACT:
             return exact
         near = min(self._all, key=lambda stream: stream.jump(sequence), default=None)
-        if near and near.jump(sequence) < inf:
+        if near and isfinite(near.jump(sequence)):
             return near
         kept = [stream for stream in self._all if stream is self._known]
         others = [stream for stream in self._all if stream is not self._known]

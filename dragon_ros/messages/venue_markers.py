@@ -29,7 +29,7 @@ def venue_message(scene: Scene, frame_id: str) -> bytes:
 
 def fits_message(around: Surroundings) -> bool:
     """Return whether surroundings are small enough for ``obstacles_message``, and for readers of messages."""
-    return around.start.size <= SHOWN_EDGES and 1 + 2 * len(around.names) <= MARKER_RUNS
+    return around.start.size <= SHOWN_EDGES and 2 * len(around.names) < MARKER_RUNS     # a DELETEALL is the first run
 
 
 def obstacles_message(around: Surroundings | None, frame_id: str, t_ns: int) -> bytes:

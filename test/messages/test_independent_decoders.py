@@ -1,4 +1,5 @@
 """Every message of sim, decoded by two libraries that share no code with the package, has the numbers of its frame."""
+import re
 from functools import lru_cache
 
 import numpy as np
@@ -8,6 +9,7 @@ from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import tick
+from dragon_ros.messages import markers
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.markers import track_marker
@@ -160,6 +162,7 @@ def test_the_cloud_has_places_and_velocities_by_its_own_fields(read):
     rows = np.frombuffer(bytes(cloud.data), fields)
     assert stamp_ns(cloud.header) == T_NS
     assert (cloud.height, cloud.width, cloud.row_step) == (1, 25, 25 * cloud.point_step)
+    assert {one.count for one in cloud.fields} == {1}
     np.testing.assert_array_equal(np.stack((rows['x'], rows['y']), 1), frame.chain.p.astype(np.float32))
     np.testing.assert_array_equal(np.stack((rows['vx'], rows['vy']), 1), frame.velocity_m_s)
     assert rows['handle'].tolist() == list(range(25))
@@ -206,12 +209,33 @@ def test_benches_lie_above_the_track_edges_above_the_benches_and_points_above_al
     def height(one):
         return one.points[0].z if one.points else one.pose.position.z
     (track,), faces, edges = markers_of(read('track')), *markers_of(read('benches', 'triangles'))
+    assert all(len({point.z for point in one.points}) == 1 for one in (track, faces, edges))
     cube, red = (next(one for one in read(topic).markers if one.type == 1) for topic in ('benches', 'model/markers'))
     top = 0.5 * cube.scale.z
     assert height(track) < -top
     assert height(faces) == top < height(edges) < 0.5 * red.scale.z
     points = [one for one in read('model/markers').markers if one.type == 2]
     assert all(height(one) + 0.5 * one.scale.z > 0.5 * red.scale.z for one in points)
+
+
+def test_markers_have_the_types_of_the_schema_and_those_of_lines_and_triangles_hold_whole_ones(read):
+    kinds = dict(re.findall(r'^int32 (\w+)=(\d+)$', schema_text('visualization_msgs/msg/Marker'), re.MULTILINE))
+    for name in ('CUBE', 'SPHERE', 'LINE_STRIP', 'LINE_LIST', 'TEXT_VIEW_FACING', 'TRIANGLE_LIST'):
+        assert getattr(markers, name) == int(kinds[name])
+    for name in ('ADD', 'DELETE'):
+        assert getattr(markers, name) == int(kinds[name])
+    assert int(kinds['DELETEALL']) == markers.DELETE_ALL
+    faces, edges = markers_of(read('benches', 'triangles'))
+    assert (len(faces.points), len(faces.colors), len(edges.points)) == (24 * 6, 24 * 2, 24 * 8)
+
+
+def test_the_track_and_the_trail_are_grey_and_the_head_differs_from_the_body(read):
+    for topic in ('track', 'trail'):
+        for one in markers_of(read(topic)):
+            assert one.color.r == one.color.g == one.color.b > 0
+    head, *body = [(one.color.r, one.color.g, one.color.b) for one in read('benches').markers]
+    assert len({*body}) == 1
+    assert head not in body
 
 
 def test_the_trail_and_the_track_are_lines_through_their_points(read):
