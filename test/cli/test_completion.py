@@ -1,4 +1,4 @@
-"""Shell completion: a shell sends its request in the environment and reads the answer from descriptor 8."""
+"""Shell completion: the shell sends its request in the environment and reads the answer from file descriptor 8."""
 import os
 import subprocess
 import sys
@@ -10,7 +10,7 @@ from dragon_ros.executables import EXECUTABLES
 
 
 def completions(line, cwd):
-    """The completions that the tab key offers at the end of a line."""
+    """Return the completions that the tab key offers at the end of a line, and the ended process."""
     read, write = os.pipe()
     asked = {**os.environ, 'COMP_LINE': line, 'COMP_POINT': str(len(line)), '_ARGCOMPLETE': '1',
              '_ARGCOMPLETE_IFS': '\n', '_ARGCOMPLETE_SHELL': 'bash', 'COMP_TYPE': '9'}

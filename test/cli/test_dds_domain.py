@@ -1,4 +1,4 @@
-"""A free domain has no remaining participant, whichever participant joined first."""
+"""A domain is free only if it has no participant left, whichever participant joined first."""
 import os
 import socket
 import subprocess
@@ -10,9 +10,9 @@ from properties import thinned
 from dragon_ros.cli import dds_domain
 from dragon_ros.cli.dds_domain import free_domain, give_up_domains
 
-BASE, GAIN = 7400, 250      # ports of a domain, according to DDS-RTPS 9.6.1
+BASE, GAIN = 7400, 250      # the ports of a domain according to DDS-RTPS 9.6.1
 WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw')) % 7
-# The ports are beyond those that Linux assigns to sockets without a given port.
+# The ports of these domains are above those that Linux assigns to sockets that request no particular port.
 DOMAIN, OTHER = 216 + 2 * WORKER, 217 + 2 * WORKER
 
 
@@ -23,7 +23,7 @@ def others_may_have_them():
 
 
 def chosen(times):
-    """Return which of two domains are free, by choosing domains repeatedly without reserving them."""
+    """Choose domains repeatedly without reserving them, and return which of the two were free."""
     out = set()
     for _ in range(times):
         out.add(free_domain([DOMAIN, OTHER]))

@@ -1,6 +1,6 @@
 """Headless Chromium, driven over the WebDriver protocol that chromedriver speaks.
 
-``python3 test/commands/browser.py URL FILE [WIDTH HEIGHT [dark]]`` takes a picture of a page of ``view``.
+``python3 test/commands/browser.py URL FILE [WIDTH HEIGHT [dark]]`` takes a screenshot of the page of ``view``.
 """
 import base64
 import json
@@ -26,13 +26,13 @@ _FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no
           '--renderer-process-limit=1', '--disable-site-isolation-trials', '--disable-features='
           'SpareRendererForSitePerProcess,BackForwardCache,ProactivelySwapBrowsingInstance,RenderDocument')
 _LONGEST_S = 60.0
-# The codes of keys in WebDriver.
+# WebDriver's codes of keys.
 _KEYS = {'ArrowLeft': '\ue012', 'ArrowUp': '\ue013', 'ArrowRight': '\ue014', 'Home': '\ue011', 'End': '\ue010',
          'Tab': '\ue004'}
 
 
 class Browser:
-    """One page of one session."""
+    """The page of a session."""
 
     def __init__(self, address, profile):
         options = {'binary': CHROMIUM, 'args': [*_FLAGS, f'--user-data-dir={profile}']}
@@ -55,7 +55,7 @@ class Browser:
         return self._call('/execute/sync', {'script': script, 'args': []})
 
     def wait(self, script):
-        """Wait until a script returns something true, and return it."""
+        """Wait until a script returns a true value, and return this value."""
         end = time.monotonic() + _LONGEST_S
         while not (value := self.run(script)):
             assert time.monotonic() < end, f'{script} stayed {value!r}; the log: {self.log()}'
@@ -63,7 +63,7 @@ class Browser:
         return value
 
     def begin_anew(self):
-        """Leave the page, and clear its storage, size, colour scheme and messages."""
+        """Leave the page, and reset its storage, size, colour scheme and messages."""
         self.open('about:blank')
         self._devtools('Storage.clearDataForOrigin', origin='*', storageTypes='all')
         self._devtools('Network.clearBrowserCookies')
@@ -95,7 +95,7 @@ class Browser:
         self._call('/goog/cdp/execute', {'cmd': command, 'params': parameters})
 
     def violations(self, axe):
-        """Run the given script of axe; return the violated rules with their elements."""
+        """Run axe from the given script, and return the violated rules with their elements."""
         self.run(f'if (!window.axe) {{ {axe} }}')
         return self.run("""return axe.run({resultTypes: ['violations']}).then(({violations}) => violations.flatMap(
             ({id, nodes}) => nodes.map(({html}) => `${id}: ${html.slice(0, 200)}`)))""")

@@ -1,4 +1,4 @@
-"""A short scene with its first contact, bags of it, and a browser."""
+"""A short scene with a contact, bags of this scene, and a browser."""
 from pathlib import Path
 
 import browser
@@ -16,7 +16,7 @@ SHORT = ['dragon.benches=30', 'run.start_s=412', 'run.stop_s=413', 'run.rate_hz=
 
 @pytest.fixture(scope='session')
 def short():
-    """The command line options of the scene."""
+    """The command-line options that set up the scene."""
     return [part for override in SHORT for part in ('--set', override)]
 
 
@@ -27,7 +27,7 @@ def scene():
 
 @pytest.fixture(scope='session')
 def write_bag(scene):
-    """A function that writes a bag as a recorder would, without the topics in ``skip``."""
+    """A function that writes a bag as a recorder would, but without the topics in ``skip``."""
     def write(path, skip=(), namespace='/dragon'):
         encode = encoders(scene, 'dragon')
         with BagWriter(path) as bag:
@@ -65,6 +65,6 @@ def page(chromium):
 
 @pytest.fixture(scope='session')
 def axe():
-    """The script of axe, which checks that a page is accessible."""
+    """The script of axe, which checks the accessibility of a page."""
     library = pytest.importorskip('axe_core_python', reason='axe-core-python is not installed')
     return (Path(library.__file__).parent / 'axe.min.js').read_text(encoding='utf-8')

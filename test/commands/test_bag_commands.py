@@ -1,4 +1,4 @@
-"""The commands inspect, export, simulate and table on bags: their output, files and exit codes."""
+"""The commands inspect, export, simulate and table with bags: their output, files and exit codes."""
 import csv
 import json
 import os
@@ -73,7 +73,7 @@ def test_a_simulated_bag_is_the_same_file_again(capsys, tmp_path, bag):
 
 @pytest.fixture
 def of_rosbag2(tmp_path):
-    """The bag of a sim as recorded by rosbag2: with wall times, out of order, and with the scene only as a message."""
+    """The bag of a sim as rosbag2 records it: with wall times, out of order, and with the scene only as a message."""
     scene = Scene(run=Run(412.2, 412.7))
     encode, path, wall_ns = encoders(scene, 'sea'), tmp_path / 'rosbag2.mcap', 1_800_000_000 * 10**9
     with BagWriter(path) as bag:
@@ -106,7 +106,7 @@ def test_what_is_not_published_each_tick_is_not_missing(capsys, tmp_path):
         for name, every in (('handles', 1), ('clearance/marker', 5), ('clearance', 1)):
             bag.add_channel(f'/dragon/{name}', channels()[name])
             for k in range(0, 101, every):
-                t_ns = scene.run.time_ns(k + (name == 'clearance' and 30 < k < 50))     # guessed without a stamp
+                t_ns = scene.run.time_ns(k + (name == 'clearance' and 30 < k < 50))     # guessed, as it has no stamp
                 bag.write(f'/dragon/{name}', encoders(scene)['handles'](tick(scene, k)), t_ns, k + 1)
     _, out, _ = run(capsys, 'inspect', path, '--format', 'json', '--looks', '1')
     rows = {row['topic']: row for row in json.loads(out)['topics']}
@@ -187,7 +187,7 @@ def test_the_dragon_of_a_bag_is_named_with_or_without_its_slash_and_one_that_is_
 
 
 def test_a_clearance_is_taken_from_the_bag_only_with_the_stamp_of_its_tick(capsys, tmp_path):
-    """A bag has wall times, as from other recorders, and a topic without stamps that an earlier version logged late."""
+    """The bag has wall times, as other recorders write, and a topic without stamps, logged late by an old version."""
     with BagWriter(tmp_path / 'a.mcap') as out:
         for name in ('handles', 'clearance', 'clearance/stamped'):
             out.add_channel(f'/dragon/{name}', channels()[name])
@@ -381,7 +381,7 @@ def test_a_scene_in_the_place_of_a_bag_is_told_how_to_be_given(capsys, command, 
 
 
 def stranger_s(path, text):
-    """A bag with an arbitrary scene text and one tick of handles."""
+    """A bag with an arbitrary text as its scene, and with one tick of handles."""
     frame = tick(Scene(run=Run(412)), 0)
     with BagWriter(path) as bag:
         bag.describe('dragon_ros', {'scene': text})

@@ -150,7 +150,7 @@ def test_bad_input_exits_with_2_and_a_clear_line(capsys, arguments, says):
 
 @pytest.mark.parametrize('name', [*EXECUTABLES, *(f'plot {kind}' for kind in command._KINDS)])
 def test_the_example_in_the_help_of_every_executable_is_understood(capsys, monkeypatch, name):
-    """Do everything except the command's work, to show that the parsed command is accepted."""
+    """Do everything but the command's work, to show that the parsed command is accepted."""
     monkeypatch.setattr(command_line, 'guarded', lambda name, body: 0)
     if EXECUTABLES[name.split()[0]].module.startswith('dragon_ros.nodes'):
         pytest.importorskip('rclpy')
@@ -253,7 +253,7 @@ NEEDS = {
     'table BAG': (BAG, 'messages'),
     'export BAG --output OUT.csv': (BAG, 'messages'),
     'inspect BAG': (BAG, 'messages core.enclosures core.search'),
-    # This command imports shapely because it marks overlaps.
+    # This command imports shapely to mark overlaps.
     'plot dragon --output OUT.png': ('numpy numpy.ma yaml shapely matplotlib subprocess', ''),
 }
 ROOMS = {'messages', 'core.enclosures', 'core.search', 'core.effects', 'nodes', 'studies'}
@@ -279,7 +279,7 @@ def test_a_command_imports_what_it_needs_and_no_more(tmp_path, line):
 
 
 def parsers(name):
-    """The parser of an executable and those of its subcommands."""
+    """Return the parsers of an executable and its subcommands."""
     found = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(command_line.Parser, 'print_help', lambda parser: found.append(parser))
@@ -297,7 +297,7 @@ def test_the_defaults_that_help_names_are_those_of_the_code(name):
             said = action.help or ''
             if action.default not in (None, False, 0, argparse.SUPPRESS) and action.default != []:
                 assert '(%(default)' in said, f'{parser.prog} {action.dest}: {said}'
-            elif action.default != 0:       # the text in brackets at the end is not the parser's value
+            elif action.default != 0:       # the text in brackets at the end is not the parser's default
                 assert '%(default)' not in said
 
 

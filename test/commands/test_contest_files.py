@@ -1,4 +1,4 @@
-"""The contest's result files: its layout, its names, six decimals, and the values of the model."""
+"""The contest's result files have its layout and names, six decimals, and the values of the model."""
 import csv
 
 import pytest
@@ -17,7 +17,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def books(folder):
-    """The cells of each sheet of each book, as rows of (value, number format)."""
+    """The cells of each sheet of each workbook, as rows of (value, number format)."""
     openpyxl, found = pytest.importorskip('openpyxl'), {}
     for path in sorted(folder.glob('*.xlsx')):
         book = openpyxl.load_workbook(path, read_only=True)
@@ -60,7 +60,7 @@ def test_values_are_the_known_ones(folder):
 
 
 def test_books_have_the_same_numbers_under_the_same_names_as_the_text_files(folder, books, request):
-    step = 1 if request.config.getoption('--long') else 10      # every so many columns are checked
+    step = 1 if request.config.getoption('--long') else 10      # the step between the columns that are checked
     for name, sheets in {'result1': {'位置': '_positions', '速度': '_speeds'}, 'result2': {'Sheet1': ''}}.items():
         assert list(books[name]) == list(sheets)
         for title, file in sheets.items():
@@ -73,7 +73,7 @@ def test_books_have_the_same_numbers_under_the_same_names_as_the_text_files(fold
 
 
 def the_organisers_rows(name, sheet):
-    """The names in the organisers' empty result files, read from copies that teams published.
+    """The names in the organisers' empty result files are read from copies that teams published.
 
     The original files are in the repositories julymiaw/CUMCM2024A (all three) and zty2004/CUMCM2024 (result4, the same
     bytes); completed files are in Diraw/Code-for-the-2024-CUMCM-Problems-A and in walker4869/CUMCM-2024-Problem-A.

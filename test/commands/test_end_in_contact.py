@@ -1,4 +1,4 @@
-"""A run that ends at its contact is checked without a search if its bag has a certificate that can be proved."""
+"""A run that ends at its contact is checked without a search if its bag contains a certificate that can be proved."""
 import json
 from dataclasses import replace
 
@@ -27,12 +27,12 @@ FOUND = {scene: first_contact(scene) for scene in (MEETING, PARTED)}
 
 @pytest.fixture(autouse=True)
 def unsearched(monkeypatch):
-    """No scene of twelve benches is searched."""
+    """Allow no search of scenes with twelve benches."""
     monkeypatch.setattr(contacts_in_bag, 'SEARCHED_BENCHES', 11)
 
 
 def bag_of(path, scene, claim):
-    """The bag of a run that ends at its contact, as `sim` and `record` write it, with a claim unless this is None."""
+    """Write the bag of a run that ends at its contact, as `sim` and `record` do; include a claim unless it is None."""
     found = FOUND[scene]
     if found:
         frames = [*(tick(scene, k) for k in range(ticks_before(scene, found.t_s))), contact_frame(scene, found.t_s)]

@@ -1,4 +1,4 @@
-"""`grade` names the mistakes in a result, despite noise and rounding, and no others."""
+"""`grade` names the mistakes in a result and no others, despite noise and rounding."""
 import json
 from dataclasses import replace
 from math import pi
@@ -47,7 +47,7 @@ def wound(head=EXACT, rule=None, links=None, times=TIMES):
 
 
 def polar(scale):
-    """Positions from angles that were passed to cos and sin in the wrong unit."""
+    """Return positions computed from angles that were passed to cos and sin in the wrong unit."""
     radius = np.hypot(*np.moveaxis(right().handles_m, -1, 0))
     angle = radius * 2 * pi / 0.55 * scale
     return radius[..., None] * np.stack((np.cos(angle), np.sin(angle)), axis=-1)
@@ -106,7 +106,7 @@ POSITIONS = {
 
 
 def plain(findings):
-    """The keys of findings, except those that only report rounding or an approximate shift of zero."""
+    """Return the keys of findings except for rounding, with parameters rounded to five decimals."""
     kept = [one._replace(parameters={name: round(value, 5) + 0.0 if isinstance(value, float) else value
                                      for name, value in one.parameters.items()}) for one in findings]
     return keys_of(one for one in kept if one.key != 'rounded')
@@ -273,7 +273,7 @@ def test_coarse_steps_on_the_turn_are_named(step, within_m, of_angle, shift_s, k
 
 
 def test_steps_on_the_turn_are_as_their_recipe_says():
-    """Each handle is a whole number of steps from the previous one; with one step fewer the chord is too short."""
+    """Each handle is a whole number of steps behind the previous one; with one step fewer, the chord is too short."""
     angle, step = mistakes.TurnAngle(STurn()), 0.01
     metres = np.linspace(-300.0, 100.0, 401)
     np.testing.assert_allclose(angle.metres(angle.of(metres)), metres, atol=1e-11)

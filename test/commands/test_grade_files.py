@@ -114,7 +114,7 @@ def test_missing_and_empty_sheets_and_other_names_are_told(tmp_path):
 
 
 def changed(data, **parts):
-    """A workbook in which the given parts are replaced; None omits a part."""
+    """Return a workbook in which the given parts are replaced; None omits a part."""
     out = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(out, 'w', zipfile.ZIP_DEFLATED) as new:
         for entry in old.infolist():
@@ -219,7 +219,7 @@ def test_macros_in_a_file_that_is_called_xlsm_are_refused_in_a_folder_too(tmp_pa
 
 @pytest.fixture(scope='module')
 def room(tmp_path_factory):
-    """A class of four teams: two with a folder each, and two in one folder."""
+    """A class of four teams: two with folders of their own, and two that share one."""
     folder = tmp_path_factory.mktemp('room')
     for name in ('一队', '<script>alert(1)</script>'.replace('/', '_')):
         (folder / name).mkdir()

@@ -1,4 +1,4 @@
-"""Texts are in the language of ``--lang`` or of the locale; both languages have each text, with the same parameters."""
+"""Texts are in the language of ``--lang`` or the locale; both languages have every text, with the same parameters."""
 import re
 import urllib.request
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""``plan`` draws to scale, with the swept area and the gaps that an independent check at every millimetre finds."""
+"""``plan`` draws to scale; its swept area and gaps agree with an independent check at every millimetre."""
 import json
 import re
 
@@ -24,7 +24,7 @@ def scene():
 
 @pytest.fixture(scope='module')
 def benches(scene):
-    """The corners of all benches at 2,000 times of the run."""
+    """All benches at 2,000 times of the run, as polygons."""
     times = np.linspace(0, compile_scene(scene).end.t_s, 2000).tolist()
     chain = states(scene, times)
     return polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners.reshape(-1, 4, 2))
@@ -116,7 +116,7 @@ def test_a_geojson_of_a_scene_with_an_origin_is_in_degrees(capsys, tmp_path, sce
     features = {one['properties']['name']: shape(one['geometry']) for one in values['features']}
     head = features['swept by the head']
     square_m, _ = pyproj.Geod(ellps='WGS84').geometry_area_perimeter(head)
-    # The area is positive, since the outer ring is anticlockwise.
+    # The area is positive because the outer ring is anticlockwise.
     assert square_m == pytest.approx(swept_area(scene).head.area, rel=1e-5)
     x, y = compile_scene(scene).track_line(1e-3)[-1]
     lon, lat, _ = pyproj.Geod(ellps='WGS84').fwd(*origin, np.degrees(np.arctan2(x, y)), np.hypot(x, y))
@@ -153,7 +153,7 @@ def test_options_are_checked(capsys, tmp_path, monkeypatch, arguments, says):
 
 
 def test_the_distances_of_marks_that_come_together_do_not_stand_on_each_other():
-    """The labels of two marks that are close to each other are on different sides; a single label is on the left."""
+    """The labels of two marks close to each other are on different sides; a single mark has its label on the left."""
     places = np.array([(0.0, 0.0), (100.0, 50.0), (100.0, 54.0)])
     labels = ['10', '70', '150']
     found = mark_offsets(places, np.array([(1.0, 0.0)] * 3), labels)

@@ -1,4 +1,4 @@
-"""Every kind of picture, from a scene or from a bag, has the same bytes each time, or there is a clear error."""
+"""Every kind of picture, of a scene or a bag, has the same bytes each time, or there is a clear error."""
 import re
 import struct
 from pathlib import Path
@@ -257,7 +257,7 @@ def source(request):
 
 
 def figures_of(source):
-    """The figures of every kind of picture of a source; that of an animation is its first frame."""
+    """Yield a figure of a source for every kind of picture; for an animation it is the first frame."""
     first, last = source.span_s
     for many in (1, 2, 5):
         yield f'{many} dragons', dragon_picture(source, np.linspace(first, last, many).tolist())
@@ -284,7 +284,7 @@ def test_a_picture_shows_the_whole_dragon_with_its_track_around_it_wherever_it_i
     low, high = window(source.track, [one])
     corners = one.benches.corners.reshape(-1, 2)
     assert np.all((corners > low) & (corners < high))
-    assert max(high - low) < 6 * max(np.ptp(corners, axis=0))       # the dragon does not look tiny in a long street
+    assert max(high - low) < 6 * max(np.ptp(corners, axis=0))       # the dragon must not look tiny in a long street
     near = np.all(np.abs(source.track - corners.mean(axis=0)) < np.ptp(corners, axis=0).max(), axis=1)
     assert np.all((source.track[near] > low) & (source.track[near] < high))
 
@@ -347,7 +347,7 @@ def test_benches_that_overlap_are_marked_where_they_do():
 
 
 def test_a_frame_is_what_a_whole_drawing_shows():
-    """Drawing the moving parts onto the static background gives the same pixels, for dragon, inset and curves."""
+    """Drawing the moving parts onto the static background results in the same pixels for dragon, inset and curves."""
     source = SceneSource('winding', load_scene('winding', ['dragon.benches=20', 'run.start_s=405', 'run.stop_s=413',
                                                            'run.rate_hz=2']))
     times_s = np.array([405.0, 409.0, 412.9])
@@ -364,7 +364,7 @@ def test_a_frame_is_what_a_whole_drawing_shows():
 
 
 def boxes(data, start=0, end=None):
-    """Yield kind, start and content of boxes of an ISO base media file."""
+    """Yield the kind, start and content of the boxes in an ISO base media file."""
     end = len(data) if end is None else end
     while start < end:
         size, kind = struct.unpack_from('>I4s', data, start)

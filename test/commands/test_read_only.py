@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 BAG = ROOT / 'test' / 'data' / 'made_by_0_1_0.mcap'
-AS_OWNER = ('setpriv', '--bounding-set=-dac_override', '--inh-caps=-dac_override')     # permissions also apply to root
+AS_OWNER = ('setpriv', '--bounding-set=-dac_override', '--inh-caps=-dac_override')     # enforces permissions for root
 
 
 @pytest.mark.parametrize('command', [
@@ -27,7 +27,7 @@ def test_a_read_only_folder_is_named_in_one_line_and_nothing_is_written(tmp_path
                            *map(str, command)], cwd=tmp_path, env={**os.environ, 'PYTHONPATH': str(ROOT)},
                           capture_output=True, text=True, check=False)
     if done.returncode == 127:
-        pytest.skip(f'root cannot be held to permissions here: {done.stderr}')
+        pytest.skip(f'permissions cannot be enforced for root here: {done.stderr}')
     (line,) = done.stderr.splitlines()
     assert (done.returncode, done.stdout) == (2, '')
     assert 'there' in line

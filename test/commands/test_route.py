@@ -1,4 +1,4 @@
-"""``route`` on the command line: scenes from drawings, round trips, paths in bags, and rejected input."""
+"""``route`` on the command line: scenes from drawings, round trips, paths from bags, and rejected input."""
 import struct
 
 import numpy as np
@@ -56,7 +56,7 @@ def test_a_track_that_plot_drew_is_read_again_within_the_tolerance(capsys, tmp_p
 
 
 def path_message(frame, points):
-    """A nav_msgs/Path in CDR."""
+    """Return a nav_msgs/Path in CDR."""
     data = bytearray(b'\0\1\0\0')
 
     def put(kind, *values):
@@ -76,7 +76,7 @@ def path_message(frame, points):
 
 @pytest.fixture
 def planned(tmp_path):
-    """A bag with a path in the frame map."""
+    """A bag that contains a path in the frame map."""
     path = tmp_path / 'plan.mcap'
     with path.open('wb') as file:
         writer = Writer(file)

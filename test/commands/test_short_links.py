@@ -1,4 +1,4 @@
-"""Every part supports links of almost zero length if they have a direction, and rejects them otherwise."""
+"""All parts support links of almost zero length if these have a direction, and reject them otherwise."""
 import json
 
 import numpy as np
@@ -26,7 +26,7 @@ def scene_options(link_m):
 
 
 def dragons(link_m):
-    """Dragons whose head, or one of whose other benches, has a link of almost zero length."""
+    """Return two dragons with a link of almost zero length: one in its head, the other in its body."""
     short_m = 2 * INSET_M + link_m
     return Dragon(20, short_m), Mixed((Group(3.41), Group(2.2, 5), Group(short_m), Group(2.2, 13)))
 

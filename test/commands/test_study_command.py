@@ -1,4 +1,4 @@
-"""``study`` computes, continues, summarises and draws studies, and reports mistakes in one line."""
+"""``study`` computes, continues, summarises and plots studies, and reports mistakes in one line."""
 import json
 import subprocess
 import sys
@@ -50,7 +50,7 @@ def test_a_study_is_computed_drawn_and_not_computed_again(tmp_path, monkeypatch,
     first = capsys.readouterr().out
     assert 'data: 6 of 6 rows (6 ok)' in first
     assert drawn(tmp_path / 'data') == ['contact_t_s.png', 'contact_t_s.svg', 'lock_t_s.png', 'lock_t_s.svg']
-    monkeypatch.setattr('dragon_ros.studies.cluster.LocalCluster', None)     # no process is started for existing rows
+    monkeypatch.setattr('dragon_ros.studies.cluster.LocalCluster', None)     # no process is started if all rows exist
     assert main(['study', 'data', '--format', 'json']) == 0
     found = json.loads(capsys.readouterr().out)
     assert found['statuses'] == {'ok': 6, 'refused': 0, 'over_budget': 0, 'failed': 0}

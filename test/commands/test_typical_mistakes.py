@@ -1,4 +1,4 @@
-"""Typical mistakes of newcomers, students, teachers and Jupyter users result in one line with value, limit and cure."""
+"""Typical mistakes of newcomers, students, teachers and Jupyter users cause one line with value, limit and cure."""
 import re
 
 import pytest
@@ -6,7 +6,7 @@ import pytest
 import dragon_ros as dr
 from dragon_ros.__main__ import main
 
-# The typed command, and the words that the answer must contain.
+# The command as typed, and the words that the answer must contain.
 COMMANDS = {
     'tabel': 'did you mean table', 'table --time soon': "'soon' is neither a number", 'table --times 0-': 'write '
                                                                                                           '0,60,300',

@@ -1,4 +1,4 @@
-"""The web view: the server's answers, and a page that plays in a real browser without contacting other hosts."""
+"""The web view: the server's answers, and a page that plays in a real browser and contacts no other host."""
 import contextlib
 import http.client
 import json
@@ -172,7 +172,7 @@ def test_who_asks_is_answered_however_many_connections_ask_for_nothing(scene):
                 one.sendall(b'G')
         assert json.loads(get(server, 'run.json'))['name'] == 'short'
         with contextlib.suppress(ConnectionError):
-            assert silent[0].recv(1) == b''         # the oldest one was closed to free its place
+            assert silent[0].recv(1) == b''         # the oldest connection was closed to make room
 
 
 def test_a_request_has_a_deadline_however_steadily_its_bytes_come(scene, monkeypatch):
@@ -264,7 +264,7 @@ def test_the_page_plays_in_a_browser(tmp_path, server, page):
     assert page.log() == []
 
 
-# Boxes of the page's visible titles and controls, as (text, left, top, right, bottom).
+# The boxes of the page's visible titles and controls, as (text, left, top, right, bottom).
 BOXES = """return [...document.querySelectorAll(
     'h1, h2, #facts, #legend span, button, select, #time, .xtitle, .ytitle')]
     .filter((one) => one.getClientRects().length && !one.hidden).map((one) => {
@@ -380,7 +380,7 @@ def window_of(page):
 
 
 def test_many_benches_are_drawn_where_they_are_at_every_zoom(big, big_server, page):
-    """No line passes through the empty middle of the spiral, and rectangles have the corners of the model."""
+    """No line crosses the empty middle of the spiral, and rectangles have the corners of the model."""
     true = moment(big, 0.0)
     seen = ('const {data, width, height} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height); '
             'let many = 0; for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) '
@@ -400,12 +400,12 @@ def test_many_benches_are_drawn_where_they_are_at_every_zoom(big, big_server, pa
     assert 'draw calls per frame on a canvas' in page.run('return document.getElementById("scale").textContent')
     page.press('f')
     page.wait('return cost.calls < 20 && cost.drawn < 200')       # only visible benches are drawn
-    assert [said for level, said in page.log() if level != 'WARNING'] == []    # warnings concern the reading of pixels
+    assert [said for level, said in page.log() if level != 'WARNING'] == []    # the warnings are about reading pixels
 
 
-# The difference of WebGL pictures from those of the canvas, drawn at the same place and a pixel to the right. Each
-# value is the share of pixels that differ by more than an eighth of all shades, in the whole picture and within 40
-# pixels of the first handle.
+# The difference between WebGL pictures and those of the canvas, drawn at the same place and one pixel to the right.
+# Each value is the share of pixels that differ by more than an eighth of the range of shades, in the whole picture and
+# within 40 pixels of the first handle.
 APART = """const plot = document.getElementById('scene'), {range, _length} = plot._fullLayout.xaxis;
   const pixels = (webgl, moved) => {
     drawBy(webgl);

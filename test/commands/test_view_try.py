@@ -1,4 +1,4 @@
-"""``view --try``: fields of a scene, answers about its variants, and work that ends when the page no longer waits."""
+"""``view --try``: fields for a scene, answers about its variants, and work that ends when the page stops waiting."""
 import contextlib
 import http.client
 import json

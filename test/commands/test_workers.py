@@ -1,4 +1,4 @@
-"""Commands on several processes have the same output, and leave valid files if a process or the disk fails."""
+"""Commands on several processes have the same output as on one; if a process or the disk fails, files stay valid."""
 import json
 import os
 import signal
@@ -43,7 +43,7 @@ def end_at_300(job):
 
 
 class KilledElsewhere:
-    """An object that ends every process except the one that created it."""
+    """A function that kills every process that calls it, except the one that created it."""
 
     def __init__(self):
         self.parent = os.getpid()
@@ -123,13 +123,13 @@ for job, arrays in kept:
 
 
 def test_large_results_of_a_forked_process_keep_their_values():
-    """The fourth array does not fit into the shared memory beside the third; small arrays are not put there."""
+    """The fourth array does not fit into the shared memory beside the third, and small arrays are not put there."""
     done = subprocess.run([sys.executable, '-c', _LARGE_RESULTS], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (0, '')
 
 
 def test_short_work_is_done_by_this_process_unless_workers_are_asked_for():
-    """All results come from this process, since the other processes are killed."""
+    """All results come from this process, because the other processes are killed."""
     assert list(Pool().in_order(KilledElsewhere(), range(10))) == list(range(10))
 
 
@@ -153,7 +153,7 @@ def test_a_bag_has_the_same_bytes_with_any_number_of_workers(tmp_path, compressi
 
 
 def begun(path, least=2**22):
-    """Wait until a process writes a bag."""
+    """Wait until a process has written part of a bag."""
     end = time.monotonic() + 60
     while not path.exists() or path.stat().st_size < least:
         assert time.monotonic() < end
@@ -161,12 +161,12 @@ def begun(path, least=2**22):
 
 
 def children(pid):
-    """The worker processes that a process has started."""
+    """Return the worker processes that a process has started."""
     return [int(one) for one in Path(f'/proc/{pid}/task/{pid}/children').read_text().split()]
 
 
 def complete_ticks(path):
-    """Return the number of ticks in a bag, which must all be complete; a bag without its index cannot be opened."""
+    """Return the number of ticks in a bag, all of which must be complete; a bag without its index cannot be opened."""
     with BagReader(path) as bag:
         counts = {topic.messages for topic in bag.topics if topic.name in ('/dragon/handles', '/dragon/benches')}
     assert len(counts) == 1
@@ -230,18 +230,18 @@ def simulated(path, *changes):
 
 @pytest.fixture(scope='module')
 def long(tmp_path_factory):
-    """The bag of a run that takes several parts."""
+    """The bag of a run that is computed in several parts."""
     return simulated(tmp_path_factory.mktemp('long') / 'long.mcap', FEW)
 
 
 @pytest.fixture(scope='module')
 def whole(tmp_path_factory):
-    """The bag of a run of the whole dragon, on which commands work long enough to be ended meanwhile."""
+    """The bag of a run of the whole dragon, on which commands work long enough to be interrupted."""
     return simulated(tmp_path_factory.mktemp('whole') / 'whole.mcap')
 
 
 def changed(path, long, change):
-    """Copy a bag, and write each message of a tick at the log times that ``change`` returns."""
+    """Copy a bag, writing each message at each of the log times that ``change`` returns."""
     with BagReader(long) as bag, BagWriter(path) as out:
         for topic in bag.topics:
             out.add_channel(topic.name, channels()[topic.name.removeprefix('/dragon/')])
@@ -252,7 +252,7 @@ def changed(path, long, change):
 
 
 def damaged(name, t_ns, k):
-    """Drop ticks of one and of several topics, at the ends and in between; duplicate some others and move others."""
+    """Drop ticks of one topic or several, at the ends and in between; duplicate and move some others."""
     if name in ('scene', 'track') or k is None:
         return [t_ns]
     if k < 2 or 100 <= k < 400 or (name == 'handles' and k % 5 == 0) or k > 1670:
@@ -261,7 +261,7 @@ def damaged(name, t_ns, k):
 
 
 def late(name, t_ns, k):
-    """Return log times in wall time, as of a recorder that logs each topic of a tick a little later."""
+    """Return log times like those of a recorder that logs some topics of a tick a little later than others."""
     return [t_ns + {'handles': 1, 'velocities': 1}.get(name, 4) * 10**6]
 
 
@@ -271,7 +271,7 @@ def run(capsys, *command):
 
 
 def elsewhere(*command):
-    """The exit code and the output of a command in a separate process, whose workers are forked."""
+    """Run a command in a separate process, whose workers are forked, and return its exit code and output."""
     done = subprocess.run([*DRAGON, *map(str, command)], capture_output=True, text=True, timeout=120)
     assert 'Traceback' not in done.stderr
     return done.returncode, done.stdout
@@ -403,7 +403,7 @@ BROKEN_OFF = {'check': ['inspect', 'BAG', '--check'],
 
 
 def broken_off(folder, bag, what, end):
-    """Start a command, call ``end`` once it has started a process, and return its exit code and errors.
+    """Start a command, call ``end`` once it has started a worker, and return its exit code and errors.
 
     Afterwards, the folder must contain only the original files.
     """

@@ -1,4 +1,4 @@
-"""Real nodes run in real processes over real DDS, in one domain per test; tests wait for conditions, never sleep."""
+"""Real nodes run in real processes over real DDS, in one domain per test; tests wait for conditions and never sleep."""
 import os
 import signal
 import sys
@@ -18,7 +18,7 @@ PATIENCE_S = 120.0
 
 
 class Process:
-    """A running program, whose output is collected line by line."""
+    """A running program whose output is collected line by line."""
 
     def __init__(self, child):
         self._child = child
@@ -52,7 +52,7 @@ class Process:
         return self.end()
 
     def end(self):
-        """Wait for the end of the process and return its exit code."""
+        """Wait until the process ends, and return its exit code."""
         code = self._child.wait(timeout=PATIENCE_S)
         self._reader.join(timeout=PATIENCE_S)
         return code
@@ -69,7 +69,7 @@ class Process:
         return self._child.pid
 
     def kill(self):
-        """Kill the process and its children, since the nodes of a demo that hangs would otherwise continue."""
+        """Kill the process and its children; the nodes of a demo that hangs would otherwise continue."""
         if self._child.poll() is None:
             for process in [*psutil.Process(self.pid).children(recursive=True), self._child]:
                 process.kill()
@@ -80,7 +80,7 @@ class Process:
 
 @pytest.fixture
 def domain(monkeypatch):
-    """A domain for the test and for nodes in this process; parallel tests choose from different domains."""
+    """A domain for the test and for nodes in this process; parallel tests choose from disjoint sets of domains."""
     worker, workers = os.environ.get('PYTEST_XDIST_WORKER', 'gw0'), os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1')
     number = free_domain(range(1 + int(worker.removeprefix('gw')), 102, int(workers)))
     for key, value in local_environment(number).items():
@@ -91,7 +91,10 @@ def domain(monkeypatch):
 
 @pytest.fixture
 def start(domain, tmp_path):
-    """Start executables that end with the test, forked or, if necessary, ``anew``, perhaps by another command."""
+    """A function that starts executables, which end with the test.
+
+    They are forked, or started ``anew`` if necessary, and may run ``under`` another command.
+    """
     running = []
 
     def run(*arguments, anew=False, under=(), **variables):
@@ -129,7 +132,7 @@ def node(domain):
 
 @pytest.fixture
 def other_node(domain):
-    """A second node of the test, as in another program."""
+    """A second node of the test, which acts as another program."""
     with made_node('stranger') as node:
         yield node
 
@@ -146,7 +149,7 @@ def made_node(name):
     def until(condition):
         end = time.monotonic() + PATIENCE_S
         while not condition():
-            assert time.monotonic() < end, 'the condition did not come true in time'
+            assert time.monotonic() < end, 'the condition was not met in time'
             executor.spin_once(timeout_sec=0.05)
     node.until = until
     yield node

@@ -1,9 +1,10 @@
 """Calls to a running sim, drawn from a seed: services, and live parameters with valid and invalid values.
 
 Each answer is compared with the table of parameters. A value is accepted if it has the right type, is within the limits
-and is one of the choices; otherwise the reason is one line, and the old value is kept. To start it by hand, beside a
-sim in the same ROS domain that does not end: ``./dragon python test/nodes/controls.py --calls 10000``. The soak test
-runs this program in the background, with only those calls that skip no tick.
+and is one of the choices; otherwise the sim answers with a reason of one line and keeps the old value. To call a sim by
+hand, start one that does not end, and then, in the same ROS domain, run
+``./dragon python test/nodes/controls.py --calls 10000``. The soak test runs this program in the background, and makes
+only calls that skip no tick.
 """
 import argparse
 import json
@@ -54,7 +55,7 @@ class Caller:
     """A client that calls a sim and counts the calls; ``faults`` lists deviations from the table."""
 
     def __init__(self, seed: int, name: str = '/dragon/sim') -> None:
-        """Open the clients in a separate context, and wait for the sim."""
+        """Open the clients in a context of their own, and wait for the sim."""
         self._rng = random.Random(seed)
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
@@ -98,7 +99,7 @@ class Caller:
         return answer.success, answer.message
 
     def set(self, name: str, value: Any) -> bool:
-        """Set a parameter; compare the answer, and the value afterwards, with the table."""
+        """Set a parameter; compare the answer and the resulting value with the table."""
         kind, member = _KINDS[type(value)]
         content = {member: [bytes([one]) for one in value] if isinstance(value, bytes) else value} if member else {}
         given = ParameterMessage(name=name, value=ParameterValue(type=kind, **content))
@@ -118,14 +119,14 @@ class Caller:
         return bool(result.successful)
 
     def get(self, name: str) -> Any:
-        """Return the value of a parameter, or None if it has no value."""
+        """Return the value of a parameter, or None if it has none."""
         for value in self._ask('get_parameters', GetParameters.Request(names=[name])).values:
             return next((getattr(value, member) for kind, member in _KINDS.values() if member and kind == value.type),
                         None)
         return None
 
     def any_call(self) -> None:
-        """Make any call that an untrusted user might make; the sim need not play a sensible run afterwards."""
+        """Make any call that an untrusted user might make; the sim need not continue with a sensible run."""
         rng = self._rng
         if rng.random() < 0.4:
             self.serve(rng.choice(SERVICES))
@@ -133,17 +134,17 @@ class Caller:
         name = rng.choice([*(one.name for one in SIM if one.live), *self._table, 'use_sim_time_', ''])
         self.set(name, rng.choice([*_ODD, *self._likely(name)]))
         if name == 'at_end':
-            self.set(name, 'hold')      # a run that stops at its end accepts no further call
+            self.set(name, 'hold')      # after a run that stops at its end, no further call is possible
 
     def _likely(self, name: str) -> list[Any]:
-        """Return values that a parameter may take: its limits, one between them, its choices."""
+        """Return values that a parameter may have: its limits and a value between them, or its choices."""
         known = self._table.get(name)
         if known is None or known.low is None or known.high is None:
             return list(known.choices) if known else []
         return [known.low, known.high, self._rng.uniform(known.low, known.high)]
 
     def harmless_call(self) -> None:
-        """Make only calls that skip no tick: stop, continue, step, go back, change the speed, set invalid values."""
+        """Pause, step, go back, change the speed or set invalid values, and resume; none of these skips a tick."""
         rng, what = self._rng, self._rng.choice(('pause', 'step', 'back', 'speed', 'odd'))
         if what == 'pause':
             self.serve('pause')
@@ -166,12 +167,12 @@ class Caller:
 
 
 def main(argv: list[str]) -> int:
-    """Call a sim, and print the results as JSON; the exit code is 1 if an answer was wrong."""
+    """Call a sim and print the results as JSON; the exit code is 1 if an answer was wrong."""
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
-    options.add_argument('--calls', type=int, default=10_000, help='service and parameter calls at least (10000)')
-    options.add_argument('--harmless', action='store_true', help='only what skips no tick, until SIGINT')
+    options.add_argument('--calls', type=int, default=10_000, help='least number of requests to send (10000)')
+    options.add_argument('--harmless', action='store_true', help='make only calls that skip no tick, until SIGINT')
     options.add_argument('--each-s', type=float, default=0.0, help='seconds between two calls (0)')
-    options.add_argument('--seed', type=int, default=1, help='of the calls (1)')
+    options.add_argument('--seed', type=int, default=1, help='seed of the calls (1)')
     arguments = options.parse_args(argv)
     ended: list[int] = []
     signal.signal(signal.SIGINT, lambda number, _: ended.append(number))

@@ -1,4 +1,4 @@
-"""The monitor's messages about a contact and about its state: each number has its name and its unit."""
+"""The monitor's messages about contacts and about its own state: each number has a name and a unit."""
 from math import nan
 
 import numpy as np
@@ -128,7 +128,7 @@ def test_the_pace_counts_ticks_that_were_skipped_or_never_arrived_once(skipped, 
 
 @given(st.lists(st.tuples(st.integers(1, 5), st.integers(1, 4)), min_size=1, max_size=10), st.integers(1, 5))
 def test_the_pace_adds_up_the_numbers_that_are_missing(rows, first):
-    """The reference counts numbers that never came and the longest time over such a hole."""
+    """The reference counts the numbers that never came, and measures the longest time over such a hole."""
     pace, seen, t_ns, number, steps = messages.Pace(), [first], 0, first, [0]
     pace.see(t_ns, number, 0.0)
     for step_ns, more in rows:

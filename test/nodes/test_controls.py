@@ -1,4 +1,4 @@
-"""Control of a running sim by services, live parameters and /clock, and of nodes in executors of other programs."""
+"""Services, live parameters and /clock control a running sim; nodes also run in executors of other programs."""
 import gc
 import json
 import math
@@ -30,7 +30,7 @@ FIELD = {bool: 'bool_value', int: 'integer_value', float: 'double_value', str: '
 
 
 class Remote:
-    """The control of a running sim by a user in another process."""
+    """A user in another process who controls a running sim."""
 
     def __init__(self, node, name='/dragon/sim'):
         from geometry_msgs.msg import PoseArray
@@ -71,7 +71,7 @@ class Remote:
 
 @pytest.fixture
 def paused(start, node):
-    """A sim of first_contact that was paused during its run and then reset, so that it is at tick 0."""
+    """A sim of first_contact at tick 0: it was paused during its run and then reset."""
     remote = Remote(node)
     remote.process = start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'wait_subscribers:=[handles=1]',
                            '-p', 'at_end:=hold')
@@ -272,7 +272,7 @@ def test_sim_and_monitor_share_an_executor_of_somebody_else(domain, kind, scale,
             executor.add_node(one)
         found, end = [], threading.Event()
         nodes[0].get_logger().error = lambda text: (found.append(text), end.set())
-        # ``spin_once`` may return at once, so the limit is a time instead of a number of calls.
+        # ``spin_once`` may return at once, so the limit is a time rather than a number of calls.
         until = time.monotonic() + 60
         while time.monotonic() < until and not (end.is_set() and nodes[1].player.done):
             executor.spin_once(timeout_sec=0.01)

@@ -18,7 +18,7 @@ PATIENCE_S = 60.0
 
 @pytest.fixture
 def example(domain, tmp_path, monkeypatch):
-    """Start an example; it is killed if it prints nothing for too long."""
+    """Start an example, and kill it if it prints nothing for too long."""
     monkeypatch.setenv('ROS_LOG_DIR', str(tmp_path / 'log'))
     children = []
 
@@ -63,7 +63,7 @@ def test_ctrl_c_ends_the_subscriber_of_the_tutorial_quietly_while_messages_come(
 
 
 def quiet_end(child):
-    """End an example as a user does; it must print nothing."""
+    """End an example as a user would; it must print nothing."""
     child.send_signal(signal.SIGINT)
     rest = child.stdout.read()
     child.wait()

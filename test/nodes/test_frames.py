@@ -1,4 +1,4 @@
-"""The frames of a run: the first frame is computed in advance, and no frame depends on this."""
+"""The frames of a run: the first one is computed in advance, and this changes no frame."""
 import sys
 from dataclasses import replace
 from threading import Event
@@ -26,7 +26,7 @@ def tiles(scene):
 
 
 def built(scene):
-    """Return the parts that are built: tables, and series of leaders on intervals."""
+    """Return the parts that have been built: tables, and the series for leaders on intervals."""
     return {id(tile): {key for key, one in tile.entrances.items() if one} for tile in tiles(scene)}
 
 
@@ -44,7 +44,7 @@ def test_the_tables_of_the_first_frame_are_built_before_it_is_due(led):
 
 @pytest.fixture
 def nothing_built(monkeypatch):
-    """Begin without models that other tests have cached."""
+    """Begin without the models that other tests have cached."""
     monkeypatch.setattr(model, '_COMPILED', model._Compiled())
 
 
@@ -78,7 +78,7 @@ def test_nobody_waits_for_the_tables_of_a_run_and_one_is_built_once(nothing_buil
     whole = ShiftMap._built
 
     def slowly(self, number):
-        """Build the tile; all tiles but the first wait for a signal."""
+        """Build a tile; all tiles except the first wait for a signal."""
         begun.append(number)
         assert len(begun) == 1 or go.wait(60)
         return whole(self, number)

@@ -1,4 +1,4 @@
-"""All nodes run together, and each node does its part."""
+"""All nodes run together, and each does its part."""
 import os
 import shutil
 import signal
@@ -31,7 +31,7 @@ def events_of(path):
 
 
 def heard_events(node):
-    """Return a list to which the events that a late subscriber receives are added."""
+    """Return a list that collects the events that a late subscriber receives."""
     from diagnostic_msgs.msg import DiagnosticArray
 
     from dragon_ros.nodes import qos
@@ -109,7 +109,7 @@ def test_a_composite_track_is_published_as_the_model_says(start, tmp_path, scene
 
 @pytest.fixture(scope='module')
 def recorded(tmp_path_factory):
-    """A short bag with a contact, made offline; the test above shows that live bags equal this one."""
+    """A short bag with a contact, made offline; the test above shows that live bags equal it."""
     from dragon_ros.bags.write.writer import BagWriter
     from dragon_ros.core.geometry.tracker import ContactTracker
     from dragon_ros.core.step import tick
@@ -140,7 +140,7 @@ def test_a_replayed_bag_gives_the_same_bytes_and_the_same_event(start, node, tmp
                    '/dragon/handles=2,/dragon/benches=2,/dragon/velocities=1')
     assert replay.end() == 0, replay.text
     node.until(lambda: events)
-    # The monitor ends once the recorder has received its event.
+    # The monitor ends when the recorder has received its event.
     assert monitor.stop(signal.SIGTERM) == 0, monitor.text
     assert record.stop() == 0, record.text
     first, second = by_topic(path), by_topic(again)
@@ -419,7 +419,7 @@ def test_the_demo_can_be_run_again_in_one_place(start, tmp_path, times):
         assert demo.end() == 0, demo.text
         assert '1953 messages are bit-identical to the model, 0 are not' in demo.text
         assert 'the same bytes, the same event' in demo.text
-        for log in ('live.log', 'replay.log'):      # the monitor stays until the recorder has everything
+        for log in ('live.log', 'replay.log'):      # the monitor waits until the recorder has received everything
             assert in_order((folder / log).read_text(), 'a monitor has been found', 'nothing is missing', 'saw 651')
     assert all((folder / name).read_bytes() != OLD_BAG.read_bytes() for name in names)
 
@@ -444,7 +444,7 @@ print(sorted({row[1].partition(':')[0] for row in rows if f'socket:[{row[9]}]' i
 
 
 def by_script(*arguments, **variables):
-    """Return the output of the script, run as from a shell in which only the ROS domain is set."""
+    """Run the script as if from a shell in which only the ROS domain is set, and return its output."""
     kept = {key: os.environ[key] for key in ('PATH', 'HOME', 'ROS_DOMAIN_ID', 'ROS_LOG_DIR') if key in os.environ}
     return subprocess.run([ROOT / 'dragon', *arguments], env=kept | variables, capture_output=True, text=True,
                           check=True, timeout=60).stdout

@@ -18,14 +18,14 @@ MISSING = "the monitor's last word is missing"
 
 @pytest.fixture
 def held(start, node):
-    """A monitor that has examined no tick, because its first tick waits for a map; and the map's publisher."""
+    """A monitor that has examined no tick because its first tick waits for a map, and the publisher of that map."""
     from nav_msgs.msg import OccupancyGrid
     from visualization_msgs.msg import MarkerArray
     monitor = start('monitor')
     maps = node.create_publisher(OccupancyGrid, '/map', qos.profile('reliable', 'transient_local', 1))
     venues = node.create_publisher(MarkerArray, 'venue', qos.of_channel(channels()['venue']))
     venues.publish(b'\0\1\0\0\7\0\0\0')
-    monitor.wait_for('venue: not used')     # publishers are discovered in order, so the map's is known too
+    monitor.wait_for('venue: not used')     # publishers are discovered in order, so that of the map is known too
     return monitor, maps
 
 
@@ -37,7 +37,7 @@ def run_to_the_end(start, readers):
 
 @contextmanager
 def stopped(process):
-    """Stop a process from running within the block."""
+    """Suspend a process for the duration of the block."""
     process.signal(signal.SIGSTOP)
     yield
     process.signal(signal.SIGCONT)
@@ -66,7 +66,7 @@ def test_a_recorder_that_never_gets_the_last_word_of_a_monitor_says_so_and_exits
     record = start('record', '--output', bag)
     record.wait_for(FOUND)
     run_to_the_end(start, readers=2)
-    monitor.signal(signal.SIGKILL)      # a killed process does not tell others that it leaves
+    monitor.signal(signal.SIGKILL)      # a killed process does not announce that it leaves
     assert record.stop() == 3, record.text
     assert sum(MISSING in line for line in record.lines) == 1, record.text
     assert 'NOT COMPLETE' in record.text

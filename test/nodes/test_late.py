@@ -19,7 +19,7 @@ EACH_TICK = 'handles', 'benches', 'velocities'
 
 @pytest.fixture
 def launched_as(launched, tmp_path):
-    """Start the nodes, except the monitor, that launch starts for a sim, a replay or a led dragon, at a given rate."""
+    """Start at a given rate the nodes, except the monitor, that launch starts for a sim, a replay or a led dragon."""
     def run(form, rate):
         given = {'sim': SIM, 'led': LED, 'replay': {'replay': str(tmp_path / 'bag.mcap')}}[form]
         if form == 'replay':
@@ -57,7 +57,7 @@ USUAL = ('sim', 0), ('replay', 2), ('led', 1)
 def test_who_comes_late_says_what_it_missed_and_who_was_there_misses_nothing(launched_as, start, node, tmp_path,
                                                                              request, form, rate):
     if (form, rate) not in USUAL and not request.config.getoption('--long'):
-        pytest.skip('three of the table by default, all with --long')
+        pytest.skip('by default only three cases of the table run; all run with --long')
     from geometry_msgs.msg import PoseArray, Vector3Stamped
     stamps, told = [], []
     ran, name = launched_as(form, rate)

@@ -1,4 +1,4 @@
-"""dragon.launch.py with the launch package of ROS 2, which has no wheel; these tests need a ROS 2 install."""
+"""dragon.launch.py with the launch package of ROS 2, which has no wheel: these tests need a ROS 2 install."""
 import os
 import sys
 from pathlib import Path
@@ -45,7 +45,7 @@ def prefix(tmp_path):
 
 @pytest.fixture
 def launch(domain, prefix, tmp_path):
-    """Launch the nodes with arguments; everything that was launched ends with the test."""
+    """A function that launches the nodes with arguments; everything that it launches ends with the test."""
     running = []
     search = os.pathsep.join([str(prefix), *filter(None, [os.environ.get('AMENT_PREFIX_PATH')])])
     environment = {**os.environ, 'AMENT_PREFIX_PATH': search, 'ROS_LOG_DIR': str(tmp_path / 'log'),

@@ -1,4 +1,4 @@
-"""The processes that dragon.launch.py starts, with or without the launch library; the processes are real."""
+"""The processes that dragon.launch.py starts, with and without the launch library; they are real processes."""
 import struct
 
 import pytest
@@ -59,7 +59,7 @@ def test_a_replayed_bag_moves_to_the_namespace_waits_for_the_monitor_and_leads_t
     assert ran['monitor'].stop() == 0
     assert 'saw 26 ticks' in ran['monitor'].text
     assert set(times) <= {SCENE.run.time_ns(k) for k in range(26)}
-    assert -1.0 not in gaps         # -1.0 is in the bag, and only the live monitor publishes
+    assert -1.0 not in gaps         # the bag contains -1.0, but only the live monitor publishes
 
 
 def test_without_a_monitor_its_topics_are_replayed(watched):
@@ -145,7 +145,7 @@ WATCHED = 'clearance', 'clearance/stamped', 'collision', 'collision/active', 'co
 
 
 def said(path, dragon):
-    """Return a monitor's messages in a bag, by topic as (time, message), and its diagnostics as (time, t_s)."""
+    """Return a monitor's messages in a bag by topic, each as (time, message), and its diagnostics as (time, t_s)."""
     found = {name: [] for name in (*WATCHED, '/diagnostics')}
     with BagReader(path) as bag:
         for message in bag.messages():
@@ -160,7 +160,7 @@ def said(path, dragon):
 
 
 def test_at_any_rate_every_recorded_value_stands_at_the_time_of_its_tick(launched, watched, tmp_path):
-    """A monitor lags behind a source that publishes as fast as possible, but reports the values of real time."""
+    """A monitor lags behind a source that publishes as fast as possible, but reports the values that it would live."""
     short, ran = {'start_s': '412.2', 'stop_s': '412.7'}, {}
     for dragon, given in {'one': short, 'two': {'time_scale': '0.0', **short},
                           'six': {'time_scale': '0.0', 'replay': str(watched)}}.items():

@@ -1,4 +1,4 @@
-"""A dragon that is led by commands on cmd_vel, and the later use of its bag."""
+"""A dragon that is led by commands on cmd_vel, and what its bag can be used for afterwards."""
 import itertools
 import json
 import signal
@@ -16,7 +16,7 @@ READERS = 'wait_subscribers:=[handles=1,leader=2,velocities=1,benches=1,scene=1]
 
 
 class Leader:
-    """A node that publishes ten speeds per timeout of a command, and receives the motion of the leading handle."""
+    """A node that commands speeds, ten times per timeout, and receives the motion of the leading handle."""
 
     def __init__(self, node, stamped=True):
         from geometry_msgs.msg import Twist, TwistStamped
@@ -27,7 +27,7 @@ class Leader:
                                  raw=True)
 
     def say(self, speed, off_s=0):
-        """Command a speed, stamped with the node's clock plus an offset; with None, the command has no stamp."""
+        """Command a speed, stamped by the node's clock plus an offset, or without a stamp if the offset is None."""
         message = self.kind()
         twist = getattr(message, 'twist', message)
         twist.linear.x = speed
@@ -58,9 +58,9 @@ def test_a_led_dragon_walks_as_commanded_and_its_bag_is_recomputed_bit_for_bit(s
     leader.say(1.0, off_s=-60)
     leader.say(1.0, off_s=60)
     sim.wait_for('command dropped')
-    leader.keep_saying(9.0, lambda: leader.speeds[-1] == 1.5)       # no faster than the scene allows
+    leader.keep_saying(9.0, lambda: leader.speeds[-1] == 1.5)       # the largest speed that the scene allows
     leader.keep_saying(-0.25, lambda: leader.speeds[-1] == -0.25)
-    node.until(lambda: leader.speeds[-1] == 0.0)                    # no command is valid any longer
+    node.until(lambda: leader.speeds[-1] == 0.0)                    # no command is still valid
     assert sim.stop() == 0, sim.text
     assert record.end() == 0, record.text
     assert '3 not finite, 2 stale' in sim.text
@@ -121,7 +121,7 @@ def test_a_led_dragon_has_a_pace_and_no_other_ticks(start, node):
     node.until(lambda: leader.speeds)
     client = node.create_client(Trigger, 'sim/seek')
     node.until(client.service_is_ready)
-    done = client.call_async(Trigger.Request())      # by default, seek goes to the start, for which reset exists
+    done = client.call_async(Trigger.Request())      # by default, seek goes to the start; reset is for that
     node.until(done.done)
     assert not done.result().success
     assert 'seek_s: -1' in done.result().message

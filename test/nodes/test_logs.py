@@ -1,4 +1,4 @@
-"""The log of the nodes: the caller named in a message is the line that logs it, not the package's logger."""
+"""The nodes' log: a message names the line that logs it as the caller, not a line of the package's logger."""
 from pathlib import Path
 
 from dragon_ros.nodes.logs import logger

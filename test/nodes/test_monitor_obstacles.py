@@ -1,4 +1,4 @@
-"""The monitor, over real DDS, with obstacles from the topic venue, from files and from maps, in several frames."""
+"""The monitor over real DDS, with obstacles from the topic venue, from files and from maps in several frames."""
 from dataclasses import replace
 
 import numpy as np
@@ -53,14 +53,14 @@ def clearances(bag):
 
 
 def searched(bag):
-    """The clearance at each tick, computed from scratch from the benches and obstacles in the bag."""
+    """The clearance at each tick, computed from the benches and obstacles in the bag without any earlier state."""
     obstacles = RecordedObstacles(bag, '/dragon', 'dragon')
     return {one.t_ns: with_obstacles(obstacles.at(one.t_ns), closeness(one.handles_m, one.benches), one.benches
                                      ).clearance_m for one in frames(bag)}
 
 
 def recorded_replay(start, bag, again, topics, *parameters):
-    """Replay topics of a bag to a monitor and a recorder, until it ends."""
+    """Replay topics of a bag to a monitor and a recorder until the replay ends."""
     monitor, record = start('monitor', '--ros-args', *parameters), start('record', '--output', again)
     names = [f'/dragon/{topic}' for topic in topics]
     needed = [f'{name}={1 + (name.split("/")[-1] in ("handles", "benches", "obstacles"))}' for name in names]
@@ -88,16 +88,16 @@ def test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_a
     assert float(first.values['t_before_s']) < found.t_s <= float(first.values['t_after_s'])
     assert float(first.values['t_contact_s']) == pytest.approx(found.t_s, abs=1e-8)
     assert reported['obstacle'] == found.obstacle.name == 'post'
-    assert seen == again_seen       # computed from the benches in the bag, with no earlier state, to the last bit
+    assert seen == again_seen       # equal to the last bit, although computed without any earlier state
     model = {t_ns: tick(scene, scene.run.tick_at(t_ns)).closeness.clearance_m for t_ns in seen}
     assert len(seen) == compile_scene(scene).last_tick + 1
-    assert seen == pytest.approx(model, abs=1e-14)      # quaternions lose the last bits
+    assert seen == pytest.approx(model, abs=1e-14)      # conversion to quaternions loses the last bits
     assert main(['inspect', str(bag), '--check']) == 0, capsys.readouterr().out
 
     assert '/dragon/collision/obstacles' not in names
 
-    # The monitor of a replay without the venue gets the obstacles from a file, and the third monitor only from the
-    # second bag.
+    # The monitor of a replay without a venue reads the obstacles from a file; the third monitor receives them only from
+    # the second bag.
     recorded_replay(start, bag, again, ('handles', 'benches', 'scene', 'model/clearance', 'model/contacts'),
                     '-p', f'venue:={scene_file}')
     recorded_replay(start, again, third, ('handles', 'benches', 'collision/obstacles'),
@@ -122,7 +122,7 @@ def test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_a
 
 
 class Map:
-    """A map server in the test's node, which publishes latched grids on a topic as that of Nav2 does."""
+    """A map server in the test's node that publishes latched grids, as the map server of Nav2 does."""
 
     def __init__(self, node, topic='/map'):
         from nav_msgs.msg import OccupancyGrid
@@ -132,7 +132,7 @@ class Map:
             depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
 
     def show(self, cells, resolution_m, corner, degrees, frame='map'):
-        """Publish cells (rows, columns) with a given outer corner, whose rows extend to the left."""
+        """Publish cells (rows, columns) whose outer corner is at a position; ``degrees`` turns the rows about it."""
         grid = self._kind()
         grid.header.frame_id = frame
         grid.info.height, grid.info.width = cells.shape

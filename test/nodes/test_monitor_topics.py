@@ -31,7 +31,7 @@ class Listener:
 
 
 class Publisher:
-    """A node that publishes single frames of the classic dragon or another one, as any publisher would."""
+    """A node that publishes single frames of the classic dragon or of another one, as any publisher would."""
 
     def __init__(self, node, start_s=412.0, *overrides):
         from dragon_ros.nodes import qos
@@ -97,7 +97,7 @@ def test_health_goes_from_ok_over_warn_to_error_and_back(start, node):
     heard = Listener(node, '/diagnostics')
     node.until(lambda: heard.got['/diagnostics'])
     source = Publisher(node, 404)
-    node.until(lambda: heard.got['/diagnostics'])       # the monitor now listens; it does not receive earlier messages
+    node.until(lambda: heard.got['/diagnostics'])       # the monitor listens from now on; it misses earlier messages
     source.show(404, 412.44, 412.48, 404)
 
     def levels():
@@ -278,7 +278,7 @@ def test_a_recorder_keeps_every_topic_at_simulation_time(start, tmp_path):
     assert counts['/dragon/clearance'] >= 1
     assert (counts['/dragon/collision'], counts['/dragon/collision/point']) == (1, 1)
     assert counts['/dragon/collision/active'] == 2   # the latched message from before the run is included
-    # There is one message per tick in contact; only the last one is kept for late readers.
+    # There is one message per tick in contact, and only the last one is kept for late readers.
     assert 1 <= counts['/dragon/collision/markers'] <= 27
 
 

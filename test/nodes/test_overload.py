@@ -1,4 +1,4 @@
-"""Monitors and recorders that cannot keep up skip and report whole ticks, unless the publisher waits for them."""
+"""Monitors and recorders that cannot keep up skip whole ticks and report them, unless the publisher waits for them."""
 import threading
 
 import pytest
@@ -21,7 +21,7 @@ RUN = 'run.start_s=412.2', 'run.stop_s=412.7', 'run.rate_hz=1000'
 
 @pytest.fixture(scope='module')
 def messages():
-    """The messages of a run that passes its contact: (topic, bytes, stamp, number) in the order of publication."""
+    """The messages of a run that passes its contact, as (topic, bytes, stamp, number) in order of publication."""
     scene = load_scene('first_contact', [*RUN, 'effects=[benches]'])
     encode = encoders(scene)
     frames = [tick(scene, k) for k in range(501)]
@@ -95,7 +95,7 @@ def test_a_monitor_reads_first_where_the_publisher_waits_for_it(monitor, node, m
     node.create_publisher(shell.message_type(row.type), 'handles', qos.waiting(qos.of_channel(row)))
     node.until(lambda: monitor.count_publishers('handles'))
     for name, data, _, number in messages:
-        earlier = 0 if name == 'handles' else 900       # benches that were published without handles are no ticks
+        earlier = 0 if name == 'handles' else 900       # earlier benches without handles do not count as ticks
         monitor._inbox.put(name, channels()[name].type, data, info(number + earlier))
     while monitor._inbox._waiting:
         monitor._inbox.work()
@@ -129,7 +129,7 @@ def test_ticks_that_are_not_seen_are_known_by_the_numbers_of_their_handles():
 
 
 def recorder_on(folder, hold, queue_mb):
-    """Return a recorder whose disk accepts nothing until an event is set."""
+    """Return a recorder whose disk accepts no data until an event is set."""
     from dragon_ros.nodes.record import Recorder
     bag = BagWriter(folder / 'run.mcap', options=BagOptions('none'), threaded=False)
     write = bag.write

@@ -1,4 +1,4 @@
-"""Pacing follows a steady clock without drift or bursts, and overruns are counted and recovered."""
+"""Pacing follows a steady clock without drift or bursts; overruns are counted and made up for."""
 from itertools import pairwise
 
 import pytest
@@ -11,20 +11,20 @@ MS = 1_000_000
 
 
 class Clock:
-    """A clock that advances only by waiting and working."""
+    """A clock that advances only while the test waits or works."""
 
     def __init__(self, monkeypatch):
         self.now_ns = 5 * MS
         monkeypatch.setattr(pacer.time, 'monotonic_ns', lambda: self.now_ns)
 
     def play(self, paced, t_ns):
-        """Wait until a tick is due, and start it like a timer that is never late."""
+        """Wait until a tick is due and start it, like a timer that is never late."""
         self.now_ns += paced.delay_ns(t_ns)
         paced.start(t_ns)
 
 
 def played(monkeypatch, work_ms, count=1000, scale=1.0, tick_ms=20):
-    """Return the times in ms at which ticks start, if each takes ``work_ms(k)``, and the pacer."""
+    """Return the start times in ms of ticks that take ``work_ms(k)`` each, and the pacer."""
     clock, paced = Clock(monkeypatch), Pacer(scale)
     started = []
     for k in range(count):

@@ -1,4 +1,4 @@
-"""Unsubscribed topics are never encoded; publishers and subscribers over DDS are real."""
+"""Topics without subscribers are never encoded; publishers and subscribers communicate over real DDS."""
 import pytest
 
 pytest.importorskip('rclpy')

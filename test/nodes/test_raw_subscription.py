@@ -1,4 +1,4 @@
-"""A busy reader takes each message that has arrived once and in order; publishers over DDS are real."""
+"""A busy reader takes each message that has arrived once and in order, over real DDS."""
 import pytest
 
 pytest.importorskip('rclpy')

@@ -1,4 +1,4 @@
-"""Recorders that are killed, or lack disk space or messages, keep recorded data and report losses."""
+"""Recorders that are killed, or that lack disk space or messages, keep the recorded data and report losses."""
 import re
 import resource
 import signal
@@ -33,7 +33,7 @@ def sim(start, *pairs, speed=1.0, readers=1, anew=False):
 
 
 def streamed(path):
-    """Return (topic, log time) of all messages that the library's stream reader finds in a file without an end."""
+    """Return all messages as (topic, log time, data) that the library's stream reader finds in a truncated file."""
     found, names = [], {}
     try:
         with path.open('rb') as file:
@@ -74,12 +74,13 @@ def test_recorders_killed_at_random_moments_lose_at_most_the_flush_interval_and_
     scene = load_scene('first_contact', ['run.start_s=400', 'run.stop_s=405'])
     for n, record in enumerate(records):
         assert record.end() == -signal.SIGKILL, record.text
-        check_killed(tmp_path / f'{n}.mcap', heard_ns[n] - 10**9)     # half a second, doubled for a busy machine
+        # A busy machine may take twice the flush interval of half a second.
+        check_killed(tmp_path / f'{n}.mcap', heard_ns[n] - 10**9)
         check_repaired(tmp_path / f'{n}.mcap', tmp_path / f'whole{n}.mcap', scene, capsys)
 
 
 def check_killed(bag, heard_ns):
-    """The library's stream reader can read every tick from the first to ``heard_ns``."""
+    """Check that the library's stream reader can read every tick from the first to ``heard_ns``."""
     found = streamed(bag)
     for name in ('handles', 'benches', 'velocities'):
         times = [t_ns for topic, t_ns, _ in found if topic == f'/dragon/{name}']
@@ -88,7 +89,7 @@ def check_killed(bag, heard_ns):
 
 
 def check_repaired(bag, whole, scene, capsys):
-    """The remaining bag is reported and repaired, and equals the model bit for bit up to its end."""
+    """Check that the truncated bag is reported, can be repaired, and is bit-identical to the model up to its end."""
     assert main(['inspect', str(bag)]) == 1
     if not streamed(bag):
         return
@@ -107,7 +108,7 @@ def test_a_bag_alone_makes_its_run_again(start, tmp_path):
     assert record.end() == 0, record.text
     last = record.lines[-1]
     assert f'run: {3 * 26 + 2} messages of 5 topics, nothing is missing; the queue was ' in last, record.text
-    assert not re.search(r'/dragon/\w+ 0\b', record.text), record.text      # topics without messages are left out
+    assert not re.search(r'/dragon/\w+ 0\b', record.text), record.text      # topics without messages are not listed
     bag = tmp_path / 'run' / 'run_0.mcap'
     told = received(bag)
     scene = strangers_scene('told', told['dragon_ros']['scene'])
@@ -121,7 +122,7 @@ def test_a_bag_alone_makes_its_run_again(start, tmp_path):
     with BagReader(bag) as run:
         assert compare_with_model(run, scene).faults == []
     info = yaml.safe_load((tmp_path / 'run' / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
-    assert info['message_count'] == 3 * 26 + 2      # and the messages of track and scene
+    assert info['message_count'] == 3 * 26 + 2      # the 2 are the messages of track and scene
 
 
 @pytest.mark.parametrize('on_contact', ['stop', 'hold'])
@@ -198,7 +199,7 @@ def test_lost_and_missing_ticks_are_reported_in_the_bag_on_the_terminal_and_by_t
 
 @pytest.mark.parametrize('first', ['record', 'sim'])
 def test_a_live_recording_is_complete_whoever_starts_first(start, node, tmp_path, first):
-    """As in the tutorial, no subscribers are named, and the sim waits for the subscribers that discovery finds."""
+    """As in the tutorial, no subscribers are named, so the sim waits for those that discovery finds."""
     short = 'run.start_s=412.2', 'run.stop_s=412.7'
     changes = [part for pair in short for part in ('--set', pair)]
     record, names = None, node.get_node_names_and_namespaces

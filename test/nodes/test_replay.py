@@ -1,4 +1,4 @@
-"""Controls of a replay: start, speed, pause, step and seek, and the order of latched messages."""
+"""The controls of a replay (start, speed, pause, step and seek), and the order of latched messages."""
 from collections import Counter
 
 import pytest
@@ -35,7 +35,7 @@ def recorded(tmp_path_factory):
 
 @pytest.fixture
 def stamps(node):
-    """The stamps of the received handles, in units of a tenth of a second."""
+    """The stamps of the received handles in tenths of a second."""
     from geometry_msgs.msg import PoseArray
     out = []
     node.create_subscription(PoseArray, 'handles',
@@ -166,7 +166,7 @@ def test_typed_keys_are_distinguished():
 
 
 def test_keys_of_a_terminal_control_the_replay(domain, recorded, tmp_path):
-    """The terminal is a real one, at the other end of a pty."""
+    """The test holds the other end of a real pseudo-terminal."""
     import os
     import pty
     import sys

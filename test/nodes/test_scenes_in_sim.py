@@ -15,7 +15,7 @@ CONTACT = 'run.start_s=412.4', 'run.stop_s=412.5', 'run.rate_hz=20'
 
 
 def recorded(start, bag, scene, changes):
-    """Run a scene in sim, record it, and return the bag's topics; every message equals the model's."""
+    """Run a scene in sim and record it; check that every message equals the model's, and return the bag's topics."""
     loaded = load_scene(scene, changes)
     topics = [row.name for row in live(loaded.effects)]
     record = start('record', '--output', bag)

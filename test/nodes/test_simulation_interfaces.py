@@ -1,4 +1,4 @@
-"""The standard services of simulators in a sim and a replay, called over real DDS, if their package is installed."""
+"""The standard simulator services of a sim and a replay, called over real DDS if their package is installed."""
 import sys
 from importlib.util import find_spec
 
@@ -13,11 +13,11 @@ from dragon_ros.scenes.load import load_scene
 SCENE = ('--scene', 'first_contact', '--set', 'run.stop_s=401')
 LAST = 50
 needs_standard = pytest.mark.skipif(find_spec('simulation_interfaces') is None,
-                                    reason='simulation_interfaces is not installed: there is no wheel of it')
+                                    reason='simulation_interfaces is not installed; it has no wheel')
 
 
 class Simulator:
-    """A client of the standard services that has no information about dragons."""
+    """A client of the standard services that contains nothing specific to dragons."""
 
     def __init__(self, node, name):
         from simulation_interfaces import action, msg, srv
@@ -34,7 +34,7 @@ class Simulator:
         return future.result()
 
     def set(self, name):
-        """Set a state and return the result code."""
+        """Set a state, and return the result code."""
         state = self.msg.SimulationState(state=getattr(self.msg.SimulationState, f'STATE_{name}'))
         return self.call('SetSimulationState', state=state).result.result
 
@@ -67,7 +67,7 @@ class Simulator:
             Vector3(x=float(x), y=float(y), z=float(z)) for x, y, z in points])
 
     def steps(self, count, heard=None, cancel_after=None):
-        """Simulate steps by the action; return the feedback (``heard`` messages), the status and the result."""
+        """Simulate steps by the action; return its feedback (at least ``heard`` messages), status and result."""
         from rclpy.action import ActionClient
         from rclpy.qos import QoSProfile
         client, told = ActionClient(self.node, self.action.SimulateSteps, f'{self.name}/simulate_steps',
@@ -283,7 +283,7 @@ def test_without_the_package_nothing_is_offered_and_nothing_loaded(domain, monke
     import rclpy
 
     from dragon_ros.nodes.sim import Sim
-    monkeypatch.setitem(sys.modules, 'simulation_interfaces', None)      # makes the import of the package fail
+    monkeypatch.setitem(sys.modules, 'simulation_interfaces', None)      # this makes the import of the package fail
     monkeypatch.delitem(sys.modules, 'dragon_ros.nodes.simulation_interfaces', raising=False)
     rclpy.init()
     try:

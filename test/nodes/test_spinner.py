@@ -1,4 +1,4 @@
-"""A spinner handles all that an rclpy executor handles: messages, timers, requests, events and later additions."""
+"""A spinner handles everything that an rclpy executor does: messages, timers, requests, events and later additions."""
 import gc
 import threading
 import time
@@ -29,7 +29,7 @@ STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 
 @pytest.fixture
 def served(domain):
-    """A node, and a function that spins the node with a spinner until a condition holds."""
+    """A node, and a function that spins it with a spinner until a condition holds."""
     rclpy.init()
     node = rclpy.create_node('served')
     spinner = Spinner(node)
@@ -37,7 +37,7 @@ def served(domain):
     def until(condition):
         end = time.monotonic() + PATIENCE_S
         while not condition():
-            assert time.monotonic() < end, 'the condition did not come true in time'
+            assert time.monotonic() < end, 'the condition was not met in time'
             spinner.once()
     yield node, until
     spinner.close()
@@ -222,7 +222,7 @@ def test_a_guard_condition_and_an_action_wake_it_without_a_look_at_all_else(serv
 
 
 def action_server(node, take):
-    """Return a server of the only action type that may be installed, or None, since the ROS wheels contain none."""
+    """Return a server of the only action type that may be installed, or None; the ROS wheels contain no action type."""
     if find_spec('simulation_interfaces') is None:
         return None
     from rclpy.action import ActionServer
