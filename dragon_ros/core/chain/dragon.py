@@ -29,6 +29,22 @@ class _Lengths(Settings):
         return read_only(self.bench_lengths_m - 2 * self.hole_inset_m)
 
     @cached_property
+    def classes(self) -> tuple[tuple[int, ...], ...]:
+        """The head, and the benches behind it grouped by identical remaining lengths, in order; the last two lead none.
+
+        The body is a single class if all its benches are equal.
+        """
+        lengths, found = self.bench_lengths_m, dict[float, list[list[int]]]()
+        for bench, length in enumerate(lengths[1:-2].tolist(), 1):
+            as_long = found.setdefault(length, [])
+            same = next((each for each in as_long if has_same_links_behind(lengths, each[0], bench)), None)
+            if same:
+                same.append(bench)
+            else:
+                as_long.append([bench])
+        return (0,), *sorted(tuple(each) for as_long in found.values() for each in as_long)
+
+    @cached_property
     def half_sizes_m(self) -> tuple[Floats, Floats]:
         """Half the length and half the width of each bench, shape (benches,) each."""
         return (read_only(0.5 * self.bench_lengths_m),
@@ -100,6 +116,14 @@ class Mixed(_Lengths):
         """Return a group with its values checked."""
         count = whole(f'dragon.groups.{n}.count', group.count, low=1, high=_MOST)
         return Group(_length(f'dragon.groups.{n}.length_m', group.length_m, self.hole_inset_m), count)
+
+    def __hash__(self) -> int:
+        """Return the hash of the fields; models are found by it, and a dragon may have thousands of groups."""
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash((self.groups, self.width_m, self.hole_inset_m))
 
     @cached_property
     def benches(self) -> int:

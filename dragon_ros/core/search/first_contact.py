@@ -104,9 +104,7 @@ def head_passes(scene: Scene, progress: Callable[[int], object] = lambda states:
     """
     travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
     domain = SearchDomain(scene, travel, 1, progress)
-    head, *_ = parts_of(domain)
-    assert isinstance(head, LeadingBenches)
-    return _ContactSearch(domain, [head]).bracket() is None
+    return _ContactSearch(domain, [LeadingBenches(domain, (0,))]).bracket() is None
 
 
 class _ContactSearch:

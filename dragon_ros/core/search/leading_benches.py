@@ -5,14 +5,18 @@ bench and on the links behind it. Benches are therefore grouped into classes wit
 The first bench of a class is its lead, and the class is cleared as a whole over the track that its front handles pass.
 If that fails, each bench is cleared over its own part of the track, which no other bench of its class has passed
 before. Mixed benches form many classes, and all classes behind the head are sampled and bounded together.
+
+Far enough from the centre, a bound on the layers of the spiral (``layers``) clears the positions of any bench without
+samples. Only the positions further inwards are searched.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dragon_ros.core.chain.dragon import has_same_links_behind, is_even
+from dragon_ros.core.chain.dragon import is_even
 from dragon_ros.core.chain.lock import turning_places
+from dragon_ros.core.enclosures.layers import Layers
 from dragon_ros.core.enclosures.on_spiral import BenchSampler, BenchSamples, bounds, comes_in, joined
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.types import Floats, Ints, distinct
@@ -33,6 +37,7 @@ _TOGETHER, _USUAL = 2**20, 256
 _POINT = 1e-6           # fraction of the longest link; both handles of a shorter link may round to the same position
 _IN_CACHE = 2**14       # number of pairs that are bounded together
 _CLOSER = 20            # number of halvings of a domain, down to a millionth, that find how far the proof can reach
+_Row = tuple[float, float, float]       # start, stop and bound of a cleared interval
 
 
 class _SpiralIntervals:
@@ -82,6 +87,23 @@ class _ClassWindow:
     places: Floats
     behind: int
 
+    @property
+    def goes_in(self) -> bool:
+        """Whether the front handle moves inwards."""
+        return bool(self.places[0] > self.places[-1])
+
+    def outermost(self, bound_m: Floats, tolerance_m: float) -> list[_Row]:
+        """Return the intervals between adjacent positions, from the outer end on, whose bounds exceed a tolerance."""
+        clear = bound_m > tolerance_m
+        kept = np.logical_and.accumulate(clear if self.goes_in else clear[::-1])[::1 if self.goes_in else -1]
+        rows = zip(self.places[:-1].tolist(), self.places[1:].tolist(), bound_m.tolist(), kept.tolist(), strict=True)
+        return [(start, stop, bound) for start, stop, bound, keep in rows if keep]
+
+    def after(self, rows: list[_Row]) -> '_ClassWindow':
+        """Return the window without its outermost intervals, and with the positions at which handles turn back."""
+        places = self.places[len(rows):] if self.goes_in else self.places[:self.places.size - len(rows)]
+        return replace(self, places=self.of.with_turns(places) if places.size > 1 else places)
+
 
 @dataclass(frozen=True)
 class _ClearedInterval:
@@ -96,13 +118,12 @@ class _ClearedInterval:
 class LeadingBenches:
     """One class of benches over a domain, and the cleared intervals of its pairs with benches behind."""
 
-    def __init__(self, domain: SearchDomain, benches: list[int]) -> None:
+    def __init__(self, domain: SearchDomain, benches: tuple[int, ...]) -> None:
         """Represent the class of ``benches``, which are in order from the head; the first bench is the ``lead``."""
         self._domain, self.benches, self.lead = domain, benches, benches[0]
         self._behind = domain.dragon.benches - 1 - self.lead
         assert domain.track.from_afar
         self._spiral = domain.track.from_afar.curve
-        self._chords = (domain.dragon.link_lengths_m / self._spiral.b_m).tolist()
         longest_m = float(np.max(domain.dragon.bench_lengths_m))
         self._first_m, self.finest_m = _FIRST * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
         self._rows: list[_ClearedInterval] = []
@@ -116,7 +137,7 @@ class LeadingBenches:
     @property
     def _single(self) -> bool:
         """Whether the class is the head alone, whose positions are in the order of the leader's motion."""
-        return self.benches == [0]
+        return self.benches == (0,)
 
     def clear(self, stop_m: float) -> Bracket | None:
         """Clear the pairs of the class up to a leader position; return the first bracket that is not clear."""
@@ -129,14 +150,14 @@ class LeadingBenches:
 
     def whole(self, stop_m: float) -> Iterator['_ClassWindow']:
         """Yield the window of all positions that the class passes up to a leader position, if there are any."""
-        outer, inner = self._track(self.phases(stop_m)[1])
-        if self._single and self._on_spiral(self._domain.start_m)[0] < self._on_spiral(stop_m)[0]:
+        outer, inner = self._track(self._domain.phases(stop_m)[1])
+        if self._single and self._domain.angles(self._domain.start_m)[0] < self._domain.angles(stop_m)[0]:
             outer, inner = inner, outer
         yield from self._window(self.lead, outer, inner, self._behind)
 
     def clear_apart(self, stop_m: float, whole: Cleared) -> Bracket | None:
         """Clear an uncleared window bench by bench; return the first bracket that is not clear."""
-        phases, ends = self.phases(stop_m)
+        phases, ends = self._domain.phases(stop_m)
         if self._single:
             self._hit = self._bracket(self.lead, whole.hit, (phases[0], phases[-1])) if whole.hit else None
             return self._hit
@@ -166,13 +187,13 @@ class LeadingBenches:
     def intervals(self) -> Iterator[Interval]:
         """Yield the cleared intervals, for the certificate."""
         segment, origin_m = self._domain.track.segments[0], self._domain.track.origins_m[0]
-        for row in self._rows:
-            start_m, stop_m = (float(origin_m + segment.metres(place)) for place in (row.start_rad, row.stop_rad))
+        places = np.array([(row.start_rad, row.stop_rad) for row in self._rows]).reshape(-1, 2)
+        for row, (start_m, stop_m) in zip(self._rows, (origin_m + segment.metres(places)).tolist(), strict=True):
             yield Interval(self.lead, start_m, stop_m, row.behind, row.bound_m)
 
     def _go_on(self, stop_m: float) -> None:
         """Clear the rest of the head's track up to a position, or drop the cleared intervals beyond this position."""
-        start, stop = (float(self._on_spiral(place)[0]) for place in (self._domain.start_m, stop_m))
+        start, stop = (float(self._domain.angles(place)[0]) for place in (self._domain.start_m, stop_m))
         sign = 1.0 if stop > start else -1.0
         self._rows = [row for row in self._rows if sign * row.stop_rad <= sign * stop]
         last, self._hit = self._rows[-1].stop_rad if self._rows else start, None
@@ -181,27 +202,15 @@ class LeadingBenches:
 
     def _trim(self, stop_m: float) -> None:
         """Drop the cleared parts that the class has not reached when the leader is at a position."""
-        outer, inner = self._track(self.phases(stop_m)[1])
+        outer, inner = self._track(self._domain.phases(stop_m)[1])
         clipped = (replace(row, start_rad=min(max(row.start_rad, inner), outer),
                            stop_rad=min(max(row.stop_rad, inner), outer)) for row in self._rows)
         self._rows = [row for row in clipped if row.start_rad != row.stop_rad]
 
-    def _on_spiral(self, gone_m: float) -> Floats:
-        """Return the polar angles (N+1,) of the handles; handles beyond the spiral have the angle of its end."""
-        chain = self._domain.chain(gone_m)
-        return np.where(chain.segment == 0, chain.u, self._domain.track.segments[0].last)
-
-    def phases(self, stop_m: float) -> tuple[list[float], list[Floats]]:
-        """Return the leader positions between which every handle moves in one direction, and all polar angles there."""
-        start_m = self._domain.start_m
-        ends = [self._on_spiral(place) for place in (start_m, stop_m)]
-        turns = self._domain.leader.turning_m(start_m, stop_m, 2)[::1 if start_m < stop_m else -1]
-        return [start_m, *turns, stop_m], [ends[0], *(self._on_spiral(place) for place in turns), ends[1]]
-
     def all_come_in(self, stop_m: float) -> bool:
         """Return whether, up to a leader position, all links from the third on follow their front handles inwards."""
         links = self._domain.dragon.link_lengths_m[2:]
-        for theta in self.phases(stop_m)[1]:
+        for theta in self._domain.phases(stop_m)[1]:
             front, span = theta[2:], np.diff(theta[2:])
             if not np.all((links == 0) | (span <= np.pi) & (comes_in(front, span) > 0)):
                 return False
@@ -244,11 +253,17 @@ class LeadingBenches:
         step = max(self._first_m / (self._spiral.b_m * (1 + max(start, stop))), _FIRST_RAD)
         count = 2 + int(abs(start - stop) / step)
         places: Floats = np.linspace(start, stop, min(count, _MOST_PLACES), dtype=np.float64)
-        if self._domain.track.may_lock:
-            turns = turning_places(self._chords[self.lead:self.lead + 2], *sorted((start, stop)))
-            places = np.concatenate((places, turns))
         places = distinct(places)
         yield _ClassWindow(self, bench, places if stop > start else places[::-1], behind)
+
+    def with_turns(self, places: Floats) -> Floats:
+        """Return positions in monotone order, and those between them at which the second or third handle turns back."""
+        if not self._domain.track.may_lock:
+            return places
+        low, high = sorted((float(places[0]), float(places[-1])))
+        chords = (self._domain.dragon.link_lengths_m[self.lead:self.lead + 2] / self._spiral.b_m).tolist()
+        grown = distinct(np.concatenate((places, turning_places(chords, low, high))))
+        return grown if places[0] == low else grown[::-1]
 
     def sampler(self, ends: Floats) -> BenchSampler:
         """Return the sampler of the class between two positions, with the followers that can matter there."""
@@ -305,7 +320,36 @@ def _sampler(domain: SearchDomain, leads: tuple[int, ...]) -> BenchSampler:
 
 
 def _cleared(domain: SearchDomain, windows: list[_ClassWindow]) -> list[Cleared]:
-    """Clear windows, and pass the cleared intervals to their classes."""
+    """Clear windows, and pass the cleared intervals to their classes.
+
+    The outer part of a window, in which layers are provably apart, is cleared without samples.
+    """
+    apart = _apart(domain, windows)
+    left = [window.after(rows) for window, rows in zip(windows, apart, strict=True)]
+    searched = iter(_searched(domain, [window for window in left if window.places.size > 1]))
+    out = []
+    for window, rows, rest in zip(windows, apart, left, strict=True):
+        more = next(searched) if rest.places.size > 1 else Cleared([], None, False)
+        rows = [*rows, *more.rows] if window.goes_in else [*more.rows, *([] if more.hit else rows)]
+        out.append(replace(more, rows=rows))
+        window.of.keep(out[-1], window.behind)
+    return out
+
+
+def _apart(domain: SearchDomain, windows: list[_ClassWindow]) -> list[list[_Row]]:
+    """Return the intervals of windows, from the outer end on, in which benches of different layers cannot touch."""
+    if not windows:
+        return []
+    inner = [np.minimum(window.places[:-1], window.places[1:]) for window in windows]
+    lead = np.repeat([window.of.lead for window in windows], [each.size for each in inner])
+    assert domain.track.from_afar
+    gaps_m = Layers(domain.track.from_afar.curve.b_m, domain.dragon).gaps_m(np.concatenate(inner), lead)
+    parts = np.split(gaps_m, np.cumsum([each.size for each in inner])[:-1])
+    return [window.outermost(part, 2 * domain.error_m) for window, part in zip(windows, parts, strict=True)]
+
+
+def _searched(domain: SearchDomain, windows: list[_ClassWindow]) -> list[Cleared]:
+    """Clear windows by samples."""
     if not windows:
         return []
     leads = tuple(dict.fromkeys(window.of.lead for window in windows))
@@ -313,27 +357,12 @@ def _cleared(domain: SearchDomain, windows: list[_ClassWindow]) -> list[Cleared]
                      for lead, places in [(leads.index(window.of.lead), window.places)]])
     sampler = _sampler(domain, leads).reaching(ends[:, 1:].reshape(-1), np.repeat(ends[:, 0].astype(np.int64), 2))
     space = _SpiralIntervals(sampler, windows, 2 * domain.error_m)
-    out = clear(space, [window.places for window in windows], windows[0].of.finest_m)
-    for window, cleared in zip(windows, out, strict=True):
-        window.of.keep(cleared, window.behind)
-    return out
+    return clear(space, [window.places for window in windows], windows[0].of.finest_m)
 
 
 def classes_of(domain: SearchDomain) -> list[LeadingBenches]:
-    """Return the classes of benches with followers: the head, and body benches grouped by remaining link sequence.
-
-    The body is a single class if all its benches are equal.
-    """
-    lengths, found = domain.dragon.bench_lengths_m, dict[float, list[list[int]]]()
-    for bench, length in enumerate(lengths[1:-2].tolist(), 1):
-        as_long = found.setdefault(length, [])
-        same = next((each for each in as_long if has_same_links_behind(lengths, each[0], bench)), None)
-        if same:
-            same.append(bench)
-        else:
-            as_long.append([bench])
-    classes = sorted(each for as_long in found.values() for each in as_long)
-    return [LeadingBenches(domain, benches) for benches in ([0], *classes)]
+    """Return the classes of benches with followers: the head, and body benches grouped by remaining link sequence."""
+    return [LeadingBenches(domain, benches) for benches in domain.dragon.classes]
 
 
 def searchable_m(domain: SearchDomain) -> float:
@@ -355,7 +384,7 @@ def provable_m(domain: SearchDomain) -> float:
     """
     if not domain.track.may_lock or is_even(domain.dragon.link_lengths_m):
         return domain.stop_m
-    head = LeadingBenches(domain, [0])
+    head = LeadingBenches(domain, (0,))
     if head.all_come_in(domain.stop_m):
         return domain.stop_m
     good, bad = domain.start_m, domain.stop_m

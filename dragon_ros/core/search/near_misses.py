@@ -260,7 +260,7 @@ def _lowest(function: Callable[[Floats], Floats], left: Floats, right: Floats) -
 def _reached(domain: SearchDomain, part: LeadingBenches, dips: list[_Dip]) -> list[_ClassDip]:
     """Return each dip of a class's first bench for all benches of the class that reach it, phase by phase."""
     out: list[_ClassDip] = []
-    phases, ends = part.phases(domain.stop_m)
+    phases, ends = domain.phases(domain.stop_m)
     for (start, stop), here, there in zip(pairwise(phases), ends[:-1], ends[1:], strict=True):
         for dip in dips:
             last = domain.dragon.benches - 1 - (dip.pair[1] - dip.pair[0])

@@ -151,6 +151,7 @@ class SearchDomain:
                              f'{self.error_m:.2g} m, but benches can be distinguished only up to an error of '
                              f'{_COARSEST * longest_m:.2g} m; use a smaller track')
         self._kept: dict[float, Chain] = {}
+        self._phases: dict[float, tuple[list[float], list[Floats]]] = {}
         stop_s = travel.farthest_s(sense)
         self.start_m, self.stop_m = travel.gone_m(travel.start_s), travel.gone_m(stop_s)
         if self.track.may_lock and simulation.limit is not None and stop_s == simulation.limit.t_s:
@@ -195,6 +196,25 @@ class SearchDomain:
         """Return all benches at a distance travelled by the leader."""
         chain = self.chain(gone_m)
         return benches_of(chain, self.dragon, axes_of(chain))
+
+    def angles(self, gone_m: float) -> Floats:
+        """Return the polar angles (N+1,) of handles on the first segment; handles beyond have the angle of its end."""
+        chain = self.chain(gone_m)
+        return np.where(chain.segment == 0, chain.u, self.track.segments[0].last)
+
+    def phases(self, stop_m: float) -> tuple[list[float], list[Floats]]:
+        """Return the leader positions between which every handle moves in one direction, and all polar angles there.
+
+        The positions begin with the start of the domain and end with ``stop_m``. The last few results are cached,
+        because all benches need them.
+        """
+        if stop_m not in self._phases:
+            turns = self.leader.turning_m(self.start_m, stop_m, 2)[::1 if self.start_m < stop_m else -1]
+            ends = [self.angles(place) for place in (self.start_m, stop_m)]
+            self._phases = dict([*self._phases.items()][1 - _KEPT:])
+            self._phases[stop_m] = ([self.start_m, *turns, stop_m],
+                                    [ends[0], *(self.angles(place) for place in turns), ends[1]])
+        return self._phases[stop_m]
 
     def along_m(self, gone_m: float) -> Floats:
         """Return the distances (N+1,) of all handles along the track."""
