@@ -1,6 +1,6 @@
 """The named hard cases with composite tracks, head laws or a leading tail; ``problems`` contains the others.
 
-Most of these cases are hard at the joints: links span one or several joints, or a handle is exactly on a joint. In
+Most of these cases are hard at the joints: a link spans one or several joints, or a handle is exactly on a joint. In
 others, the track returns to itself so that a chord has several roots, or a bend is almost too tight to follow.
 """
 from dataclasses import replace

@@ -51,7 +51,7 @@ class Straight:
         return metres
 
     def fastest(self, u: Number, gap: Number) -> Number:
-        """Return a bound on the metres per unit of u within ``gap`` metres."""
+        """Return an upper bound on the metres per unit of u within ``gap`` metres of u."""
         return mp.one
 
 
@@ -77,7 +77,7 @@ class Round:
 
 @dataclass
 class Winding:
-    """A spiral about ``centre``, turned; u is the polar angle, ``side`` 1 grows leftwards, ``way`` 1 goes outwards."""
+    """A rotated spiral about ``centre``; u is the polar angle, ``side`` 1 is anticlockwise, ``way`` 1 is outwards."""
 
     b: Number
     centre: Number
@@ -245,7 +245,7 @@ def gone(scene: Scene, t_s: float) -> tuple[Number, Number]:
 
 
 def chain_at(scene: Scene, t_s: float) -> list[tuple[Number, Number]]:
-    """Return (point, velocity in the head's direction) of all handles from head to tail; velocities are complex."""
+    """Return (point, velocity) of all handles, from head to tail, as complex numbers."""
     track, start = track_of(scene)
     far, speed = gone(scene, t_s)
     links = [mpf(link) for link in scene.dragon.link_lengths_m.tolist()]
@@ -330,7 +330,7 @@ def text_of(found: dict[str, list[list[Handle]]], told: dict[str, str]) -> str:
 
 
 def vectors_of(handles: list[Handle]) -> str:
-    """Return one time as JSON: positions and velocities as decimal strings."""
+    """Return the state at one time as JSON: positions and velocities as decimal strings."""
     arrays = {'x': [h.x for h in handles], 'y': [h.y for h in handles], 'vx': [h.speed.real for h in handles],
               'vy': [h.speed.imag for h in handles]}
     written = {name: [mp.nstr(value, WRITTEN) for value in row] for name, row in arrays.items()}

@@ -100,7 +100,7 @@ def arc_length(theta: Number) -> Number:
 
 
 def march(theta: Number, chords: list[Number]) -> Iterator[tuple[Number, Number]]:
-    """Yield (polar angle, speed over the head's speed) of every handle."""
+    """Yield (polar angle, speed divided by the head's speed) for every handle."""
     speed, before, last = mp.one, [], None
     yield theta, speed
     for chord in chords:
@@ -194,7 +194,8 @@ def projected(theta: Number, delta: Number, chord: Number) -> Number:
 def root(function: Function, low: Number, high: Number, start: Number) -> Number:
     """Return the root of an increasing function in [low, high]: Newton's method, or bisection if a step is too long.
 
-    The remaining error is the square of the last step times half the curvature over the slope; 10 digits allow for it.
+    The remaining error is the square of the last step times half the curvature over the slope; 10 digits are allowed
+    for it.
     """
     x, small = min(max(start, low), high), mp.mpf(10) ** -(mp.dps // 2 + 5)
     for _ in range(500):
@@ -236,13 +237,13 @@ def text_of(found: dict[str, list[list[Handle]]]) -> str:
 
 
 def state_of(handles: list[Handle]) -> str:
-    """Return one time as JSON: decimal strings in three arrays."""
+    """Return the state at one time as JSON: decimal strings in three arrays."""
     arrays = {name: [mp.nstr(getattr(handle, name), WRITTEN) for handle in handles] for name in Handle._fields}
     return json.dumps(arrays, sort_keys=True)
 
 
 def joined(blocks: Iterator[str] | list[str]) -> str:
-    """Return JSON values as the lines of a list."""
+    """Return JSON values as lines of a list."""
     return ',\n'.join(blocks)
 
 

@@ -11,7 +11,7 @@ from dragon_ros.core.tracks.spec import Spiral
 
 @dataclass(frozen=True)
 class Problem:
-    """A scene, the times at which it is hard, and the handles in the reference, including the worst one."""
+    """A scene, the times at which it is hard, and the handles in the reference, including the worst handle."""
 
     name: str
     scene: Scene
@@ -21,7 +21,7 @@ class Problem:
 
 
 _CLASSIC = Scene()
-_LOCK_S = 432.91792422838296     # lock of the classic dragon as the nearest float; a test compares it with the model
+_LOCK_S = 432.91792422838296     # lock of the classic dragon, rounded to a float; a test compares it with the model
 _ALL = tuple(range(224))
 MIXED = Mixed((Group(3.41), Group(2.2, 10), Group(1.1), Group(4.0, 2), Group(0.55), Group(0.9, 15), Group(2.2, 10)))
 _LONG_FOURTH, _FOURTH_LOCKS_S = Mixed((Group(1.1, 3), Group(3.9), Group(1.6, 6))), 430.61003584845963
@@ -76,7 +76,7 @@ def problems() -> tuple[Problem, ...]:
         _with('far-1e6', 'polar angles near 1e6 rad', (0.0, 300.0), None, Spiral(0.55, 1e6 / (2 * pi))),
         _with('far-1e9', 'polar angles near 1e9 rad', (0.0, 300.0), None, Spiral(0.55, 1e9 / (2 * pi))),
         _with('joined-handles', 'body links of zero length', (0.0, 300.0), Dragon(10, 3.41, 0.55)),
-        _with('almost-joined', 'body links of a nanometre', (0.0, 300.0), Dragon(10, 3.41, 0.55 + 1e-9)),
+        _with('almost-joined', 'body links one nanometre long', (0.0, 300.0), Dragon(10, 3.41, 0.55 + 1e-9)),
         _with('mixed', 'benches of six lengths, one of them with coinciding handles', (0.0, 300.0, 412.0, 432.0),
               MIXED),
         _with('mixed-lock', 'a long fourth link that locks first; 1e-2 to 1e-8 s before the lock',

@@ -54,11 +54,11 @@ def _read(file: str) -> dict[str, Any]:
 
 @lru_cache(maxsize=64)
 def truth(problem: Problem) -> Truth:
-    """Return the reference of a hard case. Raises MissingError if the reference lacks these times and handles."""
+    """Return the reference of a hard case. Raises MissingError if the reference lacks its times or handles."""
     row = _everything().get(problem.name)
     if row is None or tuple(row['times_s']) != problem.times_s or tuple(
             row['handles']) != problem.handles:
-        raise MissingError(f'{_FOLDER}: no reference for the current {problem.name}; run the scripts there')
+        raise MissingError(f'{_FOLDER}: no reference for the current {problem.name}; run the scripts in this folder')
     digits: Array = np.array([[state[key] for key in _KEYS if key in state] for state in row['states']], dtype=str)
     exact = np.vectorize(Decimal, otypes=[object])(np.moveaxis(digits, 1, 2))
     high = exact.astype(np.float64)

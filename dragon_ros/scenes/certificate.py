@@ -26,8 +26,8 @@ def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
     """
     proof = found.certificate
     if not proof.complete:
-        raise InputError('--certificate: this run has none: the benches approach so slowly that the last interval '
-                         'before the contact cannot be distinguished from it')
+        raise InputError('--certificate: this run has no certificate: the benches approach so slowly that the last '
+                         'interval before the contact cannot be distinguished from it')
     return _certificate(scene, _contact(found), _rows(proof.intervals))
 
 

@@ -1,4 +1,4 @@
-"""Read the line to walk from a drawing (SVG, GeoJSON, WKT or CSV) as parts in metres, with y upwards.
+"""Read the line to be walked from a drawing (SVG, GeoJSON, WKT or CSV), as parts in metres with y upwards.
 
 svgelements interprets SVG paths, shapes, transforms, units and viewBox. It receives only the chosen element and its
 groups, from a parser that rejects files that are too large, are nested too deeply or declare entities.
@@ -63,7 +63,7 @@ def _turned_round(part: DrawnPart) -> DrawnPart:
 
 
 def metres_a_unit(scale: str | None, unit_m: float | None) -> tuple[float, bool] | None:
-    """Return metres per unit, and whether the unit is a metre on paper; return None if neither scale nor unit is given.
+    """Return metres per unit, and whether the unit is a metre on paper; None if neither scale nor unit is given.
 
     Raises FieldError.
     """
@@ -78,7 +78,7 @@ def metres_a_unit(scale: str | None, unit_m: float | None) -> tuple[float, bool]
 
 
 def bytes_of(path: Path) -> bytes:
-    """Return the bytes of a drawing, within the budget. Raises MissingError or InputError."""
+    """Return the bytes of a drawing, whose size is limited. Raises MissingError or InputError."""
     try:
         with path.open('rb') as file:
             data = file.read(DRAWING_BYTES + 1)
@@ -109,7 +109,7 @@ def chosen(path: Path, what: str, names: list[str], asked: str | None, option: s
 # CSV
 
 def csv_line(path: Path, unit_m: float) -> DrawnLine:
-    """Return the points of a CSV file from columns x and y (or x_m, y_m), or from the first two if it has no header."""
+    """Return the points of a CSV file from the columns x and y (or x_m and y_m) or, without a header, the first two."""
     text = _text(path, bytes_of(path))
     try:
         rows = [(number, row) for number, row in enumerate(csv.reader(io.StringIO(text), _dialect(text)), 1)
@@ -224,7 +224,7 @@ def _name(number: int, above: list['Element'], element: 'Element') -> str:
 
 
 def _said(above: list['Element'], element: 'Element', key: str) -> list[str]:
-    """Return the values of an attribute of a shape and of its group, if the group contains nothing else."""
+    """Return the values of an attribute of a shape, and of its group if the group contains nothing else."""
     return [value for one in (element, *(above[-1:] if len(above[-1]) == 1 else [])) if (value := one.get(key))]
 
 

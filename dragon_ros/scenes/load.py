@@ -46,7 +46,7 @@ ABOUT = 'about'     # notes on a scene, which have no effect
 
 
 def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
-    """Return a scene, given its name or its file, with ``key=value`` overrides (dotted keys) applied.
+    """Return a scene, given its name or its file, after applying ``key=value`` overrides with dotted keys.
 
     Omitted keys default to the classic values. Raises InputError with file, line and key.
     """
@@ -82,7 +82,7 @@ def _read(name_or_file: str) -> Document:
 
 
 def _take_file(document: Document, folder: Path) -> None:
-    """Replace the key venue.file, if given, by the contents of that file. Raises InputError."""
+    """Replace the key venue.file, if given, with the contents of that file. Raises InputError."""
     section = document.values.get('venue')
     if not isinstance(section, dict):
         return
@@ -196,7 +196,7 @@ def _check_compiled(document: Document, scene: Scene) -> None:
 
 
 def _settings(document: Document) -> Scene:
-    """Return a document's scene as settings, without compiling it or loading a custom head law."""
+    """Return a document's scene without compiling it or loading a custom head law."""
     if document.section('head').get('kind') == PLUGIN:
         document.refuse('head.kind', 'custom head laws are loaded only from scene files, not from bags or topics')
     if isinstance(document.values.get('venue'), dict) and 'file' in document.values['venue']:

@@ -41,8 +41,8 @@ def versions() -> dict[str, str]:
 def kernels() -> dict[str, str]:
     """Return the kernels of BLAS and numpy on this machine, which determine the last bits of results.
 
-    The BLAS entry contains name, version and kernel (``unknown`` if BLAS reports none); the other lists the CPU
-    features that numpy uses.
+    The entry for BLAS contains name, version and kernel (``unknown`` if BLAS reports none); the entry for numpy lists
+    its CPU features.
     """
     about: Mapping[str, Any] = np.show_config(mode='dicts')
     blas = about.get('Build Dependencies', {}).get('blas', {})
@@ -73,7 +73,7 @@ def scene_file(scene: Scene, settings: Mapping[str, Any] | None = None) -> str:
 
 
 def _with_short_points(value: Any) -> Any:
-    """Return a venue's values with lists of points as text, which is much faster to read and write."""
+    """Return a venue's values with each list of points as text, which is much faster to read and write."""
     if isinstance(value, dict):
         return {key: _with_short_points(one) for key, one in value.items()}
     if isinstance(value, list) and value and all(isinstance(one, list) and len(one) == 2 and

@@ -23,7 +23,7 @@ _PLAIN: dict[Any, Schema] = {int: {'type': 'integer'}, float: {'type': 'number'}
                              type(None): {'type': 'null'}}
 
 
-# Points of a venue are pairs, or text as in WKT.
+# Points of a venue are given as pairs, or as text in WKT notation.
 _POINTS: Schema = {'anyOf': [{'type': 'array', 'minItems': 2, 'items': {
     'type': 'array', 'prefixItems': [{'type': 'number'}] * 2, 'items': False, 'minItems': 2}}, {'type': 'string'}]}
 _VENUE_FILE: Schema = {

@@ -1,7 +1,8 @@
 """Read venues and drawings from GeoJSON, where degrees are projected to metres, or from WKT in metres.
 
 A feature's name is its property ``name``. Benches must stay in the polygon named ``inside``. Coordinates in GeoJSON are
-degrees (RFC 7946) unless the file has ``"units": "m"`` at its top level, or a ``crs`` as in the older specification.
+degrees (RFC 7946) unless the file has ``"units": "m"`` at its top level, or a ``crs`` member as in the older
+specification.
 """
 import json
 from collections.abc import Iterator

@@ -43,7 +43,7 @@ _LATEST = 0.3           # weight of the latest batch in the average time per row
 _WAIT_S = 0.5           # longest wait for a batch before signals are checked again
 _LOOK_S = 2.0           # time between two counts of the workers
 _CONNECT_S = 30.0
-_START_S = 120.0        # longest wait for a thread of this process
+_START_S = 120.0        # longest wait for a thread of this process to start
 _NO_WORKERS_S = 60.0    # time without workers after which the study ends with an error
 # Dask's dashboard and the HTTP routes that serve it are off. Its profiler is off, too: sampling a hundred times per
 # second took a tenth of a worker's time. By default, a worker returns freed blocks of 64 KB or more to the system, and
@@ -76,7 +76,7 @@ class StudyProgress:
 
     @property
     def refused(self) -> int:
-        """The number of rows of this run that lack an answer."""
+        """The number of rows computed by this run that lack an answer."""
         return sum(count for status, count in self.statuses.items() if status != OK)
 
 
@@ -159,7 +159,7 @@ def _running_loop() -> tuple[IOLoop, Callable[[], None]]:
 
 @contextmanager
 def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Block SIGINT in threads and processes that are started inside this block; in this thread it stays pending.
+    """Block SIGINT in threads and processes started inside this block; in this thread, the signal stays pending.
 
     A terminal sends SIGINT to all processes, but only this process should react, by stopping the workers; otherwise,
     each of them would print a traceback. The resource tracker of multiprocessing is started beforehand, since starting
@@ -175,7 +175,7 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
 
 @contextmanager
 def joined_client(scheduler: str) -> Iterator[Client]:
-    """Yield a client of a running cluster, given its address or scheduler file, with the TLS settings of Dask.
+    """Yield a client of a running cluster, given its address or scheduler file, with Dask's TLS settings.
 
     Raises MissingError if it cannot be reached, InputError if versions differ.
     """

@@ -147,7 +147,7 @@ class DataSet:
             raise DiskError(f'{self.folder / ROWS}: cannot be cleaned up: {error.strerror}') from None
 
     def join_blocks(self) -> None:
-        """Join the parts that an earlier run left unjoined."""
+        """Join the parts of complete blocks that an earlier run did not join."""
         for block in range(0, self.study.rows, BLOCK):
             self._join(block)
 
@@ -201,7 +201,7 @@ def _lock(file: IO[bytes], folder: Path) -> None:
 
 
 def _check_same(folder: Path, study: Study) -> None:
-    """Reject a folder with rows of another study or version; it may have fewer samples."""
+    """Reject a folder with rows of another study or version; a folder with fewer samples is accepted."""
     path = folder / STUDY_FILE
     if not path.exists():
         return
@@ -221,7 +221,7 @@ def _check_same(folder: Path, study: Study) -> None:
 
 
 def _write_study(folder: Path, study: Study) -> None:
-    """Write the study file with the versions that compute its rows."""
+    """Write the study file with the versions of the software that computes its rows."""
     text = as_text({**study.values, 'about': versions()})
     temporary = folder / f'{STUDY_FILE}.tmp'
     try:

@@ -1,6 +1,6 @@
-"""The questions that a study can ask about a scene: options, columns of the answer, and its computation.
+"""The questions that a study can ask about a scene, each with its options, answer columns and computation.
 
-Answers have brackets if the search provides them; a column ``..._proved`` tells whether they are proved
+Answers include brackets if the search provides them; a column ``..._proved`` states whether they are proved
 (docs/model.md). Rows of a batch share work: scenes with the same dragon and track share a compiled model, and the
 smallest pitch of a dragon is searched for only once.
 """
@@ -28,7 +28,7 @@ from dragon_ros.core.search.near_misses import near_misses
 Tell = Callable[[int], object]
 Values = dict[str, Any]
 _NEAR_M = 1.0       # largest threshold for near misses
-_SHARED = 64        # number of cached answers, which other rows of a batch can use
+_SHARED = 64        # most cached answers, which other rows of a batch can use
 
 
 class Asked:
@@ -46,7 +46,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class FirstContactQuestion:
-    """The first contact of the run: time, pair (benches, or bench and obstacle) and point; or the run's end."""
+    """The first contact of the run: time, pair (benches, or bench and obstacle) and point; otherwise, the run's end."""
 
     columns: ClassVar[dict[str, type]] = {
         'contact': bool, 'contact_t_s': float, 'contact_low_s': float, 'contact_high_s': float, 'contact_inner': int,
@@ -109,7 +109,7 @@ class ClearanceQuestion:
             number('ask.clearance.at_s', self.at_s, low=0.0)
 
     def answer(self, asked: Asked) -> Values:
-        """Return the answer. Its bounds follow from the (tested) position error; below three benches, it is empty."""
+        """Return the answer. Its bounds follow from the (tested) position error. Two benches have no gap."""
         simulation = compile_scene(asked.scene)
         t_s = simulation.end.t_s if self.at_s is None else self.at_s
         chain = simulation.chain(t_s)
@@ -255,7 +255,7 @@ class LockQuestion:
     columns: ClassVar[dict[str, type]] = {'locks': bool, 'lock_t_s': float, 'lock_link': int, 'lock_proved': bool}
 
     def answer(self, asked: Asked) -> Values:
-        """Return the answer. The lock is located to the last float; this is tested, not proved."""
+        """Return the answer. The lock is located to float precision; this is tested, not proved."""
         limit = compile_scene(replace(asked.scene, run=replace(asked.scene.run, stop_s=None))).limit
         if limit is None or limit.reason != 'lock':
             return {'locks': False, 'lock_proved': False}

@@ -46,7 +46,7 @@ def columns_of(study: Study) -> dict[str, Column]:
 
 
 def _type_of(study: Study, key: str, variation: object) -> type:
-    """Return the type of the values of a key."""
+    """Return the type of a key's values."""
     if isinstance(variation, Listed) and isinstance(variation.values[0], str):
         return str
     last, target = target_of(study.base, key)
@@ -70,7 +70,7 @@ def rows_of(study: Study, indices: Iterable[int]) -> list[Row]:
 
 @lru_cache(maxsize=8)
 def parsed(text: str) -> Study:
-    """Return the study from its complete text, the form in which workers receive it."""
+    """Return the study described by a complete text, the form in which workers receive it."""
     return study_from('study', text)
 
 

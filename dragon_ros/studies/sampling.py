@@ -90,7 +90,7 @@ def _point(study: Study, index: int) -> Floats:
 
 
 def _of_two(study: Study, base: int, which: int) -> Floats:
-    """Return base point A (0) or B (1), or A with B's values of one key (2 and up), as in Saltelli 2010, table 2."""
+    """Return base point A (0) or B (1), or A with one key's values from B (2 and up), as in Saltelli 2010, table 2."""
     both = _sequence(2 * study.dimensions, study.seed).point(base)
     a, b = both[:study.dimensions], both[study.dimensions:]
     if which < 2:

@@ -15,7 +15,7 @@ from dragon_ros.studies.study import Study
 CONFIDENCE = 0.95
 _RESAMPLES = 999
 _NORMAL_FROM = 20       # fewest rows for which a standard deviation is estimated
-_MOST_TESTED = 5000     # most values that are tested, since for more, the test's p-values are inaccurate
+_MOST_TESTED = 5000     # most values that are tested: the test's p-values are inaccurate for more values
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) ->
 
 
 def normal_upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) -> float:
-    """Return a bound like ``upper_bound`` that holds only **if** values are normally distributed (tolerance factor)."""
+    """Return a bound like ``upper_bound``, valid only **if** values are normally distributed (tolerance factor)."""
     from scipy.stats import nct, norm
     count = values.size
     factor = float(nct.ppf(confidence, count - 1, norm.ppf(share) * sqrt(count))) / sqrt(count)

@@ -25,7 +25,7 @@ MOST_ROWS = 10**9
 MOST_DIMENSIONS = 10_000        # limit for Sobol sequences: saltelli needs twice as many, and scipy supports 21,201
 _KEYS = ('scene', 'set', 'vary', 'design', 'samples', 'seed', 'ask', 'budget_s', 'about')
 _MOST_STEPS = 100_000
-_MOST_DIGITS = 6        # most digits in the index of a list item
+_MOST_DIGITS = 6        # most digits of a list index
 _FAR = 1e300            # largest value, chosen so that differences stay finite
 Values = dict[str, Any]
 
@@ -38,7 +38,7 @@ class Listed:
     is_per_bench: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        """Reject an empty list, and one that contains neither only numbers nor only words."""
+        """Reject an empty list, a mixture of numbers and words, and other values."""
         if not 1 <= len(self.values) <= _MOST_STEPS:
             raise FieldError('values', len(self.values), f'a list has 1 to {_MOST_STEPS} values', 'give at least one')
         for value in self.values:
@@ -129,7 +129,7 @@ def _per(is_per_bench: bool) -> Values:
 class Study:
     """A base scene, the varied keys, the design and the questions; together with an index, they determine a row.
 
-    ``samples`` is the number of points of a random or Sobol design; for ``saltelli`` it is the number of base points,
+    ``samples`` is the number of points of a random or Sobol design; for ``saltelli``, it is the number of base points,
     each of which has two rows plus one per key. The value is ignored for grids. ``budget_s`` is the CPU time per row.
     """
 
@@ -147,7 +147,7 @@ class Study:
         whole('seed', self.seed, low=0, high=2**63 - 1)
         settle(self, budget_s=number('budget_s', self.budget_s, above=0.0, high=1e9))
         if not self.vary:
-            raise FieldError('vary', {}, 'a study varies at least one key of its scene', 'name one, such as '
+            raise FieldError('vary', {}, 'a study varies at least one key of its scene', 'give one, such as '
                              'track.pitch_m: {from: 0.5, to: 0.6, steps: 11}')
         if not self.ask:
             raise FieldError('ask', [], 'a study asks at least one question', f'name one of {", ".join(QUESTIONS)}')
@@ -171,7 +171,7 @@ class Study:
         group, target = target_of(self.base, key)
         value = target.get(group)
         if isinstance(value, (list, dict)):
-            raise FieldError(at, value, 'it is not a single value', 'name one of the keys inside it')
+            raise FieldError(at, value, 'it is not a single value', 'give one of the keys inside it')
         if self.design == 'grid' and (isinstance(variation, (Uniform, Normal)) or
                                       (isinstance(variation, Range) and variation.steps is None)):
             raise FieldError(at, variation.as_value, 'a grid needs lists, or ranges with steps',
@@ -209,7 +209,7 @@ class Study:
 
     @cached_property
     def identity(self) -> Values:
-        """Everything that determines the values of a row."""
+        """All settings that determine the values of a row."""
         asked = {name_of(one): {f.name: getattr(one, f.name) for f in fields(one)} for one in self.ask}
         return {'scene': self.base, 'vary': {key: one.as_value for key, one in self.vary}, 'design': self.design,
                 'seed': self.seed, 'ask': asked, 'budget_s': self.budget_s}
@@ -275,7 +275,7 @@ def load_study(name_or_file: str) -> Study:
 
 
 def study_from(name: str, text: str) -> Study:
-    """Return the study from its complete text. Raises InputError."""
+    """Return the study described by a complete text. Raises InputError."""
     return study_of(parse_document(name, text), None)
 
 
@@ -296,7 +296,7 @@ def study_of(document: Document, folder: Path | None) -> Study:
 
 
 def _scene(document: Document, folder: Path | None) -> Scene:
-    """Return the base scene, given by name or file, with the changes of ``set``, or as a mapping like a scene file."""
+    """Return the base scene, given as a name or file with the changes of ``set``, or as a mapping like a scene file."""
     given = document.values.get('scene', 'winding')
     changes = document.section('set')
     if isinstance(given, dict):

@@ -47,13 +47,13 @@ from dragon_ros.version import __version__
 
 _HUGE = 1e100
 _MOST_LAST = 128        # final ticks of a led run in which topics may be missing because a killed recorder was behind
-_PART_BYTES = 2**23     # messages per part of a run: about eight chunks, processed in a tenth of a second
+_PART_BYTES = 2**23     # size of a part of a run: about eight chunks of messages, processed in a tenth of a second
 _Instant = tuple[int, dict[str, list[bytes]]]
 _Span = tuple[int, int]
 _SHOWN = 'model/markers'        # markers may differ between versions; the contacts themselves are in model/contacts
 _SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # solver diagnostics, which may differ between versions
 _POINT_FIELDS = {6: '<u4', 7: '<f4', 8: '<f8'}       # datatypes of a cloud's fields: handle number, coordinate, speed
-MOST_FAULTS = 1000      # most fault lines that are stored; all faults are counted
+MOST_FAULTS = 1000      # limit on the stored fault lines; all faults are counted
 _VIEWS: dict[str, Callable[[bytes | bytearray], list[Array]]] = {
     'handles': lambda data: [read_pose_array(data).poses],
     'benches': lambda data: read_marker_array(data).geometry,
@@ -61,7 +61,7 @@ _VIEWS: dict[str, Callable[[bytes | bytearray], list[Array]]] = {
 
 
 class _Fault(NamedTuple):
-    """The same fault of one topic in consecutive ticks."""
+    """A fault that one topic has in consecutive ticks."""
 
     name: str
     what: str
@@ -81,8 +81,8 @@ class Comparison:
     ``close`` messages agree to within twice the tier's promise (one promise per side); ``worst_m`` is the largest
     position difference among them. ``fault_count`` counts messages that are missing, extra or different;
     ``missing_count`` counts only missing ones. ``other_version`` is the version that made the bag, if it is not this
-    one; ``other_kernel`` names the bag's numpy and kernels, if they are not this machine's. In both cases, messages on
-    any topic may be close instead of identical. ``once`` counts the once-per-run messages that match the scene.
+    one; ``other_kernel`` names the bag's numpy and kernels, if they differ from this machine's. In both cases, messages
+    on any topic may be close instead of identical. ``once`` counts the once-per-run messages that match the scene.
     ``unchecked`` maps a topic to the number of messages that were not compared and the reason; ``seen`` counts the
     compared messages of each per-tick topic.
     """
@@ -128,7 +128,7 @@ class Comparison:
         self._last[fault.name] = line, fault
 
     def add(self, part: 'Comparison') -> None:
-        """Merge in the result for the ticks that follow, as if it had been counted here."""
+        """Add the result for the ticks that follow, as if they had been compared by this object."""
         self.equal += part.equal
         self.close += part.close
         self.worst_m = max(self.worst_m, part.worst_m)
@@ -147,14 +147,14 @@ class Comparison:
         self.fault(f'{name} at {t_ns} ns belongs to no tick', count)
 
     def fault(self, line: str, count: int) -> None:
-        """Add a line about ``count`` faulty messages; it is never merged with other lines."""
+        """Add a line about ``count`` faulty messages, without merging it with other lines."""
         self.fault_count += count
         if len(self._lines) < MOST_FAULTS:
             self._lines.append(line)
 
     @property
     def may_all_be_close(self) -> bool:
-        """Whether any topic may be close instead of identical, because its maker had another version or kernel."""
+        """Whether messages on any topic may be close, because another version or kernel made the bag."""
         return self.other_version is not None or self.other_kernel is not None
 
     @property
@@ -213,7 +213,7 @@ class _PartOfRun:
         return _reopened, (self._bag.path, *self._settings)
 
     def spans(self) -> list[_Span]:
-        """Return the parts as (first tick, tick after the last); there is at most one part more than messages."""
+        """Return the parts as (first tick, tick after the last): at most one more than there are messages."""
         if not log_times_are_ticks(self._bag, self._namespace):
             return [(0, self._ticks)]
         size = sum(len(encode(tick(self._scene, 0))) for encode in self._encode.values())
@@ -281,7 +281,7 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
 
 
 def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, frame_id: str, each: set[str]) -> None:
-    """Account for messages that belong to no tick or to a tick that could not be compared."""
+    """Account for messages that belong to no tick, or to a tick that could not be compared."""
     once = dict[str, str]()
     for topic in bag.topics:
         name = topic.name.removeprefix(f'{namespace}/')
@@ -420,9 +420,9 @@ def _allowed_m(frame: Frame, scene: Scene) -> float:
 
 
 def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:
-    """Return the deviation of a message in metres; inf if it differs in anything but numbers.
+    """Return the deviation of a message in metres; inf if anything but numbers differs.
 
-    Quaternions are scaled by the shortest link, speeds by the promise for speeds (``speed_promise_m_s``).
+    Quaternions are scaled by the shortest link, and speeds by their promise (``speed_promise_m_s``).
     """
     if name not in _VIEWS:
         return _off_of_others_m(name, wanted, found, frame, scene, result) if result.may_all_be_close else inf
@@ -466,7 +466,7 @@ def _speed_m_s(frame: Frame, scene: Scene) -> float:
 
 
 def _off_of_others_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:
-    """Return the deviation in metres of a message by another version or kernel; inf if it differs in more than numbers.
+    """Return the deviation in metres of a message by another version or kernel; inf if anything but numbers differs.
 
     Accelerations and tensions contain second derivatives of positions. These multiply a position error by (leader's
     speed)^2 / link^2, and by a further power of the conditioning per derivative. A tension is the sum of the forces on

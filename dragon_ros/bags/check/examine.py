@@ -108,7 +108,7 @@ def _examine(contents: Contents, file: McapFile, progress: Callable[[int], objec
 
 
 def _writer(file: McapFile) -> str:
-    """Return the profile and the library that the header names."""
+    """Return the profile and the library named in the header."""
     try:
         place = file.place(len(MAGIC))
         header = file.fields(place, Header.read) if place.opcode == Opcode.HEADER else Header('', '')
@@ -225,7 +225,7 @@ class Gaps:
     """Messages per second and, for a topic with ticks, the missing ticks and the number of duplicate messages.
 
     Ticks are numbered as in the scene's run or, if the bag has no scene, from the first message; ``ranges`` lists the
-    first missing ticks as (first, last). If messages are irregularly spaced, all fields but ``rate_hz`` are None.
+    first missing ticks as (first, last). If messages are irregularly spaced, all fields except ``rate_hz`` are None.
     """
 
     rate_hz: float | None

@@ -35,7 +35,7 @@ from dragon_ros.version import __version__
 
 @dataclass
 class Repaired:
-    """The number of recovered messages, and one line per part that was lost.
+    """The number of recovered messages, and a line for each part that was lost.
 
     ``unsaved`` counts messages that parse but were not saved.
     """
@@ -55,7 +55,7 @@ class _Sink:
         self._schemas: dict[tuple[object, ...], int] = {}
 
     def channel(self, index: Index, channel: Channel) -> int:
-        """Return the number of a channel; equal channels of several files share one."""
+        """Return the number of a channel; equal channels in several files share a number."""
         schema = index.schemas.get(channel.schema_id)
         named = (schema.name, schema.encoding, schema.data) if schema else ('', '', b'')
         if schema and named not in self._schemas:
@@ -88,7 +88,7 @@ def repair(path: Path, output: Path, progress: Callable[[int], object] = lambda 
 
 @contextmanager
 def _created(output: Path) -> Iterator[IO[bytes]]:
-    """Create a file; remove it if it remains incomplete."""
+    """Create a file, and remove it if writing fails."""
     try:
         with whole_or_none(output, overwrite=False) as out:
             yield out

@@ -45,7 +45,7 @@ def _folder_of(path: Path) -> Path | None:
 
 
 def _parts(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Return the parts that metadata.yaml lists, and others: those named alike or, without metadata.yaml, all."""
+    """Return the parts that metadata.yaml lists, and similarly named files (all files if there is no metadata.yaml)."""
     listed = _listed(folder / METADATA) if (folder / METADATA).is_file() else None
     stems = {_number(part)[0] for part in listed or ()}
     others = [part for part in folder.glob('*.mcap')
@@ -76,7 +76,7 @@ def _listed(path: Path) -> list[Path]:
             raise BagError(f'{path}: lists {shown(name)}; expected the names of .mcap files in its folder')
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise BagError(f'{path}: lists {twice} {names.count(twice)} times; list each file only once')
+        raise BagError(f'{path}: lists {twice} {names.count(twice)} times; each file may be listed only once')
     for name in names:
         if not (path.parent / name).exists():
             raise MissingError(f'{path}: lists {name}, which does not exist')

@@ -48,7 +48,7 @@ class BagFrame:
 
     @cached_property
     def clearance_m(self) -> float | None:
-        """Smallest signed gap (m) between non-adjacent benches; inf if there is no such pair, None if no benches."""
+        """Smallest signed gap (m) between non-adjacent benches; inf without such a pair, None without benches."""
         if self.benches is None:
             return None
         from dragon_ros.core.geometry.near_pairs import closeness  # imported lazily, because few readers need it
@@ -98,8 +98,8 @@ def frame_of_bag(bag: BagReader, namespace: str | None = None) -> str:
 class RecordedObstacles:
     """The obstacles in a bag at successive ticks; obstacles in another coordinate frame are ignored.
 
-    At first, they come from the last message on the topic ``venue``. Once the topic ``collision/obstacles`` begins,
-    they come from there: a monitor publishes on it all obstacles that it checks.
+    They come from the last message on the topic ``venue``. From the first stamp on the topic ``collision/obstacles``
+    onwards, they come from that topic, on which a monitor publishes all obstacles that it checks.
     """
 
     def __init__(self, bag: BagReader, namespace: str, frame_id: str) -> None:
@@ -166,7 +166,7 @@ def _scene_text(bag: BagReader, namespace: str | None) -> str | None:
 
 
 def _published_scene(bag: BagReader, namespace: str | None) -> str | None:
-    """Return the first message on a dragon's topic ``scene``, which any recorder can store."""
+    """Return the first message on a dragon's topic ``scene``, which bags from other recorders also contain."""
     try:
         topic = f'{namespace_of(bag) if namespace is None else namespace}/scene'
     except InputError:
@@ -191,7 +191,7 @@ def law_on(scene: Scene, law: Walked | None, t_ns: int, speed_m_s: float) -> Wal
 
 
 def keep_s(scene: Scene) -> float:
-    """Return how many seconds of past speeds a tick of a led scene depends on: the duration of its trails."""
+    """Return the seconds of past speeds on which a tick of a led scene depends: the duration of its trails."""
     return scene.trails.seconds if Effect.TRAILS in scene.effects else 0.0
 
 
@@ -210,7 +210,7 @@ def walked_scene(bag: BagReader, scene: Scene, namespace: str) -> Scene:
         if t_ns != scene.run.time_ns(k):
             break
         if k >= LED_TICKS:
-            raise InputError(f'{bag.path}: its dragon was led for more than {LED_TICKS} ticks, which is the limit for '
+            raise InputError(f'{bag.path}: its dragon was led for more than {LED_TICKS} ticks, the limit for '
                              'reading a run back')
         law = law_on(scene, law, t_ns, speed_m_s)
         walked.append((t_ns / NS, speed_m_s))
@@ -221,7 +221,7 @@ def walked_scene(bag: BagReader, scene: Scene, namespace: str) -> Scene:
 
 
 def log_times_are_ticks(bag: BagReader, namespace: str) -> bool:
-    """Return whether log times are simulation times, as in bags from this package's recorder, not wall times."""
+    """Return whether log times are simulation times, as in this package's bags, rather than wall times."""
     first = next(bag.messages([f'{namespace}/handles']), None)
     return first is None or read_stamp_ns(first.data) == first.t_ns
 
@@ -241,8 +241,8 @@ def frames_of_part(bag: BagReader, root: str, start_ns: int | None, end_ns: int 
                    is_last: bool) -> Generator[BagFrame, None, bool]:
     """Yield the ticks of a part of a bag, as ``frames`` does; return whether the whole bag would yield the same ticks.
 
-    It would not if a part other than the last one ends before the benches of a tick, or the tick of some benches, has
-    been read; the remaining ticks are then not yielded.
+    It would not if, at the end of any part but the last, a tick still lacks its benches or benches lack their tick;
+    such ticks are not yielded.
     """
     names = {topic.name: name for name in _TOPICS for topic in bag.topics if topic.name == f'{root}/{name}'}
     ticks = _Ticks('benches' not in names.values())

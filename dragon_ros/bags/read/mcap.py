@@ -5,8 +5,8 @@ limit and stops at the first damage. Here every allocation is bounded, damage is
 records before and after it can be recovered.
 
 The layout follows the MCAP specification, version 0: a magic number, records that consist of opcode (1 byte), length (8
-bytes) and content, and the magic number again. Only the fields of small records are parsed by the ``mcap`` package,
-which receives no bytes beyond the record.
+bytes) and content, and the magic number again. The ``mcap`` package parses only the fields of small records, and
+receives only the bytes of one record at a time.
 """
 import struct
 import zlib
@@ -36,7 +36,7 @@ _MESSAGE = struct.Struct('<HIQQ')
 _INDEX_HEAD, _INDEX_ENTRY = struct.Struct('<HI'), 16     # head: channel, bytes of its entries; entry: time, offset
 MESSAGE_HEAD = _MESSAGE.size    # bytes before the data in a message's content
 _LONGEST_NAME = 32              # largest number of characters in the name of a compression
-_MOST_FAULTS = 100      # most faults that are stored
+_MOST_FAULTS = 100      # limit on the stored faults
 _PACKED_MORE = 1 / 128          # largest fraction by which compression enlarges a chunk of random bytes
 _RUN = 4 * 2**20            # largest size in bytes of a batch of consecutive messages outside chunks
 
@@ -163,7 +163,7 @@ class _Exact(ReadDataStream):
 
 
 def parse_fields(data: bytes, parse: Callable[[ReadDataStream], T]) -> T:
-    """Return the fields of a record's content. Raises ValueError if they exceed it."""
+    """Return the fields of a record's content. Raises ValueError if they extend beyond it."""
     return parse(_Exact(data))
 
 
@@ -319,7 +319,7 @@ def _plain(data: bytes, size: int) -> bytes:
 
 
 def _zstd(data: bytes, size: int) -> bytes:
-    """Decompress a frame, after checking its claimed size against the chunk's before allocating any memory."""
+    """Check, before allocating memory, that a frame claims the same size as the chunk; then decompress it."""
     claimed = zstandard.frame_content_size(data)
     if claimed not in (-1, size):
         raise ValueError(f'its zstd frame claims {claimed} bytes, the chunk {size}')
@@ -371,8 +371,9 @@ class Index:
 
     ``damage`` describes where and why a scan ended early; ``cut`` is the incomplete chunk at its end. ``faults`` lists
     the first of ``fault_count`` unreadable records between readable ones. ``data_end`` is the end of the data section,
-    or None if unknown. ``stray`` lists the DataEnd records before the last one or before further data. ``numbered``
-    counts messages by channel according to the chunk indexes. ``reach`` is the offset where the last record ends.
+    or None if unknown. ``stray`` lists the DataEnd records that are followed by data or by another DataEnd.
+    ``numbered`` counts messages by channel according to the chunk indexes. ``reach`` is the offset where the last
+    record ends.
     """
 
     file: McapFile
@@ -492,9 +493,9 @@ def _indexed(file: McapFile, opcode: int, offset: int, length: int) -> Location:
 def scanned_index(file: McapFile, progress: Callable[[int], object] = lambda offset: None) -> Index:
     """Scan all records up to the first damage, without decompressing chunks, and return the index.
 
-    All commands use this index as the definition of a bag's contents. It has the messages that a stream reader sees:
-    those inside and outside chunks, including any after a stray DataEnd. The summary, which only repeats information,
-    follows the last DataEnd.
+    All commands use this index as the definition of a bag's contents. It contains the messages that a stream reader
+    sees: those inside and outside chunks, including any after a stray DataEnd. The summary, which only repeats
+    information, follows the last DataEnd.
     """
     scan = _Scan(Index(file))
     try:
@@ -540,7 +541,7 @@ class _Scan:
         return True
 
     def end(self, error: BagError | None) -> None:
-        """Note where the records end, and any damage there except to the summary, which loses no messages."""
+        """Note where the records end, and the damage there; damage to the summary is ignored: it loses no messages."""
         self._end_batch()
         index, file = self.index, self.index.file
         index.reach = file.size if error is None else error.fields.get('offset', file.size)
@@ -606,8 +607,8 @@ class _Scan:
 def is_indexed(scanned: Index, summary: Index) -> bool:
     """Return whether a file's summary, chunk indexes and records agree, so that no chunk needs to be opened.
 
-    The counts in the summary are then correct. They need not agree in an intact file, since a writer may omit parts of
-    a summary.
+    The counts in the summary are then correct. An intact file may fail this check, since writers may omit parts of a
+    summary.
     """
     said, counts, channels = summary.statistics, +summary.counts, scanned.channels
     return (said is not None and not scanned.fault_count and _chunks(summary) == _chunks(scanned)

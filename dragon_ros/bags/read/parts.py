@@ -9,7 +9,7 @@ from dragon_ros.bags.read.frames import BagFrame, frames, frames_of_part
 from dragon_ros.bags.read.reader import END_OF_TIME_NS, BagReader
 from dragon_ros.messages.decode import read_stamp_ns
 
-_TICKS = 64         # ticks per part if only this process reads
+_TICKS = 64         # ticks per part if this process reads alone
 R = TypeVar('R')
 _Span = tuple[int, int]
 Mapped = Callable[[Callable[[_Span], R], Sequence[_Span]], Generator[R, None, None]]
@@ -41,7 +41,7 @@ def _reopened(kind: Callable[..., Any], path: Path, *settings: Any) -> Any:
 
 def in_parts(bag: BagReader, root: str, body: Callable[[Iterator[BagFrame]], R], mapped: 'Mapped[tuple[R, bool]]',
              start_ns: int = 0, end_ns: int = END_OF_TIME_NS) -> Generator[R, None, None]:
-    """Apply ``body`` to each part of a bag, or of a span of its log times, and yield the results in order.
+    """Apply ``body`` to each part of a bag, or of a range of its log times, and yield the results in order.
 
     ``body`` receives the ticks of a part and must consume all of them. ``mapped(work, jobs)`` computes the parts, in
     this process or others. If a tick straddles two parts, as may happen with wall-clock log times, this process reads
@@ -71,7 +71,7 @@ class _Stamps:
         return _reopened, (_Stamps, self._bag.path, self._topic)
 
     def __call__(self, span: _Span) -> list[tuple[int, int]]:
-        """Return the stamps and log times within a span of log times."""
+        """Return the stamps and log times of the messages in a span of log times."""
         return [(read_stamp_ns(one.data), one.t_ns) for one in self._bag.messages([self._topic], *span)]
 
 

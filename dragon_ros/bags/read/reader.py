@@ -31,8 +31,8 @@ from dragon_ros.scenes.yaml import values_of
 
 __all__ = ['BagError', 'BagReader', 'Message', 'Topic']
 END_OF_TIME_NS = 2**64
-_SPAN_BYTES = 2**20     # smallest size of a span in the file; it is processed in tens of milliseconds
-_MOST_SPANS = 2000      # limited because reading a span searches all batches
+_SPAN_BYTES = 2**20     # smallest span, in bytes of the file: processed in tens of milliseconds
+_MOST_SPANS = 2000      # most spans, since reading each span searches all batches
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Message:
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of a bag: full name, type, encoding, QoS in rosbag2's form, and number of messages."""
+    """One topic of a bag: full name, type, encoding, QoS as in rosbag2, and number of messages."""
 
     name: str
     type: str
@@ -58,7 +58,7 @@ class Topic:
 
 
 class BagReader:
-    """Reads a complete bag, or the intact batches of a ``damaged`` one."""
+    """Reads a complete bag or, if it is ``damaged``, its intact batches."""
 
     def __init__(self, path: Path, damaged: bool = False) -> None:
         """Open a bag and read its index. Raises MissingError or BagError."""

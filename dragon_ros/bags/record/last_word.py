@@ -1,15 +1,15 @@
-"""Decides whether a monitor has reported on the last tick, so that a recorder does not end before its last message.
+"""Decides whether a monitor has reported on the last tick, so that a recorder does not end before that report.
 
 A monitor begins its report on a tick with a stamped clearance. Every second, and when it ends, it publishes its health:
 the last tick on which it has reported, and the number of messages that it has yet to read.
 """
 from dragon_ros.messages.decode import Health
 
-_IDLE = 2       # health messages with nothing to read after which no reports are expected; the first may be old
+_IDLE = 2       # idle health messages after which no reports are expected; the first may be outdated
 
 
 class LastWord:
-    """What a monitor has reported, compared with the ticks that it can examine."""
+    """Compares a monitor's reports with the ticks that it can examine."""
 
     def __init__(self) -> None:
         """Start without a monitor and without ticks."""
@@ -47,7 +47,7 @@ class LastWord:
 
     @property
     def is_missing(self) -> bool:
-        """Whether a monitor was there whose reports on the last ticks have not arrived."""
+        """Whether a monitor was heard, but its reports on the last ticks have not arrived."""
         return self.heard and not self.is_said
 
     def _is_done(self) -> bool:

@@ -16,7 +16,7 @@ from dragon_ros.messages.channels import channel_of, live
 
 RECEIVED = 'dragon_ros.received'     # name of the metadata record that contains the account
 _MOST_STEPS = 1000
-_MOST_EARLY = 100_000       # largest number of stamps kept until the scene is known
+_MOST_EARLY = 100_000       # most stamps that are kept until the scene is known
 
 
 @dataclass
@@ -24,7 +24,7 @@ class TopicCount:
     """The account of one topic."""
 
     received: int = 0
-    left_out: int = 0           # dropped because the disk was too slow
+    left_out: int = 0           # messages dropped because the disk was too slow
     lost: int = 0               # messages lost from earlier publishers
     sequence: IntervalSet = field(default_factory=IntervalSet)
     ticks: IntervalSet = field(default_factory=IntervalSet)
@@ -159,11 +159,11 @@ class LossAccount:
         return {topic: count for topic, count in found.items() if count}
 
     def unheard(self) -> list[str]:
-        """Return the topics on which the scene or a publisher promises one message per tick but none was received."""
+        """Return the topics that, by the scene or a publisher, should have a message per tick but have none."""
         return sorted((self._each_tick | self._offered) - {topic for topic, row in self.topics.items() if row.received})
 
     def complete(self, ended: bool) -> bool:
-        """Return whether nothing is known to be missing."""
+        """Return whether no message is known to be missing."""
         lost = any(row.lost_on_the_way or row.left_out for row in self.topics.values())
         return not (self.missing(ended) or self.beginnings() or self.unheard() or lost)
 
@@ -201,7 +201,7 @@ class LossAccount:
         out += [f'{topic}: {row.lost_on_the_way} messages were lost in transit, of '
                 f'{row.received + row.lost_on_the_way} published' for topic, row in self.topics.items()
                 if row.lost_on_the_way]
-        out += [f'{topic}: {row.left_out} messages were left out, because the disk was too slow'
+        out += [f'{topic}: {row.left_out} messages were left out because the disk was too slow'
                 for topic, row in self.topics.items() if row.left_out]
         out += [f'{topic}: several publishers at once, so missing messages cannot be counted'
                 for topic, row in self.topics.items() if row.shared]

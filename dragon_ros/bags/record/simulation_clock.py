@@ -1,13 +1,13 @@
 """Assigns a simulation time to every recorded message, with or without a stamp.
 
 A message with a stamp is logged at that time. A message without a stamp belongs to the tick of the last stamped message
-that its publisher sent before it. Source times determine this order, since topics overtake each other in transit. A
-sim's stamped message is the handles message, which the velocities follow; a monitor lags behind the sim, and its
-stamped message is the clearance. A message that cannot be assigned to a tick is left out and counted.
+that its publisher sent before it. Source times determine this order, since topics overtake each other in transit. The
+stamped message of a sim is the handles message, which is followed by the velocities; the stamped message of a monitor,
+which lags behind the sim, is the clearance. A message that cannot be assigned to a tick is left out and counted.
 
 Source times come from the system clock, which may be set back during a run. The next message of a topic then has an
-earlier source time than the previous one. Messages are therefore ordered by a moment, which consists of the number of
-times that the clock has been set back so far and the source time.
+earlier source time than the previous one. Messages are therefore ordered by a "moment": the number of times that the
+clock has been set back so far, and the source time.
 """
 import time
 from bisect import bisect_right
@@ -59,7 +59,7 @@ class SimulationClock:
         self._write = write
         self._moments: list[_Moment] = []       # moments of the marks, in order
         self._marks: list[_Mark] = []
-        self._set_back, self._turn_ns = 0, (0, 0)       # set-backs so far; source times around the last one
+        self._set_back, self._turn_ns = 0, (0, 0)       # number of set-backs; source times before and after the last
         self._sent: dict[str, _Sent] = {}
         self._held: list[_Held] = []
         self._held_bytes = 0
@@ -111,7 +111,7 @@ class SimulationClock:
         return times, source_ns
 
     def _is_after_turn(self, source_ns: int) -> bool:
-        """Return whether a message was sent after the clock's last set-back, and not merely delayed in transit.
+        """Return whether a message was sent after the clock was last set back, and not merely delayed in transit.
 
         If the clock was set back by less than a second, source times may, in rare cases, be ambiguous for up to a
         second.
@@ -122,7 +122,7 @@ class SimulationClock:
         return abs(source_ns - after_ns) <= abs(source_ns - before_ns)
 
     def _give_up(self) -> None:
-        """Give up on messages that have waited too long because the run begins late or the tick never arrived."""
+        """Give up on messages that have waited too long because the run began late or the tick never arrived."""
         if self._marks:
             self._sent.clear()
             self._release(lambda held: True)
@@ -181,7 +181,7 @@ class SimulationClock:
         return None
 
     def _is_gap(self, at: int) -> bool:
-        """Return whether a stamped message was lost after this mark; later messages may belong to either tick."""
+        """Return whether a stamped message was lost between this mark and the next, so that ticks are ambiguous."""
         if at + 1 == len(self._marks):
             return False
         here, there = self._marks[at].sequence, self._marks[at + 1].sequence

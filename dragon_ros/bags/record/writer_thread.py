@@ -86,7 +86,7 @@ class WriterThread:
                 self._changed.wait_for(lambda: self._due or self._closing, max(0.0, due - time.monotonic()))
                 jobs, self._jobs, self._due = self._jobs, deque(), False
             while jobs:
-                size, write = jobs.popleft()        # release each message once it is written
+                size, write = jobs.popleft()        # each message is released once it is written
                 self._do(write)
                 with self._changed:
                     self._waiting -= size

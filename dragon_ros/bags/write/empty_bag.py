@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from dragon_ros.bags.read.mcap import Index
 
 _HOLDING = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.ATTACHMENT)
-_CUT_BYTES = 4096       # longest remainder that counts as a truncated record; a longer one may be something else
+_CUT_BYTES = 4096       # a remainder longer than this is not taken for a truncated record
 
 
 def holds_no_message(path: Path) -> bool:
@@ -30,7 +30,7 @@ def holds_no_message(path: Path) -> bool:
 
 
 def _ends_at_damage(index: 'Index') -> bool:
-    """Return whether a file is undamaged, or ends in a truncated record that is no message, chunk or attachment."""
+    """Return whether a file is undamaged, or ends in a truncated record that is not a message, chunk or attachment."""
     if index.damage is None:
         return True
     file, at = index.file, index.damage.fields['offset']

@@ -1,7 +1,7 @@
 """Writes one MCAP file chunk by chunk. A chunk is written completely or not at all, so the file can always be closed.
 
-It is written by hand because the library's writer ends a chunk only by size, cannot flush on demand, and cannot undo a
-chunk that a full disk truncated. Records are encoded by the library, except for the Message record, which is packed
+It is written by hand because the library's writer ends a chunk only by size, cannot flush on demand, and cannot remove
+a chunk that a full disk truncated. Records are encoded by the library, except for the Message record, which is packed
 here because it is on the hot path. With two alternating buffers, a thread compresses and writes a full chunk while the
 next one is filled. A caller that has its own writer thread does not use this thread, since handing over a chunk costs
 as much as filling it.
@@ -55,9 +55,9 @@ class Worker:
     def start(self, job: Callable[[], None]) -> None:
         """Wait for the previous job, then start the new one. If the previous job failed, raise its error instead.
 
-        Returns when the job first releases the interpreter lock. A thread that merely requests the lock can starve
-        while its holder keeps releasing and retaking it, as numpy does; the job would then run only when the caller
-        waits for it.
+        This method returns when the job first releases the interpreter lock. A thread that merely requests the lock can
+        starve while its holder keeps releasing and retaking it, as numpy does; the job would then run only when the
+        caller waits for it.
         """
         self.settle()
         begun = Lock()
@@ -94,13 +94,13 @@ class NoWorker:
 
 
 def _after(begun: Lock, job: Callable[[], None]) -> None:
-    """Run a job. The caller waits for its start and resumes when this thread releases the interpreter lock."""
+    """Run a job. The caller waits until the job starts, and resumes when this thread releases the interpreter lock."""
     begun.release()
     job()
 
 
 def packed_bytes(topics: int) -> int:
-    """Return the size in bytes of the entry for a chunk that contains messages on this many topics."""
+    """Return the size in bytes of the entry for a chunk with messages on this many topics."""
     return _CHUNK.size + topics * _COUNT.size
 
 
@@ -444,7 +444,7 @@ class McapWriter:
             self._thread.start(partial(self._write_chunk, done))
 
     def _settle(self) -> None:
-        """Wait until the ended chunks are in the file. If one is lost, drop the open one too, to avoid a gap."""
+        """Wait until the ended chunks are in the file. If one is lost, drop the open chunk too, to avoid a gap."""
         try:
             self._thread.settle()
         except DiskError:
@@ -518,11 +518,11 @@ class McapWriter:
         return start
 
     def _truncated(self) -> DiskError:
-        """Remove the parts that another program truncated, and all later parts, from the list; return the error."""
+        """Remove truncated parts from the list, after another program truncated the file; return the error."""
         size = os.fstat(self._file.fileno()).st_size
         while self.parts and self._end > size:
             self._end = self.parts.pop()
-        if self._end > size:        # the records before the parts were also truncated
+        if self._end > size:        # the records before the first part were truncated, too
             self._end = len(_HEADER)
             self._file.seek(0)
             self._write([_HEADER])

@@ -11,7 +11,7 @@ class PageCache:
     """Sends written data to the disk early, and then releases its memory for new data.
 
     By default, the system keeps all data in memory, writes it in large bursts, and makes the writer wait when a fifth
-    of the memory is waiting to be written. Fresh memory also costs more than reused memory: on a virtual machine,
+    of the memory contains unwritten data. Fresh memory also costs more than reused memory: on a virtual machine,
     recording 2,000 benches at 700 Hz takes 0.8 of a core without this class and 0.55 with it. Files below 64 MiB stay
     in memory for their next reader.
 

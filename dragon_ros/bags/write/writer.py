@@ -24,7 +24,7 @@ from dragon_ros.messages.channels import Channel
 from dragon_ros.messages.schemas import schema_text, type_hash
 
 MB = 10**6
-_SWITCH_S = 2e-5        # shorter than the time between two releases of the interpreter lock by numpy
+_SWITCH_S = 2e-5        # shorter than the intervals at which numpy releases the interpreter lock
 _VERSION = 9            # version of metadata.yaml, as ROS 2 Jazzy writes it
 _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 _INDEX_BYTES, _INDEX_BYTES_A_CHUNK = 100_000, 600        # schemas, channels and metadata; a chunk with 10 channels
@@ -55,7 +55,7 @@ class BagOptions:
 
     @property
     def splits(self) -> bool:
-        """Whether there may be several files."""
+        """Whether the bag may consist of several files."""
         return self.split_size_mb is not None or self.split_duration_s is not None
 
 
@@ -96,7 +96,7 @@ class BagWriter:
         if self._single and self.options.splits:
             raise InputError(f'--output {path}: is one file and cannot be split; give a directory')
         self._folder = None if self._single else BagFolder(path, overwrite)
-        self._broken: DiskError | None = None       # the reason why no part follows the last one
+        self._broken: DiskError | None = None       # the error after which no further part can begin
         self._channels: dict[str, Channel] = {}
         self._ids: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
@@ -149,7 +149,7 @@ class BagWriter:
         return self._ids[topic]
 
     def write_chunk(self, chunk: PackedChunk) -> None:
-        """Append a chunk that was packed elsewhere with channels of ``channel_of``; the bag must have no limits."""
+        """Append a chunk that was packed elsewhere with channels from ``channel_of``; the bag must have no limits."""
         assert not self._limited
         self._open_file().add_chunk(chunk)
         topics = {channel: topic for topic, channel in self._ids.items()}
@@ -244,7 +244,7 @@ class BagWriter:
             raise self._broken from None
 
     def _index_bytes(self) -> int:
-        """Return a safe estimate of the size of the index."""
+        """Return a safe upper estimate of the size of the index."""
         return _INDEX_BYTES * (len(self._files) + 1) + _INDEX_BYTES_A_CHUNK * len(self._file.parts)
 
     def _end_file(self) -> None:
