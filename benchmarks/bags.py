@@ -1,4 +1,4 @@
-"""``cost bag``: throughput and size of bags by compression, compared with the library's writer."""
+"""``cost bag``: throughput and size of bags for each compression, compared with the writer of the MCAP library."""
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ class Written:
 
     @property
     def share(self) -> float:
-        """Size of the bag as a share of its messages."""
+        """Size of the bag relative to the size of its messages."""
         return self.bag_bytes / self.raw_bytes
 
 
@@ -121,13 +121,13 @@ def csv_text(rows: list[Written]) -> str:
 
 
 def picture(rows: list[Written]) -> Figure:
-    """Return throughput against size, one point per writer and compression."""
+    """Return a figure of throughput against size, with one point per writer and compression."""
     figure = Figure(figsize=(PAGE_IN, 5.4), layout='constrained')
     axes = figure.subplots()
     for row in rows:
         own = row.writer == _OWN
         axes.plot(100 * row.share, row.mb_s, 'o' if own else 's', color='#0072B2' if own else '#E69F00', markersize=9)
-        on_left = own and row.compression == 'zstd'         # lz4 is to the right of it, at nearly the same height
+        on_left = own and row.compression == 'zstd'         # lz4 is to the right, at nearly the same height
         axes.annotate(f'{row.writer}, {row.compression}', (100 * row.share, row.mb_s), textcoords='offset points',
                       xytext=(-8 if on_left else 8, 4 if own else -12), ha='right' if on_left else 'left',
                       fontsize=TEXT_PT)

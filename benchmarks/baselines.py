@@ -14,7 +14,7 @@ from dragon_ros.cost.baselines import SIMPLE, Solver, chain_by, cosine_rule
 
 
 def by_fsolve(theta: float, chord: float) -> float:
-    """Return the polar angle of the next handle by scipy's fsolve, starting at an arc as long as the chord."""
+    """Return the polar angle of the next handle by scipy's fsolve, starting from an arc as long as the chord."""
     def excess(outer: Floats) -> float:
         return cosine_rule(theta, float(outer[0]), chord)
     return float(fsolve(excess, theta + chord / max(theta, 1e-9))[0])

@@ -32,18 +32,18 @@ def main(argv: list[str]) -> int:
     """Measure one page or all; return the exit code."""
     options = command_line.parser('cost', 'Measure a page in one run: a table, CSV, and a picture as PNG and SVG.',
                                   'cost accuracy --output docs/cost')
-    options.add_argument('page', choices=(*PAGES, ALL), help='limits: each stage compared with the limit of the '
-                                                             'machine; accuracy: error against time, for every tier '
+    options.add_argument('page', choices=(*PAGES, ALL), help="limits: each stage compared with the machine's limit; "
+                                                             'accuracy: error against time, for every tier '
                                                              'and other solvers; '
                          'promises: error over promise on random chains; '
-                         'contact: the first contact against sampling at fixed steps, and growth with benches; '
+                         'contact: the first contact compared with sampling at fixed steps, and growth with benches; '
                          'effects: what each effect adds to a tick; tick: where the time of one tick goes; '
                          'first: time of the first tick of a track; '
                          'scale: growth of each stage, and rates sustained over DDS; '
                          'bag: throughput and size of bags by compression; simulate: speed by the number of workers; '
                          'memory: memory of a recorder in a long run; startup: start-up time of every executable; '
                          'study: rows per second of studies on Dask; venue: design fit and contact in a town; all: '
-                         'all pages one by one, but promises only with --chains')
+                         'all pages in turn, but promises only with --chains')
     options.add_argument('--resume', action='store_true', help='with all: omit the pages that this version has '
                          'measured today')
     options.add_argument('--output', type=Path, metavar='FOLDER',
@@ -55,7 +55,7 @@ def main(argv: list[str]) -> int:
                          help=f'length of the run of the page memory ({_MINUTES:g})')
     options.add_argument('--chains', type=float, metavar='N',
                          help=f'number of chains for the page promises ({_CHAINS:g}; 100,000 take an hour); after '
-                         'Ctrl-C the page has the chains computed so far')
+                         'Ctrl-C, the page contains the chains computed so far')
     options.add_argument('--readme', type=Path, metavar='FILE', help='also renew the table between the marks in FILE '
                          '(for all: README.md of the checkout)')
     return command_line.guarded('cost', partial(_run, options.parse_args(argv)))
@@ -105,13 +105,13 @@ def _page(name: str, arguments: Namespace, folder: Path, readme: Path | None) ->
     try:
         page = import_module(PAGES[name])
     except ImportError as error:
-        raise MissingError(f'{error.name}: is not installed; the cost pages compare with it: pip install {error.name}'
+        raise MissingError(f'{error.name}: it is not installed; the cost pages need it: pip install {error.name}'
                            ) from None
     rows = page.measure(effort)
     try:
         paths = write(name, rows, folder)
     except OSError as error:
-        raise MissingError(f'--output {folder}: cannot be written: {error.strerror}') from None
+        raise MissingError(f'--output {folder}: it cannot be written: {error.strerror}') from None
     print(page.table(rows))
     if readme:
         renew(readme, name, page.summary(rows) if hasattr(page, 'summary') else page.table(rows))
@@ -152,4 +152,4 @@ def renew(path: Path, page: str, text: str) -> None:
         tail = rest.split(_END, 1)[1]
         path.write_text(f'{head}{_mark(page)}\n{text}\n{_END}{tail}', encoding='utf-8')
     except (OSError, ValueError, IndexError):
-        raise MissingError(f'--readme {path}: cannot be renewed; it needs the marks {_mark(page)} and {_END}') from None
+        raise MissingError(f'--readme {path}: it cannot be renewed; add the marks {_mark(page)} and {_END}') from None

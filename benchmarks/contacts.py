@@ -1,4 +1,4 @@
-"""``cost contact``: finding the first contact compared with sampling at fixed steps, and the growth of one check."""
+"""``cost contact``: the search for the first contact compared with sampling, and the growth of the time of a check."""
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -100,7 +100,7 @@ def _scanned(step_s: float, scene: Scene) -> list[Search]:
 
 
 def _polished(wanted: tuple[float, ...], scene: Scene, what: str = '', true_s: float = T_STAR_S) -> list[Search]:
-    """Sample every second, then bisect the second with the contact down to each of the ``wanted`` durations."""
+    """Sample every second, then bisect the second with the contact until it is as short as each ``wanted`` duration."""
     scan = _scanned(1.0, scene)[0]
     low, high = scan.t_s - 1, scan.t_s
     samples, start, out = scan.states, time.perf_counter(), []
@@ -131,7 +131,7 @@ def _search_table(rows: Measured) -> str:
 
 
 def csv_text(rows: Measured) -> str:
-    """Return the rows as CSV, times in seconds; a row has the answer of a search, or the benches of a check."""
+    """Return the rows as CSV, with times in seconds; a row has the answer of a search, or the benches of a check."""
     searches = [(row.solver, Scene().dragon.benches, row.t_s, row.late_s, row.depth_m, row.verdict, row.states, '',
                  row.spent_s, '', '', '') for row in rows.searches]
     checks = [(check.method, check.benches, '', '', '', 'right' if check.right else 'WRONG', 1, check.pairs,

@@ -53,7 +53,7 @@ def _cell(row: Price) -> str:
 
 
 def csv_text(rows: Measured) -> str:
-    """Return the rows as CSV, times in seconds."""
+    """Return the rows as CSV, with times in seconds."""
     prices = [(row.effect, row.scene, row.size, *(row.timing.cells if row.timing else [''] * 4), '')
               for row in rows.prices]
     wholes = [(whole.name, f'over {whole.over}', '', *whole.timing.cells, whole.ratio) for whole in rows.wholes]

@@ -62,7 +62,7 @@ def _row(name: str, scene: Scene, budget_s: float) -> Row:
 
 
 def first_tick(scene: Scene) -> object:
-    """Place all handles at the start of a run with a new model: track, leader and table are built again."""
+    """Place all handles at the start of a run with a new model, whose track, leader and table are built again."""
     fresh = replace(compile_scene(scene).model)
     return fresh.placement.place(fresh.leader.place(scene.head.travelled_m(scene.run.start_s)))
 
@@ -89,14 +89,14 @@ def _line(row: Row) -> str:
 
 
 def csv_text(rows: list[Row]) -> str:
-    """Return the rows as CSV, one line per timing, times in seconds."""
+    """Return the rows as CSV, one line per timing, with times in seconds."""
     return csv_of(['scene', 'handles', 'segments', 'tick', *TIMES],
                   [(row.scene, row.handles, row.segments, name, *timing.cells)
                    for row in rows for name, timing in row.timings.items()])
 
 
 def picture(rows: list[Row]) -> Figure:
-    """Return a figure with one line per scene: its first tick and a later one, by map and by march."""
+    """Return a figure with one line per scene: its first tick and a later tick, by map and by march."""
     figure = Figure(figsize=(PAGE_IN, 0.34 * len(rows) + 2.4), layout='constrained')
     axes, at = figure.subplots(), np.arange(len(rows))
     for name, (colour, marker) in _STYLES.items():

@@ -42,7 +42,7 @@ class Check:
 
 
 def checks_of(size: int, budget_s: float) -> list[Check]:
-    """Check a dragon with this many benches at one time by each method: compare the results, then measure the times."""
+    """Check a dragon with this many benches at one time by each method; compare the results, then measure the times."""
     scene = Scene(dragon=Dragon(size))
     chain = state(scene, _AT_S)
     benches = benches_of(chain, scene.dragon, axes_of(chain))
@@ -69,7 +69,7 @@ def _agree(gap: float, least: float, reach: float) -> bool:
 
 
 def _watched(scene: Scene, pairs: int, least: float, budget_s: float) -> Check:
-    """Check tick by tick as the monitor does, without messages: order, near pairs and contact intervals."""
+    """Check tick by tick as the monitor does, but without messages: order, near pairs and contact intervals."""
     tracker, ticks, looks = ContactTracker(), count(1), ticks_from(scene, _AT_S)
 
     def check() -> float:
@@ -95,7 +95,7 @@ def exponent(checks: list[Check], method: str) -> float:
 
 
 def check_table(checks: list[Check]) -> str:
-    """Return the checks as a Markdown table, one line per size."""
+    """Return the checks as a Markdown table, with one line per size."""
     methods = list(METHODS)
     lines = ['| ms for one check of N benches | ' + ' | '.join(methods) + ' | pairs: ' + ', '.join(methods) + ' |',
              '|---:|' + '---:|' * len(methods) + '---:|']

@@ -2,7 +2,7 @@
 
 Each stage is compared with the machine's rates, measured in the same run on one thread: multiplications and additions
 in a product, bytes copied within the cache or through memory, bytes compressed by zstd alone, and bytes written to a
-file. The limit of a stage is the longest time that any of its amounts takes at the machine's rate.
+file. The limit of a stage is the longest of the times that its amounts take at these rates.
 """
 import tempfile
 from collections.abc import Callable
@@ -44,7 +44,7 @@ _RATES = {'product': 'multiplications and additions in a product', 'cache': 'byt
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage: its time per call, and the amounts that it must process, by the rate that bounds them."""
+    """A stage: its time per call, and the amounts that it must process, keyed by the rate that bounds them."""
 
     name: str
     timing: Timing
@@ -177,13 +177,13 @@ def _amount(value: float) -> str:
 
 
 def csv_text(rows: Measured) -> str:
-    """Return the stages as CSV, times in seconds."""
+    """Return the stages as CSV, with times in seconds."""
     return csv_of(['stage', 'limit_s', 'bound_by', *TIMES],
                   [(stage.name, *stage.limit(rows.rates), *stage.timing.cells) for stage in rows.stages])
 
 
 def picture(rows: Measured) -> Figure:
-    """Return a figure with a bar for each stage: its time relative to the limit of the machine."""
+    """Return a figure with a bar for each stage: its time relative to the machine's limit."""
     figure = Figure(figsize=(PAGE_IN, 0.5 * len(rows.stages) + 1.8), layout='constrained')
     axes = figure.subplots()
     kinds = [*_RATES]

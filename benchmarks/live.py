@@ -28,7 +28,7 @@ _OVERRUNS, _SEEN = re.compile(r'; (\d+) overruns'), re.compile(r'saw (\d+) ticks
 
 @dataclass(frozen=True)
 class Usage:
-    """The CPU use of one process in cores, and the growth of its memory, from the first to the last sample."""
+    """The CPU use of a process in cores, and the growth of its memory from the first to the last sample."""
 
     cores: float
     rss_mb: float
@@ -37,7 +37,7 @@ class Usage:
 
 @dataclass(frozen=True)
 class Live:
-    """One run: benches, ticks per second (0: as fast as readers can follow), ticks, wall time, overruns and losses."""
+    """A run: benches, ticks per second (0: as fast as readers can follow), ticks, wall time, overruns and losses."""
 
     benches: int
     rate_hz: float
@@ -64,7 +64,7 @@ class Live:
 
 
 def run(benches: int, rate_hz: float, ticks: int, markers: str = 'cubes') -> Live:
-    """Run a number of ticks at a rate (0: as fast as the readers can follow) with monitor and recorder."""
+    """Run a number of ticks at a rate (0: as fast as the readers can follow) with a monitor and a recorder."""
     rate = rate_hz or 50.0
     stop_s = _START_S + (ticks - 1) / rate
     with TemporaryDirectory() as name, processes(Path(name)) as start:
@@ -170,6 +170,6 @@ def ended(process: 'subprocess.Popen[bytes]') -> None:
 
 
 def _number(pattern: 're.Pattern[str]', text: str) -> int:
-    """Return the number that a pattern finds in a log, or 0 if it finds none."""
+    """Return the number that a pattern matches in a log, or 0 if it does not match."""
     found = pattern.search(text)
     return int(found[1]) if found else 0

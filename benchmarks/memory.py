@@ -18,9 +18,9 @@ from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.cost.measure import circumstances
 
 _BENCHES, _RATE_HZ, _TOPICS = 223, 100, ('handles', 'benches', 'velocities')
-_WAY_M = 400.0          # distance of the head: fixed, so that the size of a tick does not depend on the duration
+_WAY_M = 400.0          # fixed distance of the head, so that the size of a tick does not depend on the duration
 _EACH_S = 5.0
-_SETTLED_S = 60.0       # growth is fitted from this time on, or from a tenth of a shorter run
+_SETTLED_S = 60.0       # growth is fitted from this time on or, in a shorter run, from a tenth of the run on
 _STEP_MB = 0.1          # smallest change between samples that counts as a step (a backlog)
 
 
@@ -55,7 +55,7 @@ class Recorded:
 
     @property
     def steps_mb(self) -> float:
-        """Growth in steps, which occur if the recorder is delayed and messages are queued."""
+        """Growth in steps, which occur when the recorder is delayed and messages are queued."""
         changes = np.diff([mb for _, mb in self.settled])
         return float(np.sum(changes[np.abs(changes) >= _STEP_MB]))
 
@@ -137,7 +137,7 @@ def csv_text(row: Recorded) -> str:
 
 
 def picture(row: Recorded) -> Figure:
-    """Return resident memory against time, with the fitted growth."""
+    """Return a figure of resident memory against time, with the fitted growth."""
     figure = Figure(figsize=(PAGE_IN, 4.4), layout='constrained')
     axes = figure.subplots()
     axes.plot(*zip(*row.samples, strict=True), '.', color='#0072B2', label='resident')

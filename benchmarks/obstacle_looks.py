@@ -1,7 +1,7 @@
 """The cost of obstacles for the monitor: a check among walls near the whole dragon, and reading a large map.
 
 ``./dragon python benchmarks/obstacle_looks.py`` prints processor times. Checks with and without obstacles are measured
-in turn, since other load changes over time.
+in turn, since other load on the machine changes over time.
 """
 import time
 from dataclasses import replace
@@ -23,11 +23,11 @@ from dragon_ros.messages.observation import observation_of, read_handles
 from dragon_ros.messages.surroundings import CellRules, read_grid
 
 _TICKS, _TURNS, _FIRST = 300, 5, 2500
-_SIZE, _ROOMS = 4000, 400       # size of the map in cells, and its walls
+_SIZE, _ROOMS = 4000, 400       # side of the map in cells, and number of its walls
 
 
 def walled(gap_m: float, corners: int = 1000) -> Scene:
-    """Return a scene of 223 benches between two uneven walls along the whole track, at about a given distance."""
+    """Return a scene of 223 benches between two uneven walls, at about a given distance, along the whole track."""
     scene = replace(town(8, 300.0, 223), venue=None)
     line, rng, walls = shapely.LineString(compile_scene(scene).track_line(0.1)), np.random.default_rng(1), []
     for side in (1, -1):

@@ -1,9 +1,10 @@
 """``cost promises``: errors relative to promises on random chains, by tier, method and quantity.
 
-The number n alone determines scene n: 2 to 60 links, equal behind a different head or in groups, on a spiral, an S-turn
-or a composite track, led by head or tail, with or without a shift map, at one of the tiers. Chains are taken at the
-start, at two random times, and at two times close to the end of the model, which is often a lock. Each chain is
-compared with forward placement at the exact tier, which ``cost accuracy`` compares with a 50-digit reference.
+The number n alone determines scene n. It has 2 to 60 links, either equal behind a different head or in groups, on a
+spiral, an S-turn or a composite track. It is led by head or tail, with or without a shift map, at one of the tiers.
+Chains are computed at the start, at two random times, and at two times close to the end of the model, which is often a
+lock. Each chain is compared with forward placement at the exact tier, which ``cost accuracy`` compares with a 50-digit
+reference.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -66,7 +67,7 @@ def _shares_at(known: Scene, scene: Scene, t_s: float, of_states: tuple[Floats, 
 
 
 def random_scene(number: int) -> tuple[Scene, list[float]] | None:
-    """Return the scene of a number and times at whole nanoseconds, or None if the model rejects it."""
+    """Return scene ``number`` and times in whole nanoseconds, or None if the model rejects the scene."""
     dice = Random(number)
     try:
         scene = Scene(_dragon(dice), _track(dice), Head(1.0, dice.choice(('head', 'tail'))), Run(0, 1e3),

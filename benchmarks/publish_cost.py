@@ -1,4 +1,4 @@
-"""The cost of publishing a tick as bytes and as message objects; ``cost tick`` runs this and reads seconds as JSON."""
+"""The cost of publishing a tick as bytes and as message objects; ``cost tick`` runs this script and reads its JSON."""
 import json
 import sys
 import time

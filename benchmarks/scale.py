@@ -44,7 +44,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Build:
-    """The table of one dragon: its rows, the terms of its series, the seconds to build it, and its bytes."""
+    """The shift table of a dragon: its rows, the terms of its series, the seconds to build it, and its bytes."""
 
     benches: int
     rows: int
@@ -82,7 +82,7 @@ def _stages(solver: str, benches: int, budget_s: float) -> list[Stage]:
 
 
 def _peak(call: Callable[[], object]) -> int:
-    """Return the peak memory of a call in bytes (in a separate call, since tracing slows it down)."""
+    """Return the peak memory of a call in bytes, measured in a separate call, because tracing slows it down."""
     tracemalloc.start()
     try:
         call()

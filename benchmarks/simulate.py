@@ -1,4 +1,4 @@
-"""``cost simulate``: how fast one process and several write a scene's bag, compared with copying it."""
+"""``cost simulate``: how fast one or several processes write a scene's bag, compared with copying it."""
 import os
 import shutil
 import sys
@@ -18,7 +18,7 @@ from dragon_ros.cost.measure import circumstances
 _LENGTHS = 1400         # seconds of the run for each second of a timing's budget
 _LONGEST_S = 432.0      # length of the run: the whole way in
 _REPEATS = 3            # runs of which the fastest counts, since other load can only slow a run down
-_PINNED = 0             # means one worker that may use only one core
+_PINNED = 0             # stands for one worker that may use only one core
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def csv_text(rows: list[Written]) -> str:
 
 
 def picture(rows: list[Written]) -> Figure:
-    """Return a figure of the speed relative to real time; the copy is left out, since it would hide differences."""
+    """Return a figure of the speed relative to real time, without the copy, which would hide the differences."""
     rows = [row for row in rows if row.workers is not None]
     figure = Figure(figsize=(PAGE_IN, 4.4), layout='constrained')
     axes = figure.subplots()

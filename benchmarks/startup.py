@@ -76,7 +76,7 @@ def _first_frame(*words: str | Path) -> None:
 
 
 def _environment() -> dict[str, str]:
-    """Return the environment without the variable that keeps compiled modules from being stored, as for a user."""
+    """Return the environment without the variable that stops Python from storing compiled modules, as for a user."""
     return {name: value for name, value in os.environ.items() if name != 'PYTHONDONTWRITEBYTECODE'}
 
 
@@ -104,7 +104,7 @@ def csv_text(rows: list[Start]) -> str:
 
 
 def picture(rows: list[Start]) -> Figure:
-    """Return a figure with a bar for each start: Python itself in grey, help in blue, uses in orange."""
+    """Return a figure with a bar for each start: Python itself in grey, help in blue and uses in orange."""
     figure = Figure(figsize=(PAGE_IN, 0.28 * len(rows) + 1.2), layout='constrained')
     axes = figure.subplots()
     for n, row in enumerate(rows):

@@ -1,4 +1,4 @@
-"""``cost study``: rows per second of studies on one and two workers, and the overhead of Dask per row."""
+"""``cost study``: rows per second of studies on one and two workers, and Dask's overhead per row."""
 import resource
 import time
 from dataclasses import dataclass
@@ -58,7 +58,7 @@ class Row:
 
     @property
     def overhead_s(self) -> float:
-        """CPU seconds per row for Dask, Parquet and drawing inputs."""
+        """CPU seconds per row for Dask, Parquet and drawing the inputs."""
         return (self.cpu_s - self.work_s) / self.rows
 
 
@@ -152,7 +152,7 @@ def csv_text(rows: list[Row]) -> str:
 
 
 def picture(rows: list[Row]) -> Figure:
-    """Return a figure of the rows per second over the number of workers, with a panel for each study."""
+    """Return a figure of the rows per second against the number of workers, with a panel for each study."""
     figure = Figure(figsize=(PAGE_IN, 4.4), layout='constrained')
     for axes, name in zip(figure.subplots(1, len(TASKS)), TASKS, strict=True):
         own = [row for row in rows if row.task == name]

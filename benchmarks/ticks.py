@@ -1,4 +1,4 @@
-"""``cost tick``: the time of one tick by stages, for solver and tier, with messages as objects and as bytes."""
+"""``cost tick``: the time of each stage of a tick, for solvers and tiers, with messages as objects and as bytes."""
 import json
 import subprocess
 import sys
@@ -111,7 +111,7 @@ def csv_text(rows: list[Row]) -> str:
 
 
 def picture(rows: list[Row]) -> Figure:
-    """Return a figure of stacked bars: all rows, and again on a larger scale those whose messages are bytes."""
+    """Return a figure of stacked bars: all rows and, on a larger scale, the rows whose messages are bytes."""
     figure = Figure(figsize=(PAGE_IN, 0.8 * len(rows) + 3.2), layout='constrained')
     before, after = figure.subplots(2, 1)
     _bars(before, rows)

@@ -1,7 +1,7 @@
 """``cost venue``: the time of answers in a venue, and its growth with obstacle corners, distance and benches.
 
-The venue is a synthetic town: square houses of 8 m on a grid of 14 m, those nearest to the track, along a street with
-one corner.
+The venue is a synthetic town along a street with one corner: square houses with sides of 8 m on a grid of 14 m, of
+which those nearest to the track are used.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -35,7 +35,7 @@ _STYLES = {_FIT: ('#0072B2', 'o'), _CONTACT: ('#D55E00', 's'), _ALONE: ('#009E73
 
 @dataclass(frozen=True)
 class Row:
-    """A town, the size that is varied, and the times of the answers in it."""
+    """A town, the size that is varied, and the times of the answers for it."""
 
     varied: str
     corners: int
@@ -97,7 +97,7 @@ def _line(row: Row) -> str:
 
 
 def csv_text(rows: list[Row]) -> str:
-    """Return the rows as CSV, one line per timing, times in seconds."""
+    """Return the rows as CSV, one line per timing, with times in seconds."""
     return csv_of(['varied', 'corners', 'way_m', 'benches', 'answer', *TIMES],
                   [(row.varied, row.corners, row.way_m, row.benches, name, *timing.cells)
                    for row in rows for name, timing in row.timings.items()])

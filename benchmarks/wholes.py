@@ -28,7 +28,7 @@ class Whole:
 
 
 def wholes(budget_s: float) -> list[Whole]:
-    """Return whole ticks: with all effects, with the default effects, with none, and by a program without effects."""
+    """Return whole ticks: with all effects, the default effects and no effects, and of a program without effects."""
     scene = load_scene('minimal')
     everything, defaults = (replace(scene, effects=effects) for effects in (ALL, Scene().effects))
     rows = [('everything on', worker(everything), 'minimal', worker(scene)),

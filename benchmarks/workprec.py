@@ -40,7 +40,7 @@ _WRONG_M = 0.01         # without a promise, a solver with a larger error is mar
 class Row:
     """One solver on one problem: its largest error, and its time per tick for positions and, if computed, velocities.
 
-    ``promise_m`` is None for a solver without promise.
+    ``promise_m`` is None for a solver without a promise.
     """
 
     problem: str
@@ -81,7 +81,7 @@ def _jobs(budget_s: float) -> Iterator[Callable[[], list[Row]]]:
 
 
 def _ways(problem: Problem) -> Iterator[Way]:
-    """Yield each tier by the default solver, and by the march if the default is the table."""
+    """Yield each tier with the default solver, and by the march if the default is the table."""
     for tier in TIERS:
         if tier != 'paper' or problem.name == 'classic':
             yield tier, 'table'
@@ -122,7 +122,7 @@ def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:
 
 
 def _tier(problem: Problem, tier: str, solver: str) -> Row:
-    """Return the errors of a tier by the default solver, or by the march if the default is the table."""
+    """Return the errors of a tier with the default solver, or by the march if the default is the table."""
     name = tier if solver == 'table' else f'{tier}{_MARCHED}'
     try:
         scene = replace(problem.scene, accuracy=tier, solver=solver)
@@ -153,7 +153,7 @@ def _batch(problem: Problem, ticks: int, budget_s: float) -> list[Row]:
 
 
 def _timed_all(solve: Callable[[float], object], times: Sequence[float], budget_s: float) -> Timing:
-    """Measure the time of one tick, over all times of the problem."""
+    """Measure the time of one tick, averaged over all times of the problem."""
     def run() -> None:
         for t_s in times:
             solve(t_s)
@@ -231,7 +231,7 @@ def summary(rows: list[Row]) -> str:
 
 
 def csv_text(rows: list[Row]) -> str:
-    """Return the rows as CSV, times in seconds."""
+    """Return the rows as CSV, with times in seconds."""
     none = Timing(np.nan, np.nan, np.nan, 0)
     return csv_of(['problem', 'solver', 'error_m', 'promise_m', 'verdict', *TIMES, 'note'],
                   [(row.problem, row.solver, row.error_m, row.promise_m, row.verdict, *(row.timing or none).cells,

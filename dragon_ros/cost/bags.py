@@ -1,4 +1,4 @@
-"""The cost of bags for a scene, by compression: ticks computed and written per second, and bytes per tick."""
+"""The cost of bags for a scene, for each compression: ticks computed and written per second, and bytes per tick."""
 import tempfile
 import time
 from collections.abc import Callable
@@ -18,7 +18,7 @@ _LEAST_TICKS = 2
 
 @dataclass(frozen=True)
 class BagCost:
-    """A bag with the first ticks of a run: its number of ticks, the time to write it, and its sizes in bytes."""
+    """A bag with the first ticks of a run: the number of ticks, the time to write them, and the sizes in bytes."""
 
     compression: str
     ticks: int
@@ -38,12 +38,12 @@ class BagCost:
 
     @property
     def share(self) -> float:
-        """Size of the file as a share of the size of its messages."""
+        """Size of the file relative to the size of its messages."""
         return self.file_bytes / self.message_bytes
 
 
 def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> tuple[BagCost, ...]:
-    """Write bags as ``simulate`` does, for about ``budget_s`` seconds in all, and remove them."""
+    """Write bags as ``simulate`` does, for about ``budget_s`` seconds in total, and delete them."""
     share_s = budget_s / len(COMPRESSIONS)
     out = []
     with tempfile.TemporaryDirectory(prefix='dragon_ros-') as folder, prompt_switches():
@@ -56,7 +56,7 @@ def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> tup
 def _written(scene: Scene, compression: str, path: Path, budget_s: float) -> BagCost:
     """Write as many of the run's first ticks to a bag as the budget allows."""
     topics, count, size = list(encoders(scene).items()), compile_scene(scene).last_tick + 1, 0
-    next(ticks(scene, 0, 1))        # builds the tables and templates, which a run needs only once
+    next(ticks(scene, 0, 1))        # builds the tables and templates, once per run
     began = time.perf_counter()
     with BagWriter(path, options=BagOptions(compression)) as bag:
         for row in live(scene.effects):

@@ -14,9 +14,9 @@ PAGES = ('limits', 'accuracy', 'promises', 'contact', 'effects', 'tick', 'first'
 _BUDGET_S = 6.0
 _ABOUT = """Measure the cost of accuracy, effects, contact and bags for a scene on this machine.
 
-  cost --scene NAME     measures a scene in less than a minute; output: tables, JSON, a picture
-  ./dragon cost PAGE    renews a page of docs/cost; requires a checkout, which contains the benchmarks
-                        (more: ./dragon cost PAGE --help). The pages are:
+  cost --scene NAME     measure a scene in less than a minute; output: tables, JSON or a picture
+  ./dragon cost PAGE    renew a page of docs/cost; requires a checkout, which contains the benchmarks
+                        (details: ./dragon cost PAGE --help). The pages are:
                         {pages}"""
 
 
@@ -34,7 +34,7 @@ def _options() -> ArgumentParser:
     options = command_line.parser('cost', _ABOUT.format(pages=', '.join(PAGES)),
                                   'cost --scene winding --output cost.png')
     options.add_argument('page', nargs='?', choices=PAGES, metavar='PAGE',
-                         help='page to renew by ./dragon cost PAGE in a checkout')
+                         help='page to renew with ./dragon cost PAGE in a checkout')
     command_line.add_scene_options(options)
     options.add_argument('--budget', type=float, default=_BUDGET_S, metavar='S',
                          help='approximate seconds for each of the four parts (%(default)g)')
@@ -47,12 +47,12 @@ def _options() -> ArgumentParser:
 def _check_folder(output: Path | None) -> None:
     """Reject an output file whose folder does not exist, before the measurements start."""
     if output is not None and not output.parent.is_dir():
-        raise MissingError(f'--output {output}: cannot be written: there is no folder {output.parent}')
+        raise MissingError(f'--output {output}: it cannot be written: there is no folder {output.parent}')
 
 
 def _run(arguments: Namespace) -> int:
     if arguments.page is not None:
-        raise InputError(f'PAGE {arguments.page}: is available only in a checkout: ./dragon cost {arguments.page}; '
+        raise InputError(f'PAGE {arguments.page}: it is available only in a checkout: ./dragon cost {arguments.page}; '
                          'to measure a scene, write cost --scene NAME')
     _check_folder(arguments.output)
     budget_s = number('--budget', arguments.budget, low=0.01, high=1e5)

@@ -1,4 +1,4 @@
-"""The cost of contact for a scene: the time and the result of the proved search for the first contact."""
+"""The cost of contact for a scene: time and result of the proved search for the first contact."""
 import time
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ class _OutOfTimeError(Exception):
 
 
 def measure(scene: Scene, budget_s: float) -> SearchCost:
-    """Search for the first contact, for at most about ``budget_s`` seconds."""
+    """Search for the first contact for at most about ``budget_s`` seconds."""
     began, states = time.perf_counter(), 0
 
     def count(more: int) -> None:

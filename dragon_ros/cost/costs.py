@@ -40,11 +40,11 @@ class Costs:
 def measure(scene: Scene, name: str, budget_s: float, done: Callable[[str], object]) -> Costs:
     """Measure each of the four parts for about ``budget_s`` seconds; ``done(what)`` is called before each step.
 
-    Raises FieldError for a dragon that is led from outside.
+    Raises FieldError for a led dragon.
     """
     if isinstance(scene.head, Commanded):
         raise FieldError('head.kind', 'commanded', 'the speeds of a led dragon are known only from a recorded run',
-                         'measure it at a constant speed: --set head.kind=constant')
+                         'measure the scene at a constant speed: --set head.kind=constant')
     solvers = accuracy.measure(scene, budget_s, done)
     prices = []
     for effect in known().values():
@@ -96,7 +96,7 @@ def text_of(costs: Costs) -> str:
 def _accuracy_text(found: Accuracy) -> str:
     times = ', '.join(f'{t_s:g}' for t_s in found.times_s)
     title = (f'Accuracy: largest errors of {found.handles:,} handles at {times} s' if found.handles else
-             f'Accuracy at {times} s; no errors: a reference for such a long dragon led by its tail takes minutes')
+             f'Accuracy at {times} s; no errors: the reference of a dragon this long, led by its tail, takes minutes')
     rows = [(row.name, _figure(row.error_m), _figure(row.promise_m), _figure(row.speed_error_m_s), _us(row.positions),
              _us(row.with_velocities), row.note) for row in found.solvers]
     head = 'solver', 'error (m)', 'promise (m)', 'speed (m/s)', 'µs per tick', 'with velocities', ''

@@ -1,4 +1,4 @@
-"""The cost of each effect per tick: the time to compute and encode the effect, and its number of bytes."""
+"""The cost of each effect per tick: the time to compute and encode the effect, and the number of bytes."""
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -19,9 +19,9 @@ ALONE = 'alone'
 LEAST, MOST = 15, 400         # number of calls
 _PLACES, _RUN = 7, 20           # number of starting points along a run, and of consecutive ticks from each
 Call = Callable[[], object]
-# The field of each effect, and a function that returns what ``frame_of`` writes to the field if the frame contains all
-# that the effect needs; a test compares the two. If ``frame_of`` itself called functions from such a table, a tick
-# would take 1.05 times as long.
+# The field of each effect, and a function that computes the field like ``frame_of``, from a frame that contains
+# everything that the effect needs; a test compares the two. If ``frame_of`` itself called functions from such a table,
+# a tick would take 1.05 times as long.
 FIELDS: dict[Effect, tuple[str, Callable[[Simulation, Frame], Any]]] = {
     Effect.VELOCITY: ('velocity_m_s', lambda of, to: to.chain.velocities(of.scene.head.speed_at_m_s(to.t_ns / NS))),
     Effect.BENCHES: ('benches', lambda of, to: benches_of(to.chain, of.scene.dragon, to.axis)),
@@ -41,9 +41,8 @@ FIELDS: dict[Effect, tuple[str, Callable[[Simulation, Frame], Any]]] = {
 class Price:
     """The time and the bytes that an effect adds to a tick of a scene.
 
-    The scene ALONE is the classic scene with only the effects that this effect needs.
-
-    ``timing`` is None if nothing is computed for the effect.
+    The scene ALONE is the classic scene with only the effects that this effect needs. ``timing`` is None if nothing is
+    computed for the effect.
     """
 
     effect: str
@@ -67,7 +66,7 @@ def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
 
 
 def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) -> Timing:
-    """Time only an effect's own work, on new frames of a scene without the effect."""
+    """Time only the effect's own work, on new frames of a scene without the effect."""
     simulation = compile_scene(scene)
     times = [scene.run.time_ns(k) for k in followed(simulation.last_tick)]
     spent: list[float] = []

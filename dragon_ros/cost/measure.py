@@ -1,4 +1,4 @@
-"""Measure times, as medians and quartiles without the first call, and describe the machine."""
+"""Measure times as medians and quartiles, excluding the first call, and describe the machine."""
 import platform
 import sys
 import time
@@ -34,7 +34,7 @@ class Timing:
 
 
 def timed(call: Callable[[], object], budget_s: float = 0.3, least: int = 5, most: int = 200) -> Timing:
-    """Call a function once without timing, time further calls as the budget allows, and return their timing."""
+    """Call a function once without timing it, then time as many calls as the budget allows, and return the timing."""
     call()
     spent: list[float] = []
     while len(spent) < least or (sum(spent) < budget_s and len(spent) < most):
@@ -46,10 +46,9 @@ def timed(call: Callable[[], object], budget_s: float = 0.3, least: int = 5, mos
 
 def timed_in_turn(calls: Sequence[Callable[[], object]], budget_s: float = 0.3, least: int = 5, most: int = 200
                   ) -> list[Timing]:
-    """Time several calls in turn, so that other load on the machine affects them equally.
+    """Time several functions in turn, so that other load on the machine affects them equally.
 
-    Each function is called twice in a row, and only the second call is timed, because the first call refills the
-    caches.
+    Each function is called twice in a row. Only the second call is timed, because the first call refills the caches.
     """
     spent: list[list[float]] = [[] for _ in calls]
     end_s, rounds = time.perf_counter() + budget_s * len(calls), 0
@@ -70,7 +69,7 @@ def timing_of(spent: Sequence[float]) -> Timing:
 
 
 def circumstances() -> str:
-    """Return the processor, the versions and the date in one line."""
+    """Return one line with the processor, the versions and the date."""
     return (f'{_processor()}, {platform.system()}, Python {platform.python_version()}, '
             + ', '.join(f'{name} {found}' for name in ('numpy', 'scipy') if (found := _version(name)))
             + f', dragon_ros {__version__}, {datetime.now().astimezone():%Y-%m-%d}')

@@ -1,4 +1,4 @@
-"""Draw the costs of a scene: error against time, effects, bags, and the time for the whole run."""
+"""Draw the costs of a scene: error against time, effects, the time for the whole run, and bags."""
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -58,7 +58,7 @@ def _kind(name: str) -> str:
 
 
 def _labels(costs: Costs) -> dict[tuple[float, float], list[str]]:
-    """Return the names at each point; points that nearly coincide share a label."""
+    """Return the names to show at each point; points that nearly coincide share a label."""
     out: dict[tuple[float, float], list[str]] = {}
     for row in costs.accuracy.solvers:
         if not row.positions or not np.isfinite(row.error_m):
@@ -81,7 +81,7 @@ def _effects(axes: Any, costs: Costs) -> None:
     axes.invert_yaxis()
     axes.grid(visible=False, axis='y')
     axes.set(xlabel='time per tick to compute and encode (µs)',
-             title='Cost of each effect (the effects of the scene are coloured)')
+             title="Cost of each effect (the scene's effects are coloured)")
     axes.set_xlim(0, 1.45 * axes.get_xlim()[1])
 
 

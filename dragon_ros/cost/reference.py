@@ -1,12 +1,12 @@
-"""Reference positions and velocities of handles that share no arithmetic, equation or search with the solvers.
+"""Reference positions and velocities of handles, which share no arithmetic, equations or searches with the solvers.
 
-A reference is computed with 60 decimal digits and rounded once, to double-doubles. The errors of a reference are below
-1e-30 of a coordinate, unless a link is so close to locking that the last digit of the leader's distance has a larger
-effect. The scene's floats are taken as exact numbers. The pieces of a track are laid out by independent code, and each
-handle is found by Newton's method in a bracket in which the distance from the previous handle increases. The distance
-increases along arcs of less than pi / bend, where bend is the largest curvature. On a single spiral, the distance
-increases up to half a turn behind the previous handle; if the link is longer, the bracket is the first rise beyond
-that.
+A reference is computed with 60 decimal digits and rounded once, to double-doubles. Its errors are below 1e-30 of a
+coordinate, unless a link is so close to locking that the last digit of the leader's distance has a larger effect. The
+scene's floats are treated as exact numbers. Independent code lays out the pieces of a track, and Newton's method finds
+each handle in a bracket in which the distance from the previous handle increases. The distance increases along arcs
+shorter than pi / bend, where bend is the largest curvature. On a single spiral, the distance increases up to half a
+turn behind the previous handle; if the link is longer, the bracket is the first interval after that in which the
+distance increases.
 """
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -40,14 +40,14 @@ Point = tuple[Number, Number, Number, Number]       # a point, and its derivativ
 
 @dataclass(frozen=True)
 class Reference:
-    """Handles (N+1, 2) in m from the head on, as the sum of ``high`` and ``low``, and velocities (N+1, 2) in m/s."""
+    """Handles (N+1, 2) in m, from the head backwards, as ``high`` + ``low``, and velocities (N+1, 2) in m/s."""
 
     high: Floats
     low: Floats
     velocity_m_s: Floats
 
     def error_m(self, handles_m: Floats) -> float:
-        """Return the largest distance in m of handles (N+1 or more, 2) from the reference."""
+        """Return the largest distance in m between handles (N+1 or more, 2) and the reference."""
         off = (handles_m[:len(self.high)] - self.high) - self.low
         return float(np.max(np.hypot(off[:, 0], off[:, 1])))
 
@@ -71,7 +71,7 @@ def reference(scene: Scene, t_s: float, most: int | None = None) -> Reference:
 
 
 def chain_at(scene: Scene, t_s: float, most: int | None = None) -> list[Point]:
-    """Return (x, y, vx, vy) of all handles from the head on, with the precision of the current decimal context."""
+    """Return (x, y, vx, vy) of all handles, from the head backwards, with the precision of the decimal context."""
     track = _track_of(scene)
     gone, speed = _gone(scene, Decimal(t_s))
     links = [Decimal(link) for link in scene.dragon.link_lengths_m.tolist()]
@@ -84,7 +84,7 @@ def chain_at(scene: Scene, t_s: float, most: int | None = None) -> list[Point]:
 
 
 def cos_sin(angle: Number) -> Pair:
-    """Return cosine and sine, by the power series of the sine for an eighth of the angle within a quarter turn."""
+    """Return cosine and sine, from the sine's power series for an eighth of the angle reduced to a quarter turn."""
     quarters = int((angle / (_PI * _HALF)).to_integral_value())
     left = (angle - quarters * (_PI * _HALF)) / 8
     square, total = left * left, _ZERO
@@ -164,7 +164,7 @@ class _Round(_ByMetres):
 
 @dataclass
 class _Winding:
-    """A spiral that turns left on the way outwards if ``side`` is 1; the head walks outwards if ``way`` is 1.
+    """A spiral that turns left in the outward direction if ``side`` is 1; the head moves outwards if ``way`` is 1.
 
     The coordinate u is the polar angle from ``axis``.
     """
@@ -195,7 +195,7 @@ class _Winding:
 
     def after(self, metres: Number) -> Number:
         wanted = _arc(self.anchor) + self.way * metres / self.b
-        # The arc length is convex, so Newton's method converges monotonically from outside.
+        # The arc length is convex, so Newton's method converges monotonically from the outside.
         u = (2 * max(wanted, _ZERO)).sqrt()
         for _ in range(_MOST_STEPS):
             step = (_arc(u) - wanted) / (1 + u * u).sqrt()
@@ -247,11 +247,11 @@ class _DecimalTrack:
         return max(piece.bend for piece in self.pieces)
 
     def _hair(self, k: int, u: Number) -> Number:
-        """Return the change of u by which rounding may place a handle beyond an end of the track."""
+        """Return how far in u rounding may place a handle beyond an end of the track."""
         return _ZERO if 0 <= k < len(self.pieces) else _HAIR * (1 + abs(u))
 
     def next(self, place: _Place, chord: Number, way: int, guess: Number | None) -> _Place:
-        """Return the nearest place, behind or ahead, that is one chord away; ``guess`` is the expected change of u."""
+        """Return the nearest place, behind or ahead, that is a chord away; ``guess`` is the expected change of u."""
         k, u = place
         if not chord:
             return place
@@ -277,7 +277,7 @@ class _DecimalTrack:
 
 
 def _longest_m(bend: float, chord_m: float) -> float:
-    """Return an arc length in m that exceeds that of any arc with this chord, but along which chords still grow."""
+    """Return an arc length in m longer than any arc with this chord, and along which chords still increase."""
     if not bend:
         return 1.1 * chord_m
     reach_m = 2 / bend * asin(min(1.0, 0.5 * bend * chord_m))
@@ -297,7 +297,7 @@ def _excess(piece: _Piece, here: Pair, chord: Number, start: Number, sense: int)
 
 
 def _on_spiral(excess: _Excess, chord: Number, guess: Number | None) -> Number:
-    """Return the smallest outward angle at which a point of a single spiral is one chord away.
+    """Return the smallest outward angle at which a point of a single spiral is a chord away.
 
     Up to half a turn, the distance grows monotonically: half the slope of its square is d + 2 t sin^2(d/2) + t (t + d)
     sin d.
@@ -315,7 +315,7 @@ def _on_spiral(excess: _Excess, chord: Number, guess: Number | None) -> Number:
 
 
 def _falling(excess: _Excess, x: Number) -> Number:
-    """Return the approximate negative second derivative, which suffices to find the maximum."""
+    """Return an approximation of the negative second derivative, which suffices to find the maximum."""
     step = Decimal('1e-20')
     return (excess(x - step)[1] - excess(x + step)[1]) / (2 * step)
 
@@ -379,7 +379,7 @@ def _end_of(piece: _Piece) -> tuple[Pair, Pair]:
 
 
 def _laid(track: Composite) -> _DecimalTrack:
-    """Return a track of pieces laid end to end; the first piece extends backwards unless it winds out."""
+    """Return a track of pieces joined end to end; the first piece extends backwards unless it winds outwards."""
     pieces, origins = list[_Piece](), [_ZERO]
     begin = track.pieces[0]
     x, y = begin.at_m or (0.0, 0.0)
@@ -417,7 +417,7 @@ def _wound(spec: SpiralArc, point: Pair, heading: Pair, first: Number | None) ->
 
 
 def _gone(scene: Scene, t: Number) -> Pair:
-    """Return the distance in m that the leader has gone, and its speed in m/s; profiles are integrated by ramps."""
+    """Return the leader's travelled distance in m and speed in m/s; profiles are integrated ramp by ramp."""
     law = scene.head
     if isinstance(law, Head):
         return Decimal(law.speed_m_s) * t, Decimal(law.speed_m_s)
@@ -438,7 +438,7 @@ def _gone(scene: Scene, t: Number) -> Pair:
 
 
 def _places(track: _DecimalTrack, place: _Place, links: list[Number], way: int) -> Iterator[_Place]:
-    """Yield the places of the handles, from the leader on; guesses are extrapolated from earlier equal links."""
+    """Yield the places of the handles, starting with the leader; guesses are extrapolated from earlier equal links."""
     yield place
     before, last = list[Number](), None
     for chord in links:
@@ -452,14 +452,14 @@ def _places(track: _DecimalTrack, place: _Place, links: list[Number], way: int) 
 
 
 def _guessed(before: list[Number]) -> Number | None:
-    """Return the next number of a sequence, extrapolated by a cubic from its last four numbers, newest first."""
+    """Return the next number of a sequence, extrapolated with a cubic from its last four numbers, newest first."""
     if len(before) < 4:
         return before[0] if before else None
     return 4 * (before[0] + before[2]) - 6 * before[1] - before[3]
 
 
 def _followed(track: _DecimalTrack, leader: _Place, links: list[Number], way: int, speed: Number) -> Iterator[Point]:
-    """Yield the handles' positions and velocities from the leader on; a link's ends have equal speed along the link."""
+    """Yield the handles' positions and velocities from the leader on; along a link, both ends are equally fast."""
     before: tuple[Pair, Pair] | None = None
     for k, u in _places(track, leader, links, way):
         x, y, dx, dy = track.pieces[k].at(u)
