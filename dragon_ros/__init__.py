@@ -1,6 +1,6 @@
-"""Bench dragon simulator for ROS 2: a model that needs no ROS, nodes, and tools.
+"""A bench dragon simulator for ROS 2: a model that does not need ROS, nodes, and tools.
 
-This module provides the public Python API (``docs/python.md``), which is imported on first use, so that nodes and
+This module provides the public Python API (``docs/python.md``). Its names are imported on first use, so that nodes and
 commands load only the modules that they need.
 """
 from importlib import import_module

@@ -1,7 +1,7 @@
 """The public Python API, ``import dragon_ros as dr``: scenes, states, contacts, design, bags and pictures.
 
-Lengths are in metres, angles in radians, times in seconds, and arrays are numpy's. Handle 0 is the head's front handle.
-Every error that dragon_ros raises on purpose is a DragonError; its subclass InputError reports invalid input.
+Lengths are in metres, angles in radians and times in seconds; all arrays are numpy arrays. Handle 0 is the head's front
+handle. Every error that dragon_ros raises deliberately is a DragonError; its subclass InputError reports invalid input.
 """
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -52,22 +52,22 @@ def _quiet(states: int) -> None:
 
 
 def scene(name_or_path: str | PathLike[str] = 'winding', **changes: Any) -> Scene:
-    """Return a scene of the package by name, or of a file, with changes applied.
+    """Return a scene, given the name of one of the package's scenes or the path of a file, with changes applied.
 
     Changes are the keys of a scene file: ``scene('winding', track={'pitch_m': 0.5}, accuracy='fine')``. Scenes are
-    frozen, compare by value and can be pickled. Raises InputError, which names the key, or MissingError for an unknown
-    scene.
+    frozen, compare by value and can be pickled. Raises InputError that names the invalid key, or MissingError for an
+    unknown scene.
     """
     return changed_scene(_path('name_or_path', name_or_path), changes)
 
 
-def compile(scene: Scene) -> 'Simulated':       # noqa: A001 - the word of the field; only ever used as dr.compile
+def compile(scene: Scene) -> 'Simulated':       # noqa: A001 - the usual term; always called as dr.compile
     """Return an object that you can query about a scene. Scenes with the same geometry share one model."""
     return Simulated(compile_scene(_scene('scene', scene)))
 
 
 def _scene(field: str, value: Any) -> Scene:
-    """Return a scene, or the scene of a compiled one. Raises FieldError."""
+    """Return the given scene, or the scene of a compiled scene. Raises FieldError."""
     if isinstance(value, Simulated):
         return value.scene
     if not isinstance(value, Scene):
@@ -96,7 +96,7 @@ def _times(values: Any) -> list[float]:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """All handles at one time, or at many in arrays with a leading axis; read-only.
+    """All handles at one time, or at many times in arrays with a leading axis; the arrays are read-only.
 
     The fields are ``t_s`` (...), ``handles_m`` (..., N+1, 2), ``velocity_m_s`` (..., N+1, 2), and ``promise_m``, the
     largest error of a position in this run, except close to a lock.
@@ -133,7 +133,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Simulated:
-    """A compiled scene that can be queried for handles at a time, the first contact, or the contents of a tick."""
+    """A compiled scene that can be queried for the handles at any time, the first contact, or a tick's contents."""
 
     simulation: Simulation
 
@@ -160,14 +160,14 @@ class Simulated:
     def state(self, t_s: float) -> Motion:
         """Return all handles at any time up to the end of the model.
 
-        Raises ModelEnd beyond it, and FieldError for an invalid time.
+        Raises ModelEnd for a later time, and FieldError for an invalid time.
         """
         t_s = number('t_s', t_s)
         chain = state(self.scene, t_s)
         return Motion(np.array(t_s), chain.p, velocity_of(self.scene, chain, t_s), self.simulation.promise_m)
 
     def states(self, times_s: Sequence[float] | Floats, out: tuple[Floats, Floats] | None = None) -> Motion:
-        """Return all handles at many times at once, several times faster than one by one.
+        """Return all handles at many times, several times faster than one call per time.
 
         ``out``, if given, is a pair of arrays (times, N+1, 2) for the handles and velocities, so that a loop can reuse
         its memory. Raises FieldError for other arrays.
@@ -175,7 +175,7 @@ class Simulated:
         times = _times(times_s)
         if out is not None and not (isinstance(out, (tuple, list)) and len(out) == 2
                                     and all(isinstance(one, np.ndarray) for one in out)):
-            raise FieldError('out', out, 'it is not two arrays', 'give arrays for handles and velocities')
+            raise FieldError('out', out, 'it is not a pair of arrays', 'give arrays for handles and velocities')
         handles, velocity = out or (None, None)
         chain = states(self.scene, times, handles)
         return Motion(np.array(times), chain.p, velocity_of(self.scene, chain, times, velocity),
@@ -205,9 +205,10 @@ class Simulated:
     def contact_within(self, tolerances: Mapping[str, float], *, progress: Progress = _quiet) -> FamilyProof:
         """Return the time until which no dragon within the given tolerances of this scene's dragon touches itself.
 
-        ``tolerances`` are in metres, such as ``{'dragon.width_m': 0.005}``; each bench varies independently, and the
-        track has one pitch. The track must be a single spiral, led by the head. Raises FieldError for another scene or
-        an unknown key, and DragonError, which names the tolerance to reduce, if nothing can be proved.
+        ``tolerances`` are in metres, such as ``{'dragon.width_m': 0.005}``. Each bench varies independently, but the
+        pitch is the same along the whole track. The track must be a single spiral, and the head must lead. Raises
+        FieldError for any other scene or an unknown key. Raises DragonError that names the tolerance to reduce if
+        nothing can be proved.
         """
         if not isinstance(tolerances, Mapping):
             raise FieldError('tolerances', tolerances, 'it is not a mapping', "write {'dragon.width_m': 0.005}")
@@ -253,7 +254,7 @@ class Bag:
 
     @cached_property
     def scene(self) -> Scene | None:
-        """The scene of the run; None if the bag has none. Without ``trust``, raises InputError beyond its budgets."""
+        """The scene of the run; None if the bag has none. Raises InputError beyond its budgets, unless ``trust``."""
         return scene_of_bag(self._reader, self.namespace, self._trust)
 
     @property
@@ -299,7 +300,7 @@ def plot(of: 'Simulated | Scene | Bag', t_s: float | None = None, ax: 'Axes | No
 
 
 def _svg(of: 'Simulated | Scene') -> str:
-    """Return the picture of a scene at its end."""
+    """Return an SVG picture of a scene at the end of its run."""
     from io import StringIO
 
     from matplotlib.figure import Figure
@@ -323,11 +324,12 @@ class Design:
     def min_pitch(dragon: Scene | Simulated | AnyDragon | None = None, *, diameter_m: float = 9.0,
                   start_turns: float = 16.0, largest_m: float = 1.0, within_m: float = 2e-11,
                   smallest_m: float | None = None, progress: Progress = _quiet) -> 'MinPitch':
-        """Return the smallest pitch from which, up to ``largest_m``, the head reaches a circle without contact.
+        """Return the smallest pitch such that the head reaches a circle without contact at this and larger pitches.
 
-        ``dragon`` is a dragon or a scene; None means the classic dragon. The bounds of the result are at most
-        ``within_m`` apart. Mixed benches need ``smallest_m``, a pitch at which benches touch; for them ``proved`` is
-        false, since pitches above the bracket may have contacts. Raises FieldError.
+        Pitches up to ``largest_m`` are considered. ``dragon`` is a dragon or a scene; None means the classic dragon.
+        The bounds of the result are at most ``within_m`` apart. Mixed benches need ``smallest_m``, a pitch at which
+        benches touch. For them, ``proved`` is false, since pitches above the bracket may have contacts. Raises
+        FieldError.
         """
         from dragon_ros.core.search.min_pitch import min_pitch
         if not isinstance(dragon, (Dragon, Mixed, NoneType)):
@@ -403,9 +405,9 @@ def study(name_or_path: str | PathLike[str], output: str | PathLike[str] | None 
           workers: int | None = None, scheduler: str | None = None) -> Rows:
     """Return the rows of a study, given by name or file, from the folder ``output``, computing missing rows first.
 
-    The folder of a data set can be given instead of a study. Rows are computed by processes on this host, one per core,
-    or by a Dask cluster (``docs/studies.md``). In a script, put the call below ``if __name__ == '__main__':``. Raises
-    InputError for an invalid study, and MissingError if Dask is not installed.
+    The folder of a data set can be given instead of a study. Rows are computed by processes on this machine, one per
+    core, or by a Dask cluster (``docs/studies.md``). In a script, put the call below ``if __name__ == '__main__':``.
+    Raises InputError for an invalid study, and MissingError if Dask is not installed.
     """
     try:
         from dragon_ros.studies.cluster import complete
