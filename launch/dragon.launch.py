@@ -33,7 +33,7 @@ def actions(context: LaunchContext) -> list[Any]:
     given = {one.name: context.launch_configurations[one.name] for one in ARGUMENTS}
     what = plan(given)
     nodes = {start.executable: node(what.namespace, start) for start in (*what.readers, what.source)}
-    # A recorder ends by itself once the source has left and everything has been written.
+    # A recorder ends by itself after the source has left and everything has been written.
     last = RegisterEventHandler(OnProcessExit(target_action=nodes[(what.recorder or what.source).executable], on_exit=[
         EmitEvent(event=Shutdown(reason='the run has ended'))]))
     faults = [RegisterEventHandler(OnProcessExit(target_action=one, on_exit=fail)) for one in nodes.values()]
@@ -41,7 +41,7 @@ def actions(context: LaunchContext) -> list[Any]:
 
 
 def fail(event: ProcessExited, _: LaunchContext) -> None:
-    """Raise an exception if a node ended with an error: it ends the launch, which then returns 1."""
+    """Raise an exception if a node ended with an error, so that the launch ends and returns 1."""
     if event.returncode:
         raise DragonError(f'{event.process_name} ended with exit code {event.returncode}; see its output')
 
@@ -56,7 +56,10 @@ def node(namespace: str, start: LaunchedNode) -> Node:
 
 
 def written(start: LaunchedNode) -> str:
-    """Return a file with the parameters from arguments, under /**, which takes precedence over all other files."""
+    """Write the parameters given as launch arguments to a file, under /**, and return its name.
+
+    This file takes precedence over all others.
+    """
     handle, name = tempfile.mkstemp(prefix='dragon_', suffix='.yaml')
     with os.fdopen(handle, 'w', encoding='utf-8') as file:
         yaml.safe_dump({'/**': {'ros__parameters': {key: start.parameters[key] for key in sorted(start.asked)}}}, file)
@@ -64,7 +67,7 @@ def written(start: LaunchedNode) -> str:
 
 
 def view(given: dict[str, str], what: LaunchPlan) -> Iterator[Any]:
-    """Yield RViz, or the reason why it is missing."""
+    """Yield RViz, or a message if it is not installed."""
     if given['rviz'] != 'true' or given['headless'] == 'true':
         return
     try:
@@ -77,7 +80,7 @@ def view(given: dict[str, str], what: LaunchPlan) -> Iterator[Any]:
 
 
 def view_file(what: LaunchPlan) -> str:
-    """Return the RViz configuration, or a modified copy if the namespace is not /dragon or the frame not dragon."""
+    """Return the RViz configuration, or a modified copy if the namespace is not /dragon or the frame is not dragon."""
     share = Path(get_package_share_directory('dragon_ros'))
     path = share / 'msg_configs' / 'rviz' / 'dragon.rviz'
     text = path.read_text(encoding='utf-8')

@@ -1,6 +1,6 @@
-"""Write ``scene.schema.json`` and ``study.schema.json`` from the code. Run it when a format changes.
+"""Generate ``scene.schema.json`` and ``study.schema.json`` from the code.
 
-Both files are committed.
+Run this script when a format changes, and commit both files:
 PYTHONPATH=. python msg_configs/make_scene_schema.py
 """
 from pathlib import Path

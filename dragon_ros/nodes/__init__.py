@@ -1,1 +1,1 @@
-"""The ROS shell: thin nodes that move bytes. No other package imports rclpy or message packages."""
+"""The ROS shell: thin nodes that pass bytes on. No other package imports rclpy or message packages."""

@@ -1,4 +1,4 @@
-"""The base class of all nodes: namespace, parameters from a table, log, and a check of /clock."""
+"""The base class of all nodes: namespace, parameters from a table, logger, and a warning if /clock is silent."""
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
@@ -19,11 +19,11 @@ from dragon_ros.nodes.params import NAMES, Parameter
 
 
 def given_to(node: Node) -> dict[str, Any]:
-    """Return, by name, the parameter values that the command line, files and ``parameter_overrides`` give to a node.
+    """Return the parameter values that the command line, files and ``parameter_overrides`` set for a node, by name.
 
-    rclpy has no public list of these values: it either declares all of them itself (and fails at an empty list, which
-    has no type) or returns those requested by name. Therefore this function, and no other function, reads rclpy's
-    internal list without changing it.
+    rclpy does not expose all of these values: it either declares the parameters itself (and fails on an empty list,
+    which has no type) or returns the values of given names. Therefore this function reads rclpy's internal list,
+    without changing it. No other function does.
     """
     return {name: [] if given.value is None else given.value for name, given in node._parameter_overrides.items()}
 
@@ -31,26 +31,26 @@ def given_to(node: Node) -> dict[str, Any]:
 def declare(node: Node, parameter: Parameter, given: dict[str, Any]) -> Any:
     """Declare a parameter and return its value: the given value or the default.
 
-    Raises InputError, which names the parameter, the value and the limits.
+    Raises InputError with the name and the limits of the parameter.
     """
     default, value = parameter.default, widened(parameter, given.get(parameter.name, parameter.default))
     if value == [] and isinstance(default, list):
         value = default
     if type(value) is not type(default) or (isinstance(value, list) and not all(isinstance(one, str) for one in value)):
-        raise InputError(f'parameter {parameter.name}: is not of type {type(default).__name__}; {parameter.text}')
+        raise InputError(f'parameter {parameter.name}: it is not of type {type(default).__name__}; {parameter.text}')
     try:
         node.declare_parameter(parameter.name, value, descriptor_of(parameter), ignore_override=True)
     except InvalidParameterValueException:
-        raise InputError(f'parameter {parameter.name}: is outside {parameter.low} to {parameter.high}; '
+        raise InputError(f'parameter {parameter.name}: it is outside {parameter.low} to {parameter.high}; '
                          f'{parameter.text}') from None
     check(parameter, value)
     return value
 
 
 def check(parameter: Parameter, value: Any) -> None:
-    """Raise InputError if the value is not one of the choices, or exceeds a limit, even by a rounding error.
+    """Raise InputError if the value is not one of the choices, or is outside the limits, even by a rounding error.
 
-    ROS checks types and ranges, but accepts values that exceed a limit by a rounding error.
+    ROS also checks types and ranges, but accepts values that exceed a limit by a rounding error.
     """
     if parameter.choices and value not in parameter.choices:
         raise InputError(f'parameter {parameter.name}: {shown(value)} is not one of {", ".join(parameter.choices)}; '
@@ -61,7 +61,7 @@ def check(parameter: Parameter, value: Any) -> None:
 
 
 def widened(parameter: Parameter, value: Any) -> Any:
-    """Accept an integer for a float parameter: ``-p rate_hz:=50`` means 50.0."""
+    """Return the value, converted to a float if a float parameter is given an integer: ``-p rate_hz:=50``."""
     return float(value) if isinstance(parameter.default, float) and type(value) is int else value
 
 
@@ -85,18 +85,18 @@ _NO_CLOCK_S = 3.0
 _QOS = 'qos_overrides.'         # ROS 2's prefix of parameters that override the QoS of a topic
 _POLICIES = ('history', 'depth', 'reliability', 'durability', 'deadline', 'lifespan', 'liveliness',
              'liveliness_lease_duration')
-_WAITING = {'history': 'keep_all', 'reliability': 'reliable', 'lifespan': None}     # fixed for a waiting publisher
-_MISSPELT = 0.85                # difflib ratio: rate_hx means rate_hz (0.86), publish_rate not publish_tf (0.82)
+_WAITING = {'history': 'keep_all', 'reliability': 'reliable', 'lifespan': None}     # fixed if the publisher waits
+_MISSPELT = 0.85                # difflib ratio: rate_hx is a misspelt rate_hz (0.86); publish_rate is unknown (0.82)
 
 
 class DragonNode(Node):
-    """A node in namespace /dragon by default; it works in any executor.
+    """A node for any executor, in namespace /dragon by default.
 
-    ``setting`` holds the values of the node's parameters. A subclass rejects values in ``refuse`` and acts on changes
-    in ``changed``.
+    ``setting`` holds the values of the node's parameters. Subclasses override ``refuse`` to reject values and
+    ``changed`` to react to new values.
     """
 
-    _given: Mapping[str, Any] = MappingProxyType({})        # while rclpy creates its own topics, no values are known
+    _given: Mapping[str, Any] = MappingProxyType({})        # empty until rclpy has created its own topics
 
     def __init__(self, name: str, table: tuple[Parameter, ...] = (), overrides: dict[str, Any] | None = None) -> None:
         """Declare the parameters of the table.
@@ -110,7 +110,7 @@ class DragonNode(Node):
         given = given_to(self)
         for key, value in lists.items():
             known = given.setdefault(key, [])
-            given[key] = [*known, *value] if isinstance(known, list) else known     # other types are rejected later
+            given[key] = [*known, *value] if isinstance(known, list) else known     # declare() rejects other types
         self._table = {parameter.name: parameter for parameter in table}
         self.setting = {parameter.name: declare(self, parameter, given) for parameter in table}
         self._check_names(given)
@@ -130,20 +130,20 @@ class DragonNode(Node):
         super().destroy_node()
 
     def get_logger(self) -> logs.Logger:
-        """Return the logger of the node, which can also write JSON."""
+        """Return the node's logger, which can also write JSON."""
         return logs.logger(super().get_logger().name)
 
     def _check_names(self, given: dict[str, Any]) -> None:
-        """Raise InputError for a name that looks misspelt; warn about others, since nodes may share a file."""
+        """Raise InputError for a name that looks misspelt; warn about other names, since nodes may share a file."""
         for name in given:
             if self.has_parameter(name) or name.startswith(_QOS):
                 continue
             unknown = f'parameter {name}: {self.get_name()} has no such parameter'
             if name not in NAMES and (meant := did_you_mean(name, self._table, '', _MISSPELT)):
-                raise InputError(f'{unknown}; {meant} Put parameters of other nodes below their names, not below /**')
-            known = f'it has {", ".join(self._table)}' if self._table else 'it has no parameters of its own'
+                raise InputError(f'{unknown}; {meant} Put parameters of other nodes under their names, not under /**')
+            known = f'choose from {", ".join(self._table)}' if self._table else 'it has no parameters of its own'
             hint = known if name in NAMES else did_you_mean(name, self._table, known)
-            self.get_logger().warning(f'{unknown}; it is ignored; {hint}')
+            self.get_logger().warning(f'{unknown} and ignores it; {hint}')
 
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any, **options: Any) -> Publisher:
         """Create a publisher as rclpy does, with its QoS overrides. Raises InputError if they are invalid."""
@@ -164,12 +164,12 @@ class DragonNode(Node):
             return create(*arguments, **options)
         for policy in policies:
             if policy not in _POLICIES:
-                raise InputError(f'parameter {prefix}{policy}: is not a policy; the policies are '
+                raise InputError(f'parameter {prefix}{policy}: it is not a QoS policy; choose from '
                                  f'{", ".join(_POLICIES)}')
             if kind == 'publisher' and qos.waits(arguments[-1]) and self._given[prefix + policy] != _WAITING.get(
                     policy, self._given[prefix + policy]):
-                raise InputError(f'parameter {prefix}{policy}: a run as fast as its readers can follow must lose '
-                                 'nothing, so this policy is fixed; omit it, or set time_scale above 0')
+                raise InputError(f'parameter {prefix}{policy}: with time_scale 0, this policy is fixed so that no '
+                                 'message is lost; omit it, or set time_scale above 0')
         try:
             return create(*arguments, **options, qos_overriding_options=QoSOverridingOptions(
                 [QoSPolicyKind[policy.upper()] for policy in policies]))
@@ -182,11 +182,11 @@ class DragonNode(Node):
         for name in self._given:
             if name.startswith(_QOS) and not self.has_parameter(name):
                 self.get_logger().warning(
-                    f'parameter {name}: {self.get_name()} has no such topic; it is ignored; write '
+                    f'parameter {name}: {self.get_name()} has no such topic and ignores the parameter; write '
                     f'{_QOS}TOPIC.publisher.POLICY or {_QOS}TOPIC.subscription.POLICY with the full name of the topic')
 
     def refuse(self, name: str, value: Any) -> None:
-        """Raise DragonError with the reason if a live parameter must not take a value."""
+        """Raise DragonError with the reason if a live parameter must not be set to a value."""
 
     def changed(self, name: str) -> None:
         """React to the new value of a live parameter."""
@@ -199,7 +199,7 @@ class DragonNode(Node):
         try:
             for one in given:
                 if not one.name:        # rclpy treats an empty name as a known parameter
-                    raise InputError('a parameter needs a name')
+                    raise InputError('the name of a parameter is empty; give a name')
                 if one.name in self._table:
                     check(self._table[one.name], one.value)
                     self.refuse(one.name, one.value)
@@ -217,6 +217,6 @@ class DragonNode(Node):
         """Warn once if ROS time should come from /clock but nothing has arrived."""
         self._patience.cancel()
         if self._ros_time.ros_time_is_active and not self._ros_time.now().nanoseconds:
-            self.get_logger().warning(f'use_sim_time is true, but nothing arrived on /clock for {_NO_CLOCK_S:g} s: '
-                                      'stamps of wall time stay 0; start one sim or replay with publish_clock:=true, '
-                                      'or set use_sim_time to false')
+            self.get_logger().warning(f'use_sim_time is true, but nothing arrived on /clock for {_NO_CLOCK_S:g} s, so '
+                                      'stamps from the ROS clock stay 0; start one sim or replay with '
+                                      'publish_clock:=true, or set use_sim_time to false')

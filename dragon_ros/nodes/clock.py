@@ -12,10 +12,10 @@ _BEAT_S = 1.0
 
 
 class ClockPublisher:
-    """Publishes /clock at each tick and, while time stands still, repeats it every second for late subscribers."""
+    """Publishes the time of each tick and, while time stands still, repeats it every second for late subscribers."""
 
     def __init__(self, node: Node, t_ns: int) -> None:
-        """Start at a time."""
+        """Start at the time ``t_ns``."""
         self._publisher = node.create_publisher(Clock, '/clock', QoSProfile(depth=10))
         self._t_ns, self._sent_s = t_ns, 0.0
         node.create_timer(_BEAT_S, self._beat, clock=STEADY)

@@ -15,7 +15,7 @@ from dragon_ros.nodes.params import MONITOR, REPLAY, SIM, described
 
 def sim(argv: list[str]) -> int:
     """Run the simulator; return the exit code."""
-    options = _parser('sim', f'Simulate a bench dragon and publish it. ROS parameters:\n{described(SIM)}\n'
+    options = _parser('sim', f'Simulate a bench dragon and publish it.\nROS parameters:\n{described(SIM)}\n'
                       'Services: ~/pause, ~/resume, ~/reset, ~/step, ~/seek (std_srvs/Trigger).',
                       'sim --scene first_contact --ros-args -p time_scale:=2.0')
     command_line.add_scene_options(options, None)
@@ -29,8 +29,8 @@ def sim(argv: list[str]) -> int:
 
 def monitor(argv: list[str]) -> int:
     """Run the monitor; return the exit code."""
-    options = _parser('monitor', 'Watch topics handles and benches, and publish each contact on collision. '
-                      f'ROS parameters:\n{described(MONITOR)}',
+    options = _parser('monitor', 'Watch the topics handles and benches, and publish each contact on the topic '
+                      f'collision.\nROS parameters:\n{described(MONITOR)}',
                       'monitor --ros-args -r __ns:=/other_dragon')
     arguments = _parse(options, argv)
     from dragon_ros.nodes import shell
@@ -40,19 +40,19 @@ def monitor(argv: list[str]) -> int:
 
 def record(argv: list[str]) -> int:
     """Run the recorder; return the exit code."""
-    options = _parser('record', 'Record every topic of a dragon until its publisher leaves (or SIGINT, SIGTERM).\n'
-                      'Exit codes: 0 the bag is complete, 3 ticks or messages are missing, 1 the disk failed, 2 bad '
-                      'input.', 'record --output run.mcap')
+    options = _parser('record', 'Record every topic of a dragon until its publisher leaves, or until SIGINT or '
+                      'SIGTERM.\nExit codes: 0 the bag is complete, 3 ticks or messages are missing, 1 the disk '
+                      'failed, 2 the input is invalid.', 'record --output run.mcap')
     options.add_argument('--output', type=Path, metavar='FILE.mcap|FOLDER', help='bag to write: one file, or a rosbag2 '
-                         'directory (dragon_DATE_TIME.mcap)')
+                         'directory (default: dragon_DATE_TIME.mcap)')
     options.add_argument('--keep-going', action='store_true', help='continue after the publisher leaves, until a '
                          'signal')
     options.add_argument('--force', action='store_true', help='replace an existing bag')
     _add_bag_options(options)
     options.add_argument('--trust', action='store_true', help='read scenes from the topic even if they exceed the '
                          'budgets for untrusted input (docs/limits.md)')
-    options.add_argument('--flush-s', type=float, default=1.0, metavar='S', help='how many seconds of messages may be '
-                                                                                 'lost if the recorder is killed '
+    options.add_argument('--flush-s', type=float, default=1.0, metavar='S', help='seconds of messages that may be lost '
+                                                                                 'if the recorder is killed '
                                                                                  '(%(default)g)')
     options.add_argument('--queue-mb', type=float, default=256.0, metavar='MB',
                          help='largest size of the write queue (%(default)g)')
@@ -63,45 +63,46 @@ def record(argv: list[str]) -> int:
 
 def replay(argv: list[str]) -> int:
     """Replay a bag; return the exit code."""
-    options = _parser('replay', 'Publish the messages of a bag on their topics, byte for byte and at the recorded '
-                      f'spacing.\nROS parameters:\n{described(REPLAY)}\n'
+    options = _parser('replay', 'Publish the messages of a bag on their topics, byte for byte, with the recorded '
+                      f'timing.\nROS parameters:\n{described(REPLAY)}\n'
                       'Services: ~/pause, ~/resume, ~/reset, ~/step, ~/seek (std_srvs/Trigger). Keys: space pauses '
                       'and resumes,\ns steps, the arrows seek 5 s.',
                       'replay run.mcap --rate 2 --start 5')
     command_line.add_bag(options, 'MCAP file, or rosbag2 directory', required=True)
     options.add_argument('--rate', type=float, metavar='FACTOR',
-                         help='speed factor; 0: as fast as the readers can follow (1)')
+                         help='speed factor (1); 0: as fast as the readers can follow')
     options.add_argument('--start', type=float, default=0.0, metavar='S',
                          help='seconds of the bag to skip (%(default)g)')
-    options.add_argument('--end', type=float, metavar='S', help='second of the bag at which to stop (its end)')
-    options.add_argument('--loop', action='store_true', help='start again at the end')
+    options.add_argument('--end', type=float, metavar='S', help='seconds from the start of the bag at which to stop '
+                         '(default: its end)')
+    options.add_argument('--loop', action='store_true', help='restart at the end')
     options.add_argument('--clock', action='store_true', help='publish the time of the bag on /clock')
-    options.add_argument('--topics', type=_names, metavar='NAME,...', help='publish only these topics: full '
-                         'names, or those below the only dragon of the bag, such as handles')
+    options.add_argument('--topics', type=_names, metavar='NAME,...', help='publish only these topics: full names or, '
+                         'if the bag has only one dragon, names in its namespace, such as handles')
     options.add_argument('--into', metavar='NAMESPACE', help="publish the bag's dragon in this namespace (default: "
                          'as recorded)')
     options.add_argument('--wait-subscribers', type=_names, default=[], metavar='NAME=N,...',
-                         help='start when these topics, named likewise, have this many subscribers')
+                         help='start when each of these topics, named as for --topics, has N subscribers')
     arguments = _parse(options, argv)
     from dragon_ros.nodes import shell
     return shell.run('replay', argv, partial(_replay, arguments), arguments.json)
 
 
 def _parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
-    """Return a parser with --json."""
+    """Return a parser with the option --json."""
     options = command_line.parser(name, text, example)
-    options.add_argument('--json', action='store_true', help='log for machines: one JSON object per line')
+    options.add_argument('--json', action='store_true', help='write the log as JSON, one object per line')
     return options
 
 
 def _parse(options: argparse.ArgumentParser, argv: list[str]) -> argparse.Namespace:
-    """Parse the arguments before ROS's own (``--ros-args ...``); exit with code 2 if any is wrong."""
+    """Parse all arguments except ROS's own (``--ros-args ...``); exit with code 2 if any is invalid."""
     if '--help' in argv or '-h' in argv:
         _help(options)
     from rclpy.utilities import remove_ros_args
     try:
         rest: list[str] = remove_ros_args([options.prog, *argv])[1:]
-    except Exception as error:  # noqa: BLE001 - rcl raises its own types for bad --ros-args
+    except Exception as error:  # noqa: BLE001 - rcl raises its own types for invalid --ros-args
         options.exit(command_line.BAD_INPUT, f'{options.prog}: {" ".join(str(error).split())}\n')
     return options.parse_args(rest)
 
@@ -119,8 +120,8 @@ def _add_bag_options(options: argparse.ArgumentParser) -> None:
     options.add_argument('--split-duration-s', type=float, metavar='S', help='start a new file after this much '
                          'simulation time')
     options.add_argument('--max-size-mb', type=float, metavar='MB', help='stop before the bag exceeds this size')
-    options.add_argument('--fsync', action='store_true', help='write each chunk to the disk before the next one, '
-                         'which also protects against power cuts')
+    options.add_argument('--fsync', action='store_true', help='sync each chunk to the disk before writing the next '
+                         'one; this also protects against power cuts')
 
 
 def _names(text: str) -> list[str]:
@@ -145,7 +146,8 @@ def _replay(arguments: argparse.Namespace, stop: threading.Event) -> int:
     given: dict[str, Any] = {}
     if arguments.rate is not None:
         if not 0 <= arguments.rate <= 1e6:
-            raise InputError(f'--rate {arguments.rate:g}: must lie between 0 (as fast as possible) and 1e6')
+            raise InputError(f'--rate {arguments.rate:g}: it must be between 0 (as fast as the readers can follow) '
+                             'and 1e6')
         given['time_scale'] = arguments.rate
     if arguments.loop:
         given['at_end'] = 'loop'

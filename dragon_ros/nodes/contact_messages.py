@@ -10,14 +10,14 @@ from dragon_ros.core.geometry.contacts import pair_words
 from dragon_ros.core.geometry.tracker import NS, PARTED, RESTART, EpisodeEnd, Event, Report
 from dragon_ros.messages.cdr import stamp_of
 
-_LABEL_S = 0.1      # shortest interval of clearance/marker
+_LABEL_S = 0.1      # shortest interval between messages on clearance/marker
 _AGAIN_S = 1.0      # interval between reports of unseen ticks
-_OVER_S = 3.0       # time for which a WARN continues after the last unseen tick
-_HOW = {PARTED: 'end of contact', RESTART: 'contact left behind by a restart'}
+_OVER_S = 3.0       # how long a WARN continues after the last unseen tick
+_HOW = {PARTED: 'end of contact', RESTART: 'contact ended by a restart'}
 
 
 def header_of(frame_id: str, t_ns: int) -> Header:
-    """Return a header at a time in ns."""
+    """Return a header with a frame and a time in ns."""
     out = Header(frame_id=frame_id)
     out.stamp.sec, out.stamp.nanosec = stamp_of(t_ns)
     return out
@@ -31,9 +31,9 @@ def collision_of(report: Report) -> DiagnosticArray | None:
 
 
 def status_of(event: Event, more: int = 0) -> DiagnosticStatus:
-    """Return the start of a contact as a diagnostic status with all numbers; ``more`` is the number of further pairs.
+    """Return a diagnostic status with all data of the start of a contact; ``more`` is the number of further pairs.
 
-    Obstacles are numbered in the venue's order, starting after the last bench; the key ``obstacle`` holds the name.
+    Obstacles are numbered in the venue's order, after the last bench; the key ``obstacle`` holds the obstacle's name.
     """
     before = event.after_ns if event.before_ns is None else event.before_ns
     values = {
@@ -46,16 +46,16 @@ def status_of(event: Event, more: int = 0) -> DiagnosticStatus:
     return _status(
         DiagnosticStatus.ERROR, 'dragon: collision', f'contact of {pair_words(event.benches, event.obstacle)} at '
         f'{event.t_contact_s:.6f} s, at ({event.point_m[0]:.4f}, {event.point_m[1]:.4f}) m'
-        + (f'; and {more} more pairs' if more else ''), values)
+        + (f', and {more} more {"pair" if more == 1 else "pairs"}' if more else ''), values)
 
 
 def end_status_of(end: EpisodeEnd) -> DiagnosticStatus:
-    """Return the end of a contact as a diagnostic status: OK, since ERROR is reserved for contact."""
+    """Return a diagnostic status for the end of a contact, with level OK, since ERROR is reserved for contact."""
     values = {
         'phase': 'end', **_pair(end), 't_end_s': f'{end.t_end_s:.9f}',
         'deepest_gap_m': f'{end.deepest_gap_m:.12f}', 't_deepest_s': f'{end.deepest_ns / NS:.9f}',
         'cause': end.cause}
-    how = _HOW.get(end.cause, 'contact ended by another venue')
+    how = _HOW.get(end.cause, 'contact ended by a change of the venue')
     return _status(
         DiagnosticStatus.OK, 'dragon: collision', f'{how}: {pair_words(end.benches, end.obstacle)} at '
         f'{end.t_end_s:.6f} s, deepest {end.deepest_gap_m:.6f} m at {end.deepest_ns / NS:.6f} s', values)
@@ -73,7 +73,7 @@ def point_of(event: Event) -> PointStamped:
 
 
 def level_of(report: Report | None, warn_below_m: float) -> bytes:
-    """Return ERROR for contact, WARN for a clearance below ``warn_below_m``, otherwise OK."""
+    """Return ERROR for a contact, WARN for a clearance below ``warn_below_m``, and otherwise OK."""
     if report is None or (not report.count and report.clearance_m >= warn_below_m):
         return bytes(DiagnosticStatus.OK)
     return bytes(DiagnosticStatus.ERROR if report.count else DiagnosticStatus.WARN)
@@ -81,9 +81,9 @@ def level_of(report: Report | None, warn_below_m: float) -> bytes:
 
 def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: int, waiting: int = 0,
               leaves: bool = False) -> DiagnosticStatus:
-    """Return OK, WARN or ERROR for the last observed tick of a dragon (by its namespace), with the tick's numbers.
+    """Return a status (OK, WARN or ERROR) with the data of the last observed tick; ``dragon`` is the namespace.
 
-    ``waiting`` messages are yet to be read; ``leaves`` marks the last message of a monitor that ends.
+    ``waiting`` messages have not been read yet; ``leaves`` marks the last message of a monitor that ends.
     """
     state = {'dropped': str(dropped), 'waiting': str(waiting), **({'leaves': 'true'} if leaves else {})}
     name = f'{dragon}: clearance'
@@ -97,7 +97,7 @@ def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: 
     pairs = 'pair is' if report.count == 1 else 'pairs are'
     message = {DiagnosticStatus.OK: f'clearance {report.clearance_m:.6f} m',
                DiagnosticStatus.WARN: f'{apart} are {report.clearance_m:.6f} m apart',
-               DiagnosticStatus.ERROR: f'{report.count} {pairs} in contact, the deepest is {pair}'}[level]
+               DiagnosticStatus.ERROR: f'{report.count} {pairs} in contact; the deepest is {pair}'}[level]
     return _status(level, name, message, {
         't_s': '{}.{:09d}'.format(*stamp_of(report.observation.t_ns)), 'clearance_m': f'{report.clearance_m:.12f}',
         'closest': pair, 'warn_below_m': f'{warn_below_m:g}', 'in_contact': str(report.count),
@@ -105,7 +105,7 @@ def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: 
 
 
 class Changes:
-    """Holds the last report, and decides which of the topics that only show changes have something new."""
+    """Holds the last report, and decides whether topics that show only changes have anything new to publish."""
 
     def __init__(self) -> None:
         """Start without a report."""
@@ -118,30 +118,30 @@ class Changes:
         return bool(before and before.count) != bool(report.count)
 
     def level(self, level: bytes) -> bool:
-        """Record the current level; return whether it is another one than before."""
+        """Record the current level; return whether it has changed."""
         before, self._level = self._level, level
         return level != before
 
     def label(self, now_s: float, at_once: bool) -> bool:
-        """Return whether to label the clearance now: ``at_once``, or if the last label is old enough to be read."""
+        """Return whether to label the clearance now: if ``at_once``, or if there was time to read the last label."""
         due = at_once or now_s - self._labelled_s >= _LABEL_S
         self._labelled_s = now_s if due else self._labelled_s
         return due
 
 
 class Pace:
-    """Counts the ticks that a monitor does not see, and the longest gap; shorter contacts may be missed."""
+    """Counts the ticks that a monitor does not see, and measures the longest gap; shorter contacts may be missed."""
 
     def __init__(self) -> None:
-        """Start without any missed tick."""
+        """Start without any unseen tick."""
         self.skipped = 0        # unseen ticks that were skipped because ticks arrive faster than they can be read
         self._unseen, self._step_ns = 0, 0
         self._since_s = self._told_s = -inf         # times of the last event to report and of the last report
-        self._last: tuple[int, int] | None = None       # stamp and number of the last seen tick
+        self._last: tuple[int, int] | None = None       # stamp and sequence number of the last seen tick
         self.before = 0         # ticks published before the first one seen
 
     def see(self, t_ns: int, number: int, now_s: float) -> bool:
-        """Record the next seen tick and the number of its handles; return whether to report now."""
+        """Record the next seen tick and the sequence number of its handles; return whether to report now."""
         last, self._last = self._last, (t_ns, number)
         if last is None:
             self.before = max(0, number - 1)
@@ -152,7 +152,7 @@ class Pace:
         return self._news(now_s)
 
     def skip(self, skipped: int, now_s: float) -> bool:
-        """Record how many ticks were skipped so far; return whether to report now."""
+        """Record how many ticks have been skipped so far; return whether to report now."""
         self.skipped = skipped
         return self._news(now_s)
 
@@ -165,12 +165,12 @@ class Pace:
         """Return one line about the unseen ticks; empty if there are none."""
         if not (self._unseen or self.skipped):
             return ''
-        missed = f': a contact of less than {self._step_ns / NS:.9f} s may be missed' if self._step_ns else ''
-        return (f'{max(self._unseen, self.skipped)} ticks are not seen, {self.skipped} of them skipped because more '
-                f'arrive than can be read{missed}')
+        missed = f'; contacts shorter than {self._step_ns / NS:.9f} s may be missed' if self._step_ns else ''
+        return (f'{max(self._unseen, self.skipped)} ticks were not seen; {self.skipped} of them were skipped because '
+                f'ticks arrive faster than they can be read{missed}')
 
     def warnings(self, dragon: str, now_s: float) -> list[DiagnosticStatus]:
-        """Return a WARN while ticks are not seen, and for a few seconds after that."""
+        """Return a WARN while ticks are missed, and for a few seconds afterwards."""
         if now_s - self._since_s > _OVER_S:
             return []
         return [_status(DiagnosticStatus.WARN, f'{dragon}: monitor: pace', self.text(), {

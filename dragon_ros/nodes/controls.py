@@ -1,7 +1,7 @@
 """Playback of frames in simulation time: pause, resume, reset, step, seek and speed, in any executor.
 
-A steady timer that is set to the due time of the next frame plays that frame. The services are named after the node,
-like those of a rosbag2 player (``/dragon/sim/pause``), so that a sim and a replay in one namespace do not collide.
+A timer on the steady clock, set to the due time of the next frame, plays that frame. As with a rosbag2 player, service
+names include the node's name (``/dragon/sim/pause``), so that a sim and a replay in one namespace do not collide.
 """
 import time
 from collections.abc import Callable
@@ -16,9 +16,9 @@ from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.pacer import Pacer
 
 STANDARD = 'simulation_interfaces'      # package of the standard services, which are also offered if it is installed
-_POLL_NS = 20_000_000       # interval between checks whether playback may start
-_SLICE_S = 0.005            # longest playback before other callbacks are served
-_PROGRESS_S = 1.0               # interval of progress messages
+_POLL_NS = 20_000_000       # interval between checks of whether playback may start
+_SLICE_S = 0.005            # longest playback before other callbacks run
+_PROGRESS_S = 1.0               # interval between progress messages
 
 
 class PlaySource(Protocol):
@@ -54,7 +54,7 @@ def _nothing() -> None:
 
 
 class Steps:
-    """Frames to show at once; ``shown`` and ``left`` count them, and ``ended`` is true when no more will follow."""
+    """Frames to show at once; ``shown`` and ``left`` count them, and ``ended`` is true when no more will be shown."""
 
     def __init__(self, frames: int, each: Callable[[], None] = _nothing, end: Callable[[], None] = _nothing) -> None:
         """``each`` is called after each frame, and ``end`` is called once when no more will be shown."""
@@ -76,9 +76,9 @@ class Steps:
 
 
 class Player:
-    """Plays a source on a node with the parameters ``CONTROLS``; ``done`` is true after the final end.
+    """Plays a source on a node that has the parameters ``CONTROLS``; ``done`` is true once playback has ended for good.
 
-    ``stopped`` is true for a pause before the start, when nothing has been played since ``stop``.
+    ``stopped`` is true while the player is paused at the first frame after ``stop``.
     """
 
     def __init__(self, node: DragonNode, source: PlaySource, time_scale: float, ready: Callable[[], bool]) -> None:
@@ -105,7 +105,7 @@ class Player:
         return f'resumed {self._source.place()}'
 
     def reset(self) -> str:
-        """Return to the first frame and show it, so that time jumps back; a pause continues."""
+        """Return to the first frame and show it, so that time jumps back; a paused player stays paused."""
         self._source.rewind()
         return self._show_now(1)
 
@@ -116,7 +116,7 @@ class Player:
         return self._show_now(self._node.setting['step_ticks'])
 
     def advance(self, steps: Steps) -> None:
-        """Pause, and show frames, for a few milliseconds at a time. Raises DragonError if no frames follow.
+        """Pause, and show frames for a few milliseconds at a time. Raises DragonError if no frames follow.
 
         Any other action that shows a frame ends the steps early.
         """
@@ -133,7 +133,7 @@ class Player:
         return place
 
     def seek(self) -> str:
-        """Move to the last frame at or before ``seek_s`` (negative: the first frame) and show it; a pause continues."""
+        """Show the last frame at or before ``seek_s`` (negative: the first frame); a paused player stays paused."""
         seek_s = self._node.setting['seek_s']
         self._source.seek(None if seek_s < 0 else round(seek_s * NS))
         self.stopped = False
@@ -154,7 +154,7 @@ class Player:
         return self._waiting or self.paused or self.done
 
     def is_stepping(self) -> bool:
-        """Return whether there are still frames to be shown at once."""
+        """Return whether frames remain to be shown at once."""
         return not self._owed.ended
 
     def _service(self, act: Callable[[], str]) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
@@ -174,12 +174,12 @@ class Player:
             pass
         self._wake()
         left = self._owed.left if self.is_stepping() else 0
-        return self._source.place() + (f'; {left} more when the readers follow' if left else '')
+        return self._source.place() + (f'; {left} more to show when the readers catch up' if left else '')
 
     def _check_next(self) -> None:
         """Raise DragonError at the end."""
         if self._source.next_ns() is None:
-            raise DragonError(f'{self._source.ending()}: nothing follows; reset or seek first')
+            raise DragonError(f'{self._source.ending()}: no frame follows; reset or seek first')
 
     def _owe(self, steps: Steps) -> None:
         """Replace the frames that remain to be shown at once."""
@@ -213,12 +213,12 @@ class Player:
             self._wake(delay_ns)
 
     def _play(self) -> int | None:
-        """Play the due frames; return the wall time until the next action, None if only a service call causes it."""
+        """Play the due frames; return the wall time in ns until the next action, None to wait for a service call."""
         if self._waiting and not self.is_stepping():
             if not self._ready():
                 return _POLL_NS
             self._waiting = False
-            self._node.get_logger().info(f'starts {self._source.place()}')
+            self._node.get_logger().info(f'starting {self._source.place()}')
         until = time.monotonic() + _SLICE_S
         delay_ns: int | None = 0
         while delay_ns == 0 and time.monotonic() < until:
@@ -265,7 +265,7 @@ class Player:
             self._node.get_logger().info(f'{self._source.ending()}{then}')
 
     def _log_progress(self) -> None:
-        """Log the progress every second if anybody reads the log."""
+        """Log the progress every second if anyone reads the log."""
         if time.monotonic() - self._logged_s >= _PROGRESS_S and logs.progress_wanted() and not self.stands():
             pacer, left_s = self.pacer, self._left_s()
             left = '' if left_s is None else f', {left_s:.0f} s left'

@@ -1,4 +1,4 @@
-"""Handles and benches as entities of a simulator: names, states, and filters by name, tag and region, on arrays."""
+"""Handles and benches as entities of a simulator, in arrays: names, states, and filters by name, tag and region."""
 import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -54,13 +54,13 @@ class Bodies:
         return 0 if self.benches is None else len(self.benches.centre)
 
     def tags_of(self, entity: int) -> list[str]:
-        """Return whether an entity is a handle or a bench, and whether it is the head or the tail."""
+        """Return the tags of an entity: bench or handle, and head or tail if it is at that end."""
         is_bench = entity >= self.handle_count
         i, count = (entity - self.handle_count, self.bench_count) if is_bench else (entity, self.handle_count)
         return ['bench' if is_bench else 'handle'] + ['head'] * (i == 0) + ['tail'] * (i == count - 1)
 
     def description_of(self, entity: int) -> str:
-        """Return one line about an entity."""
+        """Return a one-line description of an entity."""
         if self.benches is None or entity < self.handle_count:
             return f'handle {entity} of {self.handle_count}, counted from the head'
         i = entity - self.handle_count
@@ -75,9 +75,9 @@ def bodies_of_frame(frame: Frame, dragon: AnyDragon, frame_id: str) -> Bodies:
 
 
 def bodies_of_messages(last: Mapping[str, Message]) -> Bodies | None:
-    """Return the bodies that the last messages, by topic, describe; None without handles. Raises MessageError.
+    """Return the bodies described by the last message of each topic; None without handles. Raises MessageError.
 
-    Benches must have the stamp of the handles; messages of topics without stamps must have the log time of the handles.
+    Benches must have the stamp of the handles; messages without a stamp must have the log time of the handles.
     """
     if 'handles' not in last:
         return None
@@ -95,20 +95,20 @@ def _benches(poses: Poses, last: Mapping[str, Message]) -> Benches | None:
 
 
 def _same_tick(name: str, last: Mapping[str, Message], handles: int) -> Floats | None:
-    """Return the first two columns of a topic without stamps if its message belongs to the handles."""
+    """Return the first two columns of a message without a stamp if it has the log time of the handles."""
     if name not in last or last[name].t_ns != last['handles'].t_ns:
         return None
     labels, values = read_multi_array(last[name].data)
     if values.ndim != 2 or values.shape[0] != handles or values.shape[1] < 2:
-        raise MessageError(f'{name}: {labels} of shape {values.shape}; expected {handles} rows of x, y and size')
+        raise MessageError(f'{name}: it has {labels} of shape {values.shape}; expected {handles} rows of x, y and size')
     return values[:, :2]
 
 
 def _bodies(t_ns: int, frame_id: str, links: tuple[Floats, Floats], benches: Benches | None,
             known: tuple[Floats | None, Floats | None]) -> Bodies:
-    """Return the bodies, given handles, directions of links and, if known, velocities and accelerations.
+    """Return the bodies, given the handles, the directions of the links and any known velocities and accelerations.
 
-    A rigid link e of length L turns at w = e x (v[i] - v[i+1]) / L, and w' = e x (a[i] - a[i+1]) / L.
+    A rigid link of length L in direction e turns at w = e x (v[i] - v[i+1]) / L, and w' = e x (a[i] - a[i+1]) / L.
     """
     (p, axis), (v, a) = links, (np.full_like(links[0], np.nan) if each is None else each for each in known)
     length = np.hypot(*(p[:-1] - p[1:]).T)
@@ -137,24 +137,25 @@ class Region(NamedTuple):
 
 
 def sphere(points: Floats) -> Region:
-    """Return the plane's section of a sphere; ``points`` (2, 3) contains its centre, and its radius as the second x."""
-    _check(len(points) == 2 and points[1, 0] >= 0, points, 'a sphere has a centre and a radius of at least 0 m in x')
+    """Return the part of the plane inside a sphere; ``points`` (2, 3) holds the centre and (radius, unused, unused)."""
+    _check(len(points) == 2 and points[1, 0] >= 0, points,
+           'a sphere needs its centre, and a second point whose x is its radius, at least 0 m')
     from shapely import Point
     (x, y, z), radius = points[0].tolist(), float(points[1, 0])
     return Region(Point(x, y), float(np.sqrt(radius**2 - z**2))) if abs(z) <= radius else Region(Point())
 
 
 def box(points: Floats) -> Region:
-    """Return the plane's section of a box between two corners (2, 3)."""
-    _check(len(points) == 2, points, 'a box has two corners')
+    """Return the part of the plane inside a box with two opposite corners (2, 3)."""
+    _check(len(points) == 2, points, 'a box needs two opposite corners')
     import shapely
     low, high = points.min(axis=0), points.max(axis=0)
     return Region(shapely.box(*low[:2], *high[:2]) if low[2] <= 0 <= high[2] else shapely.Point())
 
 
 def convex_hull(points: Floats) -> Region:
-    """Return the plane's section of the convex hull of at least three points (n, 3) that are not collinear."""
-    _check(3 <= len(points) <= FILTER_POINTS, points, f'a hull has 3 to {FILTER_POINTS} points')
+    """Return the part of the plane inside the convex hull of at least three points (n, 3) that are not collinear."""
+    _check(3 <= len(points) <= FILTER_POINTS, points, f'a hull needs 3 to {FILTER_POINTS} points')
     _check(np.linalg.matrix_rank(points - points[0]) > 1, points, 'the points lie on one line')
     from shapely import MultiPoint
     above, below = points[points[:, 2] > 0], points[points[:, 2] < 0]
@@ -171,8 +172,8 @@ def _check(is_valid: Any, points: Floats, limit: str) -> None:
 def chosen(bodies: Bodies, pattern: str, tags: Collection[str], every: bool, region: Region | None) -> list[int]:
     """Return the entities that pass all filters, in order; an empty filter passes all. Raises InputError.
 
-    ``pattern`` is a regular expression for the whole name. An entity needs one of the ``tags``, or all of them if
-    ``every`` is true. An entity passes ``region`` if it overlaps or touches the region.
+    ``pattern`` is a regular expression that must match the whole name. An entity must have one of the ``tags``, or all
+    of them if ``every`` is true. It must overlap or touch the ``region``.
     """
     names, wanted = bodies.names, set(tags)
     found = range(len(names)) if region is None else np.flatnonzero(_overlapping(bodies, region)).tolist()
@@ -191,10 +192,10 @@ def _overlapping(bodies: Bodies, region: Region) -> Array:
 
 
 def _matching(pattern: str, names: Sequence[str], found: Sequence[int]) -> list[int]:
-    """Return the entities whose whole name matches; the time is limited, unlike that of Python's re."""
+    """Return the entities whose whole name matches, within a time limit, which Python's ``re`` does not support."""
     import regex
     if len(pattern) > FILTER_CHARACTERS:
-        raise InputError(f'filter: {len(pattern)} characters; the limit is {FILTER_CHARACTERS}')
+        raise InputError(f'filter: it has {len(pattern)} characters; the limit is {FILTER_CHARACTERS}')
     end_s = time.monotonic() + FILTER_S
     try:
         matches = regex.compile(pattern).fullmatch
@@ -202,7 +203,7 @@ def _matching(pattern: str, names: Sequence[str], found: Sequence[int]) -> list[
     except regex.error as error:
         limit, cure = f'it is not a regular expression: {error}', 'escape special characters'
     except TimeoutError:
-        limit, cure = f'it takes more than {FILTER_S:g} s to match', 'use a simpler one'
+        limit, cure = f'it takes more than {FILTER_S:g} s to match', 'use a simpler expression'
     raise FieldError('filter', pattern, limit, cure)
 
 

@@ -1,4 +1,4 @@
-"""The frames of a run in order, with a current position: its ticks, followed by the frame of a contact that ends it."""
+"""The frames of a run in order, with a current position: its ticks and, if a contact ends it, the contact's frame."""
 from threading import Thread
 
 from dragon_ros.core.errors import FieldError
@@ -10,9 +10,9 @@ from dragon_ros.core.step import contact_frame, tick, ticks_before
 
 
 def build_tables(simulation: Simulation) -> Thread:
-    """Start building the tables of a run on a separate thread, which takes seconds for a track with hundreds of joints.
+    """Start building the tables of a run on a separate thread, since tracks with hundreds of joints take seconds.
 
-    A frame waits for its own table if that has not been built yet, so its bits do not depend on the thread.
+    A frame waits for its own table if that table has not been built yet, so its bits do not depend on the thread.
     """
     thread = Thread(target=simulation.build_tables, name='tables', daemon=True)
     thread.start()
@@ -72,7 +72,7 @@ class Frames:
         end = max(last, round(compile_scene(self._scene).end.t_s * NS)) if self._last is None else last
         if not first <= t_ns <= end:
             raise FieldError('seek_s', t_ns / NS, f'the run goes from {first / NS:.9g} s to {end / NS:.9g} s',
-                             'seek within it')
+                             'give a time in this range')
 
     def place(self) -> str:
         """Return the position of the last frame taken, as text."""
@@ -82,7 +82,7 @@ class Frames:
     def ending(self) -> str:
         """Return the reason why there is no next frame, as text."""
         if self._contact:
-            return f'the run ends in the contact of {self._contact.between} at {self._contact.t_s:.9f} s'
+            return f'the run ends at the contact of {self._contact.between} at {self._contact.t_s:.9f} s'
         end = compile_scene(self._scene).end
         why = {'stop': 'the run ends', 'lock': f'the chain locks at link {end.link}', 'track': 'the track ends'}
         return f'{why[end.reason]} at {end.t_s:.6f} s after {self.count} ticks'

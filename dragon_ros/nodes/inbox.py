@@ -1,4 +1,4 @@
-"""Hold messages that have arrived at a node and wait to be read, within a budget."""
+"""Hold messages that have arrived at a node until they are read, within a budget."""
 import time
 from collections import deque
 from collections.abc import Callable
@@ -17,8 +17,8 @@ _SLICE_S = 0.01     # longest time spent reading before new messages are taken
 class Inbox:
     """Takes messages as they arrive, so that the middleware drops none, and passes them on in order.
 
-    A node that falls behind skips whole ticks evenly. If a publisher waits for its readers, the node skips nothing and
-    reads all messages first.
+    A node that falls behind skips whole ticks evenly. If the publisher waits for its readers, however, the node reads
+    all waiting messages instead of skipping any.
     """
 
     def __init__(self, node: DragonNode, sources: dict[str, Publishers], read: Callable[[str, bytes, Any], None],
@@ -40,7 +40,7 @@ class Inbox:
 
     @property
     def waiting(self) -> int:
-        """The number of messages that are yet to be read."""
+        """The number of messages that have not been read yet."""
         return len(self._waiting)
 
     @property
@@ -49,7 +49,7 @@ class Inbox:
         return max(self._bytes / INBOX_BYTES, len(self._waiting) / INBOX_MESSAGES)
 
     def put(self, topic: str, kind: str, data: bytes, info: Any) -> None:
-        """Add a message of a type, or skip it with its tick."""
+        """Add a message of type ``kind``, or skip it with its tick."""
         source, before = self._sources[topic], self.skipped
         source.arrived(raw_subscription.number(info))
         if self.fill > FROM_FILL and source.waits():
@@ -68,7 +68,7 @@ class Inbox:
         return t_ns is None or self._skips.keeps(topic, t_ns, self.fill)
 
     def work(self) -> None:
-        """Read waiting messages for a few milliseconds; read the rest after taking those that arrive meanwhile."""
+        """Read waiting messages for a few milliseconds, and schedule another call if some remain."""
         held = bool(self._waiting) and self._held()
         if not held:
             self._work_until(time.monotonic() + _SLICE_S)

@@ -18,7 +18,7 @@ _POLL_S = 0.05
 
 @contextmanager
 def keys(node: Node, actions: Mapping[str, Callable[[], str]]) -> Iterator[bool]:
-    """Run the action of each key pressed inside the block, and log its result; yield False without a terminal."""
+    """Inside the block, run the action of each pressed key and log the result; yield False without a terminal."""
     number = _terminal()
     if number is None:
         yield False
@@ -34,7 +34,7 @@ def keys(node: Node, actions: Mapping[str, Callable[[], str]]) -> Iterator[bool]
 
 
 def split(text: str, known: Mapping[str, object]) -> list[str]:
-    """Return the known keys in the input; an arrow is three characters."""
+    """Return the known keys in the input; an arrow key sends three characters."""
     found = []
     while text:
         key = next((key for key in sorted(known, key=len, reverse=True) if text.startswith(key)), None)
@@ -44,7 +44,7 @@ def split(text: str, known: Mapping[str, object]) -> list[str]:
 
 
 def _terminal() -> int | None:
-    """Return standard input if it is a terminal and this process is in the foreground."""
+    """Return the descriptor of standard input if it is a terminal and this process is in the foreground."""
     try:
         number = sys.stdin.fileno()
         return number if os.isatty(number) and os.tcgetpgrp(number) == os.getpgrp() else None

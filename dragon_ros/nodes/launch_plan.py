@@ -1,4 +1,4 @@
-"""Plan which executables ``dragon.launch.py`` starts with which parameters, without the launch library."""
+"""Plan the executables that ``dragon.launch.py`` starts and their parameters, without using the launch library."""
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,7 +19,7 @@ YES_NO = ('true', 'false')
 
 
 class Argument(NamedTuple):
-    """One argument of the launch file: name, default, meaning, choices, and the only executable that uses it."""
+    """One argument of the launch file; ``concerns`` names the executable that uses it, if only one does."""
 
     name: str
     default: str
@@ -31,40 +31,40 @@ class Argument(NamedTuple):
 ARGUMENTS = (
     Argument('scene', 'winding', 'scene: a name, or a .yaml file', concerns='sim'),
     Argument('set', '', 'overrides of scene keys, separated by semicolons: key=value; key=value', concerns='sim'),
-    Argument('accuracy', '', 'largest position error: metres or a tier; empty: that of the scene', concerns='sim'),
-    Argument('rate', '', 'ticks per second of simulation; empty: that of the scene', concerns='sim'),
-    Argument('start_s', '', 'first tick in seconds of simulation, also of a replay; empty: that of the scene or bag'),
-    Argument('stop_s', '', 'end in seconds of simulation, also of a replay; empty: that of the scene or bag'),
-    Argument('time_scale', '1.0', 'seconds of simulation per second, also of a replay; 0: as fast as the readers can '
+    Argument('accuracy', '', 'largest position error, in metres or as a tier; empty: as in the scene', concerns='sim'),
+    Argument('rate', '', 'ticks per second of simulation; empty: as in the scene', concerns='sim'),
+    Argument('start_s', '', 'simulation time of the first tick in seconds; empty: as in the scene or bag'),
+    Argument('stop_s', '', 'simulation time of the end in seconds; empty: as in the scene or bag'),
+    Argument('time_scale', '1.0', 'seconds of simulation per second of wall time; 0: as fast as the readers can '
                                   'follow'),
-    Argument('discovery_s', f'{DISCOVERY_S:g}', 'seconds that the first tick waits for readers to be discovered'),
-    Argument('at_end', '', 'at the end of the run: stop (everything), hold (the sim stays for control) or loop; empty: '
-             'hold, but stop with on_contact:=stop', ('', 'stop', 'hold', 'loop')),
+    Argument('discovery_s', f'{DISCOVERY_S:g}', 'seconds to wait for the discovery of readers before the first tick'),
+    Argument('at_end', '', 'at the end of the run: stop (everything), hold (wait for reset, seek or step) or loop; '
+             'empty: hold, or stop with on_contact:=stop', ('', 'stop', 'hold', 'loop')),
     Argument('on_contact', 'continue', 'at the first contact: continue, hold or stop there',
              ('continue', 'hold', 'stop'), concerns='sim'),
     Argument('namespace', 'dragon', 'namespace of all nodes and topics'),
-    Argument('frame_id', '', 'frame of all messages; empty: as the namespace, or that of the bag'),
-    Argument('params_file', '', 'YAML file with parameters of the nodes; arguments that are given take precedence'),
+    Argument('frame_id', '', 'frame of all messages; empty: the same as the namespace, or as in the bag'),
+    Argument('params_file', '', 'YAML file with parameters of the nodes; launch arguments take precedence if given'),
     Argument('use_sim_time', 'false', 'the sim or replay publishes /clock, which the other nodes follow', YES_NO),
-    Argument('publish_tf', 'false', 'head and tail on /tf', YES_NO, concerns='sim'),
+    Argument('publish_tf', 'false', 'publish the head and the tail on /tf', YES_NO, concerns='sim'),
     Argument('monitor', 'true', 'report contacts and clearance, if benches are published', YES_NO),
-    Argument('warn_below', '0.02', 'clearance in m below which the monitor warns', concerns='monitor'),
+    Argument('warn_below', '0.02', 'clearance in metres below which the monitor warns', concerns='monitor'),
     Argument('clearance_vector', 'false', 'publish the shortest vector between the closest benches', YES_NO,
              concerns='monitor'),
-    Argument('venue', '', 'obstacles for the monitor, besides those of the scene: a GeoJSON, WKT or scene file',
+    Argument('venue', '', 'obstacles for the monitor, in addition to those of the scene: a GeoJSON, WKT or scene file',
              concerns='monitor'),
     Argument('map', '/map', 'topic of a map (nav_msgs/OccupancyGrid) with obstacles for the monitor; empty: none',
              concerns='monitor'),
-    Argument('map_occupied', '65', 'cells of the map with this value (percent) or more are obstacles',
+    Argument('map_occupied', '65', 'value in percent from which a cell of the map is an obstacle',
              concerns='monitor'),
-    Argument('map_unknown', 'free', 'what unknown cells of the map are', ('free', 'occupied'), concerns='monitor'),
-    Argument('venue_pose', '', 'X,Y,DEGREES: pose of the frame of the map or venue in that of the dragon; empty: from '
-             '/tf', concerns='monitor'),
+    Argument('map_unknown', 'free', 'how to treat unknown cells of the map', ('free', 'occupied'), concerns='monitor'),
+    Argument('venue_pose', '', "X,Y,DEGREES: pose of the map's or venue's frame in the dragon's frame; empty: from /tf",
+             concerns='monitor'),
     Argument('record', '', 'bag to write (.mcap); empty: none'),
-    Argument('replay', '', 'bag to replay instead of a sim; empty: none'),
-    Argument('rviz', 'true', 'show it in RViz', YES_NO),
-    Argument('headless', 'false', 'open no window, even with rviz:=true', YES_NO),
-    Argument('json', 'false', 'log as JSON, for machines', YES_NO),
+    Argument('replay', '', 'bag to replay instead of running a sim; empty: none'),
+    Argument('rviz', 'true', 'show the dragon in RViz', YES_NO),
+    Argument('headless', 'false', 'open no windows, even with rviz:=true', YES_NO),
+    Argument('json', 'false', 'write the logs as JSON', YES_NO),
 )
 
 
@@ -87,7 +87,7 @@ class LaunchedNode:
 class LaunchPlan:
     """The readers to start (the recorder last), the source, and the namespace and frame of the dragon.
 
-    ``notes`` list the omitted parts and the reasons.
+    ``notes`` tell the user what is omitted and why.
     """
 
     namespace: str
@@ -120,7 +120,7 @@ def plan(given: Mapping[str, str]) -> LaunchPlan:
     if watching and source.seen is False:
         watching = False
         notes.append('no monitor is started, because no benches are published: '
-                     + ('the bag has none' if given['replay'] else 'switch on the effect benches of the scene'))
+                     + ('the bag has none' if given['replay'] else "switch on the scene's effect benches"))
     readers = [_monitor(given)] if watching else []
     readers += [LaunchedNode('record', ['--output', given['record']])] if given['record'] else []
     started = [*readers, source.start]
@@ -142,7 +142,7 @@ def _is_given(given: Mapping[str, str], name: str) -> bool:
 
 
 def _refuse_idle(given: Mapping[str, str], started: list[str], notes: list[str]) -> None:
-    """Raise InputError for an argument that applies to no started executable."""
+    """Raise InputError for an argument that applies only to an executable that is not started."""
     for one in ARGUMENTS:
         if one.concerns and one.concerns not in started and _is_given(given, one.name):
             why = 'replay:= replaces it' if one.concerns == 'sim' else notes[0] if notes else 'monitor:=false'
@@ -151,7 +151,7 @@ def _refuse_idle(given: Mapping[str, str], started: list[str], notes: list[str])
 
 
 def _common(given: Mapping[str, str], one: LaunchedNode) -> LaunchedNode:
-    """Add the parameters that all nodes have."""
+    """Add the parameters and options that all nodes share."""
     parameters = {'use_sim_time': _on(given, 'use_sim_time'), **one.parameters}
     known = {argument.name for argument in ARGUMENTS}
     asked = {name for name in parameters
@@ -179,8 +179,8 @@ def _parsed(given: Mapping[str, str], name: str, kind: Callable[[str], float], w
     try:
         return kind(given[name])
     except ValueError:
-        raise InputError(f'launch argument {name}:={given[name]}: is not {what}; write for example {name}:={example}',
-                         field=name) from None
+        raise InputError(f'launch argument {name}:={given[name]}: it is not {what}; write for example '
+                         f'{name}:={example}', field=name) from None
 
 
 def _wanted(given: Mapping[str, str], row: Channel, watching: bool) -> int:
@@ -189,14 +189,14 @@ def _wanted(given: Mapping[str, str], row: Channel, watching: bool) -> int:
 
 
 def _at_end(given: Mapping[str, str]) -> str:
-    """Return the action at the end; a run that stops at a contact also ends there."""
+    """Return the action at the end of a run; by default, a run that stops at a contact ends there."""
     return given['at_end'] or ('stop' if given['on_contact'] == 'stop' else 'hold')
 
 
 def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _ObservedNode:
     """Return the simulator.
 
-    It starts when the monitor and the recorder have subscribed and all nodes have had time to discover each other,
+    Its run starts when the monitor and the recorder have subscribed and all nodes have had time to discover each other,
     because the recorder also records the monitor, and other recorders may be running.
     """
     optional = {key: _number(given, name) for key, name in (
@@ -222,7 +222,7 @@ def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _ObservedN
 def _replay(given: Mapping[str, str], namespace: str, watching: bool) -> _ObservedNode:
     """Return the replay of a bag in a namespace.
 
-    If a monitor runs, recorded monitor topics are omitted, since each topic has one publisher.
+    If a monitor runs, recorded monitor topics are omitted, so that each topic has only one publisher.
     """
     parameters = {'time_scale': _number(given, 'time_scale'), 'at_end': _at_end(given),
                   'discovery_s': _number(given, 'discovery_s')}
@@ -247,13 +247,13 @@ def _replay(given: Mapping[str, str], namespace: str, watching: bool) -> _Observ
 
 
 def _part(given: Mapping[str, str], start_ns: int, end_ns: int) -> list[str]:
-    """Return the replay options for the part of a bag to play, in seconds from the bag's start. Raises InputError."""
+    """Return the options of ``replay`` for the part to play, in seconds from the bag's start. Raises InputError."""
     options = []
     for name, option in (('start_s', '--start'), ('stop_s', '--end')):
         if given[name]:
             t_ns = round(_number(given, name) * NS)
             if not start_ns <= t_ns <= end_ns:
                 raise InputError(f'launch argument {name}:={given[name]}: the bag goes from {start_ns / NS:.9g} s to '
-                                 f'{end_ns / NS:.9g} s', field=name)
+                                 f'{end_ns / NS:.9g} s; give a time in this range', field=name)
             options += [option, repr((t_ns - start_ns) / NS)]
     return options

@@ -1,4 +1,4 @@
-"""A led dragon: speeds from ``cmd_vel``, and the frames that follow from them."""
+"""A led dragon: speeds from ``cmd_vel``, and the frames that result from them."""
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -24,7 +24,7 @@ _KINDS = {True: 'geometry_msgs/msg/TwistStamped', False: 'geometry_msgs/msg/Twis
 
 
 class Commands:
-    """The last commanded speed, while it is valid. Unusable commands are dropped and counted."""
+    """Holds the last commanded speed while it is valid. Unusable commands are dropped and counted."""
 
     def __init__(self, node: DragonNode, timeout_s: float, stamped: bool) -> None:
         """Subscribe to geometry_msgs/TwistStamped or to Twist, which many tools still send."""
@@ -37,11 +37,11 @@ class Commands:
                                  self._on_stamped if stamped else self._take, _DEPTH)
 
     def wanted_m_s(self) -> float:
-        """Return the current speed: 0 after the timeout."""
+        """Return the commanded speed, which is 0 after the timeout."""
         return self._speed_m_s if time.monotonic() < self._until_s else 0.0
 
     def _look(self) -> None:
-        """Warn once about each node that publishes commands of the other type, which do not arrive."""
+        """Warn once about each node that publishes commands of the other type, since its commands do not arrive."""
         topic = self._node.resolve_topic_name(TOPIC)
         for one in self._node.get_publishers_info_by_topic(topic):
             name = f'{one.node_namespace.rstrip("/")}/{one.node_name}'
@@ -54,16 +54,16 @@ class Commands:
                     f'publish {self._type}' + (' (teleop_twist_keyboard: -p stamped:=true)' if stamped else ''))
 
     def summary(self) -> str:
-        """Return how many commands were accepted and dropped."""
+        """Return, as text, how many commands were accepted and how many were dropped."""
         why = ', '.join(f'{count} {what}' for what, count in self.dropped.items())
         return f'commands: {self.taken} accepted, {self.dropped.total()} dropped' + (f' ({why})' if why else '')
 
     def _on_stamped(self, message: TwistStamped) -> None:
-        """Accept a command whose stamp is 0 or current and not older than the last command's stamp."""
+        """Accept a command if its stamp is 0, or current and not older than that of the last command."""
         stamp_ns = message.header.stamp.sec * NS + message.header.stamp.nanosec
         off_s = (self._node.get_clock().now().nanoseconds - stamp_ns) / NS
         if stamp_ns and (abs(off_s) > self._timeout_s or stamp_ns < self._stamp_ns):
-            self._drop('stale', f'its stamp is {off_s:.3f} s before the clock of this node')
+            self._drop('stale', f'its stamp is {off_s:.3f} s behind the clock of this node')
             return
         if self._take(message.twist):
             self._stamp_ns = stamp_ns
@@ -84,11 +84,11 @@ class Commands:
 
 
 class LedFrames:
-    """Ticks 0, 1, 2, ... of a led scene, each computed from the speed commanded when it is due."""
+    """Ticks 0, 1, 2, ... of a led scene; each is computed from the speed that is commanded when it is due."""
 
     def __init__(self, scene: Scene, wanted_m_s: Callable[[], float], on_contact: str, say: Callable[[str], None],
                  keep_s: float) -> None:
-        """Start at rest; ``say`` is called with a line when the dragon brakes before an end or stops at a contact."""
+        """Start at rest; ``say`` is called with a message if the dragon brakes before an end or stops at a contact."""
         assert isinstance(scene.head, Commanded)
         self._settings, self._simulation = scene.head, compile_scene(scene)
         self._scene, self._wanted_m_s, self._say, self._keep_s = scene, wanted_m_s, say, keep_s
@@ -108,7 +108,7 @@ class LedFrames:
         return None if self._stopped or self.k >= self.count else self._scene.run.time_ns(self.k)
 
     def last_ns(self) -> int:
-        """Return the time of the last frame, if nothing stops it."""
+        """Return the time of the last frame, if nothing stops the run."""
         return self._scene.run.time_ns(self.count - 1)
 
     def take(self) -> Frame:
@@ -118,12 +118,12 @@ class LedFrames:
         frame = led_tick(self._simulation, self._law, self.k)
         if self._minds_contact and (pairs := touching(self._simulation, frame)):
             self._stopped = f'{named_pair(self._scene, pairs[0])} are in contact at {t_s:.9f} s, tick {self.k}'
-            self._say(f'stops: {self._stopped}')
+            self._say(f'stopping: {self._stopped}')
         self.k += 1
         return frame
 
     def _next_law(self, t_s: float) -> Walked:
-        """Return the head law up to the next tick, with the commanded speed within the limits."""
+        """Return the head law up to the next tick; it follows the commanded speed within the limits."""
         assert self._law
         back, onwards = self._simulation.model.limits
         ends_m = back.gone_m if back else -inf, onwards.gone_m if onwards else inf
@@ -135,17 +135,17 @@ class LedFrames:
         """Report once that the dragon brakes before an end."""
         if limit and not self._brakes:
             what = f'the chain would lock at link {limit.link}' if limit.reason == 'lock' else 'the track ends'
-            self._say(f'brakes: {what} when the leader has gone {limit.gone_m:.6f} m')
+            self._say(f'braking: {what} when the leader has travelled {limit.gone_m:.6f} m')
         self._brakes = limit is not None
 
     def rewind(self) -> None:
-        """Restart, at rest."""
+        """Restart from rest."""
         self.k, self._law, self._stopped, self._brakes = 0, None, '', False
 
     def seek(self, t_ns: int | None) -> None:
         """Raise FieldError, because future commands are unknown and past commands are not kept."""
-        raise FieldError('seek_s', -1 if t_ns is None else t_ns / NS, 'a led dragon has no other ticks to go to',
-                         'reset it')
+        raise FieldError('seek_s', -1 if t_ns is None else t_ns / NS, 'a led dragon cannot seek, because its ticks '
+                         'depend on live commands', 'reset it to start again')
 
     def check_time(self, t_ns: int) -> None:
         """Raise FieldError, as ``seek`` does."""
@@ -154,7 +154,7 @@ class LedFrames:
     def place(self) -> str:
         """Return the position of the last frame taken, as text."""
         k, gone_m = max(self.k - 1, 0), float(self._law.reached_m[-1]) if self._law else 0.0
-        return f'at {self._scene.run.time_ns(k) / NS:.3f} s, tick {k}, {gone_m:.3f} m walked'
+        return f'at {self._scene.run.time_ns(k) / NS:.3f} s, tick {k}, {gone_m:.3f} m travelled'
 
     def ending(self) -> str:
         """Return the reason why there is no next frame, as text."""

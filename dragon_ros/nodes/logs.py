@@ -22,8 +22,8 @@ class Logger(rcutils_logger.RcutilsLogger):
         return passed
 
 
-# The log names the first line outside these files as the caller and applies filters such as throttle_duration_sec to
-# it. rclpy respects files that are added to this list, but the list has no public name. Only this module uses it.
+# rclpy treats the first line outside these files as the caller, and applies filters such as throttle_duration_sec to
+# each caller separately. Files can be added to this list, although it is not public. Only this module uses it.
 rcutils_logger._internal_callers.append(__file__)
 
 
@@ -40,12 +40,12 @@ def speak_json() -> list[str]:
 
 
 def progress_wanted() -> bool:
-    """Return whether anybody reads the log: a person at a terminal, or a program that parses JSON."""
+    """Return whether anyone reads the log: a person at a terminal, or a program that parses JSON."""
     return _mode['json'] or sys.stderr.isatty()
 
 
 def say(level: str, name: str, message: str) -> None:
-    """Write one line without a node, as text or as JSON."""
+    """Log one line without a node, as text or as JSON."""
     if _mode['json']:
         write(level, name, message, None)
     else:
@@ -53,6 +53,6 @@ def say(level: str, name: str, message: str) -> None:
 
 
 def write(level: str, name: str, message: str, data: dict[str, Any] | None) -> None:
-    """Write one JSON object on a line of standard error; ``wall_s`` is wall time in seconds since 1970."""
+    """Write a JSON object as one line to standard error; ``wall_s`` is wall time in seconds since 1970."""
     row = {'wall_s': round(time.time(), 6), 'level': level, 'name': name, 'message': message, **(data or {})}
     print(json.dumps(row), file=sys.stderr, flush=True)

@@ -1,7 +1,7 @@
 """``monitor``: observes the handles and benches of any publisher and reports contacts, clearance and health.
 
-It observes one dragon: if several publish on its topics, it continues with the known one and warns. Contacts with known
-obstacles (``obstacles``) are reported like contacts between benches.
+It observes a single dragon: if others publish on the same topics, it continues with the known one and logs a warning.
+Contacts with known obstacles (``obstacles``) are reported like contacts between benches.
 """
 import threading
 import time
@@ -29,8 +29,8 @@ from dragon_ros.nodes.obstacles import Obstacles
 from dragon_ros.nodes.params import MONITOR
 
 _PARTNER_S = 10.0       # longest wait for a tick's other message; Fast DDS resends lost messages within 3 s
-_HEALTH_S = 1.0           # interval of /diagnostics in wall time
-_REST_S = 5.0             # longest reading of earlier messages after a signal, as a launched run ends with its source
+_HEALTH_S = 1.0         # interval between messages on /diagnostics, in wall time
+_REST_S = 5.0           # longest time to read earlier messages after a signal, which launch sends when the source ends
 _STAMPED = 'clearance/stamped'
 _OBSTACLES = 'collision/obstacles'
 _TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', _OBSTACLES, 'clearance', _STAMPED,
@@ -69,11 +69,11 @@ class Monitor(DragonNode):
                                            self._inbox.work)
 
     def changed(self, name: str) -> None:
-        """Apply a new limit from the next tick on."""
+        """Apply a new limit, starting with the next tick."""
         self._warn_below_m = float(self.setting['warn_below_m'])
 
     def _take(self, topic: str, data: bytes, info: Any) -> None:
-        """Read a message, and examine the pair that it completes if it belongs to the observed dragon."""
+        """Read a message; if it belongs to the observed dragon and completes a pair, examine that pair."""
         def take() -> None:
             half, number = self._read[topic](data), raw_subscription.number(info)
             if self._sources[topic].keeps(number, half.t_ns):
@@ -89,7 +89,7 @@ class Monitor(DragonNode):
             del self._numbers[next(iter(self._numbers))]
 
     def _skip(self) -> None:
-        """Report at once that ticks are skipped."""
+        """Report immediately that ticks are skipped."""
         if self.pace.skip(self._inbox.skipped, time.monotonic()):
             self._publish_health(always=True)
 
@@ -132,10 +132,10 @@ class Monitor(DragonNode):
         self.get_logger().warning(f'message dropped ({self.dropped} so far): {why}', throttle_duration_sec=1.0)
 
     def _report(self, report: Report) -> None:
-        """Publish the result of one tick, on each topic only if it changes or has subscribers."""
+        """Publish the result of one tick, on each topic only if its value changes or it has subscribers."""
         changed = self._changes.contact(report)
         self.seen += 1
-        if self.topic_publishers[_STAMPED].get_subscription_count():    # first: recorders take the tick from it
+        if self.topic_publishers[_STAMPED].get_subscription_count():    # first, since recorders get the tick from it
             self.topic_publishers[_STAMPED].publish(stamped_clearance(report))
         if self.topic_publishers['clearance'].get_subscription_count():
             self.topic_publishers['clearance'].publish(float64_of(report.clearance_m))
@@ -154,13 +154,13 @@ class Monitor(DragonNode):
         self._publish_health()
 
     def _publish_vector(self, report: Report) -> None:
-        """Publish the shortest vector if it is enabled and some benches are near each other."""
+        """Publish the shortest vector if this is enabled and any benches are near each other."""
         vector = self.topic_publishers.get(_VECTOR)
         if vector and report.closest and vector.get_subscription_count():
             vector.publish(vector_of(report))
 
     def _show_clearance(self, report: Report, at_once: bool) -> None:
-        """Publish the clearance as a marker; without ``at_once``, no more often than a person can read it."""
+        """Publish the clearance as a marker: now if ``at_once``, otherwise no more often than a person can read it."""
         marker = self.topic_publishers['clearance/marker']
         if marker.get_subscription_count() and self._changes.label(time.monotonic(), at_once):
             marker.publish(clearance_marker(report))
@@ -173,11 +173,11 @@ class Monitor(DragonNode):
                 self.get_logger().info(status.message)
 
     def leave(self) -> None:
-        """Publish the last message, from which recorders know that no reports follow."""
+        """Publish the last message, which tells recorders that no reports follow."""
         self._publish_health(always=True, leaves=True)
 
     def _publish_health(self, always: bool = False, leaves: bool = False) -> None:
-        """Publish on /diagnostics, but without ``always`` only when the level changes."""
+        """Publish on /diagnostics if the level has changed, or in any case if ``always`` is true."""
         dragon = self.get_namespace().strip('/')
         last = self._changes.last
         if self._changes.level(messages.level_of(last, self._warn_below_m)) or always:
@@ -198,7 +198,7 @@ def run(stop: threading.Event) -> int:
         publisher_queue.drain(node.topic_publishers.values(), stop, node.get_logger().warning)
         return code
     finally:
-        before = f'; {node.pace.before} were published before it listened' if node.pace.before else ''
+        before = f'; {node.pace.before} were published before it subscribed' if node.pace.before else ''
         node.get_logger().info(f'saw {node.seen} ticks{before}')
         if unseen := node.pace.text():
             node.get_logger().warning(unseen)

@@ -1,10 +1,11 @@
 """The obstacles known to a monitor, in the dragon's frame: from a file, from the topic ``venue``, and from a map.
 
-The obstacles of all sources are combined. If a source uses another frame than the dragon, its obstacles are moved by
-the declared pose or by the transforms of /tf and /tf_static. Without a pose, they are not used, and the log and
-/diagnostics report this.
+The obstacles of all sources are combined. If the frame of a source is not that of the dragon, its obstacles are
+transformed with the declared pose, or with the transforms of /tf and /tf_static. If neither connects the frames, the
+obstacles are not used, and the log and /diagnostics report this.
 
-Obstacles of a file or a map are published for bags, with the stamp of the first tick at which they are used.
+Obstacles of a file or a map are published so that bags contain them. The message has the stamp of the first tick at
+which they are used.
 """
 import time
 from cmath import phase
@@ -34,8 +35,8 @@ from dragon_ros.scenes.load import load_venue
 
 _VENUE = 'venue'
 _GRID = 'nav_msgs/msg/OccupancyGrid'
-_PATIENCE_S = 5.0       # longest wait of the first tick for the latched message of a known publisher
-_ASKED_S = 0.05         # interval between checks whether that message has arrived
+_PATIENCE_S = 5.0       # longest time that the first tick waits for the latched message of a known publisher
+_ASKED_S = 0.05         # interval between checks of whether that message has arrived
 _SAME = 1e-9            # in metres and radians; smaller changes of a pose are ignored
 _FRAMES_DEPTH = 100
 _HERE: PlanePose = (0j, 1 + 0j)
@@ -44,7 +45,7 @@ _HERE: PlanePose = (0j, 1 + 0j)
 class Obstacles:
     """Reads obstacles from their sources; ``changed`` is called with all obstacles when any of them change.
 
-    ``publish`` is called with their message if any of them come from a file or a map.
+    ``publish`` is called with a message that contains them if any of them come from a file or a map.
     """
 
     def __init__(self, node: DragonNode, changed: Callable[[Surroundings | None], None],
@@ -81,7 +82,7 @@ class Obstacles:
             subscribe_raw(node, shell.message_type(kind), topic, partial(self._take, topic, read), profile)
 
     def awaited(self) -> bool:
-        """Return whether the first tick waits because the message of a known publisher has not arrived yet."""
+        """Return whether the first tick must wait because the message of a known publisher has not arrived yet."""
         if not self._waiting:
             return False
         late = [topic for topic in sorted(self._waiting) if self._node.count_publishers(topic)]
@@ -92,7 +93,7 @@ class Obstacles:
             self._timer.reset()
             return True
         if late:
-            self._node.get_logger().warning(f'no obstacles arrived within {_PATIENCE_S:g} s on {" and ".join(late)}')
+            self._node.get_logger().warning(f'no obstacles arrived on {" and ".join(late)} within {_PATIENCE_S:g} s')
         self._waiting.clear()
         return False
 
@@ -102,7 +103,7 @@ class Obstacles:
             self._resume()
 
     def see(self, frame_id: str, t_ns: int) -> None:
-        """Note the frame of a tick, and publish the obstacles if they are used from this tick on."""
+        """Record the frame of a tick, and publish the obstacles if this is the first tick at which they are used."""
         if frame_id != self._frame_id:
             self._frame_id = frame_id
             self._is_new = self._is_published
@@ -118,11 +119,11 @@ class Obstacles:
             return around
         self._node.get_logger().warning(
             f'obstacles of files and maps are not published, because they have more than {SHOWN_EDGES} edges or too '
-            'many parts: a bag of this run does not contain them')
+            'many parts; a bag of this run will not contain them')
         return _all([part for source, part in self._parts if source == _VENUE])
 
     def look(self) -> None:
-        """Move obstacles in other frames by the newest transforms."""
+        """Apply the newest transforms to obstacles in other frames."""
         if self._tree:
             self._place()
 
@@ -138,7 +139,7 @@ class Obstacles:
             if located.left_out:
                 self._fault(topic, located.left_out)
             self._located[topic] = located
-            self._node.get_logger().info(f'{topic}: {_counted(located.around)} in the frame {located.frame_id!r}, '
+            self._node.get_logger().info(f'{topic}: {_counted(located.around)} in frame {located.frame_id!r}, '
                                          f'read in {time.monotonic() - began_s:.3f} s')
             if self._frame_id is not None:
                 self._place()
@@ -182,7 +183,7 @@ class Obstacles:
         if pose is None:
             where = 'and /tf and /tf_static do not connect them' if self._has_frames else (
                 'and /tf cannot be read, because tf2_msgs is not installed')
-            raise MessageError(f'it is in the frame {frame_id!r}, and the dragon in {self._frame_id!r}, {where}; give '
+            raise MessageError(f'its frame is {frame_id!r}, that of the dragon is {self._frame_id!r}, {where}; give '
                                'venue_pose:=X,Y,DEGREES (0,0,0 if the frames coincide)')
         return pose
 
@@ -207,11 +208,11 @@ class Obstacles:
             self._place()
 
     def _text(self) -> str:
-        return ', '.join(f'{_counted(self._located[source].around)} of {source}{_at(pose)}'
+        return ', '.join(f'{_counted(self._located[source].around)} from {source}{_at(pose)}'
                          for source, _, pose in self._placed)
 
     def statuses(self, dragon: str) -> list[DiagnosticStatus]:
-        """Return which obstacles are used (OK), and which are not and why (WARN); empty without a source."""
+        """Return a status of all obstacles: a WARN with the reasons if any are not used; empty without obstacles."""
         unused = {**self._unused, **self._faults}
         if not self._located and not unused:
             return []
@@ -228,7 +229,12 @@ def _all(parts: list[Surroundings]) -> Surroundings | None:
 
 
 def _counted(around: Surroundings | None) -> str:
-    return f'{len(around.names)} obstacles with {around.start.size} edges' if around else 'no obstacles'
+    return f'{_plural(len(around.names), "obstacle")} with {_plural(around.start.size, "edge")}' if around else (
+        'no obstacles')
+
+
+def _plural(count: int, what: str) -> str:
+    return f'{count} {what}' if count == 1 else f'{count} {what}s'
 
 
 def _at(pose: PlanePose) -> str:
@@ -237,6 +243,6 @@ def _at(pose: PlanePose) -> str:
 
 
 def _alike(one: list[tuple[str, int, PlanePose]], two: list[tuple[str, int, PlanePose]]) -> bool:
-    """Return whether two lists of placed sources are equal apart from tiny moves."""
+    """Return whether two lists of placed sources are equal except for tiny changes of the poses."""
     return len(one) == len(two) and all(a[:2] == b[:2] and all(abs(x - y) <= _SAME for x, y in zip(
         a[2], b[2], strict=True)) for a, b in zip(one, two, strict=True))

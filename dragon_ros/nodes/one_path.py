@@ -13,7 +13,7 @@ from dragon_ros.cli.command_line import BAD_INPUT, OK
 from dragon_ros.nodes import shell
 from dragon_ros.nodes.raw_subscription import subscribe_raw
 
-# Any publisher, even a latched or best-effort one, is compatible with one of these.
+# Every publisher, even a latched or best-effort one, is compatible with one of these profiles.
 _PROFILES = ((ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE),
              (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL),
              (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE))
@@ -40,7 +40,8 @@ def _wait(topic: str, timeout_s: float, stop: threading.Event) -> int:
     finally:
         node.destroy_node()
     if not taken:
-        print(f'no nav_msgs/Path came within {timeout_s:g} s; publish one, or give a larger --timeout', file=sys.stderr)
+        print(f'no nav_msgs/Path arrived within {timeout_s:g} s; publish one, or give a larger --timeout',
+              file=sys.stderr)
         return BAD_INPUT
     sys.stdout.buffer.write(taken[0])
     return OK

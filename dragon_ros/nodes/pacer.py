@@ -1,38 +1,38 @@
-"""Pacing by a steady clock: due times follow from simulation time, never from accumulated waits."""
+"""Pacing with the steady clock: due times are computed from simulation time, never by adding up waits."""
 import time
 
 from dragon_ros.core.errors import FieldError
 
-_AT_ONCE_NS = 50_000_000            # largest delay that is recovered by ticks without waits
-_ON_TIME_NS = 5_000_000             # largest delay of a run that is on time and may go faster
-_FASTER = 0.1                       # fraction by which the run goes faster to recover a longer delay
-_LONGEST_NS = 3_600_000_000_000     # longest wait; later ticks are requested again (a timer supports at most 2^63 ns)
-_FOREVER_NS = 1e18                  # 30 years; a smaller scale makes the run no slower
-_MOST_BEHIND_NS = 1_000_000_000     # longest delay that is recovered, to avoid a long race on a slow machine
+_AT_ONCE_NS = 50_000_000            # largest delay that is made up by playing ticks without waiting
+_ON_TIME_NS = 5_000_000             # largest delay at which a run is still on time and may speed up
+_FASTER = 0.1                       # fraction by which the run speeds up to make up a larger delay
+_LONGEST_NS = 3_600_000_000_000     # longest wait; a later tick takes several waits (a timer supports at most 2^63 ns)
+_FOREVER_NS = 1e18                  # 30 years: limit of a wait, which also limits the effect of a tiny scale
+_MOST_BEHIND_NS = 1_000_000_000     # largest delay that is made up, so that a slow machine does not race for long
 
 
 class Pacer:
-    """Gives the due time of each simulation time; ``scale`` 0 means immediately.
+    """Computes when each simulation time is due; with ``scale`` 0, it is due immediately.
 
     After a late tick, the next ticks follow immediately until they are on time again, so that a short stall does not
-    lower the rate. A tick that starts more than 50 ms late, and after its successor was due, is an overrun. It is
-    counted, and pacing continues from there without a burst; if later ticks are on time, the run goes a tenth faster
-    until up to a second has been recovered.
+    lower the rate. A tick is an overrun if it starts more than 50 ms late, and after its successor was due. Overruns
+    are counted, and pacing continues from there without a burst. While later ticks are on time, the run is a tenth
+    faster, until it has made up the delay, or one second of it.
     """
 
     def __init__(self, scale: float) -> None:
-        """Pace at ``scale`` seconds of simulation per second."""
+        """Pace at ``scale`` seconds of simulation per second of wall time."""
         self._scale = _checked(scale)
         self._origin: tuple[int, int] | None = None
         self.last_ns: int | None = None
         self.late_ns = 0            # delay of the start of the last tick
         self.overruns = 0
         self.worst_late_s = 0.0
-        self._behind_ns = 0         # remaining delay to recover
+        self._behind_ns = 0         # delay that remains to be made up
 
     @property
     def scale(self) -> float:
-        """Seconds of simulation per second; a change takes effect at once, without a jump."""
+        """Seconds of simulation per second of wall time; a change takes effect at once, without a jump."""
         return self._scale
 
     @scale.setter
@@ -76,5 +76,5 @@ class Pacer:
 
 def _checked(scale: float) -> float:
     if not 0 <= scale <= 1e6:
-        raise FieldError('time_scale', scale, 'it must lie between 0 and 1e6', '0 is as fast as possible')
+        raise FieldError('time_scale', scale, 'it must be between 0 and 1e6', 'give 0 for as fast as possible')
     return scale

@@ -1,4 +1,4 @@
-"""Publish bytes: count subscribers, and queue messages if readers are slower than the publisher."""
+"""Publish bytes: wait for subscribers, and queue messages while readers are slower than the publisher."""
 import re
 import threading
 import time
@@ -22,14 +22,14 @@ from dragon_ros.nodes.params import DISCOVERY_S
 
 _COUNT = re.compile('[0-9]{1,9}')
 _GIVE_UP = 20       # largest number of consecutive failures (0.1 s each) while there is no subscriber
-_SETTLED_S = 0.5     # quiet time after a discovery, because a reader's topics are discovered one by one
+_SETTLED_S = 0.5    # quiet time required after a discovery, because a reader's topics are discovered one by one
 _ACKED_S = 4.0      # longest wait for acknowledgements, which follow the middleware's heartbeat (3 s in Fast DDS)
-_ALL_ACKED_S = 20.0     # the same at the end of a run, when a reader may still have to read all kept messages
+_ALL_ACKED_S = 20.0     # the same at the end of a run, when a reader may not yet have read any of the kept messages
 _LOOK_S = 0.02
 
 
 def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) -> list[tuple[Publisher, int]]:
-    """Return (publisher, number of subscribers to wait for), given texts such as handles=2. Raises InputError."""
+    """Return pairs (publisher, number of subscribers to wait for) from texts such as handles=2. Raises InputError."""
     wanted = []
     for text in filter(None, texts):
         name, _, count = text.partition('=')
@@ -43,9 +43,9 @@ def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) ->
 class StartGate:
     """Decides when the first message may be sent, so that awaited and discovered readers receive it.
 
-    Existing readers are not discovered at once. With Fast DDS, a participant announces itself every 3 s, and repeats
+    Existing readers are not discovered immediately. With Fast DDS, a participant announces itself every 3 s and repeats
     its subscriptions every second. A new participant may miss both at first, because the older one answers before the
-    new one can identify it. It then finds the reader 1 s to 4 s later.
+    new one can identify it. The new participant then discovers the reader 1 s to 4 s later.
     """
 
     def __init__(self, publishers: Mapping[str, Publisher], texts: Iterable[str], discovery_s: float) -> None:
@@ -58,7 +58,7 @@ class StartGate:
         self._settled_s = min(_SETTLED_S, discovery_s)
 
     def is_open(self) -> bool:
-        """Return whether all awaited readers are present, and discovery has had enough time and has settled."""
+        """Return whether all awaited readers are present, and discovery has had enough time and found nothing new."""
         now, found = time.monotonic(), sum(publisher.get_subscription_count() for publisher in self._publishers)
         if found != self._found:
             self._found, self._changed_s = found, now
@@ -67,7 +67,7 @@ class StartGate:
 
 
 class PublisherQueue:
-    """Outgoing messages in order; they wait while readers are slower than a lossless publisher."""
+    """Outgoing messages in order, which wait while readers are slower than a lossless publisher."""
 
     def __init__(self, warn: Callable[[str], object] = lambda line: None) -> None:
         """Start empty; ``warn`` is called once per topic with a message that cannot be published."""
@@ -80,7 +80,7 @@ class PublisherQueue:
         self._waiting.append((publisher, data))
 
     def flush(self) -> bool:
-        """Publish queued messages; return False if a full reader still blocks some after a tenth of a second."""
+        """Publish queued messages; return False if a reader's full queue still blocks some of them after 0.1 s."""
         while self._waiting:
             publisher, data = self._waiting[0]
             try:
@@ -98,10 +98,10 @@ class PublisherQueue:
         return True
 
     def _leave_out(self, publisher: Publisher, size: int) -> None:
-        """Drop and count the first message, which its type cannot hold; report its topic once."""
+        """Drop and count the first message, which is too long for its type; report its topic once."""
         topic = publisher.topic_name
         if not self.left_out[topic]:
-            self._warn(f'{topic}: messages that their type cannot hold are left out; the first has {size} bytes')
+            self._warn(f'{topic}: messages that are too long for their type are left out; the first has {size} bytes')
         self.left_out[topic] += 1
         self._waiting.popleft()
 
@@ -109,7 +109,7 @@ class PublisherQueue:
 def can_hold(kind: Any, size: int) -> bool:
     """Return whether messages of a type can be ``size`` bytes long.
 
-    The middleware's error does not distinguish a full reader from a message that is too long for its type.
+    The middleware raises the same error for a reader's full queue and for a message that is too long for its type.
     """
     most = _largest(kind)
     return most is None or size <= most
@@ -125,7 +125,7 @@ def _largest(kind: Any) -> int | None:
 
 
 def _is_fixed(name: str) -> bool:
-    """Return whether a field has a fixed size, by the name of its type: double, double[36], geometry_msgs/Point."""
+    """Return whether a field's type has a fixed size, given its name: double, double[36], geometry_msgs/Point."""
     if name.startswith(('sequence<', 'string', 'wstring')):
         return False
     package, _, kind = name.partition('[')[0].partition('/')
@@ -153,16 +153,16 @@ class EncodedTopic:
 
 
 def drain(publishers: Iterable[Publisher], stop: threading.Event, warn: Callable[[str], object]) -> None:
-    """Wait until readers have everything; unsent messages are lost with their publisher. A signal shortens it.
+    """Wait until readers have received all messages, which are lost when their publisher is destroyed.
 
-    ``warn`` is called if some readers do not answer in time.
+    After a signal, the longest wait is shorter. ``warn`` is called if some readers do not answer in time.
     """
     begin = time.monotonic()
     for publisher in publishers:
         while publisher.get_subscription_count() and not publisher.wait_for_all_acked(Duration()):
             longest_s = _ACKED_S if stop.is_set() else _ALL_ACKED_S
             if time.monotonic() > begin + longest_s:
-                warn(f'{publisher.topic_name}: not all readers have acknowledged the last messages within '
-                     f'{longest_s:g} s; they may lack some')
+                warn(f'{publisher.topic_name}: not all readers acknowledged the last messages within {longest_s:g} s; '
+                     'some readers may not have received them')
                 return
-            time.sleep(_LOOK_S)     # measured by the steady clock, which the middleware may not follow
+            time.sleep(_LOOK_S)     # uses the steady clock; a wait in the middleware may follow the system clock

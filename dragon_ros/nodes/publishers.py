@@ -1,4 +1,4 @@
-"""The publishers of a topic. A topic belongs to one dragon; of several publishers, one is kept and all are named."""
+"""The publishers of a topic, which belongs to one dragon: if there are several, one is kept and all are reported."""
 import time
 from collections import Counter
 from collections.abc import Iterable
@@ -9,19 +9,19 @@ from dragon_ros.messages.synchronizer import Streams
 from dragon_ros.nodes import qos
 from dragon_ros.nodes.base import DragonNode
 
-_UNNAMED = '_NODE_NAME_UNKNOWN_'     # name of a publisher whose node is missing or was discovered later
+_UNNAMED = '_NODE_NAME_UNKNOWN_'    # name of a publisher whose node has not been discovered
 _NAMED_S = 3.0      # longest wait for a publisher's name
-_ASKED_S = 1.0      # time for which an answer is assumed valid
+_ASKED_S = 1.0      # how long an answer is assumed to be valid
 
 
 class Publishers:
     """The publishers of one topic. A node that follows one of them calls ``keeps`` for every message.
 
-    The node must call ``look`` periodically, to notice publishers that have left, and ``arrived`` for each message.
+    The node must call ``look`` periodically, to detect publishers that have left, and ``arrived`` for each message.
     """
 
     def __init__(self, node: DragonNode, topic: str) -> None:
-        """``topic`` is a full name."""
+        """Start without publishers; ``topic`` is a full name."""
         self.topic, self.streams = topic, Streams()
         self._node = node
         self._there: dict[bytes, str] = {}
@@ -30,7 +30,7 @@ class Publishers:
         self._last, self._waits, self._asked_s = 0, False, 0.0
 
     def look(self) -> list[str]:
-        """Update the publishers; return their names if there are several, all with names, and otherwise nothing."""
+        """Update the publishers; return their names if there are several and the names are known, otherwise []."""
         before, self._asked_s = self._there, 0.0
         self._there = {bytes(one.endpoint_gid): f'{one.node_namespace.rstrip("/")}/{one.node_name}'
                        for one in self._node.get_publishers_info_by_topic(self.topic)}
@@ -46,7 +46,7 @@ class Publishers:
         return _distinct(self._there) if len(self._there) > 1 and named else []
 
     def arrived(self, sequence: int) -> None:
-        """Record the number of a message, and update the publishers if it is not the next number."""
+        """Record the sequence number of a message; if it does not follow the last one, update the publishers."""
         if sequence != self._last + 1 and len(self._there) < 2:
             self.look()
         self._last = sequence
@@ -60,30 +60,30 @@ class Publishers:
         return self._waits
 
     def keeps(self, sequence: int, t_ns: int) -> bool:
-        """Return whether a message with this number and stamp is from the kept publisher, if any."""
+        """Return whether a message is from the kept publisher, given its sequence number and stamp."""
         return self.streams.take(sequence, t_ns, len(self._there) < 2)
 
 
 def _distinct(there: dict[bytes, str]) -> list[str]:
-    """Return names in order; GIDs, as shown by ``ros2 topic info --verbose``, are added to equal names."""
+    """Return sorted names; equal names are extended with the GID that ``ros2 topic info --verbose`` shows."""
     times = Counter(there.values())
     return sorted(name if times[name] == 1 else f'{name} ({gid.hex(".")})' for gid, name in there.items())
 
 
 def warnings_of(name: str, several: dict[str, list[str]]) -> list[DiagnosticStatus]:
-    """Return a WARN that names the topics with several publishers, and these publishers; empty without such topics."""
+    """Return a WARN that lists the topics with several publishers and their names; empty if there are none."""
     if not several:
         return []
     return [DiagnosticStatus(
         level=DiagnosticStatus.WARN, name=f'{name}: publishers', hardware_id='dragon',
-        message=f'several publish on {" and ".join(several)}: give each dragon its own namespace',
+        message=f'several publishers on {" and ".join(several)}; give each dragon its own namespace',
         values=[KeyValue(key=topic, value=', '.join(names)) for topic, names in several.items()])]
 
 
 def several_of(node: DragonNode, each: Iterable[Publishers], before: dict[str, list[str]]) -> dict[str, list[str]]:
-    """Return the publishers of each topic that has several, and log them unless they equal ``before``."""
+    """Return the publishers of each topic that has several, and log them if they differ from ``before``."""
     found = {one.topic: names for one in each if (names := one.look())}
     if found and found != before:
-        node.get_logger().warning('several publish on one topic: ' + '; '.join(
+        node.get_logger().warning('several publishers on one topic: ' + '; '.join(
             f'{topic}: {" and ".join(names)}' for topic, names in found.items()))
     return found

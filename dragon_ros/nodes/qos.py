@@ -10,7 +10,7 @@ _WAITS_NS = 10**18
 
 
 def profile(reliability: str, durability: str, depth: int) -> QoSProfile:
-    """Return a keep-last profile."""
+    """Return a profile with the history ``KEEP_LAST``."""
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=ReliabilityPolicy[reliability.upper()],
         durability=DurabilityPolicy[durability.upper()])
@@ -34,19 +34,19 @@ def waiting(qos: QoSProfile) -> QoSProfile:
     """Return the lossless profile of a publisher that waits for its readers.
 
     Discovery does not reveal how much history a publisher keeps. Therefore the publisher announces a message lifespan
-    of 31 years, which tells readers that it waits for them and loses no messages meanwhile.
+    of 31 years, which tells readers that it waits for them, and is so long that no message expires.
     """
     qos.lifespan = Duration(nanoseconds=_WAITS_NS)
     return lossless(qos)
 
 
 def waits(announced: QoSProfile) -> bool:
-    """Return whether a publisher waits for its readers, according to its profile from discovery."""
+    """Return whether a publisher waits for its readers, according to the profile that it announces."""
     return bool(announced.lifespan.nanoseconds == _WAITS_NS)
 
 
 def of_bag(qos: dict[str, Any]) -> QoSProfile:
-    """Return the profile of a topic in a bag; reliable and volatile if it has none.
+    """Return the profile of a topic in a bag; missing policies default to reliable and volatile.
 
     Older versions of rosbag2 store numbers instead of names.
     """

@@ -1,4 +1,4 @@
-"""Raw subscriptions in batches: when a message wakes a node, all messages that have arrived on its topic are taken."""
+"""Raw subscriptions in batches: when a message wakes a node, the node takes all waiting messages on that topic."""
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -7,11 +7,11 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-_AT_ONCE = 64       # largest number of messages taken before timers and other topics are served
+_AT_ONCE = 64       # largest number of messages taken before the callbacks of timers and other topics run
 
 
 class _Callback:
-    """The callback to which an executor passes one message; a Spinner takes all messages itself."""
+    """The callback of a raw subscription: an executor passes one message to it; a Spinner calls ``take_all``."""
 
     subscription: Subscription
 
@@ -44,14 +44,14 @@ def subscribe_raw(node: Node, kind: Any, name: str, take: Callable[[bytes, Any],
                   then: Callable[[], None] = lambda: None) -> None:
     """Call ``take(data, info)`` for each message in order, and ``then()`` after a batch, in any executor or Spinner.
 
-    A node that has fallen behind can thus catch up, since waking it costs as much as taking several messages.
+    This lets a node that has fallen behind catch up, since waking it costs as much as taking several messages.
     """
     callback = _Callback(take, then)
     callback.subscription = node.create_subscription(kind, name, callback, profile, raw=True)
 
 
 def takers(node: Node) -> Iterator[tuple[int, Callable[[], None]]]:
-    """Yield the pointer of each raw subscription of a node and the function that takes its arrived messages."""
+    """Yield, for each raw subscription of a node, its pointer and the function that takes its waiting messages."""
     for subscription in node.subscriptions:
         if isinstance(subscription.callback, _Callback):
             yield subscription.handle.pointer, subscription.callback.take_all

@@ -1,4 +1,4 @@
-"""``record``: records the topics of a dragon as raw bytes in an MCAP bag, with an account of missing messages."""
+"""``record``: records the topics of a dragon as raw bytes in an MCAP bag, and accounts for missing messages."""
 import os
 import resource
 import threading
@@ -28,22 +28,22 @@ from dragon_ros.nodes import publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.scenes import provenance
 
-_REST_S = 5.0       # longest time to write, after a signal, the messages and reports on ticks that arrived before it
+_REST_S = 5.0       # longest time to write messages and reports on ticks that arrived before a signal
 _QUIET_S = 0.5      # a run ends when its publisher has left and nothing has arrived for this long
 _MONITOR_S = 10.0   # longest wait for a monitor that neither reports nor has messages to read
-_IDLE_S = 0.25      # longest wait of messages without a stamp for the next handles
-_COUNT_S = 1.0       # interval between counts of publishers
-_MOST_UNACCOUNTED = 100_000     # messages that may wait until a scene is read; if there are more, the recorder waits
+_IDLE_S = 0.25      # longest time that messages without a stamp wait for the next handles
+_COUNT_S = 1.0      # interval between counts of publishers
+_MOST_UNACCOUNTED = 100_000     # messages to account for after a scene is read; if there are more, the recorder waits
 _HEALTH = '/diagnostics'
-_REPORT = 'clearance/stamped'      # the first message of a monitor's report on a tick
-_MARKS = ('handles', _REPORT)       # their stamps apply to their publisher's next messages
+_REPORT = 'clearance/stamped'       # the first message of a monitor's report on a tick
+_MARKS = ('handles', _REPORT)       # their stamps also apply to the next messages of the same publisher
 
 
 class Recorder(DragonNode):
     """Subscribes to every topic of topics.yaml and writes what it receives."""
 
     def __init__(self, bag: BagWriter, flush_s: float = 1.0, queue_mb: float = 256.0, trust: bool = False) -> None:
-        """Subscribe; ``bag`` is closed by ``close``. Scenes are read within budgets, unless trusted."""
+        """Subscribe; ``close`` closes ``bag``. Scenes are read within budgets, unless ``trust`` is true."""
         super().__init__('record')
         self.bag, self.losses = bag, LossAccount()
         self.writer = WriterThread(bag, flush_s, queue_mb)
@@ -87,12 +87,12 @@ class Recorder(DragonNode):
         return True
 
     def has_rested(self) -> bool:
-        """Return whether all reports on the ticks that arrived before the first call are there."""
+        """Return whether all reports on the ticks that arrived before the first call have arrived."""
         self._word.fix()
         return self.writer.error is not None or not self._awaits_monitor()
 
     def _awaits_monitor(self) -> bool:
-        """Return whether a monitor has yet to report on the last tick; say so once."""
+        """Return whether a monitor has not yet reported on the last tick; log this once."""
         if self._word.is_said or not self.count_publishers(_REPORT):
             return False
         now = time.monotonic()
@@ -102,7 +102,10 @@ class Recorder(DragonNode):
         return now - max(self._awaited_s, self._heard_s) < _MONITOR_S
 
     def close(self) -> bool:
-        """Write held messages and the account, close the bag, and return whether it is complete. Raises DiskError."""
+        """Write held messages and the loss account, close the bag, and return whether it is complete.
+
+        Raises DiskError.
+        """
         gone = not self.count_publishers('handles')
         self._take_scene(wait=True)
         self._scenes.close()
@@ -120,7 +123,7 @@ class Recorder(DragonNode):
         return self._is_complete(gone)
 
     def _is_complete(self, gone: bool) -> bool:
-        """Return whether the closed bag has all published messages, as far as is known."""
+        """Return whether the closed bag contains all messages that are known to have been published."""
         return (self.losses.complete(gone) and not self._unpaired and not self._word.is_missing
                 and self.bag.kept >= self.losses.received)
 
@@ -145,12 +148,12 @@ class Recorder(DragonNode):
             self._health.publish(message)
 
     def _skips_now(self, name: str) -> list[DiagnosticStatus]:
-        """Log and return a new WARN if ticks were left out since the last one."""
+        """Log and return a WARN if ticks have been left out since the last call."""
         before, self._skipped_before = self._skipped_before, self._skips.skipped
         if self._skips.skipped == before:
             return []
-        said = (f'{self._skips.skipped} ticks have been left out so far, evenly: the disk is too slow, and the queue '
-                f'(--queue-mb) is {self.writer.fill:.0%} full')
+        said = (f'{self._skips.skipped} ticks have been left out so far, evenly spaced: the disk is too slow, and the '
+                f'queue (--queue-mb) is {self.writer.fill:.0%} full')
         self.get_logger().warning(said)
         return [DiagnosticStatus(level=DiagnosticStatus.WARN, name=f'{name}: queue', hardware_id='dragon', message=said,
                                  values=[KeyValue(key='left out', value=str(self._skips.skipped))])]
@@ -163,7 +166,7 @@ class Recorder(DragonNode):
                                       'no reader accepts them')
 
     def _left_out(self) -> dict[str, str]:
-        """Return, what is missing: messages by topic (too large, or of an unknown tick), and a monitor's last word."""
+        """Return what is missing: messages by topic (too large, or of an unknown tick), and a monitor's reports."""
         found = {f'{topic} too large': str(count) for topic, count in self.bag.left_out.items()}
         found |= {f'{topic} of an unknown tick': str(count) for topic, count in self._unpaired.items()}
         found |= {'monitor last word': 'missing'} if self._word.is_missing else {}
@@ -173,24 +176,24 @@ class Recorder(DragonNode):
         writer, log = self.writer, self.get_logger()
         topics = sum(count > 0 for count in self.bag.counts.values())
         whole = 'nothing is missing' if self._is_complete(gone) else 'NOT COMPLETE'
-        log.info(f'{self.bag.path}: {self.bag.kept} messages of {topics} topics, {whole}; the queue was '
-                 f'{writer.fullest:.1%} full at most, the longest write took {writer.slowest_write_s:.3f} s')
+        log.info(f'{self.bag.path}: {self.bag.kept} messages on {topics} topics, {whole}; the queue was at most '
+                 f'{writer.fullest:.1%} full, and the longest write took {writer.slowest_write_s:.3f} s')
         for lack in self.losses.lines(gone):
             log.warning(lack)
         if writer.waits:
-            log.warning(f'the queue was full {writer.waits} times, for {writer.waited_s:.3f} s in all')
+            log.warning(f'the queue was full {writer.waits} times, for {writer.waited_s:.3f} s in total')
         for topic, count in self.bag.left_out.items():
             log.warning(f'{topic}: {count} messages of more than {MESSAGE_BYTES} bytes are left out')
         for topic, count in self._unpaired.items():
             log.warning(f'{topic}: {count} messages without a stamp are left out: their tick is unknown, because no '
-                        'stamped message of their publisher was received just before them')
+                        'stamped message from their publisher was received just before them')
         if self._word.is_missing:
-            log.warning("the monitor's last word is missing: it has not reported on the last ticks")
+            log.warning("the monitor's last reports are missing: it has not reported on the last ticks")
         if self.losses.received > self.bag.kept:
             log.warning(f'{self.losses.received - self.bag.kept} received messages are not in the bag')
 
     def _pressure(self) -> dict[str, str]:
-        """Return how close the recorder came to its limits, as text."""
+        """Return, as text, how close the recorder came to its limits."""
         writer = self.writer
         return {'queue fullest': f'{writer.fullest:.4f}', 'queue waits': str(writer.waits),
                 'queue waited_s': f'{writer.waited_s:.6f}', 'ticks left out': str(self._skips.skipped),
@@ -212,7 +215,7 @@ class Recorder(DragonNode):
     def _keeps(self, topic: str, t_ns: int) -> bool:
         """Return whether to write a message; if the disk is too slow, whole ticks are left out.
 
-        If a publisher waits for its readers, it waits for the disk instead.
+        A publisher that waits for its readers also waits for the disk, so that nothing is left out.
         """
         return self._skips.keeps(topic, t_ns, self.writer.fill) if topic in self._each_tick else self.writer.fill < 1
 
@@ -253,7 +256,7 @@ class Recorder(DragonNode):
         return callback
 
     def _heed(self, data: bytes, dragon: str) -> int | None:
-        """Note the health of a monitor, and return the time of the tick to which it refers, if any."""
+        """Record the health of a monitor, and return the time of the tick to which it refers, if any."""
         health = read_health(data, dragon)
         if health is None:
             return None
@@ -273,12 +276,12 @@ class Recorder(DragonNode):
             self.losses.scene_again()
 
     def _take_scene(self, wait: bool = False) -> None:
-        """Account for the ticks of a scene that has been read, and keep it in the bag."""
+        """Account for the ticks of a scene that has been read, and store the scene in the bag."""
         found = self._scenes.take(wait)
         if found is None:
             return
         if found.scene is None:
-            self.get_logger().warning(f'scene: it is recorded unchanged, but cannot be read: {found.why}')
+            self.get_logger().warning(f'scene: it is recorded unchanged, although it cannot be read: {found.why}')
         self.losses.scene(found.scene, self.resolve_topic_name('handles').rpartition('/')[0])
         for noted in self._unaccounted:
             self.losses.note(*noted)
@@ -288,7 +291,8 @@ class Recorder(DragonNode):
 
     def _attach(self, text: str, metadata: dict[str, str]) -> None:
         if len(self._attached) >= RECORDED_SCENES:
-            self.get_logger().warning(f'scene: the bag has {RECORDED_SCENES}; no more are attached', once=True)
+            self.get_logger().warning(f'scene: {RECORDED_SCENES} scenes are attached to the bag, which is the limit; '
+                                      'later scenes are only recorded as messages', once=True)
             return
         self._attached.add(text)
         self.writer.describe(provenance.RECORD, metadata)

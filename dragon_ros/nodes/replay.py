@@ -1,4 +1,4 @@
-"""``replay``: publishes a bag on its topics at the recorded spacing, with playback controls."""
+"""``replay``: publishes a bag on its topics with the recorded timing, and offers playback controls."""
 import threading
 from collections import Counter
 from collections.abc import Callable
@@ -26,7 +26,7 @@ _CLOCK = '/clock'
 class Choice(NamedTuple):
     """The part of a bag to play: seconds from its start, topics (None for all), and subscribers to wait for.
 
-    ``into`` is the namespace in which the bag's only dragon is published; None means the recorded one.
+    ``into`` is the namespace in which the bag's only dragon is published; None means the recorded namespace.
     """
 
     start_s: float = 0.0
@@ -40,7 +40,7 @@ class Replay(DragonNode):
     """Publishes the bytes of a bag under the recorded names, in any executor; ``player.done`` is true at the end."""
 
     def __init__(self, bag: BagReader, choice: Choice, **overrides: Any) -> None:
-        """Advertise the topics of the bag with their recorded QoS. Raises InputError for an impossible choice."""
+        """Advertise the topics of the bag with their recorded QoS. Raises InputError for an invalid choice."""
         super().__init__('replay', REPLAY, overrides)
         start_ns, end_ns = span_of(bag, choice)
         self._lossless = self.setting['time_scale'] == 0
@@ -57,7 +57,7 @@ class Replay(DragonNode):
         self.source.also.append(self._note_late)
         if self.setting['publish_clock']:
             if _CLOCK in self.topic_publishers:
-                raise InputError(f'--clock: the bag itself has {_CLOCK}; choose --topics without it')
+                raise InputError(f'--clock: the bag already contains {_CLOCK}; choose --topics without it')
             self.source.also.append(ClockPublisher(self, start_ns).publish)
 
     @property
@@ -68,12 +68,12 @@ class Replay(DragonNode):
                 keys.RIGHT: lambda: self._jump(_JUMP_S), keys.LEFT: lambda: self._jump(-_JUMP_S)}
 
     def refuse(self, name: str, value: Any) -> None:
-        """Raise DragonError if a live parameter must not take a value."""
+        """Raise DragonError if a live parameter must not be set to a value."""
         if name == 'seek_s' and value >= 0:
             self.source.check_time(round(value * NS))
         if name == 'time_scale' and value == 0 and not self._lossless:
-            raise FieldError('time_scale', value, 'a lossless replay needs lossless topics from the '
-                             'start', 'start it with --rate 0, or set it above 0')
+            raise FieldError('time_scale', value, 'a lossless replay needs lossless topics from the start',
+                             'start the replay with --rate 0, or set a value above 0')
 
     def changed(self, name: str) -> None:
         """Apply a new speed."""
@@ -86,11 +86,11 @@ class Replay(DragonNode):
         done = f'{self.source.published.total() - left} messages published' + (f', {left} left out' if left else '')
         if not self.late_us:
             return f'{done}, as fast as the readers could follow'
-        return (f'{done}; behind the steady clock by {quantile(self.late_us, 0.5)} µs (median), '
-                f'{quantile(self.late_us, 0.99)} µs (99th percentile), {max(self.late_us)} µs (worst)')
+        return (f'{done}; late by {quantile(self.late_us, 0.5)} µs (median), '
+                f'{quantile(self.late_us, 0.99)} µs (99th percentile) and {max(self.late_us)} µs (worst)')
 
     def _advertise(self, bag: BagReader, choice: Choice) -> dict[str, Publisher]:
-        """Return the publishers by recorded name."""
+        """Return the publishers, keyed by the recorded names of their topics."""
         wanted = None if choice.topics is None else {full_name(name, bag) for name in choice.topics}
         rows = [row for row in bag.topics if wanted is None or row.name in wanted]
         profiles = {row.name: qos.of_bag(row.qos) for row in rows}
@@ -101,7 +101,7 @@ class Replay(DragonNode):
             qos.waiting(profiles[row.name]) if self._lossless else profiles[row.name]) for row in rows}
 
     def _watched(self, bag: BagReader) -> Callable[[], Bodies | None] | None:
-        """Return a getter of the handles and benches last played; None unless exactly one dragon is played."""
+        """Return a getter for the handles and benches played last; None unless exactly one dragon is played."""
         try:
             root = namespace_of(bag)
         except InputError:
@@ -126,7 +126,7 @@ class Replay(DragonNode):
 
 
 def moved(topic: str, root: str | None, into: str) -> str:
-    """Return the name under which a topic is published; a topic below ``root`` moves to another namespace."""
+    """Return the name under which a topic is published; topics below ``root`` move to the namespace ``into``."""
     inside = root is not None and topic.startswith(f'{root}/')
     return f'/{into.strip("/")}/{topic.removeprefix(f"{root}/")}'.replace('//', '/') if inside else topic
 
@@ -142,17 +142,17 @@ def span_of(bag: BagReader, choice: Choice) -> tuple[int, int]:
     if not 0 <= choice.start_s <= length_s:
         raise InputError(f'--start {choice.start_s:g}: the bag is {length_s:g} s long; give 0 to {length_s:g}')
     if choice.end_s is not None and not choice.start_s <= choice.end_s:
-        raise InputError(f'--end {choice.end_s:g}: must not be before --start {choice.start_s:g}')
+        raise InputError(f'--end {choice.end_s:g}: it must not be before --start {choice.start_s:g}')
     known = [row.name for row in bag.topics]
     for name in choice.topics or []:
         if full_name(name, bag) not in known:
-            raise InputError(f'--topics {name}: is not in the bag; it has {", ".join(known)}')
+            raise InputError(f'--topics {name}: it is not in the bag; choose from {", ".join(known)}')
     end_ns = bag.end_ns if choice.end_s is None else bag.start_ns + round(min(length_s, choice.end_s) * NS)
     return bag.start_ns + round(choice.start_s * NS), end_ns
 
 
 def quantile(counts: Counter[int], part: float) -> int:
-    """Return the smallest value that at least a fraction ``part`` of the counted values do not exceed."""
+    """Return the smallest value that is not exceeded by at least a fraction ``part`` of the counted values."""
     left = part * counts.total()
     for value in sorted(counts):
         left -= counts[value]

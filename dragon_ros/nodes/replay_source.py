@@ -11,7 +11,7 @@ from dragon_ros.core.limits import REPLAYED_BYTES
 from dragon_ros.core.scene import NS
 from dragon_ros.nodes import publisher_queue
 
-_EACH_BYTES = 256       # bytes of memory that a message takes in addition to its data
+_EACH_BYTES = 256       # memory that a message uses in addition to its data
 
 
 class ReplaySource:
@@ -22,9 +22,10 @@ class ReplaySource:
 
     def __init__(self, bag: BagReader, publishers: Mapping[str, Publisher], start_ns: int, end_ns: int,
                  warn: Callable[[str], object]) -> None:
-        """Start before the first message; the functions in ``also`` are called with each log time in advance.
+        """Start before the first message.
 
-        ``warn`` is called once per topic with a message that cannot be published.
+        The functions in ``also`` are called with each log time before its messages are published. ``warn`` is called
+        once per topic with a message that cannot be published.
         """
         self.also: list[Callable[[int], None]] = []
         self.published: Counter[str] = Counter()
@@ -65,7 +66,7 @@ class ReplaySource:
 
     @property
     def left_out(self) -> int:
-        """The number of messages that could not be published because their type cannot hold them."""
+        """The number of messages that could not be published because they are too long for their type."""
         return self._queue.left_out.total()
 
     def flush(self) -> bool:
@@ -77,7 +78,7 @@ class ReplaySource:
         self._go_to(self._start_ns)
 
     def seek(self, t_ns: int | None) -> None:
-        """Move to the last messages at or before ``t_ns`` (None: the first). Raises FieldError beyond the part."""
+        """Move to the last messages at or before ``t_ns`` (None: the first). Raises FieldError outside the part."""
         if t_ns is None:
             self.rewind()
             return
@@ -93,7 +94,7 @@ class ReplaySource:
         """Raise FieldError if ``t_ns`` is outside the played part."""
         if not self._start_ns <= t_ns <= self._end_ns:
             raise FieldError('seek_s', t_ns / NS, f'the played part goes from {self._start_ns / NS:.9g} s to '
-                             f'{self._end_ns / NS:.9g} s', 'seek within it')
+                             f'{self._end_ns / NS:.9g} s', 'give a time in this range')
 
     def place(self) -> str:
         """Return the position of the last messages shown, as text."""
@@ -109,7 +110,7 @@ class ReplaySource:
         self._next = next(self._messages, None)
 
     def _take(self) -> list[Message]:
-        """Return the messages of the next log time, but no more than may be held at once."""
+        """Return the messages of the next log time, up to the budget for messages held at once."""
         assert self._next is not None
         frame, t_ns, size = [], self._next.t_ns, 0
         while self._next is not None and self._next.t_ns == t_ns and size <= REPLAYED_BYTES:

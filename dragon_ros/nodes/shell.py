@@ -27,9 +27,9 @@ _WORD = re.compile('[A-Za-z][A-Za-z0-9_]*')      # name of a package or of a mes
 
 
 def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_json: bool = False) -> int:
-    """Initialise ROS, run ``body(stop)`` and shut down; ending signals set ``stop``. Logs are JSON on request.
+    """Initialise ROS, run ``body(stop)`` and shut down; termination signals set ``stop``. Logs are JSON on request.
 
-    rclpy's own signal handlers would shut down the context during a tick; with the handlers used here, a node ends
+    rclpy's own signal handlers would shut down the context during a tick. With the handlers set here, a node ends
     between two ticks.
     """
     stop = threading.Event()
@@ -40,7 +40,7 @@ def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_j
     try:
         if secured and importlib.util.find_spec('ros_wheels_bootstrapper'):
             raise InputError('ROS_SECURITY_ENABLE: the ROS wheels have no DDS security plugins, so nothing would be '
-                             'secured; use a ROS 2 install, or unset it')
+                             'secured; use a ROS 2 install, or unset the variable')
         rclpy.init(args=[name, *argv, *quiet], signal_handler_options=SignalHandlerOptions.NO)
         return body(stop)
     except (DragonError, ParameterException, NameValidationException) as error:
@@ -49,7 +49,7 @@ def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_j
     except RCLError as error:
         if not secured:
             raise
-        logs.say('error', name, f'ROS_SECURITY_ENABLE: no secured node starts: {" ".join(str(error).split())}')
+        logs.say('error', name, f'ROS_SECURITY_ENABLE: the secured node cannot start: {" ".join(str(error).split())}')
         return BAD_INPUT
     finally:
         rclpy.try_shutdown()
@@ -57,9 +57,9 @@ def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_j
 
 def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: False, rest_s: float = 0.0,
          rested: Callable[[], bool] = lambda: True) -> int:
-    """Serve a node's callbacks until a signal or ``until()``, and then those already due and until ``rested()``.
+    """Run a node's callbacks until a signal arrives or ``until()`` is true; return the exit code.
 
-    The second part takes at most ``rest_s``.
+    Then callbacks that are due still run, and others until ``rested()`` is true, for at most ``rest_s``.
     """
     with closing(Spinner(node)) as spinner:
         while not stop.is_set() and not until():
@@ -72,15 +72,15 @@ def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: 
 def message_type(name: str) -> Any:
     """Return the class of a message type such as geometry_msgs/msg/PoseArray. Raises MissingError.
 
-    Because the name may come from a bag, a type is imported only if the ament index lists it, and only from the prefix
-    that lists it, regardless of the Python path.
+    The name may come from a bag. Therefore a type is imported only if the ament index lists it, and only from the
+    prefix that lists it, regardless of the Python path.
     """
     package, _, kind = name.partition('/msg/')
     if not (_WORD.fullmatch(package) and _WORD.fullmatch(kind)):
-        raise MissingError(f'message type {shown(name)}: is not of the form package/msg/Type')
+        raise MissingError(f'message type {shown(name)}: it is not of the form package/msg/Type')
     if not any(f'msg/{kind}.idl' in _listed(prefix, package) and _stands_below(package, prefix)
                for prefix in _prefixes()):
-        raise MissingError(f'message type {name}: is not installed here; install the package {package!r}')
+        raise MissingError(f'message type {name}: it is not installed; install the package {package!r}')
     return getattr(importlib.import_module(f'{package}.msg'), kind)
 
 
@@ -96,7 +96,7 @@ def _prefixes() -> list[Path]:
 
 
 def _listed(prefix: Path, package: str) -> list[str]:
-    """Return the interface files of a package that the ament index lists below a prefix."""
+    """Return the interface files of a package that the ament index of a prefix lists."""
     try:
         return (prefix / 'share/ament_index/resource_index/rosidl_interfaces' / package).read_text().split()
     except (OSError, UnicodeDecodeError):
@@ -104,7 +104,7 @@ def _listed(prefix: Path, package: str) -> list[str]:
 
 
 def _stands_below(package: str, prefix: Path) -> bool:
-    """Return whether a package would be imported from below a prefix, without importing it."""
+    """Return whether a package would be imported from inside a prefix, without importing it."""
     spec = importlib.util.find_spec(package)
     if spec is None or spec.origin is None:
         return False

@@ -1,4 +1,4 @@
-"""``sim``: computes a scene tick by tick and publishes it as bytes."""
+"""``sim``: simulates a scene tick by tick and publishes each tick as bytes."""
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
@@ -34,7 +34,7 @@ from dragon_ros.scenes.provenance import CLAIM, scene_file
 
 
 class Broadcast:
-    """The frames of a run, each of which is published when it is shown; ``shown`` is the last frame."""
+    """The frames of a run; showing a frame publishes it. ``shown`` is the last frame."""
 
     def __init__(self, frames: Frames | LedFrames, topics: Iterable[publisher_queue.EncodedTopic]) -> None:
         """Start before the first frame; each function in ``also`` is called with a frame before it is published."""
@@ -65,8 +65,8 @@ class Sim(DragonNode):
     def __init__(self, interrupted: Callable[[], bool] = lambda: False, **overrides: Any) -> None:
         """Declare parameters, load the scene, and advertise the topics of its effects.
 
-        If ``on_contact`` requires the first contact, it is found here. Raises InterruptedError if ``interrupted()``
-        becomes true meanwhile, and DragonError if the parameters do not describe a valid scene.
+        If ``on_contact`` requires the first contact, it is also searched for here. Raises InterruptedError if
+        ``interrupted()`` becomes true meanwhile, and DragonError if the parameters do not describe a valid scene.
         """
         super().__init__('sim', SIM, overrides)
         self.scene, value = _scene_of(self.setting), self.setting
@@ -93,12 +93,12 @@ class Sim(DragonNode):
             SimulationInterfaces(self, self.player, self._bodies)
 
     def refuse(self, name: str, value: Any) -> None:
-        """Raise DragonError if a live parameter must not take a value."""
+        """Raise DragonError if a live parameter must not be set to a value."""
         if name == 'seek_s' and value >= 0:
             self._frames.frames.check_time(round(value * NS))
         if name == 'time_scale' and value == 0 and not self._lossless:
             raise FieldError('time_scale', value, 'a lossless run needs lossless topics from the start',
-                             'start sim with time_scale:=0.0, or set it above 0')
+                             'start sim with time_scale:=0.0, or set a value above 0')
 
     def changed(self, name: str) -> None:
         """Apply a new speed."""
@@ -115,13 +115,13 @@ class Sim(DragonNode):
         head = self.scene.head
         assert isinstance(head, Commanded)
         if self._lossless:
-            raise FieldError('time_scale', 0, 'commands come in real time', 'set it above 0')
+            raise FieldError('time_scale', 0, 'commands arrive in real time', 'set a value above 0')
         self.commands = Commands(self, head.timeout_s, self.setting['cmd_vel_stamped'])
         return LedFrames(self.scene, self.commands.wanted_m_s, self.setting['on_contact'], self.get_logger().warning,
                          keep_s(self.scene))
 
     def _latched(self, about: dict[str, Any]) -> Iterator[tuple[str, bytes]]:
-        """Yield topic and message for everything that is published once; the scene includes the section ``about``."""
+        """Yield topic and message for everything that is published once; the scene contains the section ``about``."""
         value = self.setting
         yield from once(self.scene, value['frame_id']).items()
         if value['robot_description']:
@@ -145,11 +145,11 @@ class Sim(DragonNode):
             yield TfPublisher(self, self.setting['frame_id'], self.setting['publish_tf'], root).publish
 
     def _has_tf(self) -> bool:
-        """Return whether tf2_msgs is installed; the ROS wheels lack it, but joint angles are useful on their own."""
+        """Return whether tf2_msgs, which the ROS wheels lack, is installed; joint angles are also useful alone."""
         try:
             shell.message_type(TF)
         except MissingError as error:
-            self.get_logger().warning(f'effect joints: the pose of the head bench is not on /tf: {error}')
+            self.get_logger().warning(f'effect joints: the pose of the head bench is not published on /tf: {error}')
             return False
         return True
 

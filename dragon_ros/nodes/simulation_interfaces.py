@@ -1,7 +1,8 @@
-"""Offer ``simulation_interfaces``, the standard of simulators in ROS 2, for a player; imported only if installed.
+"""Offer ``simulation_interfaces``, the ROS 2 standard for simulators, for a player.
 
-Services and the action have names below the node, such as ``/dragon/sim/set_simulation_state``. Each of them calls the
-player; the result codes are those of the standard.
+This module is imported only if that package is installed. The names of the services and of the action include the
+node's name, as in ``/dragon/sim/set_simulation_state``. Each of them calls the player; the result codes are those of
+the standard.
 """
 import re
 from collections.abc import Callable
@@ -41,10 +42,10 @@ class _Refused(DragonError):
 
 
 class SimulationInterfaces:
-    """The services and the action of one player; ``close`` before the node is destroyed."""
+    """The services and the action of one player, which are destroyed with the node."""
 
     def __init__(self, node: DragonNode, player: Player, bodies: Callable[[], Bodies | None] | None) -> None:
-        """Offer the services; ``bodies``, None if there are no entities, returns those of the last frame shown."""
+        """Offer the services; ``bodies`` returns the entities of the last frame shown; None means no entities."""
         self._player, self._bodies = player, bodies
         serves = {'GetSimulatorFeatures': self._features, 'GetSimulationState': self._get_state,
                   'SetSimulationState': self._set_state, 'ResetSimulation': self._reset}
@@ -81,10 +82,10 @@ class SimulationInterfaces:
         acts = {State.STATE_STOPPED: self._player.stop, State.STATE_PLAYING: self._player.resume,
                 State.STATE_PAUSED: self._player.pause, State.STATE_QUITTING: self._player.quit}
         if wanted not in acts:
-            raise _Refused(Result.RESULT_FEATURE_UNSUPPORTED, f'state {wanted} cannot be set: the world cannot be '
-                                                              'exchanged')
+            raise _Refused(Result.RESULT_FEATURE_UNSUPPORTED, f'state {wanted} cannot be set, because the world cannot '
+                                                              'be replaced; set stopped, playing, paused or quitting')
         if wanted == self._state():
-            raise _Refused(kind.ALREADY_IN_TARGET_STATE, 'it is already in this state')
+            raise _Refused(kind.ALREADY_IN_TARGET_STATE, 'the simulation is already in this state')
         try:
             acts[wanted]()
         except DragonError as error:
@@ -111,7 +112,7 @@ class SimulationInterfaces:
         return action.SimulateSteps.Result(result=result)
 
     async def _stepped(self, frames: int, goal: ServerGoalHandle | None = None) -> Any:
-        """Show frames of a paused simulation; return the result when all of them are shown."""
+        """Show frames of a paused simulation; return the result when all of them have been shown."""
         ended = Future()
 
         def each() -> None:
@@ -166,7 +167,8 @@ class SimulationInterfaces:
         assert self._bodies
         bodies = self._bodies()
         if bodies is None:
-            raise _Refused(Result.RESULT_INCORRECT_STATE, 'nothing has been shown yet: it waits for its readers')
+            raise _Refused(Result.RESULT_INCORRECT_STATE, 'nothing has been shown yet, because the simulation is '
+                                                          'waiting for its readers')
         return bodies
 
 
@@ -198,7 +200,7 @@ def _named(bodies: Bodies, name: str) -> int:
     try:
         return bodies.names.index(name)
     except ValueError:
-        raise _Refused(Result.RESULT_NOT_FOUND, f'there is no entity of this name; the first is {bodies.names[0]}, '
+        raise _Refused(Result.RESULT_NOT_FOUND, f'there is no entity with this name; the first is {bodies.names[0]}, '
                        f'the last is {bodies.names[-1]}') from None
 
 
@@ -216,7 +218,7 @@ def _region(bounds: Any) -> Region | None:
     if bounds.type == msg.Bounds.TYPE_EMPTY:
         return None
     if bounds.type not in _REGIONS:
-        raise _Refused(Result.RESULT_FEATURE_UNSUPPORTED, f'bounds.type: {bounds.type} is not known')
+        raise _Refused(Result.RESULT_FEATURE_UNSUPPORTED, f'bounds.type: {bounds.type} is not supported')
     return _REGIONS[bounds.type](np.array([(one.x, one.y, one.z) for one in bounds.points]).reshape(-1, 3))
 
 

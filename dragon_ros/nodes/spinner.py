@@ -1,11 +1,12 @@
-"""Serves one node: raw messages and timers from a persistent wait set, and everything else by an executor of rclpy.
+"""Runs one node: raw messages and timers from a persistent wait set, and everything else with an rclpy executor.
 
-For each wait, an executor of rclpy collects all entities of a node in Python: its topics, two QoS events per topic, and
-the services of its parameters. This costs more than handling a message of a dragon.
+For each wait, an rclpy executor collects all entities of a node in Python: its topics, two QoS events per topic, and
+the services of its parameters. This costs more than handling a message.
 
-A middleware built for an old C library, as in the ROS wheels, waits until a time of the system clock. If that clock is
-set back by two hours, a wait of a tenth of a second lasts two hours. Therefore a thread ends waits that are overdue by
-the steady clock. The spinner also wakes the middleware's own thread, which discovers nodes and resends lost messages.
+A middleware built for an old C library, as in the ROS wheels, waits until a point in time on the system clock. If that
+clock is set back by two hours, a wait of a tenth of a second lasts two hours. Therefore a thread ends waits that are
+overdue on the steady clock. The spinner also wakes the middleware's own thread, which discovers nodes and resends lost
+messages.
 """
 import os
 import select
@@ -26,30 +27,30 @@ from dragon_ros.nodes import raw_subscription
 
 _WAIT_NS = 100_000_000      # longest delay until a signal is noticed
 _LOOK_S = 0.25              # longest delay until QoS events and new topics are noticed
-_AT_ONCE = 8                # most callbacks that rclpy's executor serves before messages and timers
-_EMPTY_WAITS = 3            # an empty wait may have consumed a wake-up and is repeated
+_AT_ONCE = 8                # largest number of callbacks that rclpy's executor runs before messages and timers
+_EMPTY_WAITS = 3            # empty waits before giving up; a single empty wait may have consumed a wake-up
 _OVERDUE_S = 0.2            # longest duration of a wait before it is ended
 _SET_BACK_S = 0.05          # change of the system clock after which the middleware is woken
 
 
 class Spinner:
-    """Serves a node in the thread that calls it."""
+    """Runs a node's callbacks in the calling thread."""
 
     def __init__(self, node: Node) -> None:
-        """Add the node to an executor of rclpy, which serves rare events."""
+        """Add the node to an rclpy executor, which handles rare events."""
         self._node, self._executor = node, SingleThreadedExecutor()
         self._executor.add_node(node)
         self._look_at_s, self._held = 0.0, ExitStack()
         self._overdue, self._ahead_s = _Overdue(node), _ahead_s()
 
     def once(self) -> None:
-        """Serve everything that is ready or becomes ready within a tenth of a second."""
+        """Handle everything that is ready or becomes ready within a tenth of a second."""
         if time.monotonic() >= self._look_at_s or self._wait():
             self._serve(_AT_ONCE)
             self._look()
 
     def rest(self, longest_s: float, until: Callable[[], bool]) -> None:
-        """Serve until nothing is ready and ``until()`` is true."""
+        """Run callbacks until none are ready and ``until()`` is true, for at most ``longest_s``."""
         end_s, empty = time.monotonic() + longest_s, 0
         while time.monotonic() < end_s:
             if empty < _EMPTY_WAITS:
@@ -67,7 +68,7 @@ class Spinner:
         self._executor.shutdown()
 
     def _serve(self, most: int) -> int:
-        """Serve at most ``most`` callbacks that rclpy finds ready, and any resulting ones; return their number."""
+        """Run ready callbacks, and those that become ready as a result, up to about ``most``; return their number."""
         served = before = 0
         while served < most:
             try:
@@ -83,7 +84,7 @@ class Spinner:
         return served
 
     def _look(self) -> None:
-        """Collect the entities to wait for until the next call; entities destroyed meanwhile are kept until then."""
+        """Collect the entities to wait for until the next call; until then, even destroyed entities are kept alive."""
         self._follow_clock()
         node = self._node
         self._takers = dict(raw_subscription.takers(node))
@@ -110,7 +111,7 @@ class Spinner:
             self._node.destroy_publisher(added)
 
     def _wait(self) -> bool:
-        """Wait, and serve the ready timers and raw messages. Return whether rclpy has something to serve."""
+        """Wait, then handle ready timers and raw messages; return whether anything is left for rclpy's executor."""
         wait_set = self._wait_set
         wait_set.clear_entities()
         for subscription in self._subscriptions:
@@ -133,7 +134,7 @@ class Spinner:
         triggered = wait_set.get_ready_entities('guard_condition')
         for guard in self._guards:
             if guard.handle.pointer in triggered:
-                guard.trigger()     # this wait has consumed the trigger, which rclpy must still find
+                guard.trigger()     # again, because this wait has consumed the trigger that rclpy needs
                 others = True
         if wait_set.get_ready_entities('timer'):
             for timer in self._timers:
@@ -148,14 +149,14 @@ class Spinner:
 
 
 def _ahead_s() -> float:
-    """Return the difference in seconds of the system clock and the steady clock."""
+    """Return the difference in seconds between the system clock and the steady clock."""
     return time.time() - time.monotonic()
 
 
 class _Overdue:
-    """Ends overdue waits (``with self as condition``) by a thread that measures them with the steady clock.
+    """Ends overdue waits (``with self as condition``) from a thread that measures them with the steady clock.
 
-    The thread sleeps in ``poll``, whose timeout is relative. Waits of Python's locks may also follow the system clock.
+    The thread sleeps in ``poll``, whose timeout is relative; waits on Python's locks may also follow the system clock.
     """
 
     def __init__(self, node: Node) -> None:

@@ -1,4 +1,4 @@
-"""TF for a dragon's two ends and its head bench; frames for all 224 handles would slow down every listener."""
+"""TF frames for a dragon's two ends and its head bench; frames for all 224 handles would slow down every listener."""
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -15,7 +15,7 @@ class TfPublisher:
     """Publishes FRAME/head, FRAME/tail and FRAME/bench_0 on /tf, as children of FRAME, the frame of all messages."""
 
     def __init__(self, node: Node, frame_id: str, ends: bool = True, root: bool = False) -> None:
-        """Advertise /tf: for both ``ends``, and for the head bench as the ``root`` of a robot.
+        """Advertise /tf: for the two ends if ``ends``, and for the head bench, the root of a robot, if ``root``.
 
         Raises MissingError if tf2_msgs is not installed.
         """
@@ -30,7 +30,7 @@ class TfPublisher:
 
 
 def transforms_of(frame: Frame, frame_id: str) -> list[TransformStamped]:
-    """Return the transforms of the first and the last handle; x points towards the head, as in the topic handles."""
+    """Return the transforms of the first and the last handle; x points towards the head, as on the topic handles."""
     turns = half_turns(frame.axis[[0, -1]])
     return [_transform(frame, frame_id, name, handle, turn.tolist())
             for name, handle, turn in zip(('head', 'tail'), (0, -1), turns, strict=True)]

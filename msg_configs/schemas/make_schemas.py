@@ -1,7 +1,7 @@
-"""Write the MCAP schemas of every topic from an installed ROS 2. Run it with ROS, and commit the result.
+"""Write the MCAP schemas of all topics from an installed ROS 2. Run this script with ROS, and commit the result.
 
-A schema is the ros2msg text of a type followed by those of the types in it, as stored by rosbag2; ``types.yaml`` has
-the type hashes. With these files bags can be written where ROS is not installed.
+A schema is the ros2msg text of a type, followed by the texts of the types that it contains, as stored by rosbag2.
+``types.yaml`` contains the type hashes. With these files, bags can be written without ROS.
 """
 import json
 import re
@@ -33,7 +33,7 @@ def parts(name: str) -> list[str]:
 
 
 def schema(name: str) -> str:
-    """Return the text of a type and of all types in it, each once."""
+    """Return the text of a type and of all types that it contains, each once."""
     todo, done = [name], []
     while todo:
         current = todo.pop(0)

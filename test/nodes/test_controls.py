@@ -119,7 +119,7 @@ def test_a_run_that_holds_at_its_end_is_there_for_control(paused, node):
     for name in ('resume', 'step'):
         succeeded, why = paused.call(name)
         assert not succeeded
-        assert 'the run ends at 413.000000 s after 651 ticks: nothing follows; reset or seek' in why
+        assert 'the run ends at 413.000000 s after 651 ticks: no frame follows; reset or seek' in why
     assert paused.call('reset')[0]
     assert paused.call('step')[0]
     paused.shown(0, 1)
@@ -312,7 +312,7 @@ def test_logs_for_machines_are_one_json_object_a_line(start, arguments):
 def test_without_a_terminal_no_progress_is_logged(start):
     sim = start('sim', '--scene', 'first_contact', '--set', 'run.stop_s=402.5', '--ros-args', '-p', 'discovery_s:=0.0')
     assert sim.end() == 0
-    assert [line.partition(']: ')[2].split()[0] for line in sim.lines] == ['starts', 'the', 'published:']
+    assert [line.partition(']: ')[2].split()[0] for line in sim.lines] == ['starting', 'the', 'published:']
 
 
 def test_what_came_before_the_signal_is_served_before_the_end(domain):

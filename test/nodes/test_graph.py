@@ -224,9 +224,9 @@ def test_the_sim_publishes_no_topic_without_subscribers_and_every_tick_of_the_ot
     (['sim', '--set', 'head.speed_m_s=0'], 'run.stop_s'),
     (['sim', '--sceen', 'x'], '--sceen'),
     (['sim', '--ros-args', '-p', 'on_contact:=halt'], "'halt' is not one of continue, hold, stop"),
-    (['sim', '--ros-args', '-p', 'rate_hz:=[]'], 'rate_hz: is not of type float'),
-    (['sim', '--set', 'dragon.benches=9', '--ros-args', '-p', 'set:=3'], 'set: is not of type list'),
-    (['sim', '--set', 'dragon.benches=9', '--ros-args', '-p', 'set:=[1, 2]'], 'set: is not of type list'),
+    (['sim', '--ros-args', '-p', 'rate_hz:=[]'], 'rate_hz: it is not of type float'),
+    (['sim', '--set', 'dragon.benches=9', '--ros-args', '-p', 'set:=3'], 'set: it is not of type list'),
+    (['sim', '--set', 'dragon.benches=9', '--ros-args', '-p', 'set:=[1, 2]'], 'set: it is not of type list'),
     (['sim', '--ros-args', '-p', 'rate_hx:=5.0'], 'rate_hx: sim has no such parameter; did you mean rate_hz?'),
     (['monitor', '--ros-args', '-p', 'warn_below:=0.1'], 'did you mean warn_below_m?'),
     (['monitor', '--ros-args', '-p', 'warn_below_m:=-1.0'], 'warn_below_m'),
@@ -270,16 +270,16 @@ def test_a_parameter_for_another_node_is_named_and_ignored(start, tmp_path):
     sim = start('sim', '--set', 'run.stop_s=0.1', *arguments)
     record = start('record', '--output', tmp_path / 'a.mcap', *arguments)
     assert sim.end() == 0, sim.text
-    assert 'parameter robot: sim has no such parameter; it is ignored; it has scene, ' in sim.text
-    assert 'parameter publish_rate: sim has no such parameter; it is ignored; did you mean publish_tf?' in sim.text
-    assert 'parameter base_frame_id: sim has no such parameter; it is ignored; did you mean frame_id?' in sim.text
+    assert 'parameter robot: sim has no such parameter and ignores it; choose from scene, ' in sim.text
+    assert 'parameter publish_rate: sim has no such parameter and ignores it; did you mean publish_tf?' in sim.text
+    assert 'parameter base_frame_id: sim has no such parameter and ignores it; did you mean frame_id?' in sim.text
     assert 'tick 0 of 3' in sim.text
     assert 'use_sim_time' not in sim.text
-    record.wait_for('parameter rate_hz: record has no such parameter; it is ignored; it has no parameters of its own')
+    record.wait_for('parameter rate_hz: record has no such parameter and ignores it; it has no parameters of its own')
     record.stop()
     replay = start('replay', tmp_path / 'a.mcap', '--ros-args', '-p', 'publish_tf:=true', '-p', 'time_scale:=0.0')
     assert replay.end() == 0, replay.text
-    assert 'parameter publish_tf: replay has no such parameter; it is ignored; it has time_scale, ' in replay.text
+    assert 'parameter publish_tf: replay has no such parameter and ignores it; choose from time_scale, ' in replay.text
 
 
 @pytest.mark.parametrize('loaded', ['_multiarray_umath', '_rclpy_pybind11'])
@@ -484,8 +484,8 @@ def test_the_quality_of_a_topic_can_be_overridden_and_what_cannot_gets_a_word(st
     assert [one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in quality.values()] == [False, True, False]
     (heard,) = node.get_subscriptions_info_by_topic('/dragon/handles')
     assert heard.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-    sim.wait_for('parameter qos_overrides./dragon/handle.publisher.depth: sim has no such topic; it is ignored')
-    for wrong, says in (('history:=some', "'history'|`history`: `some`"), ('depht:=5', 'depht: is not a policy'),
+    sim.wait_for('parameter qos_overrides./dragon/handle.publisher.depth: sim has no such topic and ignores the ')
+    for wrong, says in (('history:=some', "'history'|`history`: `some`"), ('depht:=5', 'depht: it is not a QoS policy'),
                         ('depth:=many', 'depth')):
         failed = start('sim', '--ros-args', '-p', f'qos_overrides./dragon/handles.publisher.{wrong}')
         assert failed.end() == 2, failed.text

@@ -13,7 +13,7 @@ from dragon_ros.messages.channels import channels
 from dragon_ros.nodes import qos
 
 FOUND, WAITS = 'a monitor has been found', 'waiting for the monitor'
-MISSING = "the monitor's last word is missing"
+MISSING = "the monitor's last reports are missing"
 
 
 @pytest.fixture

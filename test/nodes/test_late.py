@@ -85,7 +85,7 @@ def test_who_comes_late_says_what_it_missed_and_who_was_there_misses_nothing(lau
     assert all(f'{NAMESPACE}/{one}: {says}' in late.text for one in EACH_TICK), late.text
     assert received(bag)['dragon_ros.received']['complete'] == 'false'
     assert monitor.stop() == 0, monitor.text
-    assert (' were published before it listened' if rate else 'saw 0 ticks') in monitor.text
+    assert (' were published before it subscribed' if rate else 'saw 0 ticks') in monitor.text
     assert early.end() == 0, early.text
     assert 'nothing is missing' in early.text
     told = received(tmp_path / 'early.mcap')['dragon_ros.received']

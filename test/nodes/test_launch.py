@@ -134,7 +134,7 @@ def test_without_benches_no_monitor_is_started_and_that_is_said(launch):
 
 def test_a_launch_fails_where_a_node_does(launch, node):
     run = launch('headless:=true', 'discovery_s:=0')
-    run.wait_for('starts at 0.000 s')
+    run.wait_for('starting at 0.000 s')
     (process,) = [one for one in psutil.Process(run.pid).children(recursive=True) if 'monitor' in one.cmdline()[1]]
     process.kill()
     assert run.end() == 1, run.text
@@ -174,7 +174,7 @@ def test_rviz_shows_the_topics_of_the_namespace_unless_headless(launch, prefix, 
     if shown:
         run.wait_for('Fixed Frame: red')
         run.wait_for('Value: /red/collision/markers')
-    run.wait_for('starts at 0.000 s')
+    run.wait_for('starting at 0.000 s')
     assert ('rviz2 runs' in run.text) == shown
     assert '/dragon/' not in run.text.replace(str(prefix), '')
 
@@ -182,7 +182,7 @@ def test_rviz_shows_the_topics_of_the_namespace_unless_headless(launch, prefix, 
 def test_without_rviz_it_says_so_and_runs(launch):
     run = launch()
     run.wait_for('rviz2 is not installed')
-    run.wait_for('starts at 0.000 s')
+    run.wait_for('starting at 0.000 s')
 
 
 @pytest.mark.parametrize(('argument', 'says'), [('scene:=windin', 'the scenes are first_contact'),

@@ -106,7 +106,7 @@ def test_a_led_dragon_stops_with_the_first_tick_in_contact(start, node, act):
         sim.wait_for('holding until a signal')
         assert sim.stop() == 0, sim.text
     assert sim.end() == 0, sim.text
-    node.until(lambda: f'stops: benches 0 and 8 are in contact at {(len(leader.speeds) - 1) / 50:.9f} s' in sim.text)
+    node.until(lambda: f'stopping: benches 0 and 8 are in contact at {(len(leader.speeds) - 1) / 50:.9f} s' in sim.text)
 
 
 def test_a_led_dragon_has_a_pace_and_no_other_ticks(start, node):
@@ -115,7 +115,7 @@ def test_a_led_dragon_has_a_pace_and_no_other_ticks(start, node):
     from std_srvs.srv import Trigger
     fast = start('sim', *LED, '--ros-args', '-p', 'time_scale:=0.0')
     assert fast.end() == 2
-    assert 'commands come in real time' in fast.text
+    assert 'commands arrive in real time' in fast.text
     leader = Leader(node)
     start('sim', *LED, '--ros-args', '-p', 'wait_subscribers:=[leader=1]')
     node.until(lambda: leader.speeds)
@@ -130,7 +130,7 @@ def test_a_led_dragon_has_a_pace_and_no_other_ticks(start, node):
     node.until(put.service_is_ready)
     done = put.call_async(SetParameters.Request(parameters=[Parameter('seek_s', value=0.0).to_parameter_msg()]))
     node.until(done.done)
-    assert 'a led dragon has no other ticks to go to' in done.result().results[0].reason
+    assert 'a led dragon cannot seek' in done.result().results[0].reason
 
 
 def test_a_command_of_the_other_type_gets_a_word_with_its_cure(start, node):

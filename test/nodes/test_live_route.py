@@ -74,4 +74,4 @@ def test_a_live_path_in_another_frame_is_moved_by_the_given_pose_or_refused(star
 def test_where_no_path_comes_it_says_so_and_ends_with_2(start, node):
     process = start('route', '--topic', '/plan', '--timeout', '0.5')
     assert process.end() == 2
-    assert 'no nav_msgs/Path came within 0.5 s; publish one, or give a larger --timeout' in process.text
+    assert 'no nav_msgs/Path arrived within 0.5 s; publish one, or give a larger --timeout' in process.text

@@ -205,9 +205,9 @@ def test_a_map_is_turned_by_its_origin_moved_by_the_declared_pose_and_never_over
     corner = -1j * ((25 - 0.75j) - 10)      # in the frame map, whose pose is (10, 0), 90 degrees
     server.show(cells, 0.5, (corner.real, corner.imag), -90)
     for one in (lost, moved, unknown):
-        one.wait_for('/map: 1 obstacles with ')
+        one.wait_for('/map: 1 obstacle with ')
     dragon.show(*range(0, 400, 2))
-    dragon.wait('lost', "/map: not used: it is in the frame 'map', and the dragon in 'dragon'")
+    dragon.wait('lost', "/map: not used: its frame is 'map', that of the dragon is 'dragon'")
     lost.wait_for('give venue_pose:=X,Y,DEGREES')
     dragon.wait('moved', "contact of bench 0 and obstacle 'map' at")
     (begin,) = [{pair.key: pair.value for pair in status.values} for status in dragon.events['moved'][:1]]
@@ -222,7 +222,7 @@ def test_a_map_is_turned_by_its_origin_moved_by_the_declared_pose_and_never_over
     (one,) = shown
     assert [marker.text for marker in one.markers] == ['', 'polygon', 'map']
     server.show(np.indices((150, 150)).sum(axis=0) % 2 * 100, 0.5, (1000.0, 0.0), 0)
-    moved.wait_for('/map: 1 obstacles with 45000 edges')
+    moved.wait_for('/map: 1 obstacle with 45000 edges')
     dragon.show(400)
     moved.wait_for('obstacles of files and maps are not published, because they have more than 20000 edges')
     node.until(lambda: [len(one.markers) for one in shown] == [3, 1])
@@ -246,15 +246,15 @@ def test_a_venue_may_come_late_change_and_vanish_and_one_of_a_file_counts_with_i
         node.create_subscription(kind, topic, to.append, qos.of_channel(channels()[topic]))
     dragon = Dragon(node, scene, 'dragon')
     dragon.show(0, 200)      # the front is at 24.275 m
-    dragon.wait('dragon', '1 obstacles with 1 edges of file far.geojson')
+    dragon.wait('dragon', '1 obstacle with 1 edge from file far.geojson')
     out = node.create_publisher(MarkerArray, 'venue', qos.of_channel(channels()['venue']))
     out.publish(once(replace(scene, venue=wall(24.0, 'gate')), 'dragon')['venue'])
-    dragon.wait('dragon', '1 obstacles with 1 edges of file far.geojson, 1 obstacles with 1 edges of venue')
+    dragon.wait('dragon', '1 obstacle with 1 edge from file far.geojson, 1 obstacle with 1 edge from venue')
     dragon.show(201)
     dragon.wait('dragon', "contact of bench 0 and obstacle 'gate' at 4.020000 s")
     out.publish(once(replace(scene, venue=wall(50.0, 'other gate')), 'dragon')['venue'])
     dragon.show(202)
-    dragon.wait('dragon', "contact ended by another venue: bench 0 and obstacle 'gate'")
+    dragon.wait('dragon', "contact ended by a change of the venue: bench 0 and obstacle 'gate'")
     out.publish(b'\x00\x01\x00\x00\x07\x00\x00\x00')
     dragon.wait('dragon', 'venue: not used: 8 bytes cannot hold 7 markers')
     out.publish(bytes.fromhex('0001000000000000'))
@@ -267,7 +267,7 @@ def test_a_venue_may_come_late_change_and_vanish_and_one_of_a_file_counts_with_i
     node.until(vector_is_heard)
     dragon.show(380, 400)
     dragon.wait('dragon', "contact of bench 0 and obstacle 'far wall' at 7.725")
-    node.until(lambda: dragon.health['dragon'][-1].message == '1 obstacles with 1 edges of file far.geojson')
+    node.until(lambda: dragon.health['dragon'][-1].message == '1 obstacle with 1 edge from file far.geojson')
     begins = [status for status in dragon.events['dragon'] if status.level == b'\x02']
     assert len(begins) == 2
     node.until(lambda: vectors[-1].header.stamp.sec == 8)
@@ -283,7 +283,7 @@ def test_a_venue_may_come_late_change_and_vanish_and_one_of_a_file_counts_with_i
 @pytest.mark.parametrize(('given', 'why'), [
     (('venue:=nowhere.wkt',), 'nowhere.wkt: cannot be read'), (('venue:=winding',), 'the scene has none'),
     (('venue_pose:="1,2"',), "parameter venue_pose: '1,2' is not valid: it must be X,Y,DEGREES"),
-    (('map_occupied:=0',), 'parameter map_occupied: is outside 1 to 100'),
+    (('map_occupied:=0',), 'parameter map_occupied: it is outside 1 to 100'),
     (('map_unknown:=maybe',), "parameter map_unknown: 'maybe' is not one of free, occupied")])
 def test_an_invalid_parameter_of_obstacles_ends_the_monitor_with_one_line(start, given, why):
     monitor = start('monitor', '--ros-args', *(part for one in given for part in ('-p', one)))

@@ -176,7 +176,7 @@ def test_of_two_dragons_on_one_topic_the_monitor_keeps_the_one_it_knows_and_name
         second.show(430 + 0.02 * next(shown))
         return len(heard.got['clearance']) > before
     node.until(taken)       # the known publisher has left, and the other publisher has become the known one
-    assert 'several publish on one topic: /dragon/handles: /dragon/observer and /dragon/stranger' in monitor.text
+    assert 'several publishers on one topic: /dragon/handles: /dragon/observer and /dragon/stranger' in monitor.text
 
 
 def test_health_is_repeated_without_a_message(start, node):

@@ -86,7 +86,7 @@ def test_a_monitor_that_cannot_follow_skips_whole_ticks_and_says_so_and_what_it_
     assert before_s < T_STAR_S <= after_s
     assert 0.001 < after_s - before_s <= float(values(pace)['longest_step_s']) < 0.1
     assert pace.level == pace.WARN
-    assert 'contact of less than' in monitor.pace.text()
+    assert 'contacts shorter than' in monitor.pace.text()
 
 
 def test_a_monitor_reads_first_where_the_publisher_waits_for_it(monitor, node, messages, monkeypatch):

@@ -64,7 +64,7 @@ def test_recorders_killed_at_random_moments_lose_at_most_the_flush_interval_and_
     moments = sorted(Random(7).uniform(0.2, 3.5) for _ in range(5))
     records = [start('record', '--output', tmp_path / f'{n}.mcap', '--flush-s', '0.5') for n in range(len(moments))]
     publisher = sim(start, 'run.start_s=400', 'run.stop_s=405', readers=len(moments))
-    publisher.wait_for('starts')
+    publisher.wait_for('starting')
     began, heard_ns = time.monotonic(), {}
     for n, moment in enumerate(moments):
         time.sleep(max(0.0, began + moment - time.monotonic()))
@@ -107,7 +107,7 @@ def test_a_bag_alone_makes_its_run_again(start, tmp_path):
     assert publisher.end() == 0, publisher.text
     assert record.end() == 0, record.text
     last = record.lines[-1]
-    assert f'run: {3 * 26 + 2} messages of 5 topics, nothing is missing; the queue was ' in last, record.text
+    assert f'run: {3 * 26 + 2} messages on 5 topics, nothing is missing; the queue was ' in last, record.text
     assert not re.search(r'/dragon/\w+ 0\b', record.text), record.text      # topics without messages are not listed
     bag = tmp_path / 'run' / 'run_0.mcap'
     told = received(bag)
@@ -150,7 +150,7 @@ def test_a_disk_that_fails_stops_the_recording_and_nothing_else(start, tmp_path,
     record = start('record', '--output', bag, '--compression', 'none', '--flush-s', '0.1',
                    *(['--max-size-mb', '2'] if how == 'limit' else []))
     publisher = sim(start, 'run.start_s=400')
-    publisher.wait_for('starts')
+    publisher.wait_for('starting')
     while not streamed(bag):
         time.sleep(0.01)
     if how == 'full':
@@ -216,7 +216,7 @@ def test_a_live_recording_is_complete_whoever_starts_first(start, node, tmp_path
 
 def test_a_recorder_that_missed_the_beginning_says_so_and_exits_3(start, tmp_path):
     run = start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'discovery_s:=0.0')
-    run.wait_for('starts')
+    run.wait_for('starting')
     record = start('record', '--output', tmp_path / 'a.mcap')
     while not {'/dragon/scene', '/dragon/handles', '/dragon/benches', '/dragon/velocities'} <= {
             topic for topic, _, _ in streamed(tmp_path / 'a.mcap')}:
@@ -265,7 +265,7 @@ def test_of_a_topic_that_two_publish_nobody_says_what_is_missing_and_both_are_na
     node.until(warned)
     assert (warned()[0].name, warned()[0].level) == ('dragon: record: publishers', b'\x01')
     record.stop()
-    assert 'several publish on one topic: /dragon/handles: /dragon/observer and /dragon/stranger' in record.text
+    assert 'several publishers on one topic: /dragon/handles: /dragon/observer and /dragon/stranger' in record.text
     assert 'missing messages cannot be counted' in record.text
     assert received(tmp_path / 'a.mcap')['dragon_ros.received']['/dragon/handles lost'] == 'unknown: several publishers'
 
@@ -334,7 +334,7 @@ def test_a_message_that_no_reader_takes_is_named_and_counted_and_the_bag_is_not_
     finally:
         rclpy.shutdown()
     said = capfd.readouterr().err
-    assert '2 messages of 1 topics, NOT COMPLETE' in said
+    assert '2 messages on 1 topics, NOT COMPLETE' in said
     assert '/dragon/handles: 1 messages of more than' in said
     assert '1 received messages are not in the bag' in said
     account = received(tmp_path / 'a.mcap')[RECEIVED]
