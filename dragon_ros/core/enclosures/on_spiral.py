@@ -466,8 +466,8 @@ def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tupl
 
 def _bent(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, other: Ints) -> tuple[Floats, Floats]:
     """Return second-order bounds (P,) on the gaps of pairs, and factors; ``other`` 0 is the second bench behind."""
-    sizes_at = row if sizes.links_m.shape[0] > 1 else np.zeros_like(row)
-    half_length_m = sizes.half_length_m[sizes_at, 0], sizes.half_length_m[sizes_at, other + 2]
+    lengths = np.broadcast_to(sizes.half_length_m, (a.lead.size, sizes.half_length_m.shape[1]))
+    half_length_m = lengths[row, 0], lengths[row, other + 2]
     half_m = [(each, sizes.half_width_m) for each in half_length_m]
     seen = [seen_from((each.centre[row, 0], each.centre[row, other + 2]),
                       (each.axis[row, 0], each.axis[row, other + 2]), *half_m) for each in (a, b)]

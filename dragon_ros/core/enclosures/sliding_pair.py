@@ -48,12 +48,12 @@ class Separations(NamedTuple):
 
 def least_span(theta: Floats, chord: Floats) -> Floats:
     """Return lower bounds on the spans of links with given chords (in units of b) and front handles at polar angles."""
-    return _proved_span(theta, chord, 1 - _WIDER, -1)
+    return _proved_span(theta, chord, -_WIDER)
 
 
 def largest_span(theta: Floats, chord: Floats) -> Floats:
     """Return upper bounds on the spans of links with given chords (in units of b) and front handles at polar angles."""
-    return _proved_span(theta, chord, 1 + _WIDER, 1)
+    return _proved_span(theta, chord, _WIDER)
 
 
 def separations(low: Floats, high: Floats, half_width_m: float, overhang_m: float) -> Separations:
@@ -78,11 +78,11 @@ def separations(low: Floats, high: Floats, half_width_m: float, overhang_m: floa
                        steep[edge, corner, :, each].T, np.nan_to_num(spread[edge, corner, :, each].T, nan=np.inf))
 
 
-def _proved_span(theta: Floats, chord: Floats, factor: float, sense: int) -> Floats:
-    span: Floats = factor * steps(theta, chord, first_guesses(theta, chord))[0]
+def _proved_span(theta: Floats, chord: Floats, wider: float) -> Floats:
+    span: Floats = (1 + wider) * steps(theta, chord, first_guesses(theta, chord))[0]
     place, delta = between(theta, theta), between(span, span)
     excess = delta.squared() * 0.5 + place * (place + delta) * delta.versine() - between(chord, chord).squared() * 0.5
-    if not np.all(sense * excess.mid >= excess.rad) or np.any(span > np.pi):
+    if not np.all(np.copysign(1.0, wider) * excess.mid >= excess.rad) or np.any(span > np.pi):
         raise DragonError('a link is too long for its position on the spiral: its span cannot be bounded')
     return span
 
