@@ -325,17 +325,18 @@ class Track:
             only: Floats = np.asarray(value(0, u), dtype=np.float64)
             return only
         out: Floats = np.empty(u.shape)
-        for k in self.present(segment):
-            out[segment == k] = value(k, u[segment == k])
+        u, flat = self._flattened(segment, u, out)
+        for k, here in self._groups(segment):
+            flat[here] = value(k, u[here])
         return out
 
     def points(self, segment: Ints, u: Floats, lo: Floats) -> Floats:
         """Return the points at many positions in metres, shape (..., 2)."""
-        return self._vectors(segment, u, lambda k, here: self.segments[k].at(u[here], lo[here]))
+        return self._vectors(segment, u, lo, lambda k, u, lo: self.segments[k].at(u, lo))
 
     def headings(self, segment: Ints, u: Floats, lo: Floats) -> Floats:
         """Return unit tangents in the head's direction, shape (..., 2)."""
-        return self._vectors(segment, u, lambda k, here: self.segments[k].heading(u[here], lo[here]))
+        return self._vectors(segment, u, lo, lambda k, u, lo: self.segments[k].heading(u, lo))
 
     def poses(self, segment: Ints, u: Floats, lo: Floats) -> tuple[Floats, Floats]:
         """Return ``points`` and ``headings``; computing both takes little longer than computing one of them.
@@ -343,20 +344,39 @@ class Track:
         If ``segment`` lacks the last axes of ``u``, each index applies to all positions along these axes.
         """
         points, headings = (np.empty(u.shape, dtype=np.complex128) for _ in range(2))
-        for k, here in self._parts(segment):
-            points[here], headings[here] = self.segments[k].poses(u[here], lo[here])
+        u, lo, p, h = self._flattened(segment, u, lo, points, headings)
+        for k, here in self._groups(segment):
+            p[here], h[here] = self.segments[k].poses(u[here], lo[here])
         return _vectors_of(points), _vectors_of(headings)
 
-    def _vectors(self, segment: Ints, u: Floats, value: Callable[[int, Any], Array]) -> Floats:
+    def _vectors(self, segment: Ints, u: Floats, lo: Floats, value: Callable[[int, Floats, Floats], Array]) -> Floats:
         out = np.empty(u.shape, dtype=np.complex128)
-        for k, here in self._parts(segment):
-            out[here] = value(k, here)
+        u, lo, flat = self._flattened(segment, u, lo, out)
+        for k, here in self._groups(segment):
+            flat[here] = value(k, u[here], lo[here])
         return _vectors_of(out)
 
-    def _parts(self, segment: Ints) -> Iterator[tuple[int, Any]]:
-        """Yield the index of each segment that contains positions, with an array index that selects these positions."""
-        for k in self.present(segment):
-            yield k, ... if len(self.segments) == 1 else segment == k
+    def _flattened(self, segment: Ints, *values: Array) -> tuple[Array, ...]:
+        """Return arrays in which the axes of ``segment`` are one axis, for the indices of ``_groups``."""
+        if len(self.segments) == 1:
+            return values
+        return tuple(np.ascontiguousarray(each).reshape(segment.size, *each.shape[segment.ndim:]) for each in values)
+
+    def _groups(self, segment: Ints) -> Iterator[tuple[int, Any]]:
+        """Yield the index of each segment that contains positions, with the indices of these positions in flat order.
+
+        One sort finds all groups. To compare all positions with each segment would take longer than the geometry.
+        """
+        occurring = self.present(segment)
+        if len(occurring) == 1:
+            yield occurring[0], ...
+            return
+        flat = segment.reshape(-1)
+        order = np.argsort(flat.astype(np.uint16) if len(self.segments) <= 65_536 else flat, kind='stable')
+        begin = 0
+        for k, count in zip(occurring, np.bincount(flat)[occurring].tolist(), strict=True):
+            yield k, order[begin:begin + count]
+            begin += count
 
 
 def _vectors_of(points: Array) -> Floats:
