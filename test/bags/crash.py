@@ -1,11 +1,11 @@
-"""A crash oracle: kill a bag writer at any moment, and compare the recovered messages with the written ones.
+"""A crash oracle: kill a bag writer at any moment, and compare the recovered messages with those written.
 
 A child process writes numbered messages through the recorder's writer thread and prints, after each flush, how many
 messages are in the file. After SIGKILL, ``--repair`` must save every flushed message of the bag and every later one
-that is complete in the files. The repair must save nothing else, nothing twice and nothing out of order. The library's
-own stream reader is an independent check: all messages that it finds in the files must also be saved.
+that is complete in the files. It must save nothing else, nothing twice and nothing out of order. The library's own
+stream reader is an independent check: all messages that it finds in the files must also be saved.
 
-``./dragon python test/bags/crash.py --kills 1000`` tries any number of kills by hand.
+To try any number of kills by hand, run ``./dragon python test/bags/crash.py --kills 1000``.
 """
 import argparse
 import os
@@ -40,7 +40,7 @@ _BEGINS, _FLUSH_EVERY, _SIZES = 'begins', 7, (40, 1200, 70_000)
 
 
 class Kill(NamedTuple):
-    """The result of a kill: the messages flushed, saved and found by the library, and whether files are complete."""
+    """The result of a kill: counts of messages flushed, saved and found by the library, and of files; their state."""
 
     flushed: int
     saved: int
@@ -50,7 +50,7 @@ class Kill(NamedTuple):
 
 
 def payload(n: int) -> bytes:
-    """Return message ``n``: a string that begins with its number and continues with text that compresses poorly."""
+    """Return message ``n``: a string that begins with the number and continues with text that compresses poorly."""
     return string_message(f'{n:08d}' + random.Random(n).randbytes(_SIZES[n % len(_SIZES)]).hex())
 
 
@@ -84,16 +84,16 @@ def kill(folder: Path, form: str, compression: str, after_s: float) -> Kill:
 
 
 def check(bag: Path, flushed: int, saved: Path) -> Kill:
-    """Compare the bag of a killed writer with the messages that it had flushed. Raises AssertionError."""
+    """Compare the bag of a killed writer with the messages that the writer had flushed. Raises AssertionError."""
     files = [bag] if bag.suffix == '.mcap' else sorted(bag.glob('*.mcap'))
     whole = readable(bag)
-    assert whole or examined(bag), 'a bag that cannot be read has no problems'
+    assert whole or examined(bag), 'no problem is reported in a bag that cannot be read'
     if not any(file.stat().st_size for file in files):
         assert flushed == 0
         return Kill(0, 0, 0, len(files), False)
     repair(bag, saved)
     numbers = numbers_in(saved)
-    assert numbers == list(range(len(numbers))), 'saved messages are not the first ones that were written'
+    assert numbers == list(range(len(numbers))), 'the saved messages are not the first ones written'
     assert len(numbers) >= flushed, f'{flushed} messages were flushed, {len(numbers)} are saved'
     found = {n for file in files for n in streamed(file)}
     assert found <= set(numbers), 'the library finds messages that are not saved'
@@ -102,7 +102,7 @@ def check(bag: Path, flushed: int, saved: Path) -> Kill:
 
 
 def readable(bag: Path) -> bool:
-    """Return whether the package's reader accepts the bag unchanged."""
+    """Return whether the package's reader accepts the bag as it is."""
     try:
         with BagReader(bag) as reader:
             return all(True for _ in reader.messages())
@@ -119,7 +119,7 @@ def examined(bag: Path) -> int:
 
 
 def numbers_in(bag: Path) -> list[int]:
-    """Return the numbers of the messages in a bag, after checking each message to its last byte."""
+    """Check each message in a bag to its last byte, and return the messages' numbers."""
     with BagReader(bag, damaged=True) as reader:
         rows = [(message.sequence, message.topic, message.data) for message in reader.messages()]
     for sequence, topic, data in rows:
@@ -128,7 +128,7 @@ def numbers_in(bag: Path) -> list[int]:
 
 
 def streamed(file: Path) -> list[int]:
-    """Return the numbers of the messages that the library's stream reader finds in a file without an end."""
+    """Return the numbers of the messages that the library's stream reader finds in a truncated file."""
     out: list[int] = []
     with file.open('rb') as data, suppress(EndOfFile, McapError, ValueError, OSError, RuntimeError):
         out.extend(record.sequence - 1 for record in StreamReader(data).records if isinstance(record, Message))
@@ -136,14 +136,14 @@ def streamed(file: Path) -> list[int]:
 
 
 def main(argv: list[str]) -> int:
-    """Kill a number of writers, with every form and compression, and print a table of the results."""
+    """Kill writers of every form and compression in turn, and print a table of the results."""
     if argv[:1] == ['--write']:
         write_until_killed(Path(argv[1]), argv[2], argv[3] == 'parts')
         return 0
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
-    options.add_argument('--kills', type=int, default=1000, help='how many writers are killed (1000)')
+    options.add_argument('--kills', type=int, default=1000, help='number of writers to kill (1000)')
     options.add_argument('--longest-s', type=float, default=0.5, help='latest moment of a kill (0.5)')
-    options.add_argument('--seed', type=int, default=1, help='of the moments (1)')
+    options.add_argument('--seed', type=int, default=1, help='seed of the moments (1)')
     arguments = options.parse_args(argv)
     moments, left = random.Random(arguments.seed), Counter[tuple[str, str, str]]()
     kinds = [(form, compression) for form in FORMS for compression in COMPRESSIONS]
@@ -162,7 +162,7 @@ def main(argv: list[str]) -> int:
         if n % 50 == 49:
             print(f'{n + 1} of {arguments.kills} kills', file=sys.stderr, flush=True)
     keys = ('kills', 'whole', 'files', 'flushed', 'saved')
-    print('| form | compression | kills | bags whole as they are | files | messages flushed | messages saved |')
+    print('| form | compression | kills | bags complete without repair | files | messages flushed | messages saved |')
     print('|---|---' + '|---:' * len(keys) + '|')
     for kind in kinds:
         print('| ' + ' | '.join((*kind, *(str(left[(*kind, key)]) for key in keys))) + ' |')

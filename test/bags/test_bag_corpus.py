@@ -1,4 +1,4 @@
-"""Every reader reads every bag of the corpus in bounded memory."""
+"""Every reader handles every bag of the corpus in bounded memory."""
 import runpy
 import subprocess
 import sys
@@ -96,7 +96,7 @@ def test_the_whole_corpus_is_read_in_little_memory(tmp_path):
 
 
 def use(path, out):
-    """Read a file in every way; only the package's own errors may be raised."""
+    """Read a file in every way, which may raise only the package's own errors."""
     for way in (read, examine, partial(repair, output=out)):
         with suppress(DragonError):
             way(path)
@@ -123,7 +123,7 @@ def test_a_bag_cut_at_any_byte_is_refused_and_all_before_the_cut_is_saved(tmp_pa
         assert set(read(folder / 'out.mcap')) <= set(read(CORPUS[name]))
     if name in ('good_none', 'good_without_chunks') and b'/dragon/handles' in data[:cut]:
         whole = repair(CORPUS[name], folder / 'whole.mcap').messages
-        messages_before = whole * min(1.0, (cut - 3000) / 8000)     # preceded by schemas and channels
+        messages_before = whole * min(1.0, (cut - 3000) / 8000)     # schemas and channels come first
         assert saved.messages >= int(messages_before) - 3
 
 

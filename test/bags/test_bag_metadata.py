@@ -52,7 +52,7 @@ def test_a_bag_of_another_encoding_is_refused(tmp_path):
 
 @pytest.mark.parametrize('opcode', [9, 12], ids=['attachment', 'metadata'])
 def test_a_record_that_other_readers_stop_at_is_a_problem(tmp_path, bag_bytes, opcode):
-    # The inserted record begins after the header.
+    # The record is inserted after the header.
     path, begin = tmp_path / 'a.mcap', 8 + 9 + int.from_bytes(bag_bytes[9:17], 'little')
     record = bytes([opcode]) + (5).to_bytes(8, 'little') + bytes(4) + b'\1'
     path.write_bytes(bag_bytes[:begin] + record + bag_bytes[begin:])

@@ -1,4 +1,4 @@
-"""Bags in folders, out of order and with gaps; their frames; untrusted YAML."""
+"""Bags in folders, out of order and with gaps; their frames; and untrusted YAML."""
 from array import array
 from io import BytesIO
 
@@ -27,7 +27,7 @@ SCENE = Scene(run=Run(412, 412.5))
 
 
 def write(path, times, options=None, chunk=3):
-    """Write handles at times in s, in this order, with ``chunk`` of them in each chunk; return the written messages."""
+    """Write the handles of these ticks in this order, ``chunk`` of them per chunk; return (time, number) of each."""
     encode, out = encoders(SCENE)['handles'], []
     with BagWriter(path, options=options) as bag:
         bag.add_channel('/dragon/handles', channels()['handles'])
@@ -74,7 +74,7 @@ def test_a_split_folder_reads_as_one_bag_with_and_without_its_metadata(tmp_path)
 
 
 def unlist_last(folder):
-    """Leave a split bag as a killed recorder does, with an unlisted last part; return that part."""
+    """Leave the last part of a split bag unlisted, as a killed recorder does, and return that part."""
     info = yaml.safe_load((folder / 'metadata.yaml').read_text())
     last = info['rosbag2_bagfile_information']['relative_file_paths'].pop()
     (folder / 'metadata.yaml').write_text(yaml.safe_dump(info))
@@ -85,7 +85,7 @@ def unlist_last(folder):
 def test_a_part_that_is_not_listed_belongs_to_the_bag_and_inspect_names_it(tmp_path, compression):
     written = write(tmp_path / 'run', range(26), BagOptions(compression, split_duration_s=0.1))
     last = unlist_last(tmp_path / 'run')
-    repair(tmp_path / 'run', tmp_path / 'run' / 'whole.mcap')       # this file in the folder is not a part
+    repair(tmp_path / 'run', tmp_path / 'run' / 'whole.mcap')       # in the folder, but not a part of the bag
     assert read(tmp_path / 'run') == read(tmp_path / 'run' / 'whole.mcap') == written
     (problem,) = examine(tmp_path / 'run').problems.lines
     assert problem.startswith(f'{last}: is not listed in metadata.yaml')
@@ -102,7 +102,7 @@ def test_a_part_that_is_not_listed_and_cut_anywhere_is_named_and_saved(tmp_path,
         read(tmp_path / 'run')
     assert any(line.startswith(f'{last}: is') for line in examine(tmp_path / 'run').problems.lines)
     saved = repair(tmp_path / 'run', tmp_path / 'whole.mcap')
-    assert saved.lost.count or left == -1       # lacks the last byte of the closing magic
+    assert saved.lost.count or left == -1       # -1 cuts off only the last byte of the closing magic
     kept = read(tmp_path / 'whole.mcap')
     assert kept == written[:len(kept)]
     assert len(kept) >= (26 if left == -1 else 20)

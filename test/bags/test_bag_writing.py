@@ -1,4 +1,4 @@
-"""Bags can be read by other software, are overwritten only on request, and are complete even if the disk is full."""
+"""Other software can read bags; they are overwritten only on request, and are complete even if the disk is full."""
 import shutil
 from contextlib import suppress
 
@@ -51,7 +51,7 @@ def read(path):
 
 
 def streamed(path):
-    """Return the messages of a file that has no end yet."""
+    """Return the messages of a file that is not finished yet."""
     found = []
     with path.open('rb') as file, suppress(EndOfFile):
         for record in StreamReader(file).records:
@@ -202,7 +202,7 @@ def test_a_bag_has_the_same_bytes_with_a_thread_for_its_chunks_and_without(tmp_p
         assert len(make_reader(file).get_summary().chunk_indexes) > 3
 
 
-# With the index, three ticks of raw messages take 240 kB.
+# Three ticks of raw messages take 240 kB, including the index.
 @pytest.mark.parametrize(('size', 'compression', 'threaded'), thinned([
     (size, compression, threaded) for size in range(90_000, 300_000, 14_003) for compression in ('none', 'zstd')
     for threaded in (True, False)], lambda case: case[0] in (90_000, 160_015, 286_027)))
@@ -273,7 +273,7 @@ def test_without_a_thread_a_chunk_that_is_lost_is_known_at_once(tmp_path):
 
 
 def begun_in_parts(folder, parts=3):
-    """Return a bag of small messages, one per part, and the number of parts in its folder."""
+    """Return a bag with a number of parts in its folder, each of which has one small message."""
     bag = BagWriter(folder, options=BagOptions('none', split_duration_s=1e-9))
     bag.add_channel('/x', channels()['clearance'])
     for k in range(parts):
@@ -296,7 +296,7 @@ def ended(bag):
 
 def test_where_the_disk_is_full_between_two_parts_all_parts_are_whole_and_listed(tmp_path):
     bag = begun_in_parts(tmp_path / 'run')
-    with small_disk(30_000):        # a part fits, but the next metadata.yaml does not
+    with small_disk(30_000):        # a part fits on the disk, but the next metadata.yaml does not
         with pytest.raises(DiskError, match='no further part can begin: File too large'):
             bag.write('/x', bytes(12), 9, 9)
         assert all('no further part can begin' in error for error in ended(bag))
@@ -364,7 +364,7 @@ def test_a_bag_without_messages_gives_way_to_the_next_one(tmp_path, folder, kill
     first = BagWriter(path)
     first.describe('account', {'complete': 'true'})
     first.close()
-    if killed:      # the file has its header but no end
+    if killed:      # the file has a header but no end
         file = path / 'run_0.mcap' if folder else path
         file.write_bytes(file.read_bytes()[:40])
     with BagWriter(path) as bag:

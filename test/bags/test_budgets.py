@@ -21,7 +21,7 @@ SCENE = Scene(dragon=Dragon(3), run=Run(412, 412.2))
 
 
 def written(path, scene, name, frames, options=None):
-    """A bag that has the messages of several frames on one topic."""
+    """A bag with the messages of several frames on one topic."""
     with BagWriter(path, True, options or BagOptions('none')) as writer:
         writer.add_channel(f'/dragon/{name}', channels()[name])
         for k, frame in enumerate(frames):

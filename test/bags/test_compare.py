@@ -1,4 +1,4 @@
-"""A bag is compared with the model tick by tick, including the frame of the contact if a run ends at a contact."""
+"""A bag is compared with the model tick by tick, including the frame of the contact at which a run may end."""
 from dataclasses import replace
 
 import numpy as np
@@ -93,7 +93,7 @@ def led_frames(count):
 
 
 def write_led(path, count, keep=lambda name, k: True, change=lambda name, k, data: data, account=False):
-    """Write a led run with some messages omitted or changed, optionally like a recorder that was not killed."""
+    """Write a led run in which messages may be omitted or changed, and optionally an account of complete recording."""
     encode = encoders(LED)
     with BagWriter(path) as bag:
         for name in encode:

@@ -1,4 +1,4 @@
-"""Whenever a writer is killed, all messages on the disk are recovered from its bag, in every form of bag."""
+"""Whenever a writer is killed, all messages on the disk are recovered from its bag, whatever the form of the bag."""
 import pytest
 from crash import FORMS, kill
 from properties import thinned

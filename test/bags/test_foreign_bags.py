@@ -1,4 +1,4 @@
-"""Bags written by other libraries are read if possible and otherwise reported, never with a traceback."""
+"""Bags written by other libraries are read if possible, and otherwise rejected without a traceback."""
 import pytest
 
 from dragon_ros.__main__ import main

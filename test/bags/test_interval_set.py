@@ -1,4 +1,4 @@
-"""An interval set contains exactly the numbers added, in any order."""
+"""An interval set contains exactly the numbers that were added, in whatever order."""
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -1,4 +1,4 @@
-"""The packed index of a file returns its parts unchanged, locates messages, and takes little memory."""
+"""The packed index of a file returns its entries unchanged, locates messages, and takes little memory."""
 import gc
 import io
 import threading
@@ -61,7 +61,7 @@ TOPICS = ('/d/handles', '/d/benches', '/d/velocities')
 
 
 class Recording:
-    """Everything that a recorder stores about messages, without ROS and with one chunk per tick."""
+    """All parts of a recorder that store data about messages, without ROS and with one chunk per tick."""
 
     def __init__(self, path):
         self.bag, self.losses, self.tick = BagWriter(path), LossAccount(), 0
@@ -76,7 +76,7 @@ class Recording:
         self.writer.write(topic, data, t_ns, sequence, source_ns)
 
     def go_on(self, ticks):
-        """Write a number of ticks; return the bytes held in memory once they are in the file."""
+        """Write a number of ticks, and return the bytes still in memory once the ticks are in the file."""
         for _ in range(ticks):
             self.tick += 1
             t_ns, source_ns = RUN.time_ns(self.tick - 1), 10**18 + self.tick * 10**7
@@ -97,7 +97,7 @@ def test_a_long_recording_holds_less_than_100_bytes_for_each_of_its_chunks(tmp_p
     recording = Recording(tmp_path / 'a.mcap')
     tracemalloc.start()
     try:
-        before = recording.go_on(2100)      # until the bounded buffers are full
+        before = recording.go_on(2100)      # this fills the bounded buffers
         grown = recording.go_on(2000) - before
     finally:
         tracemalloc.stop()

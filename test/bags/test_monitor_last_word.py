@@ -31,10 +31,10 @@ TICKS = ('tick', 1), ('tick', 2)
     ([*TICKS, ('health', 2), ('tick', 3)], False),
     ([*TICKS, ('health', 1, 0, True)], True),               # the monitor has left before the last tick
     ([*TICKS, ('health', 1, 0, True), ('health', 1)], False),       # another monitor
-    ([*TICKS, ('health', 1), ('health', 1)], True),         # nothing to read: it has skipped the last tick
+    ([*TICKS, ('health', 1), ('health', 1)], True),         # nothing is waiting, so the last tick was skipped
     ([*TICKS, ('health', 1), ('health', 1, 5)], False),
     ([*TICKS, ('health', 1), ('health', 1, 5), ('health', 1)], False),
-    ([('health', 1), ('tick', 2), ('health', 1)], False),   # the first may be older than the tick
+    ([('health', 1), ('tick', 2), ('health', 1)], False),   # the first report may be older than the tick
     ([('tick', 2), ('health', 1), ('begins', 1), ('health', 1)], False),
     ([('tick', 5), ('health', 5), ('tick', 2)], False),     # time has jumped back
     ([*TICKS, ('fix',), ('tick', 3), ('health', 2)], True),

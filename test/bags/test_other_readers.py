@@ -22,7 +22,7 @@ FORMS = [('run.mcap', {}, SCENE), ('run', {}, SMALL), ('run', {'split_duration_s
 
 @pytest.fixture(params=FORMS, ids=lambda form: f'{form[0]} {form[1]}')
 def written(request, tmp_path):
-    """A bag in each form, and the scene whose messages it contains."""
+    """A bag in each form, and the scene from which its messages were made."""
     where, options, scene = request.param
     encode, text = encoders(scene), scene_file(scene)
     with BagWriter(tmp_path / where, options=BagOptions(**options)) as bag:
@@ -72,7 +72,7 @@ def test_rosbags_decodes_every_message_by_the_schemas_in_the_bag(written):
     bag, scene = written
     from rosbags.highlevel import AnyReader
     if bag.is_file() and tuple(map(int, version('rosbags').split('.')[:2])) < (0, 11):
-        pytest.skip('rosbags before 0.11 opens rosbag2 directories alone')
+        pytest.skip('rosbags before 0.11 opens only rosbag2 directories')
     with AnyReader([bag]) as reader:
         assert reader.message_count == 34
         assert reader.duration == 2 * 10**8 + 1

@@ -1,4 +1,4 @@
-"""Page-cache requests for a growing file do not block the caller."""
+"""Page-cache requests for a growing file do not block the writer."""
 import errno
 import os
 import threading
@@ -15,7 +15,7 @@ MB = 2**20
 
 @pytest.fixture
 def asked(monkeypatch):
-    """Return the parts (start, end) of files whose memory the system is asked to release."""
+    """The parts (start, end) of files whose page cache the system has been requested to release."""
     parts = []
     monkeypatch.setattr(os, 'posix_fadvise', lambda _, start, size, what: parts.append((start, start + size))
                         if what == os.POSIX_FADV_DONTNEED else pytest.fail('other advice'))

@@ -1,4 +1,4 @@
-"""Obstacles that a monitor received from a file or a map are read back from a bag tick by tick."""
+"""The obstacles that a monitor received from a file or a map are read back from its bag tick by tick."""
 from dataclasses import replace
 
 import numpy as np
@@ -32,7 +32,7 @@ def wall(name, x):
 
 @pytest.fixture
 def bag_of(tmp_path):
-    """Return a function that writes the run with messages of obstacles, each at a tick, and opens the bag."""
+    """A function that writes the run with messages of obstacles at given ticks, and opens the bag."""
     opened = []
 
     def write(*messages):
@@ -73,7 +73,7 @@ def test_obstacles_count_from_the_tick_of_their_stamp_on_and_replace_those_of_th
     assert gaps[8:] == pytest.approx([20.4 - x for x in front[8:]], abs=1e-9)
     assert min(gaps[:3] + gaps[6:8]) > 1        # the gap between a bench and the next but one
     touch = dragon_in(bag).first_touch(iter)
-    # From this message on, the post is used, regardless of earlier obstacles.
+    # From its message on, only the post counts, whatever obstacles came before.
     assert (touch.obstacle, touch.t_s) == ('post', 0.16)
 
 
@@ -100,7 +100,7 @@ def test_surroundings_are_read_back_to_the_last_bit():
     ((MARKER_RUNS - 1) // 2, (MARKER_RUNS - 1) // 2, True), ((MARKER_RUNS + 1) // 2, (MARKER_RUNS + 1) // 2, False)])
 def test_a_message_of_obstacles_has_a_budget_within_which_every_reader_takes_it(edges, names, fits):
     start = np.arange(edges) * (1 + 1j)
-    # Names of different lengths lead to different layouts.
+    # Names of different lengths change the layout from one marker to the next.
     around = Surroundings(tuple('x' * (1 + 5 * (n % 2)) for n in range(names)), start, start + 1,
                           np.arange(edges) % names, np.zeros(names, int))
     assert fits_message(around) is fits

@@ -11,9 +11,9 @@ def test_messages_without_a_stamp_get_the_tick_that_was_published_before_them():
     clock.mark(10, 100)
     clock.mark(20, 200)
     clock.unstamped('v', b'1', 12, 1)           # the next handles arrive before this message
-    clock.unstamped('v', b'2', 22, 2)           # this message must wait for the next handles
+    clock.unstamped('v', b'2', 22, 2)           # this message waits for the next handles
     assert out == [('v', 100)]
-    clock.unstamped('v', b'3', 32, 3)           # arrives before the handles of its tick
+    clock.unstamped('v', b'3', 32, 3)           # this message arrives before the handles of its tick
     clock.mark(30, 300)
     clock.flush()
     assert out == [('v', 100), ('v', 200), ('v', 300)]
@@ -76,7 +76,7 @@ def test_a_latched_message_after_a_lost_tick_is_logged_when_it_surely_holds():
     clock = SimulationClock(lambda *row: out.append(row[1:3]))
     clock.mark(10, 100, 500)
     clock.unstamped('active', b'of another monitor', 31, 1, latched=True)
-    clock.mark(40, 400, 4)      # its first three ticks preceded the discovery of the recorder
+    clock.mark(40, 400, 4)      # the publisher's first three ticks preceded its discovery of the recorder
     assert (out, clock.unpaired) == ([(b'of another monitor', 400)], {})
 
 
@@ -117,7 +117,7 @@ PERIOD_NS = 20_000_000
 
 
 def published(ticks, set_back):
-    """Return a sim's messages, in order: (topic, tick, source time); ``set_back`` has the messages before each jump."""
+    """Return a sim's messages in order: (topic, tick, source time); the clock jumps before those in ``set_back``."""
     now, out = 10**18, []
     for k in range(ticks):
         for topic in ('handles', 'v'):

@@ -1,4 +1,4 @@
-"""The page ``cost accuracy``: its rows for tiers, for other solvers and for integration, and its files."""
+"""The page ``cost accuracy``: its rows for tiers, other solvers and integration, and its files."""
 import numpy as np
 import pytest
 

@@ -1,4 +1,4 @@
-"""The page on bags: its figures follow from the measurements, and its bags are complete."""
+"""The page ``cost bag``: its figures follow from the measurements, and its bags are complete."""
 import csv
 import io
 

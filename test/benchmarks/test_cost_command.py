@@ -1,4 +1,4 @@
-"""``./dragon cost``: pages keep their text, the README keeps its rows, and all pages are measured one by one."""
+"""``./dragon cost`` keeps the text of pages and the rows of the README, and measures all pages one by one."""
 import pytest
 
 from benchmarks import command

@@ -1,4 +1,4 @@
-"""The page ``cost contact``: its verdicts, its figures of growth and its files, from rows written by hand."""
+"""The page ``cost contact``: its verdicts, growth figures and files, from rows written by hand."""
 import numpy as np
 import pytest
 

@@ -1,4 +1,4 @@
-"""The page ``cost effects``: its costs, its whole ticks and its files."""
+"""The page ``cost effects``: the costs of effects and of whole ticks, and its files."""
 import numpy as np
 
 from benchmarks import command, effects, wholes

@@ -1,4 +1,4 @@
-"""The page ``cost limits``: stages compared with the machine's own rates."""
+"""The page ``cost limits``: the stages of a tick are compared with the machine's own rates."""
 import pytest
 
 from benchmarks import command, limits

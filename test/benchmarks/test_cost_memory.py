@@ -1,4 +1,4 @@
-"""The page on the memory of a recorder: its figures follow from the samples, and its run is complete."""
+"""The page ``cost memory`` about a recorder: its figures follow from the samples, and its run is complete."""
 import csv
 import io
 from dataclasses import replace
@@ -44,5 +44,5 @@ def test_a_short_run_is_recorded_to_the_last_message():
     row = memory.measure(3.0)
     assert (row.ticks, row.missing) == (300, 0)
     assert row.chunks > 3
-    assert 52 * row.chunks < row.index_bytes < 92 * row.chunks      # for one to five topics
+    assert 52 * row.chunks < row.index_bytes < 92 * row.chunks      # one to five topics
     assert all(resident > 10 for _, resident in row.samples)

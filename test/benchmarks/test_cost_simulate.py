@@ -1,4 +1,4 @@
-"""``./dragon cost simulate``: each number of workers is measured, and so is copying the bag's bytes."""
+"""The page ``cost simulate``: each number of workers is measured, and so is a copy of the bag's bytes."""
 from benchmarks import simulate
 from dragon_ros.cli.pool import workers_of
 

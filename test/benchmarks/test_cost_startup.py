@@ -1,4 +1,4 @@
-"""The page ``cost startup``: a line for each executable, uses with valid arguments, and its files."""
+"""The page ``cost startup``: a line for each executable, valid arguments for each use, and its files."""
 import numpy as np
 import pytest
 

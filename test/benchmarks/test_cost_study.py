@@ -1,4 +1,4 @@
-"""The page on studies: its figures follow from the measurements."""
+"""The page ``cost study``: its figures follow from the measurements."""
 import csv
 import io
 

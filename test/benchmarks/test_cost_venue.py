@@ -1,4 +1,4 @@
-"""The page on venues: its town has the stated number of corners and leaves the street free; each answer has a line."""
+"""The page ``cost venue``: its town has the stated number of corners and a free street, and each town has a line."""
 import numpy as np
 
 from benchmarks import command, venues

@@ -1,12 +1,12 @@
-"""Make ``min_pitch.json``: the smallest pitch of the classic dragon and a circle of 9 m, to 20 digits.
+"""Make ``min_pitch.json``: the smallest pitch of the classic dragon for a circle of 9 m, to 20 digits.
 
     python test/data/make_min_pitch.py
 
-It needs mpmath and a few seconds, and shares nothing with the package. At that pitch, a corner of the head touches the
-inner side of bench 19 and slips past: their separation f, as a function of the head's radius r, has a minimum of zero
-there. The equations f = 0 and f' = 0 are solved for the pitch and r with two different precisions; handles follow from
-the law of cosines. This script does not show that no larger pitch has a contact; ``dragon_ros.core.search.min_pitch``
-does.
+The script needs mpmath and a few seconds, and shares no code with the package. At the smallest pitch, a corner of the
+head touches the inner side of bench 19 and slips past: their separation f, as a function of the head's radius r, has a
+minimum of zero there. The equations f = 0 and f' = 0 are solved for the pitch and r in two different precisions;
+handles follow from the law of cosines. This script does not show that no larger pitch has a contact;
+``dragon_ros.core.search.min_pitch`` does.
 """
 import json
 from itertools import product
@@ -36,7 +36,7 @@ def solved(digits: int) -> tuple[mpf, mpf]:
 
 
 def separation(pitch: mpf, radius: mpf) -> mpf:
-    """Return the distance of the head bench's nearest corner from the line of the inner side of bench 19."""
+    """Return the distance of the head's nearest corner from the line of the inner side of bench 19."""
     b = pitch / (2 * pi)
     theta = [radius / b]
     for number in range(BENCH + 1):

@@ -1,4 +1,4 @@
-"""Compare what commands print about a bag with the messages that the mcap library's stream reader finds in it."""
+"""Compare the output of commands about a bag with the messages that the mcap library's stream reader finds in it."""
 import contextlib
 import csv
 import io
@@ -39,7 +39,7 @@ class Said:
 
 
 def said(*arguments: object) -> Said:
-    """Run a command. Raises AssertionError for a traceback, an unknown exit code, or a failure without a reason."""
+    """Run a command. Raises AssertionError for a traceback, an unknown exit code or a failure without a reason."""
     with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as errors:
         code = main([str(one) for one in arguments])
     found = Said(code, out.getvalue().splitlines(), errors.getvalue())
@@ -50,31 +50,31 @@ def said(*arguments: object) -> Said:
 
 
 def topics_in(lines: list[str]) -> Counter[str]:
-    """Return the number of messages of each topic as ``inspect`` prints them."""
+    """Return the number of messages on each topic, as printed by ``inspect``."""
     return Counter({row[1]: int(row[2]) for line in lines if (row := _TOPIC.fullmatch(line))})
 
 
 def hold_lines(path: Path, folder: Path, wanted: list[Row], ended: bool, model: dict[tuple[str, int], bytes]) -> Said:
-    """Compare the lines of all commands with the messages ``wanted`` and with each other; return those of ``inspect``.
+    """Compare the output of all commands with the messages ``wanted`` and with each other; return that of ``inspect``.
 
     ``ended`` means that the stream reader reached the end of the file, so that the file contains nothing else.
-    ``model`` has the messages of the run, by topic and log time. Raises AssertionError.
+    ``model`` contains the messages of the run by topic and log time. Raises AssertionError.
     """
     told = said('inspect', path, '--namespace', 'dragon')
     if not told.lines:
         told = said('inspect', path)
-    assert (told.code == 0) == (_WHOLE in told.lines), 'the exit code and the last line disagree'
+    assert (told.code == 0) == (_WHOLE in told.lines), 'the exit code contradicts the last line'
     if ended:
         assert topics_in(told.lines) == Counter(topic for topic, _, _ in wanted), 'inspect prints other counts'
     hold_saved(path, folder / 'printed.mcap', wanted)
     others = [hold_ticks(path, folder, wanted, ended, model), *hold_check(path, wanted, ended, model)]
     if told.code == 0:
-        assert not any(word in one.errors for one in others for word in _CUT_OFF), 'a command finds damage alone'
+        assert not any(word in one.errors for one in others for word in _CUT_OFF), 'only one command finds damage'
     return told
 
 
 def hold_saved(path: Path, output: Path, wanted: list[Row]) -> None:
-    """Check a repair: its bag has as many messages as reported, and all those that the stream reader finds."""
+    """Check a repair: its bag has as many messages as reported, including all that the stream reader finds."""
     output.unlink(missing_ok=True)
     done = said('inspect', path, '--repair', output)
     if not done.lines:
@@ -83,13 +83,13 @@ def hold_saved(path: Path, output: Path, wanted: list[Row]) -> None:
     assert saved, done.lines[0]
     with BagReader(output, damaged=True) as bag:
         kept = Counter((one.topic, one.t_ns, one.data) for one in bag.messages())
-    assert kept.total() == int(saved[1]), 'a repair prints another number than it saves'
+    assert kept.total() == int(saved[1]), 'a repair does not print the number of messages that it saves'
     assert not Counter(wanted) - kept, 'the stream reader finds messages that are not saved'
     assert not done.code or 'messages parse' in '\n'.join(done.lines), 'a repair fails without a reason'
 
 
 def hold_ticks(path: Path, folder: Path, wanted: list[Row], ended: bool, model: dict[tuple[str, int], bytes]) -> Said:
-    """Compare the table, the export and the data of pictures and view with the bag's handles and with each other."""
+    """Compare the table, the export and the data for pictures and view with the bag's handles and with each other."""
     output = folder / 'printed.csv'
     handles = [row for row in wanted if row[0] == HANDLES]
     exported = said('export', path, '--namespace', 'dragon', '--output', output, '--force')
@@ -98,10 +98,10 @@ def hold_ticks(path: Path, folder: Path, wanted: list[Row], ended: bool, model: 
     rows = ticks_of(output.read_text())
     stamps = {stamp for stamp in map(stamp_of, handles) if stamp is not None}
     if ended:
-        assert set(rows) == stamps, 'export has other ticks than the stream reader'
+        assert set(rows) == stamps, 'export and stream reader find different ticks'
     if ended and all(model.get((HANDLES, t_ns)) == data for _, t_ns, data in handles):
         for t_ns, places in rows.items():
-            assert places == places_of(model[HANDLES, t_ns]), 'export has other places than the messages'
+            assert places == places_of(model[HANDLES, t_ns]), 'export and messages have different positions'
         times = ','.join(repr(t_ns / 1e9) for t_ns in sorted(stamps))
         shown = said('table', path, '--namespace', 'dragon', '--times', times, '--format', 'csv')
         assert ticks_of('\n'.join(shown.lines)) == rows, 'table and export differ'
@@ -121,13 +121,13 @@ def hold_check(path: Path, wanted: list[Row], ended: bool, model: dict[tuple[str
     equal, close, others, missing = (int(count or 0) for count in counts.groups())
     once = sum(int(row[1]) for line in told.lines if (row := _ONCE.fullmatch(line)))
     unchecked = sum(int(row[1]) for line in told.lines if (row := _UNCHECKED.fullmatch(line)))
-    assert (told.code == 0) == (not others and not missing and equal + close > 0), 'the exit code and its line disagree'
+    assert (told.code == 0) == (not others and not missing and equal + close > 0), 'exit code and first line disagree'
     assert not ended or equal + close + others + once + unchecked == len(wanted), 'a message is not accounted for'
     if told.code == 0 and ended:
         of_run = Counter(row for row in wanted if row[:2] in model)
         assert set(model) == {row[:2] for row in of_run}, 'a check passes a run that lacks messages'
-        assert sum(of_run.values()) == len(model), 'a check passes a message that comes twice'
-        assert sum(model[row[:2]] == row[2] for row in of_run) == equal, 'a check counts equal what differs'
+        assert sum(of_run.values()) == len(model), 'a check passes a message that occurs twice'
+        assert sum(model[row[:2]] == row[2] for row in of_run) == equal, 'a check counts different messages as equal'
     return [told]
 
 
@@ -136,14 +136,14 @@ def ticks_of(text: str) -> dict[int, list[tuple[float, float]]]:
     out: dict[int, list[tuple[float, float]]] = {}
     for row in csv.DictReader(io.StringIO(text)):
         places = out.setdefault(round(float(row['t_s']) * 1e9), [])
-        if int(row['handle']) < len(places):        # the tick is repeated, and only the last rows of it count
+        if int(row['handle']) < len(places):        # the tick is repeated, and only its last rows count
             places.clear()
         places.append((float(row['x_m']), float(row['y_m'])))
     return out
 
 
 def stamp_of(row: Row) -> int | None:
-    """Return the stamp of handles in ns; None if the message is invalid."""
+    """Return the stamp of handles in ns, or None if the message is invalid."""
     with suppress(MessageError):
         return read_pose_array(row[2]).t_ns
     return None

@@ -1,7 +1,8 @@
-"""Bags with unusual structures, and the reports that every reader of the package must give about them.
+"""Bags with unusual structures, about which all readers of the package must report the same.
 
-A mix is built from bytes, two for each step: chunks and messages outside of them, stray DataEnd records, messages whose
-type has another length, topics of other dragons, undeclared channels, and summaries that are right, wrong or absent.
+A mix is built from bytes, two for each step. It may contain messages inside and outside of chunks, stray DataEnd
+records, messages of the wrong length for their type, topics of other dragons and undeclared channels; its summary may
+be right, wrong or absent.
 """
 import struct
 import zlib
@@ -30,7 +31,7 @@ from dragon_ros.messages.schemas import schema_text
 from dragon_ros.scenes.provenance import RECORD, run_metadata
 
 SCENE = Scene(dragon=Dragon(3), run=Run(412, 412.1))
-_SCENE_TEXT = 'dragon: {benches: 3}\nrun: {start_s: 412, stop_s: 412.1}'     # a short run, which is read many times
+_SCENE_TEXT = 'dragon: {benches: 3}\nrun: {start_s: 412, stop_s: 412.1}'     # short, since the run is read many times
 TICKS = 6
 NAMES = tuple(encoders(SCENE))
 MAGIC = b'\x89MCAP0\r\n'
@@ -42,7 +43,7 @@ _PACK = (('', bytes), ('zstd', zstandard.ZstdCompressor(level=1).compress), ('lz
 
 @cache
 def model() -> dict[tuple[str, int], bytes]:
-    """Return the messages of the run, by topic and log time."""
+    """Return the messages of the run by topic and log time."""
     encode = encoders(SCENE)
     return {(f'/dragon/{name}', SCENE.run.time_ns(k)): bytes(encode[name](tick(SCENE, k)))
             for k in range(TICKS) for name in NAMES}
@@ -84,7 +85,7 @@ class Mix:
     """A bag file that is built step by step."""
 
     def __init__(self, summary: int) -> None:
-        """``summary`` selects the summary that ends the file, and whether the bag has its scene."""
+        """Begin a file; ``summary`` selects the summary at its end, and whether the bag contains its scene."""
         self._summary = summary % 4
         self.out = bytearray(MAGIC + record(1, text('ros2') + text('mix')) + declared())
         if summary & 4:
@@ -95,7 +96,7 @@ class Mix:
         self._chunks = 0
 
     def put(self, channel: int, t_ns: int, data: bytes) -> None:
-        """Add a message to the open chunk, or outside of chunks."""
+        """Add a message to the open chunk or, if none is open, outside of chunks."""
         self._counts[channel] += 1
         if self._inside is None:
             self.out += message(channel, t_ns, data)
@@ -103,7 +104,7 @@ class Mix:
             self._inside.append((channel, t_ns, data))
 
     def step(self, what: int, argument: int) -> None:
-        """Do one step."""
+        """Add the part of the file that two bytes describe."""
         topic, k = argument % len(_TOPICS), argument // len(_TOPICS) % TICKS
         t_ns, kind = SCENE.run.time_ns(k), what % 16
         data = model()[_TOPICS[topic] if topic < len(NAMES) else '/dragon/handles', t_ns]
@@ -151,7 +152,7 @@ class Mix:
             self.put(number, t_ns, model()[f'/dragon/{name}', t_ns])
 
     def end_chunk(self, how: int) -> None:
-        """Write the open chunk, compressed as ``how`` states, and its indexes, but for one value in eight."""
+        """Write the open chunk, compressed as ``how`` selects, and its indexes, which one value in eight omits."""
         rows, self._inside = self._inside, None
         if not rows:
             return
@@ -173,7 +174,7 @@ class Mix:
                              + struct.pack('<QQ', len(packed), len(data)))
 
     def finish(self) -> bytes:
-        """Return the file without a summary, or with one that is correct, lacks the indexes, or has wrong counts."""
+        """Return the file, either without a summary or with one that is correct, lacks indexes or has wrong counts."""
         self.end_chunk(0)
         self.out += record(15, bytes(4))
         start, counts = len(self.out), self._counts
@@ -198,7 +199,7 @@ def built(data: bytes) -> bytes:
 
 
 def streamed(path: Path) -> tuple[list[Row], bool]:
-    """Return the messages of declared topics that the library's stream reader finds, and whether it reached the end."""
+    """Return the messages that the library's stream reader finds on declared topics, and whether it reached the end."""
     found, names = list[Row](), dict[int, str]()
     try:
         with path.open('rb') as file:
@@ -224,7 +225,7 @@ def hold(path: Path, folder: Path) -> None:
     if read is None:
         return
     if ended:
-        assert read == Counter(wanted), 'the reader finds others than the stream reader'
+        assert read == Counter(wanted), 'reader and stream reader find different messages'
     with suppress(DragonError), BagReader(path) as bag:
         namespace_of(bag, 'dragon')
         hold_frames(bag, read)
@@ -253,7 +254,7 @@ def hold_check(bag: BagReader, read: Counter[Row]) -> None:
 
 
 def seeds() -> list[bytes]:
-    """Return descriptions of complete bags, each a different mix."""
+    """Return the bytes of several complete bags with different structures."""
     return [bytes((5, 6, 0, 5, 0, 7, 0)), bytes((4, 5, 0)), bytes((7, 6, 0, 5, 0, 7, 2, 13, 0, 0, 1)),
             bytes((1, 6, 0, 5, 0, 7, 0)), bytes((0, 5, 0)), bytes((1, 6, 0, 4, 0, 4, 1, 4, 2, 7, 1, 4, 3, 4, 4, 4, 5)),
             bytes((1, 6, 0, 5, 0, 7, 2, 8, 0, 6, 0, 0, 3, 7, 0)), bytes((2, 4, 0, 6, 0, 5, 0, 7, 7, 10, 0)),

@@ -1,4 +1,4 @@
-"""The fuzz targets: each takes bytes as untrusted input, and may raise only the package's own errors."""
+"""The fuzz targets: each takes bytes as untrusted input and may raise only the package's own errors."""
 import contextlib
 import io
 import json
@@ -48,7 +48,7 @@ SCENE = Scene(dragon=Dragon(3), run=Run(412, 412.1))
 
 @dataclass(frozen=True)
 class Target:
-    """Seeds to mutate, words to mix in, and the function that takes the bytes; ``run`` raises unexpected errors."""
+    """Seeds to mutate, words to insert, and ``run``, which processes the bytes and raises only unexpected errors."""
 
     seeds: list[bytes]
     run: Callable[[bytes], object]
@@ -69,7 +69,7 @@ def bag(folder: Path) -> Target:
 
 
 def read_in_every_way(path: Path, out: Path) -> None:
-    """Read a bag as every tool does; only the package's own errors may be raised."""
+    """Read a bag as every tool does, which may raise only the package's own errors."""
     with suppress(DragonError):
         examine(path)
     with suppress(DragonError):
@@ -119,7 +119,7 @@ def with_crcs(data: bytes) -> bytes:
 
 
 def mix(folder: Path) -> Target:
-    """Bags with unusual structures: all commands see the same contents, and a check accepts no difference."""
+    """Bags with unusual structures: all commands report the same contents, and a check accepts no difference."""
     def run(data: bytes) -> None:
         path = folder / 'mix.mcap'
         path.write_bytes(mixes.built(data))
@@ -128,7 +128,7 @@ def mix(folder: Path) -> Target:
 
 
 def folder_of_parts(folder: Path) -> Target:
-    """Folders with an arbitrary metadata.yaml."""
+    """Bag folders with an arbitrary metadata.yaml."""
     bag_folder = folder / 'run'
     options = BagOptions('none', split_duration_s=0.03)
     with BagWriter(bag_folder, True, options) as writer:
@@ -146,7 +146,7 @@ def folder_of_parts(folder: Path) -> Target:
 
 
 def scene(folder: Path) -> Target:
-    """Texts of scenes, on the topic scene and in bags."""
+    """Texts of scenes on the topic scene and in bags."""
     def run(data: bytes) -> None:
         with suppress(DragonError):
             text = data.decode(errors='replace')
@@ -174,7 +174,7 @@ def override(folder: Path) -> Target:
 
 
 def study(folder: Path) -> Target:
-    """Study files, as in a data set."""
+    """Study files, like those in a data set."""
     from dragon_ros.studies.sampling import scene_values_of, values_of
     from dragon_ros.studies.study import load_study, study_from, study_names
 
@@ -188,7 +188,7 @@ def study(folder: Path) -> Target:
 
 
 def certificate(folder: Path) -> Target:
-    """Certificates for the separate checker."""
+    """Certificates for the independent checker."""
     from dragon_ros.core.search.first_contact import first_contact
     from dragon_ros.scenes.certificate import as_values
     from dragon_ros.verify.errors import Refused
@@ -198,7 +198,7 @@ def certificate(folder: Path) -> Target:
     seeds = [load_scene('winding', changes), load_scene('turning', ['dragon.benches=4', 'run.stop_s=1'])]
 
     def run(data: bytes) -> None:
-        # Errors that the checker's command line handles.
+        # The errors that the checker's command line handles.
         with suppress(Refused, ArithmeticError, ValueError, RecursionError, MemoryError):
             prove(claims_of(data), 0.01, lambda *told: None)
     return Target([json.dumps(as_values(one, first_contact(one))).encode() for one in seeds], run,
@@ -270,7 +270,7 @@ def command_line(folder: Path) -> Target:
 
 
 def message(folder: Path) -> Target:
-    """Messages to the callbacks of recorder and monitor: a byte that selects the topic, followed by the message."""
+    """Messages for the callbacks of recorder and monitor: a byte that selects the topic, followed by the message."""
     import rclpy
 
     from dragon_ros.bags.write.writer import BagWriter
@@ -351,7 +351,7 @@ def obstacles(folder: Path) -> Target:
 
 
 def workbook(folder: Path) -> Target:
-    """Sheets of workbooks that are graded: the XML in a valid archive or, after a Z, the archive."""
+    """Sheets of workbooks that are graded: the XML for a valid archive or, after a Z, the whole archive."""
     import zipfile
 
     from dragon_ros.commands.grade.team import Team, grade_team
@@ -420,7 +420,7 @@ def drawing(folder: Path) -> Target:
 
 
 def command(folder: Path) -> Target:
-    """Speeds for a led dragon on cmd_vel, as messages with and without a stamp, each of which lasts for a tick."""
+    """Commands on cmd_vel for a led dragon, with and without a stamp, each of which is valid for a tick."""
     import rclpy
     from geometry_msgs.msg import Twist, TwistStamped
     from rclpy.serialization import deserialize_message, serialize_message
@@ -458,7 +458,7 @@ def command(folder: Path) -> Target:
 
 
 def filters(folder: Path) -> Target:
-    """Filters of entities: a byte that selects the bounds, a number of points, the points, and an expression."""
+    """Filters of entities: a byte that selects the bounds, the number of points, the points, and an expression."""
     import numpy as np
 
     from dragon_ros.nodes.entities import bodies_of_frame, box, chosen, convex_hull, sphere

@@ -1,4 +1,4 @@
-"""Untrusted input raises only the package's own errors: the default run is short and seeded; --minutes makes it long.
+"""Untrusted input raises only the package's own errors; by default the test is short and seeded.
 
 ``./dragon test test/fuzz -n0 -s --minutes 60`` continues with new seeds, reports its progress, stores each input that
 raises another error in ``corpus/TARGET``, from which the next run starts, and prints a summary at the end.
@@ -19,15 +19,15 @@ from targets import TARGETS, Target, opened
 
 CORPUS = Path(__file__).with_name('corpus')
 _SHORT, _ROUND = 40, 500        # number of inputs in the short form, and in one round of the long form
-_STUCK_S = 60               # s; an input that takes this long is a finding
+_STUCK_S = 60               # in s; an input that takes this long is a finding
 
 
 class StuckError(Exception):
-    """An input took far longer than any budget allows."""
+    """Raised if an input takes far longer than any budget allows."""
 
 
 def mutated(target: Target) -> st.SearchStrategy[bytes]:
-    """Return inputs: a seed with a few changes."""
+    """Return a strategy for inputs, each of which is a seed with a few changes."""
     words = st.one_of(st.binary(min_size=1, max_size=9), st.sampled_from(target.words or (b'\0',)))
     kinds = st.sampled_from(['replace', 'insert', 'delete', 'repeat', 'cut', 'swap'])
     change = st.tuples(kinds, st.floats(0, 1), words)
@@ -35,7 +35,7 @@ def mutated(target: Target) -> st.SearchStrategy[bytes]:
 
 
 def changed(data: bytes, changes: list[tuple[str, float, bytes]]) -> bytes:
-    """Return bytes with changes at positions that are given as shares of the length."""
+    """Return bytes changed at positions that are given as shares of the length."""
     for what, share, word in changes:
         at, size = int(share * len(data)), len(word)
         before, after = data[:at], data[at:]
@@ -60,7 +60,7 @@ def not_stuck() -> Iterator[None]:
 
 
 def fuzz(target: Target, inputs: int, number: int | None = None) -> tuple[bytes, BaseException] | None:
-    """Try inputs; return the simplest one that raises another error, and that error."""
+    """Try inputs; return the simplest one that raises an unexpected error, and this error."""
     worst: list[bytes] = []
 
     @settings(max_examples=inputs, derandomize=number is None, database=None, deadline=None,
@@ -72,13 +72,13 @@ def fuzz(target: Target, inputs: int, number: int | None = None) -> tuple[bytes,
             target.run(data)
     try:
         (check if number is None else seed(number)(check))()
-    except Exception as error:  # noqa: BLE001 - whatever escapes is what is looked for
+    except Exception as error:  # noqa: BLE001 - any error that escapes is a finding
         return worst[0], error
     return None
 
 
 def kept(name: str) -> list[Path]:
-    """Return the findings of earlier runs."""
+    """Return the inputs found by earlier runs."""
     return sorted((CORPUS / name).glob('*')) if (CORPUS / name).is_dir() else []
 
 
@@ -102,7 +102,7 @@ def test_only_the_package_s_own_errors_come_out(name, tmp_path, request):
 
 
 def long(name: str, target: Target, for_s: float, first: int) -> list[tuple[bytes, BaseException] | None]:
-    """Fuzz with one seed after another until the time is over; report progress every minute, and the results."""
+    """Fuzz with one seed after another until the time is up; report the progress every minute, and the results."""
     until, told, rounds, found = time.monotonic() + for_s, time.monotonic(), 0, {}
     while time.monotonic() < until:
         one = fuzz(target, _ROUND, first + rounds)

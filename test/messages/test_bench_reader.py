@@ -1,4 +1,4 @@
-"""Benches read by comparison with the previous message equal those read by a parser, whatever has changed."""
+"""Benches read by comparison with the previous message equal those read by a parser, whatever bytes have changed."""
 import numpy as np
 import pytest
 from hypothesis import given
@@ -27,7 +27,7 @@ CUBES = messages()
 
 
 def outcome(read, data):
-    """Return a message's contents, or the reason why it is invalid."""
+    """Return the contents of a message, or the reason why it is invalid."""
     try:
         shown = read(data)
     except MessageError as error:
@@ -69,7 +69,7 @@ def test_any_change_of_bytes_has_the_effect_that_it_has_on_a_parser(changes):
 
 @given(st.data())
 def test_words_that_matter_are_drawn_more_often(data):
-    """Each word of two markers, with values that lengths, ids, types, stamps and floats may take."""
+    """Any word of two markers may change to values that lengths, ids, types, stamps and floats can have."""
     reader, words = BenchReader(), np.frombuffer(CUBES[1], 'u4').copy()
     reader.read(CUBES[0])
     marker = data.draw(st.sampled_from([0, 4]))

@@ -1,4 +1,4 @@
-"""Messages are tested against the real rmw serialiser and golden hex dumps, by round trips, and with damaged bytes."""
+"""Messages are tested against the real rmw serialiser and golden hex dumps, with round trips and damaged bytes."""
 import tracemalloc
 
 import numpy as np

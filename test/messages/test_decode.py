@@ -35,7 +35,7 @@ RANGES = {'b': (-128, 127), 'B': (0, 255), 'h': (-2**15, 2**15 - 1), 'H': (0, 2*
 
 
 def filled(message, rng):
-    """Fill a message object with random values; texts and sequences have random lengths, so every alignment occurs."""
+    """Fill a message object with random values; random lengths of texts and sequences make every alignment occur."""
     for name, kind in message.get_fields_and_field_types().items():
         setattr(message, name, random_value(kind, getattr(message, name), rng))
     return message
@@ -64,7 +64,7 @@ def random_value(kind, old, rng):
 
 
 def plain(value):
-    """Return a message object in the form of the decoder's result."""
+    """Return a message object in the same form as the decoder's result."""
     if hasattr(value, 'get_fields_and_field_types'):
         return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
     if isinstance(value, (bytes, bytearray)):
@@ -93,7 +93,7 @@ def test_any_message_of_the_real_serialiser_is_decoded(name):
 
 
 def encoded(fields, values, order, out):
-    """Append values, by field, in either byte order, as another machine may send them."""
+    """Append the values of fields in either byte order, as another machine may send them."""
     def put(kind, value):
         size = struct.calcsize(kind)
         out.extend(b'\xee' * (-(len(out) - 4) % size))      # the rmw leaves padding bytes uninitialised
@@ -118,7 +118,7 @@ def encoded(fields, values, order, out):
 
 
 def other_order(name, data):
-    """Return a message in big-endian order with padding that is not zero."""
+    """Return a message in big-endian order, with nonzero padding."""
     return bytes(encoded(fields_of(name), decode(name, data), '>', bytearray(4)))
 
 
@@ -164,7 +164,7 @@ def test_cubes_with_any_string_lengths_are_viewed_in_one_or_two_runs(text, ns):
 
 
 class Marking(decoder.Reader):
-    """A buffer that notes which of its bytes are read; all others are padding."""
+    """A reader that records which bytes it uses; all others are padding."""
 
     def skip(self, kind, count=1):
         start = super().skip(kind, count)
@@ -252,7 +252,7 @@ def test_markers_that_change_their_layout_without_end_are_refused():
         return MarkerArray(markers=[Marker(ns='bench', text='x' * (n % 2 * 9)) for n in range(count)])
 
     def message(count):
-        """Return the bytes of ``count`` markers, each with a layout unlike the previous one's; eight layouts repeat."""
+        """Return the bytes of ``count`` markers: eight, repeated, in which neighbours never share a layout."""
         one, two = (serialization.serialize_message(markers(8 * times)) for times in (1, 2))
         return one[:4] + struct.pack('<I', count) + one[8:] + (count // 8 - 1) * two[len(one):]
 

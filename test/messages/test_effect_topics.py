@@ -1,4 +1,4 @@
-"""The topics of effects are present only if the effect is on, can be decoded, and are independent of other effects."""
+"""The topics of an effect exist only if it is on, can be decoded, and do not depend on other effects."""
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""If more ticks arrive than can be processed, whole ticks are skipped, evenly and so that the budget holds."""
+"""If more ticks arrive than can be processed, whole ticks are skipped, evenly and within the budget."""
 from itertools import groupby
 
 import pytest

@@ -1,4 +1,4 @@
-"""Every message of sim, decoded by two libraries that share no code with the package, has the numbers of its frame."""
+"""Every message of sim, decoded by two libraries that share no code with the package, contains the frame's numbers."""
 import re
 from functools import lru_cache
 
@@ -25,7 +25,7 @@ SCENES = {style: Scene(dragon=Dragon(benches=24), effects=~Effect.NONE, markers=
 
 @lru_cache
 def made(style):
-    """Return the frame of a scene with every effect, in which benches touch, and the frame's messages."""
+    """Return a frame with every effect and touching benches, and the frame's messages."""
     scene = SCENES[style]
     frame = tick(scene, 413 * 50)
     assert len(np.unique(frame.benches.yaw_rad)) == 24
@@ -47,7 +47,7 @@ def by_rosbags(kind, data):
 
 @pytest.fixture(params=[by_mcap, by_rosbags], ids=['mcap_ros2', 'rosbags'])
 def read(request):
-    """A function that decodes the message of a topic in a style of markers."""
+    """A function that decodes a topic's message, for a style of markers."""
     return lambda topic, style='cubes': request.param(channels()[topic].type, made(style)[1][topic])
 
 
@@ -57,7 +57,7 @@ def stamp_ns(header):
 
 
 def turned(orientation):
-    """Return the unit direction (2,) of the x axis of a pose that is rotated only about z."""
+    """Return the direction (2,) of the x axis of a pose that is rotated only about z."""
     assert (orientation.x, orientation.y) == (0.0, 0.0)
     angle = 2 * np.arctan2(orientation.z, orientation.w)
     return np.array([np.cos(angle), np.sin(angle)])
@@ -71,7 +71,7 @@ def placed(poses):
 
 
 def values_of(message):
-    """Return the values (rows, columns) of a Float64MultiArray by its own layout, and the labels."""
+    """Return the labels of a Float64MultiArray, and its values (rows, columns) as its layout describes them."""
     layout = message.layout
     rows, columns = (one.size for one in layout.dim)
     assert [one.stride for one in layout.dim] == [rows * columns, columns]
@@ -176,7 +176,7 @@ def test_fields_of_a_point_of_the_cloud_are_aligned_and_apart(read):
         assert one.offset % size[one.datatype] == 0
         assert one.offset >= ends[-1]
         ends.append(one.offset + size[one.datatype])
-    assert cloud.point_step == -(-ends[-1] // 8) * 8       # no larger than required; the next point is aligned, too
+    assert cloud.point_step == -(-ends[-1] // 8) * 8       # as small as possible; the next point is aligned too
 
 
 def markers_of(message):
@@ -193,7 +193,7 @@ def test_every_marker_has_a_colour_a_size_and_a_place_that_can_be_seen(read, top
         colours = [one.color, *one.colors]
         assert {colour.a for colour in colours} == {1.0}
         assert all(0 <= part <= 1 for colour in colours for part in (colour.r, colour.g, colour.b))
-        width_m = 0.3       # a bench's width: lines are thinner, points lie on the bench, and text is legible
+        width_m = 0.3       # of a bench: lines must be thinner, points must fit on it, and text must be legible
         assert one.scale.x > 0 or one.type == 9
         if one.type in (4, 5):
             assert one.scale.x < 0.2 * width_m

@@ -1,4 +1,4 @@
-"""For every type of the package, the length of a message is compared with the length that its contents require."""
+"""For every type in the package, a message's length is compared with the length that its contents require."""
 import struct
 
 import pytest

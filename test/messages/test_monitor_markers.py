@@ -1,4 +1,4 @@
-"""The monitor's markers (red benches, the point and a label) are read back by the real serialiser."""
+"""The monitor's markers (red benches, a point and a label) are read back by the real serialiser."""
 import numpy as np
 import pytest
 import shapely
@@ -63,7 +63,7 @@ def test_the_clearance_stands_as_a_text_beside_the_point_between_the_closest_ben
     middle = 0.5 * (one + other)
     assert message.pose.position.x == pytest.approx(middle[0], abs=0.02)
     assert message.pose.position.y + 2 * message.scale.z == pytest.approx(middle[1], abs=0.02)
-    assert 0.5 * BENCH_HEIGHT_M < message.pose.position.z - message.scale.z < 1.0    # benches do not cover the label
+    assert 0.5 * BENCH_HEIGHT_M < message.pose.position.z - message.scale.z < 1.0    # not hidden by benches
     vector = serialization.deserialize_message(vector_of(report), Vector3Stamped).vector
     assert report.closest == (0, 8)
     assert (vector.x, vector.y, vector.z) == pytest.approx((*(other - one), 0.0), abs=1e-9)

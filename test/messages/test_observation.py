@@ -1,4 +1,4 @@
-"""Received benches in both marker styles, from any publisher, are the rectangles of the model."""
+"""Benches received in either marker style, from any publisher, are the rectangles of the model."""
 import numpy as np
 import pytest
 
@@ -29,7 +29,7 @@ def seen(data):
 
 
 def edited(change, benches=5):
-    """Return a frame and its triangles as another publisher changes and serialises them."""
+    """Return a frame, and its triangles as another publisher might change and serialise them."""
     serialization = pytest.importorskip('rclpy.serialization')
     from visualization_msgs.msg import MarkerArray
     frame, data = messages(scene_in('triangles', benches))

@@ -1,4 +1,4 @@
-"""Obstacles from messages: venues of any publisher, occupancy grids with rotated origins, and rejected messages."""
+"""Obstacles from messages: venues from any publisher, occupancy grids with rotated origins, and rejected messages."""
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +20,7 @@ TURN = np.exp(0.5j)
 
 
 def markers(*specs):
-    """A MarkerArray of (spec, points, frame)."""
+    """Return a MarkerArray of markers given as (spec, points, frame)."""
     writer = Writer()
     writer.put('I', len(specs))
     for spec, points, frame in specs:
@@ -34,7 +34,7 @@ def line(kind=LINE_LIST, number=0, **more):
 
 
 def grid(cells, resolution_m=0.5, origin=(0, 0, 0, 0, 0, 0, 1), frame='map', size=None):
-    """A nav_msgs/OccupancyGrid of rows of cells."""
+    """Return a nav_msgs/OccupancyGrid with rows of cells."""
     cells, writer = np.array(cells, np.int8), Writer()
     writer.header(frame, 0)
     writer.put('I', 0, 0)

@@ -141,7 +141,7 @@ def test_memory_that_names_and_layouts_take_counts_as_well():
 
 
 def interleaved(rng, rows):
-    """Return (publisher, number, stamp) of several publishers, each in order, mixed at random."""
+    """Mix the messages of several publishers at random, each publisher's in order; yield (publisher, number, stamp)."""
     left = {name: deque(messages) for name, messages in rows.items()}
     while any(left.values()):
         name = rng.choice([name for name, messages in left.items() if messages])
@@ -169,7 +169,7 @@ def test_a_known_publisher_that_seeks_stays_known_until_it_is_forgotten():
         streams.take(k, 10**9 + k, alone=True)
     streams.adopt(10**9 + 9)
     assert not streams.take(500_000, 5, alone=False)
-    assert streams.take(10, 7 * 10**9, alone=False)      # the publisher has gone to another time
+    assert streams.take(10, 7 * 10**9, alone=False)      # the publisher has jumped to another time
     assert streams.take(11, 7 * 10**9 + 1, alone=False)
     assert not streams.take(500_001, 6, alone=False)
     streams.forget()
@@ -181,7 +181,7 @@ def test_a_known_publisher_that_seeks_stays_known_until_it_is_forgotten():
 def test_all_publishers_are_taken_until_one_is_adopted_by_its_stamp():
     streams = Streams()
     for k in range(1, 5):
-        assert streams.take(k, k * 10**9, alone=False)              # the publisher may have only handles
+        assert streams.take(k, k * 10**9, alone=False)              # this publisher may send only handles
         assert streams.take(100 + k, (50 + k) * 10**9, alone=False)
     streams.adopt(54 * 10**9)
     assert not streams.take(5, 5 * 10**9, alone=False)
@@ -201,7 +201,7 @@ def test_beyond_lost_messages_a_stamp_tells_its_publisher_to_a_quarter_of_a_step
     for k in range(1, 6):
         streams.take(k, k * step, alone=True)
     streams.adopt(5 * step)
-    assert streams.take(9, 9 * step, alone=False)       # three were lost
+    assert streams.take(9, 9 * step, alone=False)       # three messages were lost
     assert streams.take(5000, round((5000 + off) * step), alone=False) == known
 
 

@@ -1,4 +1,4 @@
-"""Forward kinematics of the dragon's URDF with the angles of joint_states reproduce its benches."""
+"""Forward kinematics on the dragon's URDF, with the angles from joint_states, reproduce its benches."""
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -27,12 +27,12 @@ def numbers(text):
 
 
 def moved(x, y, turn):
-    """Return a plane transform as a matrix."""
+    """Return a transform of the plane as a matrix."""
     return np.array([[np.cos(turn), -np.sin(turn), x], [np.sin(turn), np.cos(turn), y], [0, 0, 1]])
 
 
 def places_of(text, root, angles):
-    """Return the transform and the box of each link of a URDF, by name, from the document and the messages alone."""
+    """Return each link's transform and box by its name, using only the URDF document and the messages."""
     robot, places = ElementTree.fromstring(text), {}
     links = {link.get('name'): link for link in robot.iter('link')}
     children = {joint.find('parent').get('link'): joint for joint in robot.iter('joint')}

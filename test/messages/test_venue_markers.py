@@ -1,4 +1,4 @@
-"""The venue's markers, decoded again, have every edge and name of every obstacle, and nothing without a venue."""
+"""The venue's markers, decoded again, contain all edges and names of its obstacles; without a venue there are none."""
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""The views show every topic that can be displayed, under its name, with a matching QoS."""
+"""The views show every topic that can be displayed, under its name and with a matching QoS."""
 import json
 
 import yaml
@@ -40,7 +40,7 @@ def test_foxglove_shows_them_too_with_plots_and_health_and_every_panel_is_laid_o
 
     assert 'followTf' not in panels['3D!dragon']        # with followTf, Lichtblick logs errors at each jump back
     arrows = panels['3D!dragon']['topics']['/dragon/handles']['arrowScale']
-    assert min(arrows) > BENCH_HEIGHT_M       # arrows are visible above the benches
+    assert min(arrows) > BENCH_HEIGHT_M       # so that the benches do not hide the arrows
     plots = [panel for name, panel in panels.items() if name.startswith('Plot!')]
     assert all(panel['foxglovePanelTitle'] == panel['lichtblickPanelTitle'] for panel in plots)
 

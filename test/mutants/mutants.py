@@ -1,13 +1,13 @@
 """Mutate a room of the package and run its tests: ``./dragon mutants ROOM --sample 40 --seed 1``.
 
 Cosmic Ray generates the mutants: another operator, another number, another branch. Each mutant is written into a copy
-of the checkout, where the tests that reach its line run, the fastest first, until one fails. The tests run in a fork of
-this process, which has loaded the libraries, so a mutant takes a second plus its tests. A mutant that cannot be
+of the checkout. The tests that reach its line run there, the fastest first, until one fails. They run in a fork of this
+process, which has loaded the libraries, so a mutant takes a second in addition to its tests. A mutant that cannot be
 imported is not counted, since any test would find it. Tests marked ``snapshot``, which compare with earlier output, are
-excluded: only a property, a reference, a bound or an independent decoder counts.
+excluded: only properties, references, bounds and independent decoders count.
 
-Results are stored immediately in ``.venv/mutants``: after Ctrl-C, which loses one mutant, the same command resumes.
-``--again`` retries survivors after a test has been added.
+Results are stored immediately in ``.venv/mutants``: Ctrl-C loses one mutant, and the same command then resumes. After
+a test has been added, ``--again`` retries the survivors.
 """
 import argparse
 import ast
@@ -57,8 +57,8 @@ ROOMS = {
                  'test/nodes/test_monitor_topics.py', 'test/nodes/test_overload.py',
                  'test/messages/test_monitor_markers.py']),
 }
-# Replacements of operators that resemble a programming slip. Any test finds other replacements, such as a shift instead
-# of a sum.
+# Replacements of operators that resemble a slip of a programmer. Other replacements, such as a shift instead of a sum,
+# are found by any test.
 _SLIPS = {'Add_Sub', 'Sub_Add', 'Mul_Div', 'Div_Mul', 'FloorDiv_Mul', 'Mod_FloorDiv', 'Pow_Mul', 'BitAnd_BitOr',
           'BitOr_BitAnd'}
 _IGNORED = ('core/VariableInserter', 'core/VariableReplacer', 'core/NoOp', 'core/RemoveDecorator', 'core/AddNot',
@@ -66,19 +66,22 @@ _IGNORED = ('core/VariableInserter', 'core/VariableReplacer', 'core/NoOp', 'core
 _BOTH_WAYS = (('min', 'max'), ('minimum', 'maximum'), ('floor', 'ceil'), ('any', 'all'), ('sin', 'cos'),
               ('AHEAD', 'BEHIND'), ('first', 'last'), ('low', 'high'))
 _OTHER = {**dict(_BOTH_WAYS), **{b: a for a, b in _BOTH_WAYS}, 'inf': '0.0', 'abs': 'float'}
-# Libraries that are loaded before the forks. None of these libraries imports the package.
+# Libraries that are loaded before forking. None of them imports the package.
 _LOADED = ('numpy', 'shapely', 'hypothesis.extra.numpy', 'mpmath', 'flint', 'scipy.optimize', 'scipy.integrate', 'yaml',
            'matplotlib.figure', 'coverage')
 _UNUSED = ('xdist', 'cov', 'cacheprovider', 'stepwise', 'launch_testing', 'launch_pytest', 'ament_copyright')
-_SLACK = 4.0        # a test may take this multiple of its processor time without a mutant, plus
-_EXTRA_S = 3.0      # these seconds; beyond that, the mutant loops forever and counts as found
-_WAITED = 20.0      # the same multiple for all tests, in wall time, for a mutant that waits forever
+# A test may take _SLACK times its processor time without a mutant, plus _EXTRA_S. Beyond that, the mutant is considered
+# to loop forever, and counts as found. _WAITED is the multiple in wall time for all tests, after which a mutant is
+# considered to wait forever.
+_SLACK = 4.0
+_EXTRA_S = 3.0
+_WAITED = 20.0
 _NODES = ('dragon_ros/nodes/', 'test/nodes/')
 _ALIVE = ('survived', 'unreached')
 
 
 class Swapped(Operator):
-    """Swap pairs of names that differ in a side, a sense or a sign."""
+    """Replace a name by its counterpart, such as the other side, sense or end."""
 
     def mutation_positions(self, node):
         if isinstance(node, parso.python.tree.Name) and node.value in _OTHER and not node.is_definition():
@@ -93,7 +96,7 @@ class Swapped(Operator):
 
 
 class Scaled(Operator):
-    """Double or halve a number, as if a factor had been forgotten or applied twice."""
+    """Double or halve a number, as if a factor of two had been forgotten or applied twice."""
 
     def mutation_positions(self, node):
         if isinstance(node, parso.python.tree.Number) and node.value not in ('0', '0.0'):
@@ -112,7 +115,7 @@ class Scaled(Operator):
 
 @dataclass(frozen=True, order=True)
 class Mutant:
-    """One change: the file, the operator, the number of its occurrence in the file, and the line."""
+    """A change to the code: the file, the operator, the number of its occurrence in the file, and the line."""
 
     path: str
     operator: str
@@ -121,7 +124,7 @@ class Mutant:
 
 
 def operators() -> dict[str, Operator]:
-    """Return every operator by its name."""
+    """Return every operator by name."""
     found = {name: get_operator(name) for name in operator_names()}
     made = {name: kind() for name, kind in found.items() if not name.startswith(_IGNORED) and not kind.arguments()}
     made = {name: one for name, one in made.items() if not name.endswith(('_Is', '_IsNot'))
@@ -159,7 +162,7 @@ def _unused(node: parso.tree.NodeOrLeaf) -> Iterator[parso.tree.NodeOrLeaf]:
 
 
 def copied(room: str) -> Path:
-    """Copy the files of the checkout, and return the folder of the copy."""
+    """Copy the files of the checkout, and return the folder that contains the copy."""
     tree = (ROOT / '.venv').resolve() / 'mutants' / f'tree-{room}'
     listed = subprocess.run(['git', 'ls-files', '--cached', '--others', '--exclude-standard'], cwd=ROOT, check=True,
                             capture_output=True, text=True).stdout.splitlines()
@@ -173,9 +176,9 @@ def copied(room: str) -> Path:
 
 @dataclass(eq=False)
 class Order:
-    """A pytest plugin that selects some tests, in order, and records the one that failed.
+    """A pytest plugin that runs some tests in a given order and records the one that failed.
 
-    A test that takes too much processor time, compared with ``times`` in s, ends the process.
+    A test that takes too much processor time, compared with its entry in ``times`` (in s), ends the process.
     """
 
     tests: list[str]
@@ -233,7 +236,7 @@ class Lines:
 
 
 def forked(tree: Path, work: Callable[[], object], seconds: float = 1000.0) -> tuple[bool, object]:
-    """Do work in a fork of this process with the package of a tree; return whether it ended, and its answer."""
+    """Do work in a fork of this process that uses the package of a tree; return whether it ended, and its answer."""
     answer = tree / 'answer.json'
     answer.unlink(missing_ok=True)
     child = os.fork()
@@ -265,7 +268,7 @@ def forked(tree: Path, work: Callable[[], object], seconds: float = 1000.0) -> t
 
 
 def run(arguments: list[str], plugin: object) -> int:
-    """Run pytest in this process, without the plugins that are not needed here."""
+    """Run pytest in this process without the plugins that are not needed here."""
     unused = [part for name in _UNUSED for part in ('-p', f'no:{name}')]
     # Hypothesis was loaded before pytest could rewrite it.
     loaded = ('-W', 'ignore::pytest.PytestAssertRewriteWarning')
@@ -273,9 +276,9 @@ def run(arguments: list[str], plugin: object) -> int:
 
 
 def reached(tree: Path, room: str, folder: Path) -> tuple[dict[str, dict[int, list[str]]], dict[str, float]]:
-    """Return which tests run which lines, and how long each test takes, measured in one run without a mutant.
+    """Return the tests that run each line, and the time that each test takes, measured in one run without a mutant.
 
-    Data about a test file is cached until that file or the room changes.
+    The data of a test file is cached until the file or the room changes.
     """
     parts, tests = ROOMS[room]
     sources = [path for part in parts for path in files(ROOT, part)]
@@ -300,7 +303,7 @@ def reached(tree: Path, room: str, folder: Path) -> tuple[dict[str, dict[int, li
 
 
 def in_functions(source: str) -> set[int]:
-    """Return the lines inside functions, since other lines run at import and any test may use their results.
+    """Return the lines inside functions; other lines run at import, and any test may use their results.
 
     If a module is imported on first use, these other lines run in the first test that uses it.
     """
@@ -310,7 +313,7 @@ def in_functions(source: str) -> set[int]:
 
 
 def lines_of(tree: Path, file: str, sources: list[Path]) -> tuple[dict[str, dict[int, list[str]]], dict[str, float]]:
-    """Return the source lines that each test of a file runs, and its processor time."""
+    """Return the tests of a file by the source lines that they run, and the processor time of each test."""
     def work() -> object:
         plugin = Lines(sources)
         code = run([file], plugin)
@@ -323,22 +326,22 @@ def lines_of(tree: Path, file: str, sources: list[Path]) -> tuple[dict[str, dict
 
 
 def files(root: Path, part: str) -> list[Path]:
-    """Return the Python files of a folder, or a file itself."""
+    """Return the Python files in a folder; for a file, return the file itself."""
     path = root / part
     return sorted(path.rglob('*.py')) if path.is_dir() else [path]
 
 
 def chosen(mutant: Mutant, lines: dict[str, dict[int, list[str]]], times: dict[str, float],
            found: dict[str, int], most_s: float) -> dict[str, float]:
-    """Return the tests that reach a mutant, with their times in s without the mutant, at most ``most_s`` in total.
+    """Return the tests that reach a mutant, with their times in s without it, which total at most ``most_s``.
 
-    Tests that have already found a mutant of this file come first, followed by the fastest ones and by all other tests
-    of the same test files, which may share results with them.
+    Tests that have already found mutants in this file come first, then the fastest ones, and then all other tests of
+    the same test files, which may share results with them.
     """
     rows = lines.get(mutant.path, {})
-    at_import = mutant.line not in rows         # a constant, which any code in its file may use
+    at_import = mutant.line not in rows         # any code in the file may use it
     names = {name for group in rows.values() for name in group} if at_import else {*rows[mutant.line]}
-    if mutant.path.startswith(_NODES[0]):       # nodes run in separate processes, whose lines are not recorded
+    if mutant.path.startswith(_NODES[0]):       # nodes run in other processes, whose lines are not recorded
         names |= {name for name in times if name.startswith(_NODES[1])}
     shared = {name.partition('::')[0] for name in names}
     others = {name for name in times if name.partition('::')[0] in shared} - names
@@ -351,7 +354,7 @@ def chosen(mutant: Mutant, lines: dict[str, dict[int, list[str]]], times: dict[s
 
 @contextmanager
 def written(tree: Path, mutant: Mutant, known: dict[str, Operator]) -> Iterator[None]:
-    """Keep a mutant in a copy for the duration of the block."""
+    """Apply a mutant to the copy for the duration of the block."""
     path = tree / mutant.path
     source = path.read_text()
     cached = Path(importlib.util.cache_from_source(str(path)))
@@ -367,7 +370,7 @@ def tried(tree: Path, mutant: Mutant, times: dict[str, float], known: dict[str, 
           extra_s: float = _EXTRA_S) -> tuple[str, str]:
     """Return 'caught', 'survived', 'unreached' or 'incompetent' for a mutant, and the test that found it.
 
-    ``times`` contains the tests to run, in this order, and their times in s without a mutant.
+    ``times`` contains the tests in the order in which they run, and their times in s without a mutant.
     """
     def work() -> object:
         sys.dont_write_bytecode = True
@@ -395,7 +398,7 @@ def tried(tree: Path, mutant: Mutant, times: dict[str, float], known: dict[str, 
 
 
 def difference(mutant: Mutant, known: dict[str, Operator]) -> str:
-    """Return a line before and after a mutant's change."""
+    """Return the first line that a mutant changes, before and after the change."""
     source = (ROOT / mutant.path).read_text()
     before, after = source.splitlines(), mutate_code(source, known[mutant.operator], mutant.occurrence).splitlines()
     changed = [n for n, (a, b) in enumerate(zip(before, after, strict=False)) if a != b][:1]
@@ -403,15 +406,15 @@ def difference(mutant: Mutant, known: dict[str, Operator]) -> str:
 
 
 def main(argv: list[str]) -> int:
-    """Try a sample of mutants; return 1 if any survived."""
+    """Try a sample of mutants, and return 1 if any survived."""
     options = argparse.ArgumentParser('mutants', description=__doc__.partition('\n')[0])
     options.add_argument('room', choices=ROOMS, metavar='ROOM', help=', '.join(ROOMS))
-    options.add_argument('--sample', type=int, default=40, metavar='N', help='how many mutants (%(default)s)')
-    options.add_argument('--seed', type=int, default=1, metavar='S', help='which ones (%(default)s)')
-    options.add_argument('--list', action='store_true', help='list the sample and try none')
+    options.add_argument('--sample', type=int, default=40, metavar='N', help='number of mutants (%(default)s)')
+    options.add_argument('--seed', type=int, default=1, metavar='S', help='seed of the sample (%(default)s)')
+    options.add_argument('--list', action='store_true', help='list the sample without trying it')
     options.add_argument('--most', type=float, default=60.0, metavar='SECONDS',
-                         help='how long the tests of one mutant may take without it, the quickest first (%(default)s)')
-    options.add_argument('--again', action='store_true', help='try those that survived once more')
+                         help='most seconds for all tests of a mutant, measured without it (%(default)s)')
+    options.add_argument('--again', action='store_true', help='try the survivors again')
     arguments = options.parse_args(argv)
     known, folder = operators(), ROOT / '.venv' / 'mutants'
     folder.mkdir(parents=True, exist_ok=True)
@@ -440,7 +443,7 @@ def main(argv: list[str]) -> int:
 
 
 def told(room: str, outcomes: dict[Mutant, str], known: dict[str, Operator]) -> int:
-    """Print the results of the sample; return the exit code."""
+    """Print the results of the sample, and return the exit code."""
     groups = defaultdict(list)
     for mutant, outcome in sorted(outcomes.items()):
         groups[outcome].append(mutant)
@@ -458,4 +461,4 @@ if __name__ == '__main__':
     try:
         sys.exit(main(sys.argv[1:]))
     except (KeyboardInterrupt, sqlite3.Error) as error:
-        sys.exit(f'mutants: {error or "interrupted"}; the same command goes on')
+        sys.exit(f'mutants: {error or "interrupted"}; the same command resumes')

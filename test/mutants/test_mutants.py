@@ -1,4 +1,4 @@
-"""The tool that mutates a room: the changes that it makes, and the tests that it runs for a change."""
+"""The tool that mutates a room: the mutants that it makes, and the tests that it runs for each of them."""
 import pytest
 
 pytest.importorskip('cosmic_ray')

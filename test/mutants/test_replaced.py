@@ -1,4 +1,4 @@
-"""docs/mutants.md lists every test that replaces a part of the package or of a library, and what this hides."""
+"""docs/mutants.md lists all parts of the package and of libraries that tests replace, and what this hides."""
 import ast
 import re
 from pathlib import Path
@@ -8,12 +8,12 @@ REPLACING = {'setattr', 'delattr', 'setitem', 'delitem', 'object'}
 
 
 def name_of(argument):
-    """The last part of a name that is given as a string; * for names that are computed."""
+    """Return the last part of a name that is given as a string, or * for a name that is computed."""
     return argument.value.rpartition('.')[2] if isinstance(argument, ast.Constant) else '*'
 
 
 def replaced(code):
-    """Yield the names that a test module replaces with ``monkeypatch`` or ``patch``, however it calls them."""
+    """Yield the names that a test module replaces by any call of ``monkeypatch`` or ``patch``."""
     for node in ast.walk(ast.parse(code)):
         if (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in REPLACING
                 and len(node.args) > 1):

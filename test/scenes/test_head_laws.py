@@ -1,4 +1,4 @@
-"""Custom head laws are loaded by entry point, never from a bag, and rejected if they break their contract."""
+"""Custom head laws are loaded from entry points, never from a bag, and rejected if they break their contract."""
 import sys
 
 import pytest
@@ -27,7 +27,7 @@ def restless():
 
 @pytest.fixture(autouse=True)
 def _installed(tmp_path, monkeypatch):
-    """A distribution with head laws, as pip would have installed it."""
+    """A distribution that contains head laws, as pip would install it."""
     (tmp_path / 'own_laws.py').write_text(LAWS)
     info = tmp_path / 'own_laws-1.0.dist-info'
     info.mkdir()

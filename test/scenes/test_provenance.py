@@ -1,4 +1,4 @@
-"""A bag documents its run: its scene file reproduces the scene and names the software that wrote it."""
+"""A bag documents its run: its scene file reproduces the scene and names the software that wrote the bag."""
 import numpy as np
 import pytest
 import yaml

@@ -96,7 +96,7 @@ def test_an_empty_file_is_the_classic_scene():
     ('accuracy: paper\nhead: {lead: tail}', r'f:1: accuracy: .paper.* one spiral, led by the head'),
 ], ids=lambda text: text[:40])
 def test_bad_scenes_name_file_line_and_key(text, says):
-    for size in (0, 20_000):        # long texts are read by libyaml, which reports the same errors
+    for size in (0, 20_000):        # libyaml reads long texts, and reports the same errors
         with pytest.raises(InputError) as error:
             scene_of(parse_document('f', f'{text}\n# {"-" * size}'))
         assert re.match(says, str(error.value)), str(error.value)

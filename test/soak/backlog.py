@@ -1,8 +1,8 @@
 """Show that a recorder's memory grows only with the longest time for which it is stopped.
 
-Start this program by hand: ``./dragon python test/soak/backlog.py``. Meanwhile a sim runs at 100 Hz. The recorder is
-stopped for increasing durations, three times each, and then runs for three minutes. ``in use`` is the memory that
-malloc has given to Python and the middleware; ``free`` is the memory that malloc keeps.
+Start this program by hand: ``./dragon python test/soak/backlog.py``. While a sim runs at 100 Hz, the recorder is
+stopped for increasing durations, several times each, and then runs for three minutes. ``in use`` is the memory that
+malloc has allocated to Python and the middleware; ``free`` is the memory that malloc keeps.
 """
 import argparse
 import ctypes
@@ -29,7 +29,7 @@ class _Allocated(ctypes.Structure):
 
 
 def told() -> str:
-    """Return, as text, this process's anonymous memory, and the memory that malloc has in use and free."""
+    """Return, as text, this process's anonymous memory, and how much of malloc's memory is in use and free."""
     libc = ctypes.CDLL('libc.so.6')
     libc.mallinfo2.restype = _Allocated
     found = libc.mallinfo2()
@@ -40,7 +40,7 @@ def told() -> str:
 
 
 def grow(folder: Path, rest_s: float, stop: threading.Event) -> int:
-    """Record, stop repeatedly, and print the memory after each stop."""
+    """Record, stop repeatedly for a while, and print the memory after each stop."""
     node = Recorder(BagWriter(folder / 'bag'))
     waiting = [*((stall_s, _REST_S) for stall_s in _STALLS_S), (0.0, rest_s)]
     said, due_s = 'at the beginning', time.monotonic() + 6 * _REST_S
@@ -64,7 +64,7 @@ def grow(folder: Path, rest_s: float, stop: threading.Event) -> int:
 
 
 def main(argv: list[str]) -> int:
-    """Run sim and recorder."""
+    """Run a sim and a recorder."""
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
     options.add_argument('--rest', type=float, default=180.0, metavar='S', help='seconds without a stall at the end')
     arguments = options.parse_args(argv)

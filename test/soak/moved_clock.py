@@ -1,8 +1,8 @@
-"""Record, watch and replay a run while the system clock of its processes is set forwards and back by hours.
+"""Record, monitor and replay a run while the system clock of its processes is set forwards and back by hours.
 
 Start this program by hand: ``./dragon python test/soak/moved_clock.py --times 8``. No real clock is set: a preloaded
-library, which a C compiler builds from ``moved_clock.c``, moves the clock of these processes and the waits that follow
-it. In each run both bags must equal the model, and all processes must end; otherwise the exit code is 1.
+library, which a C compiler builds from ``moved_clock.c``, moves the clock of these processes and any waits that depend
+on it. In each run both bags must equal the model, and all processes must end; otherwise the exit code is 1.
 """
 import argparse
 import os
@@ -29,10 +29,10 @@ def library(folder: Path) -> Path:
 
 
 class Moved:
-    """Processes in one domain whose clock moves."""
+    """Processes in one domain, whose clock is moved."""
 
     def __init__(self, folder: Path, preloaded: Path, rng: random.Random) -> None:
-        """The clock will start to move in a few seconds, perhaps while nodes discover each other."""
+        """Start to move the clock after a few seconds, perhaps while nodes discover each other."""
         self._file, self._over = folder / 'moved', threading.Event()
         self._file.unlink(missing_ok=True)
         self._environment = {**local_environment(free_domain()), 'LD_PRELOAD': str(preloaded),
@@ -60,7 +60,7 @@ class Moved:
 
 
 def ended(name: str, process: subprocess.Popen[str], faults: list[str], codes: tuple[int, ...] = (0,)) -> None:
-    """Wait for the end of a process, and record a fault if it does not end or if it fails."""
+    """Wait for the end of a process, and record a fault if it fails or does not end."""
     try:
         errors = process.communicate(timeout=_PATIENCE_S)[1]
     except subprocess.TimeoutExpired:
@@ -73,7 +73,7 @@ def ended(name: str, process: subprocess.Popen[str], faults: list[str], codes: t
 
 
 def once(folder: Path, preloaded: Path, rng: random.Random) -> list[str]:
-    """Run, record, watch and replay; return the faults."""
+    """Run, record, monitor and replay; return the faults."""
     faults: list[str] = []
     for name in ('run', 'again'):
         moved = Moved(folder, preloaded, rng)
@@ -83,7 +83,7 @@ def once(folder: Path, preloaded: Path, rng: random.Random) -> list[str]:
         player = moved.start('sim', '--scene', 'first_contact', '--ros-args', '-p', wait) if name == 'run' else (
             moved.start('replay', folder / 'run.mcap', '--wait-subscribers', '/dragon/handles=2,/dragon/benches=2'))
         ended(f'the player of {name}', player, faults)
-        ended(f'the recorder of {name}', record, faults, (0, 3))    # code 3: a topic of the monitor lacks its beginning
+        ended(f'the recorder of {name}', record, faults, (0, 3))    # 3: the beginning of a monitor's topic is missing
         monitor.send_signal(signal.SIGINT)
         ended(f'the monitor of {name}', monitor, faults)
         moved.close()
@@ -95,10 +95,10 @@ def once(folder: Path, preloaded: Path, rng: random.Random) -> list[str]:
 
 
 def main(argv: list[str]) -> int:
-    """Run several times, and print the faults."""
+    """Run several times and print the faults."""
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
     options.add_argument('--times', type=int, default=8, help='runs (8)')
-    options.add_argument('--seed', type=int, default=1, help='of the moments at which the clock is set (1)')
+    options.add_argument('--seed', type=int, default=1, help='seed of the moments at which the clock is set (1)')
     arguments = options.parse_args(argv)
     rng, failed = random.Random(arguments.seed), 0
     with tempfile.TemporaryDirectory() as folder:

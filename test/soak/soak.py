@@ -1,10 +1,9 @@
 """A long test of a live dragon, in which recorders are killed and stalled, monitors restarted and bags replayed.
 
-Start this test by hand, since the other tests never start it: ``./dragon python test/soak/soak.py --minutes 60
---controls 2``. The test reports its progress every minute, and at the end the losses, the differences from the model,
-the drift of stamps against the clock, and the growth of memory; the exit code is 1 if a tick was lost or differs. With
-controls, the dragon is paused, stepped and moved back by a few seconds, and its speed is changed: ticks repeat, but
-none is skipped.
+Start this test by hand, as no other test starts it: ``./dragon python test/soak/soak.py --minutes 60 --controls 2``.
+The test reports its progress every minute and, at the end, the losses, the differences from the model, the drift of
+stamps against the clock, and the growth of memory; the exit code is 1 if a tick was lost or differs. With controls, the
+dragon is paused, stepped and moved back by a few seconds, and its speed is changed: ticks repeat, but none is skipped.
 """
 import argparse
 import json
@@ -27,9 +26,9 @@ from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.load import load_scene
 
 RATE_HZ = 100
-_EVERY_S = 5.0          # time between two actions, and between two checks of the memory
-_SETTLED_S = 120.0      # time from which growth of memory is counted
-_BEGUN_S = 60.0         # time by which a recorder has data on disk
+_EVERY_S = 5.0          # time between two actions, each of which follows a check of the memory
+_SETTLED_S = 120.0      # time from which the growth of memory is measured
+_BEGUN_S = 60.0         # time by which a recorder must have data on the disk
 _BEGUN_BYTES = 200_000  # size of that data in bytes
 _NS = 10**9
 Stamps = np.ndarray[tuple[int], np.dtype[np.int64]]
@@ -48,11 +47,11 @@ class Soak:
     started: list[subprocess.Popen[bytes]] = field(default_factory=list)
 
     def start(self, name: str, *arguments: object, domain: int | None = None) -> subprocess.Popen[bytes]:
-        """Start an executable; its output goes to a file."""
+        """Start an executable whose output is written to a file."""
         return self.run(name, ['-m', 'dragon_ros', name, *map(str, arguments)], domain)
 
     def run(self, name: str, arguments: list[str], domain: int | None = None) -> subprocess.Popen[bytes]:
-        """Start Python with arguments; its output goes to a file."""
+        """Start Python with arguments; its output is written to a file."""
         environment = {**local_environment(domain or self.domain), 'PYTHONUNBUFFERED': '1'}
         with (self.folder / f'{name}.log').open('ab') as log:
             self.started.append(subprocess.Popen([sys.executable, *arguments], env=environment,
@@ -71,7 +70,7 @@ class Soak:
         self.counts[what] = self.counts.get(what, 0) + by
 
     def look(self, **processes: subprocess.Popen[bytes]) -> None:
-        """Record how much memory the processes use."""
+        """Record the memory use of the processes."""
         for name, process in processes.items():
             if process.poll() is not None:
                 self.faults.append(f'{name} ended with {process.returncode}')
@@ -88,7 +87,7 @@ def ended(process: subprocess.Popen[bytes], number: int = signal.SIGINT) -> int:
 
 
 def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
-    """Run a soak; without controls, the soak ends with the dragon, which lags behind the clock on a busy machine."""
+    """Run a soak; without controls it ends with the run, which lags behind the clock on a busy machine."""
     folder, rng = run.folder, random.Random(seed)
     whole = run.start('record', '--output', folder / 'whole', '--split-duration-s', 300)
     monitor, extra = run.start('monitor'), run.start('record', '--output', folder / 'extra_0.mcap')
@@ -106,7 +105,7 @@ def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
         run.look(sim=sim, recorder=whole)
         act = ('kill', 'stall', 'monitor', 'join', 'look')[acts % 5]
         acts += 1
-        if act == 'kill':       # kill a recorder; its remaining bag is repaired and replayed elsewhere
+        if act == 'kill':       # kill a recorder; its bag is repaired and replayed in another domain
             bag = folder / f'extra_{run.counts.get("recorders killed", 0)}.mcap'
             begun = waited_for(bag)
             ended(extra, signal.SIGKILL)
@@ -116,7 +115,7 @@ def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
                 run.faults.append(f'{bag.name} held nothing after {_BEGUN_S:g} s')
             run.count('recorders killed')
             extra = run.start('record', '--output', folder / f'extra_{run.counts["recorders killed"]}.mcap')
-        elif act == 'stall':    # stall the recorder that must lose nothing
+        elif act == 'stall':    # stall the recorder that must not lose any message
             whole.send_signal(signal.SIGSTOP)
             time.sleep(rng.uniform(0.1, 1.0))
             whole.send_signal(signal.SIGCONT)
@@ -126,12 +125,12 @@ def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
                 run.faults.append(f'monitor ended with {monitor.returncode}')
             monitor = run.start('monitor')
             run.count('monitors restarted')
-        elif act == 'join':     # a late recorder joins and leaves again
+        elif act == 'join':     # a recorder joins late and leaves again
             (folder / 'late.mcap').unlink(missing_ok=True)
             late = run.start('record', '--output', folder / 'late.mcap')
             if not waited_for(folder / 'late.mcap'):
                 run.faults.append(f'late.mcap held nothing after {_BEGUN_S:g} s')
-            if ended(late) not in (0, 3):       # code 3: the beginning is missing
+            if ended(late) not in (0, 3):       # 3: the beginning is missing
                 run.faults.append(f'a late recorder ended with {late.returncode}')
             with BagReader(folder / 'late.mcap') as reader:
                 mind_holes(run, 'a late recorder', stamps_in(reader))
@@ -154,13 +153,13 @@ def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
 
 
 def set_of(minutes: float, controls_s: float) -> list[str]:
-    """Return the scene as options; with controls, the run must be so long that only a signal ends it."""
+    """Return the scene as options; with controls, the run is long enough that only a signal ends it."""
     return ['--scene', 'unwinding', '--set', f'run.stop_s={60 * minutes * (2 if controls_s else 1)}',
             '--set', f'run.rate_hz={RATE_HZ}']
 
 
 def waited_for(bag: Path) -> bool:
-    """Wait until a chunk of a bag is on disk, since a recorder killed before that leaves nothing to compare."""
+    """Wait until a chunk of a bag is on the disk; a recorder killed before that leaves nothing to compare."""
     until = time.monotonic() + _BEGUN_S
     while time.monotonic() < until:
         if bag.exists() and bag.stat().st_size >= _BEGUN_BYTES:
@@ -170,7 +169,7 @@ def waited_for(bag: Path) -> bool:
 
 
 def killed(run: Soak, bag: Path) -> None:
-    """Repair a killed recorder's bag, check its ticks for gaps, and replay it losslessly to another recorder."""
+    """Repair a killed recorder's bag, check its ticks for gaps, and replay it to another recorder without loss."""
     saved, again = bag.with_name('saved.mcap'), bag.with_name('again.mcap')
     saved.unlink(missing_ok=True)
     repair(bag, saved)
@@ -195,25 +194,25 @@ def killed(run: Soak, bag: Path) -> None:
 
 
 def stamps_in(bag: BagReader) -> Stamps:
-    """Return the log times of the handles in a bag, in ns, as they were published; the dragon may go back."""
+    """Return the log times of the handles in a bag, in ns, in order of publication; the dragon may go back."""
     rows = sorted((message.publish_ns, message.t_ns) for message in bag.messages(['/dragon/handles']))
     return np.array([t_ns for _, t_ns in rows], dtype=np.int64)
 
 
 def holes(stamps: Stamps) -> int:
-    """Return how many ticks were skipped from one message to the next."""
+    """Return how many ticks are missing between successive messages."""
     steps = np.round(np.diff(stamps) * RATE_HZ / _NS)
     return int(np.sum(np.maximum(steps - 1, 0)))
 
 
 def mind_holes(run: Soak, whose: str, stamps: Stamps) -> None:
-    """Record the ticks that a bag skips."""
+    """Record the ticks that are missing from a bag."""
     if missing := holes(stamps):
         run.faults.append(f'{whose} lacks {missing} ticks in between')
 
 
 def differing(run: Soak, options: list[str]) -> int:
-    """Return how many messages of handles and benches in the bag of the whole run differ from the model."""
+    """Return the number of messages of handles and benches in the whole run's bag that differ from the model."""
     scene = load_scene(options[1], options[3::2])
     encode, last_k, frame, different = encoders(scene), -1, None, 0
     with BagReader(run.folder / 'whole') as reader:
@@ -248,11 +247,11 @@ def results(run: Soak, options: list[str]) -> dict[str, object]:
 
 
 def main(argv: list[str]) -> int:
-    """Run the soak test, and print the results as JSON."""
+    """Run the soak test and print the results as JSON."""
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
     options.add_argument('--minutes', type=float, default=60.0, help='how long (60)')
     options.add_argument('--folder', type=Path, default=Path('soak'), help='new folder for bags and logs')
-    options.add_argument('--seed', type=int, default=1, help='of the lengths of the stalls, and of the controls (1)')
+    options.add_argument('--seed', type=int, default=1, help='seed of the stalls and of the controls (1)')
     options.add_argument('--controls', type=float, default=0.0, metavar='S',
                          help='seconds between two controls of the sim (0: none)')
     arguments = options.parse_args(argv)

@@ -1,4 +1,4 @@
-"""Studies of small dragons, whose rows take from a millisecond to a few hundredths of a second."""
+"""Studies of small dragons, whose rows take between a millisecond and a few hundredths of a second."""
 from pathlib import Path
 
 import pytest
@@ -11,7 +11,7 @@ from slow_study import QUICK
 
 @pytest.fixture(scope='session')
 def study():
-    """Return a function that returns the study of a text."""
+    """A function that reads a study from a text."""
     from dragon_ros.scenes.yaml import parse_document
     from dragon_ros.studies.study import study_of
 
@@ -22,7 +22,7 @@ def study():
 
 @pytest.fixture(scope='session')
 def without_times():
-    """Return a function that returns rows as plain values, without their CPU time."""
+    """A function that returns rows as plain values without their CPU time."""
     def values(table):
         rows = table if isinstance(table, list) else table.to_pylist()
         return [{key: value for key, value in row.items() if key != 'cpu_s'} for row in rows]

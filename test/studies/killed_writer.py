@@ -1,7 +1,7 @@
-"""Write a study in a child that is killed before its n-th change of a file, and continue in another child, for every n.
+"""For every n: kill a writer of a study just before its n-th change to a file, and continue in another process.
 
-``python killed_writer.py FOLDER STEP`` uses every STEP-th n. The script prints the number of changes, and ends with an
-error if a row is lost or duplicated.
+``python killed_writer.py FOLDER STEP`` uses every STEP-th n. It prints the number of changes and ends with an error if
+a row is lost or duplicated.
 """
 import os
 import signal
@@ -19,7 +19,7 @@ _CHANGES = ('os.rename', 'os.remove', 'os.mkdir')
 
 
 def write(folder: Path) -> None:
-    """Write the missing rows, in batches that do not match blocks."""
+    """Write the missing rows in batches that do not match blocks."""
     study = study_of(parse_document('f.yaml', QUICK), Path())
     with dataset.writing(folder, study) as data:
         for first, last in data.missing:
@@ -46,7 +46,7 @@ def kill_at(number: int, folder: Path) -> None:
 
 
 def went_on(folder: Path) -> None:
-    """Continue, and compare all rows with those of an undisturbed study."""
+    """Continue the study, and compare all rows with those of an undisturbed one."""
     write(folder)
     data = dataset.open_set(folder)
     found = [{**row, 'cpu_s': 0} for row in data.table().to_pylist()]
@@ -56,7 +56,7 @@ def went_on(folder: Path) -> None:
 
 
 def ended(act, *arguments) -> int:
-    """Return the exit code of a child that runs a function."""
+    """Run a function in a child process, and return its exit code."""
     child = os.fork()
     if child == 0:
         try:
@@ -75,7 +75,7 @@ def killed(number: int, folder: Path) -> None:
 
 
 def main(folder: Path, step: int) -> None:
-    """Kill the writer at every ``step``-th change."""
+    """Kill the writer before every ``step``-th change."""
     dataset.BLOCK = 8
     for number in range(1, 1000, step):
         each = folder / str(number)

@@ -1,6 +1,6 @@
-"""A study whose rows take a few hundredths of a second, so that something can happen halfway.
+"""A study whose rows take a few hundredths of a second, so that tests can interfere halfway.
 
-Half of the rows are rejected, since the chain is locked from the start.
+Half of the rows are rejected because the chain is locked from the start.
 """
 SLOWER = """
 set: {dragon: {benches: 24}, run: {start_s: 405, stop_s: 411}}
@@ -11,7 +11,7 @@ design: random
 samples: 48
 ask: [contact, lock]
 """
-# Rows of a millisecond.
+# Rows that take a millisecond.
 QUICK = """
 set: {dragon: {benches: 3}}
 vary:

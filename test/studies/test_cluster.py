@@ -1,6 +1,6 @@
-"""Studies on a real Dask scheduler and workers on loopback that are killed, interrupted or out of disk space.
+"""Studies on a real Dask scheduler and workers on loopback, which are killed, interrupted or run out of disk space.
 
-Each study ends with the data set of an undisturbed run: the rows that this process computes alone.
+Each study ends with the data set of an undisturbed run, which this process computes by itself.
 """
 import json
 import os
@@ -28,7 +28,7 @@ from dragon_ros.studies.rows import rows_of  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
 LONGEST_S = 120
-# One row kills its worker, as the system does when memory runs out.
+# One row kills its worker, as the system does when it runs out of memory.
 DEADLY = """
 import os, signal
 from dragon_ros.studies.questions import QUESTIONS
@@ -43,7 +43,7 @@ QUESTIONS['lock'].answer = deadly
 
 @contextmanager
 def started(*arguments, **environment):
-    """Run a program of Dask for the duration of the block."""
+    """Run a Dask program for the duration of the block."""
     process = subprocess.Popen([sys.executable, '-m', 'dask', *map(str, arguments)], start_new_session=True,
                                env={**os.environ, 'PYTHONPATH': str(ROOT), **environment},
                                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -62,7 +62,7 @@ def wait_for_workers(file, count, **options):
 
 @contextmanager
 def dask_cluster(folder, *options, count=1, scheduler=(), **environment):
-    """Yield the scheduler file of a scheduler with workers on this host, and both processes."""
+    """Start a scheduler and workers on this host; yield the scheduler file and both processes."""
     file = folder / 'scheduler.json'
     alone = ('--host', '127.0.0.1', '--no-dashboard', '--dashboard-address', '127.0.0.1:0')
     with started('scheduler', *alone, '--port', 0, '--scheduler-file', file, *scheduler, **environment) as one, \
@@ -74,7 +74,7 @@ def dask_cluster(folder, *options, count=1, scheduler=(), **environment):
 
 @pytest.fixture(scope='module')
 def shared(tmp_path_factory):
-    """Yield a scheduler and two workers, with nannies that restart them."""
+    """A scheduler, and two workers with nannies that restart them."""
     with dask_cluster(tmp_path_factory.mktemp('dask'), count=2) as (file, _, workers):
         yield file, workers
 
@@ -85,7 +85,7 @@ def undisturbed(study, without_times):
 
 
 def half_way(act):
-    """Return a progress callback that acts once, halfway."""
+    """Return a progress callback that acts once, halfway through the study."""
     acts = [act]
 
     def tell(progress):
@@ -216,7 +216,7 @@ def test_ctrl_c_ends_a_study_in_order_and_says_how_to_go_on(tmp_path):
                                start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     while process.poll() is None and not list(tmp_path.glob('data/rows/*.parquet')):
         Event().wait(0.01)
-    os.killpg(process.pid, signal.SIGINT)       # sent to all processes, as a terminal does
+    os.killpg(process.pid, signal.SIGINT)       # sent to all processes, as by a terminal
     out, err = process.communicate(timeout=LONGEST_S)
     assert process.returncode == 1, err
     assert 'to continue: ./dragon study study.yaml --output data --workers 1' in err

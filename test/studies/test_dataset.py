@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def fill(monkeypatch):
-    """Return a function that writes the rows of ranges; blocks have 8 rows."""
+    """A function that writes the rows of ranges, with blocks of 8 rows."""
     monkeypatch.setattr(dataset, 'BLOCK', 8)
 
     def write(data, *ranges):
@@ -58,7 +58,7 @@ def test_what_a_kill_left_behind_is_left_out_and_removed(study, fill, tmp_path, 
     with writing(tmp_path, study()) as data:
         fill(data, (0, 3), (3, 6))
         (tmp_path / 'rows' / 'part-0000000006-0000000008.tmp').write_bytes(b'half')
-        # The writer was killed after a block was joined and before its parts were removed.
+        # As if the writer had been killed after joining a block and before removing its parts.
         whole = part_of(study(), rows_of(study(), range(8)))
         (tmp_path / 'rows' / 'part-0000000000-0000000008.parquet').write_bytes(whole)
     assert open_set(tmp_path).count == 8

@@ -1,4 +1,4 @@
-"""A row has the answers of the searches, or the reason for a missing answer; it is the same alone and in any batch."""
+"""A row has the searches' answers, or the reason why one is missing; it is the same alone and in any batch."""
 import pytest
 
 from dragon_ros.core.chain.dragon import Dragon
@@ -121,7 +121,7 @@ def test_the_smallest_pitch_of_mixed_benches_is_a_bracket_that_is_not_proved_abo
     row = row_of(one, 0)
     assert row['reason'] is None
     assert row['min_pitch_proved'] is False
-    assert row['min_pitch_inner'] == inner      # a short head passes freely at a place where the body touches itself
+    assert row['min_pitch_inner'] == inner      # a short head passes where the body touches itself
     if inner == 0:
         known = min_pitch(changed_scene('winding', {'dragon': {'benches': 30}}).dragon, 4, 5, 0.9, 1e-4)
         assert row['min_pitch_low_m'] <= known.high_m <= row['min_pitch_high_m'] + 1e-3
@@ -147,12 +147,12 @@ def test_a_bracket_of_mixed_benches_that_holds_no_pitch_is_refused(study, option
 def test_the_clearance_is_that_of_all_benches_however_far_apart():
     scene = Scene(dragon=Dragon(3, 5.0, 5.0), track=Spiral(50.0, 4.0), run=Run(0, 1))
     row = QUESTIONS['clearance'](at_s=0.0).answer(Asked(scene, lambda states: None))
-    assert row['clearance_m'] == pytest.approx(4.45 - 2 * 0.275, abs=0.05)      # on a track that is nearly straight
+    assert row['clearance_m'] == pytest.approx(4.45 - 2 * 0.275, abs=0.05)      # the track is nearly straight
     assert (row['clearance_inner'], row['clearance_outer']) == (0, 2)
 
 
 def test_tolerances_of_a_venue_have_the_gap_the_obstacle_and_the_first_touch():
-    """The gap to the wall shrinks by half the additional width, and a wide dragon touches a wall in its way."""
+    """The gap to a wall shrinks by half the additional width, and a wide dragon touches a wall in its way."""
     rows = []
     for width_m in (0.3, 0.4, 0.6):
         wall = LineObstacle('wall', ((21.0, 0.25), (40.0, 0.25)))

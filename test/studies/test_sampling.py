@@ -1,4 +1,4 @@
-"""The inputs of a row depend only on the study and its index, and have the requested distribution."""
+"""The inputs of a row depend only on the study and the row's index, and have the requested distribution."""
 import numpy as np
 import pytest
 from scipy.stats import kstest, qmc, truncnorm

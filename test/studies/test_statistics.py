@@ -1,4 +1,4 @@
-"""Statistics of a data set agree with known true values, and are omitted if there are too few rows."""
+"""The statistics of a data set agree with known true values, and are omitted if there are too few rows."""
 import subprocess
 import sys
 from math import inf

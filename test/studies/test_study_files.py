@@ -1,4 +1,4 @@
-"""Study files are read like scenes and are self-contained, and errors name file, line and key."""
+"""Study files are read like scenes and are self-contained; errors name file, line and key."""
 import json
 
 import pytest

@@ -1,7 +1,7 @@
-"""Make the bags of this folder, good and bad: ``python test/data/corpus/make_corpus.py`` in the checkout's environment.
+"""Make the valid and damaged bags of this folder: ``./dragon python test/data/corpus/make_corpus.py``.
 
-Each bag is small. CORPUS gives the expected result: None for a bag that is read to its end, otherwise words of the
-error.
+Each bag is small. CORPUS contains the expected results: None for a bag that can be read to its end, and otherwise
+words of the error.
 """
 import struct
 import zlib
@@ -47,7 +47,7 @@ def bag(compression=CompressionType.NONE, **options):
 
 
 def foreign(encoding='cdr', times=(1, 2, 3), topic='/chatter', name='std_msgs/msg/String'):
-    """Return another robot's bag."""
+    """Return the bag of another robot."""
     out = BytesIO()
     writer = Writer(out, compression=CompressionType.NONE)
     writer.start('ros2', 'another robot')
@@ -59,12 +59,12 @@ def foreign(encoding='cdr', times=(1, 2, 3), topic='/chatter', name='std_msgs/ms
 
 
 def record(opcode, content, length=None):
-    """Return a record; ``length`` may be wrong."""
+    """Return a record, whose ``length`` may be wrong."""
     return struct.pack('<BQ', opcode, len(content) if length is None else length) + content
 
 
 def text(value):
-    """Return a string as records contain it."""
+    """Return a string in the form in which records contain it."""
     return struct.pack('<I', len(value)) + value
 
 
@@ -75,13 +75,13 @@ def chunk(data, size, compression, crc=0, length=None):
 
 
 def closed(*parts):
-    """Return a file without a summary around some records."""
+    """Return a file that has some records and no summary."""
     return b''.join((MAGIC, record(1, text(b'ros2') + text(b'corpus')), *parts, record(15, bytes(4)),
                      record(2, bytes(20)), MAGIC))
 
 
 def summed(*rows, crc=True):
-    """Return a file that has only a summary of some records."""
+    """Return a file that has only a summary with some records."""
     head = MAGIC + record(1, text(b'ros2') + text(b'corpus')) + record(15, bytes(4))
     summary = b''.join(rows)
     footer = struct.pack('<BQQQ', 2, 20, len(head), 0)
@@ -94,12 +94,12 @@ def message(channel=1, data=bytes(8), t_ns=1):
 
 
 def bomb(megabytes, pack):
-    """Return a chunk of zeros, which is small on disk and large when it is opened."""
+    """Return a chunk of zeros, which is small on the disk and large in memory."""
     return chunk(pack(bytes(megabytes * 2**20)), megabytes * 2**20, b'zstd' if pack is zstd else b'lz4')
 
 
 def zstd(data):
-    """Compress."""
+    """Compress bytes."""
     return zstandard.ZstdCompressor(level=19).compress(data)
 
 
@@ -119,13 +119,13 @@ def flipped(data, at):
 
 
 def liar_in_zstd():
-    """Return a chunk whose zstd frame claims far more than the chunk."""
+    """Return a chunk whose zstd frame claims a far larger size than the chunk does."""
     frame = bytearray(zstandard.ZstdCompressor(level=1).compress(bytes(2**20)))
     return chunk(bytes(frame), 100, b'zstd')
 
 
 GOOD = bag()
-# Each file with the words of its error. Tests import this module, so slow compression runs only when files are written.
+# Each file with words of its error. Tests import this module, so slow compression runs only when files are written.
 CORPUS = {
     'good_none': (GOOD, None),
     'good_zstd': (bag(CompressionType.ZSTD), None),

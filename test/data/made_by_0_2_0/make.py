@@ -7,7 +7,7 @@ from pathlib import Path
 from dragon_ros.version import __version__
 
 HERE = Path(__file__).resolve().parent
-BAG = {     # has three bench lengths, an S-turn, smooth ramps and every effect, and covers the first contact
+BAG = {     # three bench lengths, an S-turn, smooth ramps, every effect and the first contact
     'dragon': {'kind': 'mixed', 'groups': [{'length_m': 3.41}, {'count': 20, 'length_m': 2.2},
                                            {'count': 3, 'length_m': 1.7}]},
     'track': {'kind': 'turn', 'pitch_m': 0.8, 'before_m': 12},
