@@ -133,7 +133,7 @@ def processes(folder: Path) -> Iterator[Start]:
 def _watched(start: Start) -> tuple[float, dict[str, Usage]]:
     """Wait for sim to end; return its wall time from the first tick, and the usage of each process."""
     deadline = time.monotonic() + _LONGEST_S
-    while 'starts ' not in start.text():
+    while 'starting ' not in start.text():
         alive(start, deadline)
         time.sleep(_POLL_S)
     began, first = time.monotonic(), {name: _look(child.pid) for name, child in start.running.items()}

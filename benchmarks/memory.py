@@ -100,7 +100,7 @@ def _recorded(bag: Path, run_s: float, ticks: int, samples: list[tuple[float, fl
 def _watched(start: Start, process: psutil.Process, run_s: float) -> list[tuple[float, float]]:
     """Return samples (seconds since the first tick, resident MB) until the end of the sim."""
     deadline, out = time.monotonic() + 2 * run_s + 60.0, []
-    while 'starts ' not in start.text():
+    while 'starting ' not in start.text():
         alive(start, deadline)
         time.sleep(0.05)
     began = time.monotonic()
