@@ -1,0 +1,29 @@
+"""Jobs for pools of processes, in a module that a new process imports quickly."""
+import os
+import signal
+import time
+
+from dragon_ros.core.errors import DragonError
+
+
+def squares(job):
+    return job * job + 1
+
+
+def end_at_300(job):
+    if job == 300:
+        raise DragonError(f'job {job}: no')
+    return job
+
+
+class KilledElsewhere:
+    """A function that kills every process that calls it, except the one that created it."""
+
+    def __init__(self):
+        self.parent = os.getpid()
+
+    def __call__(self, job):
+        if os.getpid() != self.parent:
+            os.kill(os.getpid(), signal.SIGKILL)
+        time.sleep(0.01)        # so that other processes also receive jobs
+        return job
