@@ -1,6 +1,7 @@
 """A run that ends at its contact is checked without a search if its bag contains a certificate that can be proved."""
 import json
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -22,7 +23,11 @@ pytest.importorskip('flint', reason='the checker needs python-flint')
 
 MEETING = Scene(dragon=Dragon(12), run=Run(412.3, 413.0))
 PARTED = replace(MEETING, run=Run(412.0, 412.2))
-FOUND = {scene: first_contact(scene) for scene in (MEETING, PARTED)}
+
+
+@cache
+def found_in(scene):
+    return first_contact(scene)
 
 
 @pytest.fixture(autouse=True)
@@ -33,7 +38,7 @@ def unsearched(monkeypatch):
 
 def bag_of(path, scene, claim):
     """Write the bag of a run that ends at its contact, as `sim` and `record` do; include a claim unless it is None."""
-    found = FOUND[scene]
+    found = found_in(scene)
     if found:
         frames = [*(tick(scene, k) for k in range(ticks_before(scene, found.t_s))), contact_frame(scene, found.t_s)]
     else:
@@ -60,7 +65,7 @@ def checked(capsys, bag, *options):
     (MEETING, 'no two benches touch from 412.3 s to the contact at 412.47383768211 s, less 1 nm'),
     (PARTED, 'no two benches touch from 412.0 s to the end of the run at 412.2 s')], ids=['contact', 'none'])
 def test_a_certificate_in_the_bag_stands_in_for_a_search(capsys, tmp_path, scene, said):
-    bag = bag_of(tmp_path / 'a.mcap', scene, claim_of(FOUND[scene]))
+    bag = bag_of(tmp_path / 'a.mcap', scene, claim_of(found_in(scene)))
     code, out, _ = checked(capsys, bag)
     assert code == 0
     assert f'the certificate in the bag proves the end of the run: {said[:60]}' in out
@@ -100,12 +105,12 @@ def test_a_claim_that_is_not_proved_is_refused_in_one_line(capsys, tmp_path, cla
 
 def test_a_proof_ends_after_its_time(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr(contacts_in_bag, 'PROOF_S', 0.01)
-    code, _, err = checked(capsys, bag_of(tmp_path / 'a.mcap', MEETING, claim_of(FOUND[MEETING])))
+    code, _, err = checked(capsys, bag_of(tmp_path / 'a.mcap', MEETING, claim_of(found_in(MEETING))))
     assert code == 2
     assert 'its certificate was not proved within 0.01 s' in err
 
 
 def test_a_result_that_is_not_complete_claims_nothing():
-    assert claim_of(FOUND[MEETING]) == {'t_s': FOUND[MEETING].t_s, 'benches': [0, 8]}
-    assert claim_of(FOUND[PARTED]) == {'t_s': None}
-    assert claim_of(replace(FOUND[MEETING], certificate=Certificate(complete=False))) is None
+    assert claim_of(found_in(MEETING)) == {'t_s': found_in(MEETING).t_s, 'benches': [0, 8]}
+    assert claim_of(found_in(PARTED)) == {'t_s': None}
+    assert claim_of(replace(found_in(MEETING), certificate=Certificate(complete=False))) is None

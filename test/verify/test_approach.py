@@ -1,5 +1,6 @@
 """The slack in a contact's position does not permit a wrong time: only the leader's first arrival is proved."""
 from dataclasses import replace
+from functools import cache
 
 import pytest
 from certificates import proved, refusal, written
@@ -18,28 +19,31 @@ from dragon_ros.verify.posture import overlap
 BODY, TRACK = Dragon(30, 0.9, 2.9, 0.2), Spiral(0.55, 4.28)
 HOUR = 3600.0
 BACK_S = 0.1        # further back on the track, other benches touch
-FOUND = written(Scene(dragon=BODY, track=TRACK, run=Run(0, 5)))['contact']
-PAIR = FOUND['benches']
 
 
-def contact_m():
+@cache
+def found():
+    return written(Scene(dragon=BODY, track=TRACK, run=Run(0, 5)))['contact']
+
+
+@cache
+def there_m():
     """Return the distance that the head has travelled when benches begin to overlap, to the last bit of a float."""
     track, benches, _ = compiled(BODY, TRACK)
-    low, high = FOUND['t_s'] - 1e-9, FOUND['t_s'] + 1e-9
+    low, high = found()['t_s'] - 1e-9, found()['t_s'] + 1e-9
     while low < (middle := 0.5 * (low + high)) < high:
         posture = at(track, benches, arb(middle))
-        touches = overlap(*(posture.pose(bench) for bench in PAIR))
+        touches = overlap(*(posture.pose(bench) for bench in found()['benches']))
         low, high = (low, middle) if touches else (middle, high)
     return high
-
-
-THERE_M = contact_m()
 
 
 def claim(head, t_s=None, stop_s=None, start_s=0.0, grazing=False):
     """Return a certificate with no intervals for a contact at a time, or for no contact."""
     scene = Scene(dragon=BODY, track=TRACK, head=head, run=Run(start_s, stop_s))
-    contact = {'t_s': t_s} if t_s is None else {'t_s': t_s, 'benches': PAIR} | ({'grazing': True} if grazing else {})
+    contact = {'t_s': t_s}
+    if t_s is not None:
+        contact |= {'benches': found()['benches']} | ({'grazing': True} if grazing else {})
     return {'scene': scene_values(scene), 'contact': contact, 'intervals': []}
 
 
@@ -48,12 +52,12 @@ def there_and_back(beyond_m):
 
     The head turns back this far beyond the contact, rests for an hour and returns.
     """
-    turn_s = THERE_M + beyond_m
+    turn_s = there_m() + beyond_m
     back_s = turn_s + BACK_S
     again_s = back_s + HOUR
     knots = ((0.0, 1.0), (turn_s, 1.0), (turn_s, -1.0), (back_s, -1.0), (back_s, 0.0), (again_s, 0.0), (again_s, 1.0),
              (again_s + 9.0, 1.0))
-    return Profile(knots), turn_s, again_s + (THERE_M - (2 * turn_s - back_s))
+    return Profile(knots), turn_s, again_s + (there_m() - (2 * turn_s - back_s))
 
 
 @pytest.mark.parametrize('beyond_m', thinned([1e-12, 1e-11, 1e-10, 5e-10, 9e-10, 5e-9, 1e-3],
@@ -65,7 +69,7 @@ def test_a_contact_that_the_leader_overshoots_is_not_proved_an_hour_later(beyond
     assert said in refusal(claim(head, again_s, grazing=grazing))
     assert refusal(claim(head))
     assert refusal(claim(head, stop_s=turn_s + 2 * BACK_S))
-    assert f'to the contact at {THERE_M!r} s' in proved(claim(head, THERE_M))
+    assert f'to the contact at {there_m()!r} s' in proved(claim(head, there_m()))
 
 
 @pytest.mark.parametrize('beyond_m', [-1e-12, -1e-11, -1e-10, -5e-10, -9e-10, -1e-3])
@@ -78,7 +82,7 @@ def test_one_contact_alone_is_proved_of_a_leader_that_first_turns_back_just_befo
 
 
 def test_a_leader_that_rests_just_before_a_contact_comes_to_it_after_its_rest():
-    rest_s = THERE_M - 5e-10
+    rest_s = there_m() - 5e-10
     head = Profile(((0.0, 1.0), (rest_s, 1.0), (rest_s, 0.0), (rest_s + HOUR, 0.0), (rest_s + HOUR, 1.0)))
     assert 'do not overlap' in refusal(claim(head, rest_s))
     assert 'has rested since' in refusal(claim(head, rest_s + 1.0))
@@ -87,9 +91,9 @@ def test_a_leader_that_rests_just_before_a_contact_comes_to_it_after_its_rest():
 
 
 def test_a_leader_that_rests_just_beyond_a_contact_came_to_it_before():
-    rest_s = THERE_M + 5e-10
+    rest_s = there_m() + 5e-10
     head = Profile(((0.0, 1.0), (rest_s, 1.0), (rest_s, 0.0), (rest_s + HOUR, 0.0), (rest_s + HOUR, 1.0)))
-    assert 'overlap 0.5 nm after it' in proved(claim(head, THERE_M))
+    assert 'overlap 0.5 nm after it' in proved(claim(head, there_m()))
     assert proved(claim(head, rest_s))
     assert 'has rested since' in refusal(claim(head, rest_s + 1.0))
     assert refusal(claim(head, rest_s + HOUR))
@@ -99,7 +103,7 @@ def test_a_leader_that_rests_just_beyond_a_contact_came_to_it_before():
 @pytest.mark.parametrize('early_m', [-9e-10, 0.0, 9e-10])
 def test_where_the_leader_creeps_through_the_slack_both_times_are_told(early_m):
     """At a picometre per second, a slack of a nanometre makes the time uncertain by half an hour."""
-    slow_s = THERE_M - 2e-9
+    slow_s = there_m() - 2e-9
     head = Profile(((0.0, 1.0), (slow_s, 1.0), (slow_s, 1e-12), (slow_s + 4000.0, 1e-12), (slow_s + 4000.0, 1.0)))
     t_s = slow_s + 2000.0 + early_m * 1e12
     said = proved(claim(head, t_s))
@@ -109,13 +113,13 @@ def test_where_the_leader_creeps_through_the_slack_both_times_are_told(early_m):
 
 
 def test_no_times_are_told_where_the_slack_is_soon_over():
-    assert 'travelled from' not in proved(claim(Head(1.0), THERE_M))
-    assert 'travelled from' in proved(claim(Head(1e-5), THERE_M * 1e5))
+    assert 'travelled from' not in proved(claim(Head(1.0), there_m()))
+    assert 'travelled from' in proved(claim(Head(1e-5), there_m() * 1e5))
 
 
 @pytest.mark.parametrize('before_s', [3.6e-9, 1.5e-9, 1e-9, 3e-10, 0.0])
 def test_a_run_that_starts_just_before_its_contact_is_proved_with_its_intervals(before_s):
-    start_s = THERE_M - before_s
+    start_s = there_m() - before_s
     honest = written(Scene(dragon=BODY, track=TRACK, run=Run(start_s, 5)))
     assert proved(honest)
     elsewhere = {'lead': 'body', 'start_m': 3.0, 'stop_m': 4.0, 'behind': 5}
@@ -123,14 +127,14 @@ def test_a_run_that_starts_just_before_its_contact_is_proved_with_its_intervals(
 
 
 def test_at_the_start_benches_overlap_as_far_on_as_the_leader_goes_and_no_further():
-    start_s = THERE_M - 5e-10
+    start_s = there_m() - 5e-10
     back = Profile(((0.0, 1.0), (start_s, 1.0), (start_s, -1.0)))
     rest = Profile(((0.0, 1.0), (start_s, 1.0), (start_s, 0.0)))
     for head in (back, rest):
         assert 'do not overlap' in refusal(claim(head, start_s, start_s + BACK_S, start_s))
         assert 'it stops' in proved(claim(head, None, start_s + BACK_S, start_s))
-    beyond = Profile(((0.0, 1.0), (THERE_M + 5e-10, 1.0), (THERE_M + 5e-10, 0.0)))
-    assert 'starts with its contact' in proved(claim(beyond, THERE_M + 5e-10, 9.0, THERE_M + 5e-10))
+    beyond = Profile(((0.0, 1.0), (there_m() + 5e-10, 1.0), (there_m() + 5e-10, 0.0)))
+    assert 'starts with its contact' in proved(claim(beyond, there_m() + 5e-10, 9.0, there_m() + 5e-10))
 
 
 def test_a_contact_that_a_leader_overshoots_on_its_way_back_is_not_proved_an_hour_later():
