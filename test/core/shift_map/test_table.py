@@ -292,6 +292,10 @@ def test_many_places_are_on_the_stretches_where_each_is_to_the_last_bit(name):
         segment, u, lo = (np.array(values) for values in zip(*((k, *u) for k, u in places), strict=True))
         assert begins
         assert shift._numbers((segment, u, lo)).tolist() == [shift._number(place) for place in places]
+        for place in places:        # its stretch begins before the place and ends behind it
+            number = shift._number(place)
+            assert not shift._is_behind(place, number, 0.0)
+            assert shift._is_behind(place, number + 1, 0.0)
 
 
 @pytest.mark.parametrize('error', [IndexError, KeyError, AttributeError])
