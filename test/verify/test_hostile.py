@@ -187,3 +187,35 @@ def test_a_speed_of_a_profile_is_read_up_to_its_limit_and_refused_beyond(most):
     reading._profile('head', {**profile, 'knots': [[0.0, most]]})
     with pytest.raises(Refused, match='is not between'):
         reading._profile('head', {**profile, 'knots': [[0.0, nextafter(most, 2 * most)]]})
+
+
+@given(st.one_of(st.integers(-4, 4), st.floats(-4, 4), st.sampled_from([10**400, inf, -inf, float('nan'), True, '1'])),
+       st.integers(-3, 3), st.integers(-3, 3), st.booleans())
+def test_a_number_is_read_exactly_if_it_is_one_of_its_kind_within_its_limits(value, low, high, whole):
+    kind = type(value) is int if whole else type(value) in (int, float)
+    try:
+        found = reading._number('n', value, low, high, whole)
+    except Refused:
+        assert not (kind and low <= value <= high)
+        return
+    assert kind
+    assert low <= value <= high
+    assert found == value
+
+
+@given(st.one_of(st.lists(st.integers(), max_size=5), st.none(), st.just((1, 2))), st.integers(0, 4), st.integers(0, 4))
+def test_a_list_is_read_exactly_if_it_has_as_many_entries_as_it_may(value, fewest, most):
+    try:
+        found = reading._list('n', value, fewest, most)
+    except Refused:
+        assert not (isinstance(value, list) and fewest <= len(value) <= most)
+        return
+    assert isinstance(value, list)
+    assert fewest <= len(value) <= most
+    assert found is value
+
+
+@pytest.mark.parametrize('version', [0, 1.5, 2.0, reading.VERSION + 1, '1', True])
+def test_a_version_is_a_whole_number_up_to_that_of_the_checker(version, proof):
+    with pytest.raises(Refused, match='version'):
+        claims_of(json.dumps({**proof, 'version': version}).encode())
