@@ -212,7 +212,7 @@ def _check_same(folder: Path, study: Study) -> None:
         raise InputError(f'{folder}: contains rows of another study, which differs in {key}; give another --output, or '
                          'remove the folder', field=key)
     if before.rows > study.rows:
-        raise InputError(f'{folder}: holds a study of {before.samples} samples, but this one has {study.samples}; give '
+        raise InputError(f'{folder}: has a study of {before.samples} samples, but this one has {study.samples}; give '
                          'at least as many', field='samples')
     made_by = document.section('about').get('dragon_ros')
     if made_by != versions()['dragon_ros']:

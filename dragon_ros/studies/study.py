@@ -1,4 +1,4 @@
-"""A study: a base scene, its variations, the design, the samples and the questions. It is read like a scene.
+"""A study: a base scene, its variations, the design, the samples and the questions. It is loaded like a scene.
 
 A study is self-contained: it includes its complete base scene and can be written as YAML text and restored from it.
 Workers receive this text, and data sets contain it.
@@ -38,7 +38,7 @@ class Listed:
     is_per_bench: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        """Reject an empty list, a mixture of numbers and words, and other values."""
+        """Reject an empty list, a mixture of numbers and words, and values of other types."""
         if not 1 <= len(self.values) <= _MOST_STEPS:
             raise FieldError('values', len(self.values), f'a list has 1 to {_MOST_STEPS} values', 'give at least one')
         for value in self.values:

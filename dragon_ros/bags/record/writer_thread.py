@@ -1,4 +1,4 @@
-"""A thread that writes a bag, fed by a queue that is bounded in bytes."""
+"""A thread that writes a bag, fed by a queue of bounded size."""
 import threading
 import time
 from collections import deque

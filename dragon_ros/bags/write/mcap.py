@@ -66,7 +66,7 @@ class Worker:
         begun.acquire()
 
     def settle(self) -> None:
-        """Wait until the job is done. Raises its error, once."""
+        """Wait until the job is done. Raises its error, but only once."""
         if self._job is None:
             return
         error = self._job.exception()

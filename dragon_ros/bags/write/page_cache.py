@@ -12,8 +12,8 @@ class PageCache:
 
     By default, the system keeps all data in memory, writes it in large bursts, and makes the writer wait when a fifth
     of the memory contains unwritten data. Fresh memory also costs more than reused memory: on a virtual machine,
-    recording 2,000 benches at 700 Hz takes 0.8 of a core without this class and 0.55 with it. Files below 64 MiB stay
-    in memory for their next reader.
+    recording 2,000 benches at 700 Hz takes 0.8 of a core without this class and 0.55 with it. Files smaller than 64 MiB
+    stay in memory for their next reader.
 
     A thread waits for the disk. While the disk is slower than the writer, the file grows as it would without this
     class.
