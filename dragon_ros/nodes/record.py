@@ -107,6 +107,7 @@ class Recorder(DragonNode):
         Raises DiskError.
         """
         gone = not self.count_publishers('handles')
+        self._share_absolute()
         self._take_scene(wait=True)
         self._scenes.close()
         self._simulation.flush()
@@ -146,6 +147,12 @@ class Recorder(DragonNode):
             message = DiagnosticArray(status=warnings)
             message.header.stamp = self.get_clock().now().to_msg()
             self._health.publish(message)
+        self._share_absolute()
+
+    def _share_absolute(self) -> None:
+        """Note which of the absolute topics, which all nodes of the graph share, have several publishers."""
+        self.losses.share(topic for topic in self._names.values()
+                          if topic in channels() and self.count_publishers(topic) > 1)
 
     def _skips_now(self, name: str) -> list[DiagnosticStatus]:
         """Log and return a WARN if ticks have been left out since the last call."""

@@ -270,6 +270,20 @@ def test_of_a_topic_that_two_publish_nobody_says_what_is_missing_and_both_are_na
     assert received(tmp_path / 'a.mcap')['dragon_ros.received']['/dragon/handles lost'] == 'unknown: several publishers'
 
 
+def test_numbers_of_several_publishers_of_diagnostics_are_no_losses(start, node, other_node, tmp_path):
+    from diagnostic_msgs.msg import DiagnosticArray
+    from rclpy.duration import Duration
+    record = start('record', '--output', tmp_path / 'a.mcap')
+    one, other = (each.create_publisher(DiagnosticArray, '/diagnostics', 10) for each in (node, other_node))
+    for publisher, each, times in ((one, node, 3), (other, other_node, 1), (one, node, 1)):
+        each.until(publisher.get_subscription_count)
+        for _ in range(times):
+            publisher.publish(DiagnosticArray())
+        assert publisher.wait_for_all_acked(Duration(seconds=30))
+    assert record.stop() == 0, record.text
+    assert received(tmp_path / 'a.mcap')['dragon_ros.received']['/diagnostics lost'] == 'unknown: several publishers'
+
+
 def test_no_scene_on_the_topic_ends_or_blinds_a_recorder(start, node, tmp_path):
     from geometry_msgs.msg import PoseArray
     from std_msgs.msg import String
