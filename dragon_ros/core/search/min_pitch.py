@@ -48,7 +48,8 @@ from dragon_ros.core.tracks.spiral import SpiralCurve
 
 # The size of the first cells: the angle of the leading handle about the centre, and a fraction of the pitch.
 _WAY_RAD, _STEP = 0.8, 0.1
-_AT_ONCE, _MOST = 256, 100_000      # numbers of cells: judged together, and in all
+_AT_ONCE, _MOST = 256, 100_000      # largest numbers of cells: judged together, and in all
+_PAIRS = 2**16          # largest number of pairs of benches in the cells that are judged together, to save memory
 _TINY = 1e-2            # side of the smallest boxes, relative to ``within_m``
 _OUTWARDS = 1 + 2.0**-50    # rounding factor for a pitch, which is the quotient of a rounded number and a scale
 _SAME = 1e-15               # relative rounding error of a pitch, the inverse of a scale
@@ -243,13 +244,11 @@ class _Descending:
     in m, the pitch in m and the bench of the contact with the largest pitch found so far.
     """
 
-    at_once = _AT_ONCE
-
     def __init__(self, task: _PitchTask, first: int, floor_m: float, progress: Callable[[int], object]) -> None:
         self.task, self.first, self.states, self._tell = task, first, 0, progress
         self.touch: tuple[float, float, int] | None = None
         self._best = self._limit = 2 * pi / floor_m     # scale of the contact found, and scale up to which all is clear
-        self._done = 0
+        self._done, self._follow = 0, task.dragon.benches - first
         size_m = task.widest_m(task.largest_m, 1)
         self._tolerance_m = 2 * EXACT.promise_for_m(size_m)     # covers the position errors of both benches
 
@@ -258,6 +257,11 @@ class _Descending:
         cells = self._grid()
         run(self, Boxes(cells[[0, 2]], cells[[1, 3]]))
         return 2 * pi / self._best, _OUTWARDS * 2 * pi / self._limit
+
+    @property
+    def at_once(self) -> int:
+        """The number of boxes that are judged together; to save memory, fewer if the last windings were long."""
+        return max(1, min(_AT_ONCE, _PAIRS // self._follow))
 
     def ahead(self, boxes: Boxes) -> Array:
         """Return whether each box begins at a larger pitch than the first box that is not clear."""
@@ -279,13 +283,17 @@ class _Descending:
         near = (2 * pi / boxes.low[1] - 2 * pi / self._best <= self.task.within_m) | self._tiny(boxes)
         self._limit = min(self._limit, self._best, float(np.min(boxes.low[1, unclear & near], initial=np.inf)))
         left = unclear & ~near
-        return boxes.some(left).cut(2, axis[left])
+        return boxes.some(left).cut(2, _divisible_axis(boxes, axis)[left])
 
     def _tiny(self, boxes: Boxes) -> Array:
-        """Return whether each box is so small that its gap is within position errors and cutting cannot clear it."""
+        """Return whether each box is so small that its gap is within position errors and cutting cannot clear it.
+
+        A box that floats cannot divide along either axis is tiny, too.
+        """
         within_m = _TINY * self.task.within_m
-        out: Array = ((boxes.high[0] - boxes.low[0] <= within_m)
-                      & (2 * pi / boxes.low[1] - 2 * pi / boxes.high[1] <= within_m))
+        small = ((boxes.high[0] - boxes.low[0] <= within_m)
+                 & (2 * pi / boxes.low[1] - 2 * pi / boxes.high[1] <= within_m))
+        out: Array = small | ~np.any(_divisible(boxes), axis=0)
         return out
 
     def _grid(self) -> Floats:
@@ -335,8 +343,8 @@ class _Descending:
         dragon = self.task.dragon
         around = 2 * pi * (float(np.max(radius_m)) + 2 * pi / float(np.min(scale)))
         link = max(float(dragon.link_lengths_m[-1]), 1e-3 * around)
-        follow = min(dragon.benches - self.first, 8 + ceil(self._turns(radius_m, scale) * around / link))
-        return windings(dragon, self.first, follow, radius_m, scale)
+        self._follow = min(dragon.benches - self.first, 8 + ceil(self._turns(radius_m, scale) * around / link))
+        return windings(dragon, self.first, self._follow, radius_m, scale)
 
     def _turns(self, radius_m: Floats, scale: Floats) -> float:
         """Estimate after how many turns benches are clear of the leading bench; ``_check_rest`` checks the estimate."""
@@ -399,6 +407,19 @@ class _Descending:
             if scale[n] < self._best or self.touch is None:
                 self._best = min(self._best, float(scale[n]))
                 self.touch = float(radius_m[n]), 2 * pi / float(scale[n]), int(np.argmin(gap[n])) + 2
+
+
+def _divisible(boxes: Boxes) -> Array:
+    """Return whether there is a float between the ends of each box, along each axis (2, M)."""
+    middle = boxes.low + 0.5 * (boxes.high - boxes.low)
+    out: Array = (boxes.low < middle) & (middle < boxes.high)
+    return out
+
+
+def _divisible_axis(boxes: Boxes, axis: Ints) -> Ints:
+    """Return the axis (M,) along which to cut each box: the other axis if floats cannot divide the given one."""
+    out: Ints = np.where(_divisible(boxes)[axis, np.arange(axis.size)], axis, 1 - axis)
+    return out
 
 
 def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale: Floats) -> BenchSamples:

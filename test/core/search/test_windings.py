@@ -9,8 +9,9 @@ from dragon_ros.core.enclosures.by_scale import bend_by_scale
 from dragon_ros.core.enclosures.on_spiral import bend, line_distance
 from dragon_ros.core.errors import DragonError, FieldError
 from dragon_ros.core.numerics.double_double import DoubleDouble
+from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.search.driver import Boxes
-from dragon_ros.core.search.min_pitch import _Descending, _PitchTask, _task, separations, windings
+from dragon_ros.core.search.min_pitch import _Descending, _PitchTask, _task, min_pitch, separations, windings
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral
@@ -184,6 +185,45 @@ def test_a_search_that_is_given_up_names_the_largest_pitch_that_is_not_proved():
     scales = 2 * np.pi / np.array([0.5, 0.75, 0.6])
     with pytest.raises(DragonError, match='below a pitch of 0.75 m'):
         search.judge(Boxes(np.stack((np.full(3, 5.0), scales)), np.stack((np.full(3, 6.0), 1.01 * scales))))
+
+
+def test_a_box_whose_scales_are_two_adjacent_floats_is_cut_along_the_radius():
+    search, scale = descending(0, Dragon(60, 3.41, 1.15)), 16.00752770419973
+    low, high = np.array([[4.552372317759982], [scale]]), np.array([[4.552372324006788], [np.nextafter(scale, 17)]])
+    parts = search.judge(Boxes(low, high))      # the gap of its closest pair hardly varies with the radius
+    assert parts.size == 2
+    assert np.all(parts.high[0] - parts.low[0] < 0.51 * (high - low)[0])
+
+
+def test_a_box_that_floats_cannot_divide_is_not_cut_and_limits_what_is_proved():
+    vast, radius_m = Dragon(60, 3.41e5, 1.15e5, 0.3e5, 0.275e5), 4.552372e5
+    search = _Descending(_PitchTask(vast, 4.5e5, 16.0, 1e5, 1e-9), 0, 0.3e5, lambda states: None)
+
+    def gap(scale):
+        placed = windings(vast, 0, 60, np.array([radius_m]), np.array([scale]))
+        return float(np.min(np.max(separations(vast, 0, placed, np.array([scale])), axis=-1)))
+
+    touch = illinois(gap, 15.9e-5, 16.1e-5, gap(15.9e-5), gap(16.1e-5))
+    low = np.array([[radius_m], [touch]])
+    assert search.judge(Boxes(low, np.nextafter(low, 1e9))).size == 0
+    assert search._limit == touch
+
+
+def test_long_windings_are_judged_in_smaller_numbers_until_shorter_ones_suffice():
+    search = descending(1, Dragon(benches=70_000))
+    assert search.at_once == 1
+    search._windings(np.array([5.0]), np.array([2 * np.pi / 0.55]))
+    assert search.at_once == 256
+    short = descending(1, Dragon(70_000, 0.19, 0.19, 0.05, 0.02))
+    short._windings(np.array([20.0]), np.array([2 * np.pi]))
+    count = short._windings(np.array([20.0]), np.array([2 * np.pi])).delta.shape[1]
+    assert 2**15 < short.at_once * count <= 2**16
+
+
+def test_the_smallest_pitch_is_found_although_scales_come_down_to_two_adjacent_floats():
+    found = min_pitch(Dragon(60, 3.41, 1.15))
+    assert found.states < 40_000
+    assert found.low_m == pytest.approx(0.392514410901, abs=1e-10)
 
 
 @pytest.mark.parametrize('first', [0, 1])
