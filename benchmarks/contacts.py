@@ -100,7 +100,7 @@ def _scanned(step_s: float, scene: Scene) -> list[Search]:
 
 
 def _polished(wanted: tuple[float, ...], scene: Scene, what: str = '', true_s: float = T_STAR_S) -> list[Search]:
-    """Sample every second, then bisect the second with the contact until it is as short as each ``wanted`` duration."""
+    """Sample every second, then bisect the interval with the contact down to each of the ``wanted`` lengths."""
     scan = _scanned(1.0, scene)[0]
     low, high = scan.t_s - 1, scan.t_s
     samples, start, out = scan.states, time.perf_counter(), []

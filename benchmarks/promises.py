@@ -41,9 +41,9 @@ _COLOURS = {'preview': '#56B4E9', 'standard': '#009E73', 'fine': '#E69F00', 'exa
 
 
 def shares(scene: Scene, times_s: Sequence[float]) -> Floats:
-    """Return errors divided by promises, (times, 3, 2): of ``state``, ``states``, ``tick``; of positions, of speeds.
+    """Return errors divided by promises (times, 3, 2), for ``state``, ``states`` and ``tick``, positions and speeds.
 
-    Times are whole nanoseconds, as ticks require. The promise is that of the tier of the scene.
+    Times are whole nanoseconds, as ticks require. The promise is that of the scene's tier.
     """
     known, scene = replace(scene, accuracy='exact', solver='march'), replace(scene, effects=Effect.VELOCITY)
     many = states(scene, times_s)
@@ -110,7 +110,7 @@ def _piece(dice: Random) -> Piece:
 
 @dataclass(frozen=True)
 class Measured:
-    """Errors of M chains divided by promises, (M, 3, 2); indices of tiers in PROMISING, numbers of scenes, (M,)."""
+    """The errors of M chains divided by their promises (M, 3, 2), with the indices of tiers and the scenes (M,)."""
 
     shares: Floats
     tiers: Ints

@@ -16,8 +16,8 @@ from dragon_ros.cli.progress import Progress
 from dragon_ros.cost.measure import circumstances
 
 _LENGTHS = 1400         # seconds of the run for each second of a timing's budget
-_LONGEST_S = 432.0      # length of the run: the whole way in
-_REPEATS = 3            # runs of which the fastest counts, since other load can only slow a run down
+_LONGEST_S = 432.0      # length of the longest run, which ends shortly before the chain locks
+_REPEATS = 3            # number of runs; the fastest counts, since other load can only slow a run down
 _PINNED = 0             # stands for one worker that may use only one core
 
 

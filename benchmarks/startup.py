@@ -76,7 +76,7 @@ def _first_frame(*words: str | Path) -> None:
 
 
 def _environment() -> dict[str, str]:
-    """Return the environment without the variable that stops Python from storing compiled modules, as for a user."""
+    """Return a user's environment, without the variable that stops Python from storing compiled modules."""
     return {name: value for name, value in os.environ.items() if name != 'PYTHONDONTWRITEBYTECODE'}
 
 

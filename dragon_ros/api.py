@@ -254,7 +254,10 @@ class Bag:
 
     @cached_property
     def scene(self) -> Scene | None:
-        """The scene of the run; None if the bag has none. Raises InputError beyond its budgets, unless ``trust``."""
+        """The scene of the run; None if the bag has none.
+
+        Raises InputError if the scene exceeds the budgets for untrusted input, unless ``trust`` is true.
+        """
         return scene_of_bag(self._reader, self.namespace, self._trust)
 
     @property

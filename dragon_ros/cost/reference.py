@@ -247,7 +247,7 @@ class _DecimalTrack:
         return max(piece.bend for piece in self.pieces)
 
     def _hair(self, k: int, u: Number) -> Number:
-        """Return how far in u rounding may place a handle beyond an end of the track."""
+        """Return the largest change of u by which rounding may place a handle beyond an end of the track."""
         return _ZERO if 0 <= k < len(self.pieces) else _HAIR * (1 + abs(u))
 
     def next(self, place: _Place, chord: Number, way: int, guess: Number | None) -> _Place:

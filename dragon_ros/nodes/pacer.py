@@ -76,5 +76,5 @@ class Pacer:
 
 def _checked(scale: float) -> float:
     if not 0 <= scale <= 1e6:
-        raise FieldError('time_scale', scale, 'it must be between 0 and 1e6', 'give 0 for as fast as possible')
+        raise FieldError('time_scale', scale, 'it must be between 0 and 1e6', 'give 0 to run as fast as possible')
     return scale

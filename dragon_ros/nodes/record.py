@@ -50,7 +50,7 @@ class Recorder(DragonNode):
         self._simulation, self._monitored = SimulationClock(self._log), SimulationClock(self._log)
         self._last, self._seen, self._counted, self._scene = time.monotonic(), False, 0.0, ''
         self._scenes, self._attached = SceneReader(self._settings(), trust), set[str]()
-        self._unaccounted: list[tuple[str, int, int, bool]] = []    # received after a scene that is being read
+        self._unaccounted: list[tuple[str, int, int, bool]] = []    # received while a scene is being read
         self._names = {name: self.resolve_topic_name(name) for name in channels()}
         # The nodes of all dragons share absolute topics.
         self._sources = [publishers.Publishers(self, topic) for name, topic in self._names.items() if name[0] != '/']
