@@ -1,5 +1,5 @@
 """The checker's own track, chain and law equal the solver's to the last digits and are far more precise."""
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
@@ -28,6 +28,7 @@ from dragon_ros.verify.law import Law
 from dragon_ros.verify.posture import Dragon as Benches
 from dragon_ros.verify.posture import Posture
 from dragon_ros.verify.run import Leader, Limit, _Locks, run_of
+from dragon_ros.verify.segments import Link
 from dragon_ros.verify.track import track_of
 
 BENT = Composite((Line(50.0), Arc(3.0, -200.0), Line(1.0), SpiralArc(1.2, 2, 4.0)), start_m=70.0)
@@ -116,6 +117,27 @@ def test_a_curvature_times_the_distance_from_the_centre_is_greatest_at_the_root_
 @given(st.floats(0, 1e6))
 def test_the_angle_of_an_arc_is_found_from_its_length(theta):
     assert segments._about_after(segments._about_arc(theta)) == pytest.approx(theta, rel=1e-12, abs=1e-300)
+
+
+@pytest.mark.parametrize(('beyond_m', 'fits'), [(0.9e-12, True), (1.9e-12, False), (1e-6, False), (0.5, False)])
+def test_a_handle_is_on_the_track_up_to_a_millionth_of_a_micrometre_beyond_its_end(beyond_m, fits):
+    precise(1.0)
+    line, link = track_of(read(Scene(Dragon(1), Composite((Line(8.0),)), run=Run(0, 1)))), Link(arb(2), 2.0)
+    here = line.place_at(line.end - 2 + exact(Fraction(beyond_m)))
+    with nullcontext() if fits else pytest.raises(Refused):
+        assert float(abs(line.distance(line.next(here, link, 1)) - line.end)) <= 1e-12
+
+
+@pytest.mark.parametrize(('way', 'metres'), [(1, 3.75), (-1, 5.25)])
+@pytest.mark.parametrize(('link_m', 'on_it'), [(0.75, True), (1.2, True), (1.5, False), (0.2, False)])
+def test_a_handle_is_cut_from_a_segment_only_if_it_lies_on_it(way, metres, link_m, on_it):
+    precise(1.0)
+    scene, link = Scene(Dragon(1), Composite((Line(4.0), Line(1.0), Line(4.0)))), Link(arb(link_m), link_m)
+    line = track_of(read(scene))
+    here = line.point(line.place_at(arb(metres)))
+    with nullcontext() if on_it else pytest.raises(Refused):
+        found = line._cut(1, here, link, way, arb(0.25))
+        assert abs(float(line.distance(found)) - metres) == pytest.approx(link_m, abs=1e-12)
 
 
 def test_the_start_is_32_pi_and_not_its_float():

@@ -84,7 +84,8 @@ def test_chains_of_any_links_that_are_placed_at_once_are_those_placed_link_by_li
     track = track_of(Spiral(0.55, start))
     leaders = track.places_at(np.array([0.0, -1.5]), np.zeros(2))
     mixed = np.stack((links, links[::-1]))
-    (_, u, lo), _ = forward_many(track, blocks_of(mixed, BEHIND), leaders, BEHIND)
+    (_, u, lo), spent = forward_many(track, blocks_of(mixed, BEHIND), leaders, BEHIND)
+    assert spent == together(track, mixed.T, leaders, BEHIND)[1]        # not link by link
     for n in range(2):
         leader = Place.of(*(values[n] for values in leaders))
         one_by_one = forward(track, blocks_of(mixed[n], BEHIND), leader, BEHIND)
