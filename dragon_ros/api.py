@@ -325,7 +325,7 @@ class Design:
 
     @staticmethod
     def min_pitch(dragon: Scene | Simulated | AnyDragon | None = None, *, diameter_m: float = 9.0,
-                  start_turns: float = 16.0, largest_m: float = 1.0, within_m: float = 2e-11,
+                  start_turns: float = 16.0, largest_m: float = 1.0, within_m: float = 4e-11,
                   smallest_m: float | None = None, progress: Progress = _quiet) -> 'MinPitch':
         """Return the smallest pitch such that the head reaches a circle without contact at this and larger pitches.
 

@@ -173,7 +173,7 @@ def _min_pitch_options(parser: ArgumentParser) -> None:
                         help='diameter of the turning circle (%(default)g)')
     parser.add_argument('--largest', type=float, default=1.0, metavar='METRES',
                         help='largest pitch considered (%(default)g)')
-    parser.add_argument('--within', type=float, default=2e-11, metavar='METRES',
+    parser.add_argument('--within', type=float, default=4e-11, metavar='METRES',
                         help='width of the bracket (%(default)g)')
     parser.add_argument('--smallest', type=float, metavar='METRES',
                         help='for mixed benches: a pitch at which benches touch')

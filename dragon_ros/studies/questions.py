@@ -14,7 +14,7 @@ from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.geometry.near_obstacles import with_obstacles
 from dragon_ros.core.geometry.near_pairs import closeness
-from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of, corner_levers
 from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
@@ -109,7 +109,7 @@ class ClearanceQuestion:
             number('ask.clearance.at_s', self.at_s, low=0.0)
 
     def answer(self, asked: Asked) -> Values:
-        """Return the answer. Its bounds follow from the (tested) position error. One or two benches have no gap."""
+        """Return the answer. Its bounds follow from the (tested) errors of handles. One or two benches have no gap."""
         simulation = compile_scene(asked.scene)
         t_s = simulation.end.t_s if self.at_s is None else self.at_s
         chain = simulation.chain(t_s)
@@ -120,7 +120,9 @@ class ClearanceQuestion:
         out: Values = {'clearance_t_s': t_s, 'clearance_proved': False}
         if found.closest is None:
             return out
-        (inner, outer), off_m = found.closest, 2 * simulation.promise_m
+        (inner, outer), levers = found.closest, corner_levers(asked.scene.dragon, simulation.model.track.bend)
+        met = [bench for bench in (inner, outer) if bench < levers.size]      # the others are obstacles
+        off_m = float(levers[met].sum()) * simulation.promise_m
         other: Values = {'clearance_outer': outer}
         if venue is not None and outer >= len(benches.half_length):
             other = {'clearance_obstacle': venue.names[outer - len(benches.half_length)]}

@@ -2,7 +2,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
-from math import inf
+from math import hypot, inf, sqrt
 from typing import NamedTuple
 
 from flint import acb, arb
@@ -46,6 +46,18 @@ class Bench:
     def arm_m(self) -> float:
         """Largest distance of a point of the bench from its middle."""
         return hypot_above(above(self.half_length), above(self.half_width))
+
+    def lever(self, bend: float) -> float:
+        """Return the largest error of a corner, relative to the position error of the handles of a solver.
+
+        For the ratio s of length and link, it is max(s, 2 / sqrt(4 - s^2)) plus the width over the link
+        (docs/contact.md, limits of the search). A link of zero length turns with the track, which bends by ``bend``.
+        """
+        length, width = 2 * self.sizes[0], 2 * self.sizes[1]
+        if not self.link.near:
+            return 1 + 0.5 * bend * hypot(length, width)
+        ratio = length / self.link.near
+        return max(ratio, 2 / sqrt(4 - min(ratio * ratio, 2.0))) + width / self.link.near
 
     @cached_property
     def sizes(self) -> tuple[float, float]:

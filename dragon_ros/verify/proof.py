@@ -148,7 +148,8 @@ class _Proof:
         not determine its position that well, or if the benches approach so slowly that position errors correspond to
         more travel.
         """
-        step, error_m = 1e3 * _SLACK * self._unit, 4 * _PROMISE_M * self._coarse
+        lever = max(self._dragon.benches[bench].lever(self._track.bend) for bench in contact.benches)
+        step, error_m = 1e3 * _SLACK * self._unit, 4 * _PROMISE_M * self._coarse * lever
         here, gaps = float(gap(*self._poses(contact, gone))), []
         for sense in (-1, 1):
             try:

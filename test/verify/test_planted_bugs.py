@@ -129,8 +129,10 @@ def sizes(patch, length_m, width_m):
         if name.startswith('dragon_ros.core') and getattr(module, 'Benches', None) is true:
             patch.setattr(module, 'Benches', made)
     sampled = on_spiral.Sizes
-    patch.setattr(on_spiral, 'Sizes', lambda b_m, error_m, links_m, half_length_m, half_width_m, longest_m: sampled(
-        b_m, error_m, links_m, half_length_m + length_m, half_width_m + width_m, longest_m))
+
+    def sizes_made(b_m, error_m, corner_m, links_m, half_length, half_width, longest_m):
+        return sampled(b_m, error_m, corner_m, links_m, half_length + length_m, half_width + width_m, longest_m)
+    patch.setattr(on_spiral, 'Sizes', sizes_made)
 
 
 def constant_of_the_second_order_bound(patch):

@@ -47,7 +47,7 @@ import numpy as np
 from dragon_ros.core.chain.chain import marched_many
 from dragon_ros.core.chain.dragon import AnyDragon, is_even
 from dragon_ros.core.enclosures.ball_arithmetic import Ball, between, side_by_side
-from dragon_ros.core.geometry.rectangles import axes_of
+from dragon_ros.core.geometry.rectangles import axes_of, corner_levers
 from dragon_ros.core.geometry.signed_distance import parted_between, rounding_m, seen_from
 from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints
 from dragon_ros.core.tracks.composite import Track
@@ -55,7 +55,7 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 ABOVE = 1 + 2.0**-40    # factor for bounds that covers more than eight thousand roundings of positive numbers
 _SETTLED = 0.5      # a first-order bound above this fraction of the gap is sufficient
-_SURE = 8           # multiple of the position error that exceeds any tolerance
+_SURE = 8           # multiple of the error of corners that exceeds any tolerance
 _STILL = 1e-9  # margin around the follower's turning position, where motion is below the position error
 _COMPLEX = np.array([1, 1j])
 _AT_ONCE = 512  # number of positions whose intermediate results fit into the cache
@@ -116,15 +116,17 @@ def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floa
 
 @dataclass(frozen=True)
 class Sizes:
-    """The links (L, K), half lengths (L, K) and half width of sampled benches, and a bound on position errors, in m.
+    """The links (L, K), half lengths (L, K) and half width of sampled benches, and bounds on errors, in m.
 
-    There is one row per leading bench or, after ``of``, per sample. ``longest_m`` (L, 1) is the longest of these links
-    and all links behind them, or 0 if all links behind the first are equal. If there are fewer than K benches, copies
-    of the last bench are added.
+    ``error_m`` bounds the errors of handles, and ``corner_error_m`` those of the corners of any bench. There is one row
+    per leading bench or, after ``of``, per sample. ``longest_m`` (L, 1) is the longest of these links and all links
+    behind them, or 0 if all links behind the first are equal. If there are fewer than K benches, copies of the last
+    bench are added.
     """
 
     b_m: float
     error_m: float
+    corner_error_m: float
     links_m: Floats
     half_length_m: Floats
     half_width_m: float
@@ -192,8 +194,9 @@ class BenchSampler:
         sampled = np.minimum(np.array(self.leads)[:, None] + np.arange(self.follow), d.benches - 1)
         rest = [d.link_lengths_m[lead:] for lead in self.leads]
         longest_m = [[0.0 if is_even(each) else float(np.max(each))] for each in rest]
-        return Sizes(self.b_m, self.error_m, d.link_lengths_m[sampled], 0.5 * d.bench_lengths_m[sampled],
-                     0.5 * d.width_m, np.array(longest_m))
+        corner_error_m = self.error_m * float(np.max(corner_levers(d, self.track.bend)))
+        return Sizes(self.b_m, self.error_m, corner_error_m, d.link_lengths_m[sampled],
+                     0.5 * d.bench_lengths_m[sampled], 0.5 * d.width_m, np.array(longest_m))
 
     def reaching(self, theta: Floats, lead: Ints | None = None) -> 'BenchSampler':
         """Return a sampler that is limited to the followers within reach at given positions, if these are few."""
@@ -453,7 +456,7 @@ def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tupl
     low = np.maximum(np.maximum(one, two) - _way(a, b, sizes), _straight(a, b, sizes)) - off[:, None]
     low = np.maximum(low, circle)
     there = np.arange(2, circle.shape[1] + 2) <= behind[:, None]
-    row, other = np.nonzero(there & (low < np.maximum(_SETTLED * np.minimum(one, two), _SURE * sizes.error_m)))
+    row, other = np.nonzero(there & (low < np.maximum(_SETTLED * np.minimum(one, two), _SURE * sizes.corner_error_m)))
     room = np.ones(behind.size)
     if row.size:
         bent, enough = _bent(a, b, sizes, row, other)

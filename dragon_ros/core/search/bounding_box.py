@@ -37,7 +37,7 @@ from dragon_ros.core.chain.lock import turns
 from dragon_ros.core.enclosures.ball_arithmetic import Ball
 from dragon_ros.core.enclosures.on_track import LinkStates, enclosed, link_states
 from dragon_ros.core.errors import ChainLockError
-from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of, corner_levers
 from dragon_ros.core.geometry.signed_distance import CORNERS
 from dragon_ros.core.model import Model, compile_scene
 from dragon_ros.core.numerics.roots import illinois
@@ -100,7 +100,7 @@ def fits(bounds_m: tuple[float, float], side_m: float) -> bool | None:
 
 def bounding_box(scene: Scene, within_m: float = 1e-10,
                  progress: Callable[[int], object] = lambda looks: None) -> BoundingBox:
-    """Return the space that the scene's run requires; its bounds differ by ``within_m`` plus the position error.
+    """Return the space that the scene's run requires; its bounds differ by ``within_m`` plus the error of corners.
 
     The bounds differ by more if floats are too coarse, or if placing ``_MOST`` benches does not suffice.
     ``progress(looks)`` is called with the number of benches placed since the last call.
@@ -206,7 +206,10 @@ def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Reaching, side: i
     x, y = benches_of(chain, scene.dragon, axes_of(chain)).corners[bench, corner].tolist()
     low_m = (x, -x, y, -y)[side]
     high_m = max(low_m, float(search.best[side]), float(search.high[side]))
-    high_m += EXACT.promise_for_m(max(compile_scene(scene).size_m, abs(high_m)))
+    simulation = compile_scene(scene)
+    lever = float(corner_levers(scene.dragon, simulation.model.track.bend)[bench])
+    promise_m = EXACT.promise_for_m(simulation.size_m)      # corners further out than the handles are rounded more
+    high_m += lever * promise_m + EXACT.promise_for_m(max(simulation.size_m, abs(high_m))) - promise_m
     return Reach(SIDES[side], low_m, high_m, bench, CORNERS[corner], t_s, (x, y))
 
 

@@ -58,7 +58,7 @@ class Contact:
     For a contact with an obstacle, ``benches`` has one element, and ``obstacle`` describes the obstacle's side. If the
     smallest gap is zero to within the position error, contact is undecided and ``grazing_m`` bounds this gap; otherwise
     ``grazing_m`` is None. ``simultaneous`` lists the other pairs that touch within the uncertainty; each pair consists
-    of two benches, or of a bench and the name of an obstacle. The uncertainty is the position error of the exact tier
+    of two benches, or of a bench and the name of an obstacle. The uncertainty is the error of the gap at the exact tier
     divided by the approach speed. ``states`` is the number of states evaluated.
     """
 

@@ -28,7 +28,7 @@ from dragon_ros.core.search.driver import Judgement, clear, parts_for
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
-_TOLERANCE = 4          # multiple of the position error, for two benches at two states
+_TOLERANCE = 2          # multiple of the error of a gap: the bounds follow from the gaps of two states
 # The spacing of the first states, in longest benches; pairs two benches apart could not be cleared with a larger
 # spacing.
 _SPACING = 0.3
@@ -83,7 +83,7 @@ class _ChainIntervals:
     def __init__(self, domain: SearchDomain, only_beyond: bool, heads_m: dict[float, float]) -> None:
         dragon = domain.dragon
         self._domain, self._only_beyond, self._heads_m = domain, only_beyond, heads_m
-        self.tolerance_m = _TOLERANCE * domain.error_m
+        self.tolerance_m = _TOLERANCE * domain.gap_error_m
         self._half = 0.5 * dragon.bench_lengths_m, np.full(dragon.benches, 0.5 * dragon.width_m)
         overhang = np.hypot(0.5 * (dragon.bench_lengths_m - dragon.link_lengths_m), 0.5 * dragon.width_m)
         self._turning, self._far_m = 0.5 * domain.track.bend * overhang, _FAR * float(np.max(dragon.bench_lengths_m))
@@ -219,7 +219,7 @@ class WholeChain:
 
     def __init__(self, domain: SearchDomain, only_beyond: bool) -> None:
         """Cover a domain; ``only_beyond`` limits it to pairs whose inner bench is beyond the track's first segment."""
-        self._domain, self._only_beyond, self.tolerance_m = domain, only_beyond, _TOLERANCE * domain.error_m
+        self._domain, self._only_beyond, self.tolerance_m = domain, only_beyond, _TOLERANCE * domain.gap_error_m
         longest_m = float(np.max(domain.dragon.bench_lengths_m))
         self._spacing_m, self._finest_m = _SPACING * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
         self._rows: list[tuple[float, float, float]] = []

@@ -55,7 +55,7 @@ class BenchPairs(Protocol):
 
     @property
     def tolerance_m(self) -> float:
-        """The position error, which a bound must exceed."""
+        """The error that a bound must exceed."""
         ...
 
     def clear(self, stop_m: float) -> Bracket | None:
@@ -174,7 +174,8 @@ class _ContactSearch:
             return self._contact(earlier)       # the proof found an earlier contact
         self._complete = claim.grazes(cleared_m) if grazing_m else claim.touches(cleared_m, earlier is None)
         speed = claim.slope * domain.speed_m_s(claim.t_s)
-        unsure = EXACT.promise_for_m(domain.simulation.size_m) / speed if speed > 0 else inf
+        error_m = domain.lever_of(pair) * EXACT.promise_for_m(domain.simulation.size_m)
+        unsure = error_m / speed if speed > 0 else inf
         times = {place: domain.time_s(place) for place, _ in later}
         met = [pair, *(other for place, other in later if times[place] - claim.t_s <= unsure)]
         names = [*dict.fromkeys(self._named(each) for each in met)]
@@ -270,7 +271,7 @@ class _ContactSearch:
 
     @property
     def _error_m(self) -> float:
-        """The position error, which bounds must exceed."""
+        """The error that bounds must exceed."""
         return max(part.tolerance_m for part in self._parts)
 
 
@@ -318,7 +319,8 @@ class _Claim:
         domain = self.domain
         step = max(_BEFORE_M * domain.unit, _LAST_PLACES * ulp(self.t_s) * domain.speed_m_s(self.t_s))
         slack = max(step, 2 * self._rounding_m / self.slope) if self.slope > 0 else step
-        error_m = _TOLD_APART * EXACT.promise_m * self._coarse
+        lever = max(float(domain.levers[bench]) for bench in self.pair if bench < domain.dragon.benches)
+        error_m = _TOLD_APART * EXACT.promise_m * self._coarse * lever
         if abs(domain.gap(self.pair, self._told_m)) + self._rounding_m < 2 * (error_m + step):
             slack = max(slack, error_m / self._steepest)
         return min(slack, _WIDEST_M * domain.unit * self._coarse)

@@ -33,6 +33,7 @@ from dragon_ros.core.enclosures.ball_arithmetic import Ball, between
 from dragon_ros.core.enclosures.by_scale import bend_by_scale
 from dragon_ros.core.enclosures.on_spiral import ABOVE, BenchSamples, bend, line_distance, samples_of
 from dragon_ros.core.errors import DragonError, FieldError
+from dragon_ros.core.geometry.rectangles import corner_levers
 from dragon_ros.core.geometry.signed_distance import rounding_m, seen_from
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Array, Floats, Ints
@@ -51,6 +52,7 @@ _WAY_RAD, _STEP = 0.8, 0.1
 _AT_ONCE, _MOST = 256, 100_000      # largest numbers of cells: judged together, and in all
 _PAIRS = 2**16          # largest number of pairs of benches in the cells that are judged together, to save memory
 _TINY = 1e-2            # side of the smallest boxes, relative to ``within_m``
+_BRACKET = 5            # smallest difference of the bounds on the pitch, in errors of gaps
 _OUTWARDS = 1 + 2.0**-50    # rounding factor for a pitch, which is the quotient of a rounded number and a scale
 _SAME = 1e-15               # relative rounding error of a pitch, the inverse of a scale
 _UNIT = track_of(Spiral(2 * pi, 1.0), BEHIND)   # the spiral in units of b
@@ -108,16 +110,16 @@ class _PitchTask:
 
 
 def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_turns: float = 16.0,
-              largest_m: float = 1.0, within_m: float = 2e-11,
+              largest_m: float = 1.0, within_m: float = 4e-11,
               progress: Callable[[int], object] = lambda states: None, smallest_m: float | None = None) -> MinPitch:
     """Return the smallest pitch such that the head reaches the circle without contact up to ``largest_m``.
 
     The head starts ``start_turns`` turns from the centre of the spiral, which is also the centre of the circle of
-    diameter ``diameter_m``. ``low_m`` and ``high_m`` differ by at most ``within_m``. Mixed benches require
-    ``smallest_m``, a pitch at which benches touch; for equal benches it is ignored. ``progress(states)`` is called with
-    the number of states computed since the last call. Raises FieldError if no pitch has a contact or if benches touch
-    at ``largest_m``, DragonError if no bounds can be proved, and ChainLockError if a link is longer than the circle's
-    diameter.
+    diameter ``diameter_m``. ``low_m`` and ``high_m`` differ by at most ``within_m`` or, if that is more, five times
+    the error of a gap. Mixed benches require ``smallest_m``, a pitch at which benches touch; for equal benches it
+    is ignored. ``progress(states)`` is called with the number of states computed since the last call. Raises
+    FieldError if no pitch has a contact or if benches touch at ``largest_m``, DragonError if no bounds can be
+    proved, and ChainLockError if a link is longer than the circle's diameter.
     """
     if dragon and not is_even(dragon.link_lengths_m):
         runs = _Runs(dragon, diameter_m, start_turns, progress)
@@ -249,8 +251,9 @@ class _Descending:
         self.touch: tuple[float, float, int] | None = None
         self._best = self._limit = 2 * pi / floor_m     # scale of the contact found, and scale up to which all is clear
         self._done, self._follow = 0, task.dragon.benches - first
-        size_m = task.widest_m(task.largest_m, 1)
-        self._tolerance_m = 2 * EXACT.promise_for_m(size_m)     # covers the position errors of both benches
+        self._error_m = EXACT.promise_for_m(task.widest_m(task.largest_m, 1))
+        self._tolerance_m = 2 * self._error_m * float(np.max(corner_levers(task.dragon, 0.0)))      # the error of a gap
+        self._within_m = max(task.within_m, _BRACKET * self._tolerance_m)
 
     def run(self) -> tuple[float, float]:
         """Return a pitch with a contact (or the floor), and the smallest pitch above which everything is clear."""
@@ -280,17 +283,17 @@ class _Descending:
                               f'after {self._done} cells; some benches may almost touch at every pitch')
         self._done += boxes.size
         unclear, axis = self._unclear(np.stack((boxes.low[0], boxes.high[0], boxes.low[1], boxes.high[1])))
-        near = (2 * pi / boxes.low[1] - 2 * pi / self._best <= self.task.within_m) | self._tiny(boxes)
+        near = (2 * pi / boxes.low[1] - 2 * pi / self._best <= self._within_m) | self._tiny(boxes)
         self._limit = min(self._limit, self._best, float(np.min(boxes.low[1, unclear & near], initial=np.inf)))
         left = unclear & ~near
         return boxes.some(left).cut(2, _divisible_axis(boxes, axis)[left])
 
     def _tiny(self, boxes: Boxes) -> Array:
-        """Return whether each box is so small that its gap is within position errors and cutting cannot clear it.
+        """Return whether each box is so small that its gap is within errors and cutting cannot clear it.
 
         A box that floats cannot divide along either axis is tiny, too.
         """
-        within_m = _TINY * self.task.within_m
+        within_m = _TINY * self._within_m
         small = ((boxes.high[0] - boxes.low[0] <= within_m)
                  & (2 * pi / boxes.low[1] - 2 * pi / boxes.high[1] <= within_m))
         out: Array = small | ~np.any(_divisible(boxes), axis=0)
@@ -374,7 +377,7 @@ class _Descending:
 
     def _angle_errors(self, theta: Floats, scale: Floats) -> Floats:
         """Return the error of polar angles: twice the position error, divided by a handle's travel per radian."""
-        out: Floats = self._tolerance_m * scale / np.maximum(theta, 1.0)
+        out: Floats = 2 * self._error_m * scale / np.maximum(theta, 1.0)
         return out
 
     def _check_rest(self, cells: Floats, placed: BenchSamples, ends: Ints) -> None:

@@ -21,7 +21,7 @@ from dragon_ros.core.chain.commanded import HeadLaw
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.broad_phase import candidates, default_reach_m
-from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
+from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of, corner_levers
 from dragon_ros.core.geometry.signed_distance import gap_of, gaps
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import bracketed_newton, illinois
@@ -37,7 +37,8 @@ if TYPE_CHECKING:       # scenes without a venue do not need this module
 _LOCK_RAD = 1e-9        # margin before a lock or the centre, where speeds are infinite, relative to 1 + polar angle
 _FLOATS = 1e-13         # position error over the largest coordinate, as promised by the exact tier far from the origin
 _SLOPE = 1e-6  # step to either side for slopes, for links of 1 to 2 m: gap errors of 1e-11 m give slope errors of 1e-5
-_COARSEST = 0.05        # largest position error, in longest benches, with which benches can be distinguished
+_LONG = 4.0             # lever of corners from which the step grows in proportion, as gap errors do
+_COARSEST = 0.05        # largest error of a corner, in longest benches, with which benches can be distinguished
 _KEPT = 6               # number of cached chains; the ends of domains and phases are used repeatedly
 _FEW = 12               # up to this number, placing chains one by one is faster than placing them together
 _MANY = 30              # above this number of chains, tables are built, which later chains use too
@@ -146,10 +147,14 @@ class SearchDomain:
         self.unit = min(1.0, longest_m)
         self.rounding_m = _FLOATS * simulation.size_m
         self.error_m = max(EXACT.promise_m * self.unit, self.rounding_m)    # the promise is smaller for tiny dragons
-        if self.error_m > _COARSEST * longest_m:
-            raise InputError(f'track: {simulation.size_m:.3g} m from the origin, position errors reach '
-                             f'{self.error_m:.2g} m, but benches can be distinguished only up to an error of '
-                             f'{_COARSEST * longest_m:.2g} m; use a smaller track')
+        self.levers = corner_levers(self.dragon, self.track.bend)
+        corner_m = float(np.max(self.levers)) * self.error_m
+        self.gap_error_m = 2 * corner_m     # the error of a gap between two benches
+        if corner_m > _COARSEST * longest_m:
+            raise InputError(f'track: {simulation.size_m:.3g} m from the origin, the errors of corners reach '
+                             f'{corner_m:.2g} m, but benches can be distinguished only up to an error of '
+                             f'{_COARSEST * longest_m:.2g} m; use a smaller track, or benches that extend less beyond '
+                             'their links')
         self._kept: dict[float, Chain] = {}
         self._phases: dict[float, tuple[list[float], list[Floats]]] = {}
         stop_s = travel.farthest_s(sense)
@@ -262,6 +267,10 @@ class SearchDomain:
             return self.rounding_m
         return max(self.rounding_m, _FLOATS * float(np.abs((self.around.start[edge], self.around.stop[edge])).max()))
 
+    def lever_of(self, pair: tuple[int, int]) -> float:
+        """Return the largest error of a pair's gap, relative to the position error of handles."""
+        return float(np.sum(self.levers[[bench for bench in pair if bench < self.dragon.benches]]))
+
     def gap(self, pair: tuple[int, int], gone_m: float) -> float:
         """Return the gap of a pair at a leader position; only the handles from the leader to the pair are placed."""
         edge = self.edge_of(pair)
@@ -293,9 +302,13 @@ class SearchDomain:
 
     @cached_property
     def step_m(self) -> float:
-        """The step for slopes: 1 µm times the largest power of 2 up to half the longest link, or 1 µm without links."""
+        """The step for slopes: 1 µm times the largest power of 2 up to half the longest link, or 1 µm without links.
+
+        If benches extend far beyond their links, the step is larger by a power of 2.
+        """
         longest_m = float(np.max(self.simulation.model.links_m, initial=0.0))
-        return _SLOPE * 2.0 ** (floor(log2(longest_m)) - 1) if longest_m else _SLOPE
+        longer = max(1.0, float(np.max(self.levers)) / _LONG)
+        return _SLOPE * 2.0 ** (floor(log2(longest_m)) - 1 + floor(log2(longer))) if longest_m else _SLOPE
 
     def coarse(self, pair: tuple[int, int], gone_m: float) -> float:
         """Return the ratio of the float spacing at the head's start, or at a pair, to the spacing near the origin."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.geometry.rectangles import corner_levers
 from dragon_ros.core.geometry.signed_distance import rounding_m
 from dragon_ros.core.geometry.venue import Surroundings, surroundings_of
 from dragon_ros.core.model import compile_scene
@@ -26,7 +27,6 @@ _PARTS = 4          # number of parts into which a cell is cut
 _FIRST_M = 2.0      # approximate length of the first intervals
 _MOST_FIRST = 20_000    # maximum number of first intervals per kind of bench
 _PAIRS_AT_ONCE = 2_000_000      # maximum number of distances from positions to edges that are computed together
-_SAME_M = 4e-12     # twice the position error; a gap smaller than the margin by at most this may still meet the margin
 _MOST = 3_000_000   # maximum number of cells that are examined
 
 
@@ -34,7 +34,8 @@ _MOST = 3_000_000   # maximum number of cells that are examined
 class ObstacleGap:
     """The smallest signed gap to an obstacle: a bench has the gap ``high_m`` at ``t_s``, and no gap is below ``low_m``.
 
-    ``point_m`` is the middle of the bench at this time.
+    ``high_m`` is computed and has an error of up to ``error_m``, which ``low_m`` allows for. ``point_m`` is the middle
+    of the bench at this time.
     """
 
     name: str
@@ -43,6 +44,7 @@ class ObstacleGap:
     bench: int
     t_s: float
     point_m: tuple[float, float]
+    error_m: float
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class VenueFit:
     @property
     def lacking(self) -> tuple[ObstacleGap, ...]:
         """The obstacles that a bench touches, or approaches closer than the margin; the smallest gap first."""
-        return tuple(one for one in self.gaps if one.high_m < self.margin_m - _SAME_M or one.high_m <= 0)
+        return tuple(one for one in self.gaps if one.high_m < self.margin_m - one.error_m or one.high_m <= 0)
 
     @property
     def fits(self) -> bool | None:
@@ -200,9 +202,10 @@ class _Nearing(InOrder):
 def _gaps(ranges: HandleRanges, kinds: list[Ints], search: '_Nearing') -> list[ObstacleGap]:
     """Return the result for each obstacle, with the bench that comes closest and the time when it does."""
     scene, around = ranges.scene, search._around
-    size_m = compile_scene(scene).size_m
-    error_m = EXACT.promise_for_m(size_m) + float(rounding_m(max(size_m, around.far_m), float(np.max(
-        scene.dragon.bench_lengths_m) + scene.dragon.width_m)))
+    simulation = compile_scene(scene)
+    size_m, levers = simulation.size_m, corner_levers(scene.dragon, simulation.model.track.bend)
+    off_m = float(rounding_m(max(size_m, around.far_m), float(np.max(scene.dragon.bench_lengths_m)
+                                                              + scene.dragon.width_m)))
     out, firsts = dict[int, ObstacleGap](), np.searchsorted(around.owner, np.arange(len(around.names) + 1))
     for kind, benches in enumerate(kinds):
         numbers = [number for number, (found, _) in enumerate(search.where) if found == kind]
@@ -215,10 +218,11 @@ def _gaps(ranges: HandleRanges, kinds: list[Ints], search: '_Nearing') -> list[O
         edges = np.concatenate([np.arange(firsts[number], firsts[number + 1]) for number in numbers])
         gap_m = bounds.gaps(states.rows(np.repeat(np.arange(len(numbers)), sizes)), edges)
         least = np.minimum.reduceat(gap_m, np.cumsum(sizes) - sizes)
+        error_m = float(levers[benches[0]]) * EXACT.promise_for_m(size_m) + off_m
         for row, number in enumerate(numbers):
             high_m = float(least[row])
             bench = int(benches[np.argmax(np.minimum(places[row] - low, high - places[row]))])
             low_m = min(high_m, float(min(search.low[number], search.best[number]))) - error_m
             out[number] = ObstacleGap(around.names[number], low_m, high_m, bench, ranges.when_s(
-                bench, float(places[row])), (float(middles[row].real), float(middles[row].imag)))
+                bench, float(places[row])), (float(middles[row].real), float(middles[row].imag)), error_m)
     return [out[number] for number in range(len(around.names))]

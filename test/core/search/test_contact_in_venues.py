@@ -170,9 +170,9 @@ def test_the_bound_at_one_place_is_the_gap_less_what_it_may_be_rounded_by():
     assert lost_m == pytest.approx(2 * far_m * 2.0**-46, rel=0.1)
 
 
-@pytest.mark.parametrize(('errors', 'is_clear'), [(3.8, False), (4.6, True)])
+@pytest.mark.parametrize(('errors', 'is_clear'), [(8.4, False), (10.5, True)])
 def test_a_bench_along_a_wall_is_clear_only_if_errors_of_its_handles_cannot_turn_a_corner_into_it(errors, is_clear):
-    link_m = 2.2 / 3.9      # the error of a corner is that of a handle times 1 + 2 overhang / link
+    link_m = 2.2 / 3.9      # the error of a corner is that of a handle times (length + width) / link: 4.43
     scene = replace(ALONG, dragon=Dragon(2, 2.2, 2.2, 0.3, 0.5 * (2.2 - link_m)), run=Run(0.0, 1.0))
     wall = LineObstacle('wall', ((14.0, 0.15 + errors * 2e-12), (23.0, 0.15 + errors * 2e-12)))
     domain = SearchDomain(replace(scene, venue=Venue((wall,))), RangeOfTravel(scene.head, 0.0, 1.0), 1, lambda _: None)
