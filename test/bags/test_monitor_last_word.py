@@ -40,6 +40,9 @@ TICKS = ('tick', 1), ('tick', 2)
     ([*TICKS, ('fix',), ('tick', 3), ('health', 2)], True),
     ([*TICKS, ('fix',), ('tick', 3), ('health', 1)], False),
     ([*TICKS, ('fix',), ('health', None), ('begins', 3), ('begins', 4)], True),     # the monitor has passed the tick
+    ([*TICKS, ('fix',), ('health', 2), ('health', 1)], True),   # and then time has jumped back
+    ([*TICKS, ('health', 2), ('fix',), ('begins', 0), ('begins', 1)], True),
+    ([*TICKS, ('health', 2), ('begins', 0), ('begins', 1), ('fix',)], False),
 ])
 def test_a_monitor_has_said_its_last_word_once_no_report_on_the_last_tick_can_follow(events, said):
     assert word_of(*events).is_said is said

@@ -17,7 +17,7 @@ class LastWord:
         self._due_ns: int | None = None         # the last tick on which a report is expected
         self._begun_ns: int | None = None       # the last tick on which a report has begun
         self._done_ns: int | None = None        # the last tick with a complete report
-        self._fixed = self._has_left = False
+        self._fixed = self._has_passed = self._has_left = False
         self._idle = 0
 
     def examinable(self, t_ns: int) -> None:
@@ -28,10 +28,12 @@ class LastWord:
     def fix(self) -> None:
         """Expect no reports on ticks that arrive from now on."""
         self._fixed = True
+        self._note_passed()
 
     def begins(self, t_ns: int) -> None:
         """Note that a report begins; the previous one is then complete."""
         self._done_ns, self._begun_ns, self._idle = self._begun_ns, t_ns, 0
+        self._note_passed()
 
     def health(self, health: Health) -> None:
         """Note the health of a monitor."""
@@ -39,16 +41,22 @@ class LastWord:
         self._idle = 0 if health.waiting or health.leaves else self._idle + 1
         if health.t_ns is not None:
             self._done_ns = self._begun_ns = health.t_ns
+            self._note_passed()
 
     @property
     def is_said(self) -> bool:
         """Whether no further reports are expected from a monitor, if there is one."""
-        return self.heard and (self._has_left or self._due_ns is None or self._idle >= _IDLE or self._is_done())
+        return self.heard and (self._has_left or self._due_ns is None or self._idle >= _IDLE or self._has_passed
+                               or self._is_done())
 
     @property
     def is_missing(self) -> bool:
         """Whether a monitor was heard, but its reports on the last ticks have not arrived."""
         return self.heard and not self.is_said
+
+    def _note_passed(self) -> None:
+        """Remember that a fixed tick has been passed: in a run that loops, later reports are on earlier ticks."""
+        self._has_passed = self._has_passed or (self._fixed and self._is_done())
 
     def _is_done(self) -> bool:
         """Return whether the report on the last tick is complete.
