@@ -84,7 +84,7 @@ def test_a_monitor_that_is_stopped_during_a_run_has_said_its_last_word(start, tm
     assert monitor.stop() == 0, monitor.text
     assert sim.stop() == 0, sim.text
     assert record.end() == 0, record.text
-    assert len(events_of(bag)) == 1
+    assert events_of(bag)[0].values['phase'] == 'begin'     # on a busy machine the contact may end before the monitor
     assert MISSING not in record.text
     assert WAITS not in record.text
 
