@@ -254,10 +254,7 @@ class Bag:
 
     @cached_property
     def scene(self) -> Scene | None:
-        """The scene of the run; None if the bag has none.
-
-        Raises InputError if the scene exceeds the budgets for untrusted input, unless ``trust`` is true.
-        """
+        """The scene of the run, if the bag has one. Raises InputError if it exceeds its budgets without ``trust``."""
         return scene_of_bag(self._reader, self.namespace, self._trust)
 
     @property

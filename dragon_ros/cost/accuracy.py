@@ -1,4 +1,4 @@
-"""The cost of accuracy for a scene: errors and times of the paper's method, simple solvers and every tier."""
+"""The cost of accuracy for a scene: errors and times of the paper's recipe, simple solvers and every tier."""
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ from dragon_ros.cost.measure import Timing, timed_in_turn
 from dragon_ros.cost.reference import Reference, reference
 
 _PLACES = (1.0, 0.0, 0.5, 0.25, 0.75)       # times of references as fractions of the run, most important first
-_STEP_S = 0.01                              # step of the paper's method, which has no positions between steps
+_STEP_S = 0.01                              # step of the paper's recipe, which has no positions between steps
 _MOST_HANDLES = 20_001                      # largest number of handles in a reference, counted from the head
 MARCHED = ', marched'
 
@@ -95,7 +95,7 @@ def _references(scene: Scene, budget_s: float) -> dict[float, Reference | None]:
 
 
 def _instants(scene: Scene) -> list[float]:
-    """Return instants along the run, rounded down to steps of the paper's method unless the run starts later."""
+    """Return instants along the run, rounded down to steps of the paper's recipe unless the run starts later."""
     simulation = compile_scene(scene)
     start_s, stop_s = (scene.run.time_ns(k) / NS for k in (0, simulation.last_tick))
     times = [start_s + part * (stop_s - start_s) for part in _PLACES]
@@ -104,7 +104,7 @@ def _instants(scene: Scene) -> list[float]:
 
 
 def _ways(scene: Scene, known: dict[float, Reference | None], done: Callable[[str], object]) -> Iterator[_TimedSolver]:
-    """Yield the paper's method, the simple solvers and the tiers, each with its errors."""
+    """Yield the paper's recipe, the simple solvers and the tiers, each with its errors."""
     for name in TIERS:
         done(name)
         yield from _of_tier(scene, name, known)
@@ -160,7 +160,7 @@ def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:
 def _simple(scene: Scene, name: str, known: dict[float, Reference | None]) -> _TimedSolver:
     """Return the errors and calls of a simple solver, which supports only a single spiral, led by the head."""
     if not isinstance(scene.track, Spiral) or scene.head.lead != 'head':
-        return _absent(name, 'supports only a single spiral, led by the head')
+        return _absent(name, 'supports only one spiral, led by the head')
     solve, error_m = SIMPLE[name], 0.0
     try:
         with np.errstate(all='ignore'):
