@@ -64,6 +64,16 @@ def legend_below(axes: Any, columns: int = 2, **options: Any) -> None:
     axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.13), ncols=columns, **options)
 
 
+def add_lines(axes: Any, patch: Any) -> None:
+    """Add a patch that consists of straight lines to axes, with the same result as ``axes.add_patch``.
+
+    That method handles each of thousands of lines as a curve, in Python, which takes up to six tenths of the time of a
+    picture.
+    """
+    axes.update_datalim(patch.get_path().vertices)
+    axes.add_artist(patch)
+
+
 def spread(values: Sequence[float], least: float, end: float) -> list[float]:
     """Return increasing values, moved so that they are at least ``least`` apart and none exceeds ``end``."""
     out: list[float] = []

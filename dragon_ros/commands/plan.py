@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dragon_ros.cli import command_line, figures
-from dragon_ros.cli.figures import BODY, HATCH, HEAD, OBSTACLE, QUIET
+from dragon_ros.cli.figures import BODY, HATCH, HEAD, OBSTACLE, QUIET, add_lines
 from dragon_ros.cli.language import language_of, say
 from dragon_ros.commands.plan_words import WORDS
 from dragon_ros.core.errors import FieldError, InputError
@@ -313,7 +313,7 @@ def _fill(axes: 'Axes', area: Any, **style: Any) -> None:
     label = style.pop('label', None)
     for part in getattr(area, 'geoms', [area]):
         rings = [Outline(np.array(ring.coords), closed=True) for ring in (part.exterior, *part.interiors)]
-        axes.add_patch(PathPatch(Outline.make_compound_path(*rings), label=label, **style))
+        add_lines(axes, PathPatch(Outline.make_compound_path(*rings), label=label, **style))
         label = None
 
 

@@ -7,8 +7,11 @@ import numpy as np
 import pictures
 import pytest
 import shapely
+from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Lines
 from properties import thinned
 
 from dragon_ros.__main__ import main
@@ -48,6 +51,25 @@ def plot(capsys, *arguments):
     except SystemExit as end:
         code = end.code
     return code, *capsys.readouterr()
+
+
+@pytest.mark.parametrize('path', [
+    Lines(np.array([(0.0, 3.0), (-2.0, 1.0), (4.0, -1.0)])),
+    Lines.make_compound_path(*(Lines([(0, 0), (size, 0), (size, 2 * size), (0, 0)], closed=True) for size in (5, 2)))],
+    ids=['a track', 'a polygon with a hole'])
+def test_lines_are_drawn_as_by_matplotlib_with_the_same_limits(tmp_path, path):
+    drawn = []
+    for add in (Axes.add_patch, figures.add_lines):
+        figure = Figure()
+        axes = figure.add_subplot()
+        axes.plot([1, 2], [1, 2])
+        add(axes, PathPatch(path, label='lines'))
+        axes.autoscale_view()
+        axes.legend()
+        with style():
+            figures.write(figure, tmp_path / 'a.svg')
+        drawn.append((axes.dataLim.extents.tolist(), (tmp_path / 'a.svg').read_bytes()))
+    assert drawn[0] == drawn[1]
 
 
 KINDS = [

@@ -219,8 +219,8 @@ def _draw_track(axes: Axes, track: Floats) -> None:
     line = Path(track[::-1])
     line.should_simplify = False
     known = any(one.get_gid() == figures.TRACK_ID for other in axes.figure.axes for one in other.patches)
-    axes.add_patch(PathPatch(line, fill=False, edgecolor=TRACK, linewidth=0.7, joinstyle='round', zorder=1,
-                             gid=None if known else figures.TRACK_ID))
+    figures.add_lines(axes, PathPatch(line, fill=False, edgecolor=TRACK, linewidth=0.7, joinstyle='round', zorder=1,
+                                      gid=None if known else figures.TRACK_ID))
 
 
 def _frame(axes: Axes, seen: Floats) -> None:
