@@ -259,7 +259,8 @@ def _look_closer(axes: Axes, source: Source, one: Moment, touch: Touch) -> None:
 def _emptiest_corner(labels: Floats) -> tuple[float, float]:
     """Return the corner of axes, in axes fractions, that is farthest from labels (K, 2)."""
     corners = [(0.97, 0.03), (0.03, 0.03), (0.97, 0.97), (0.03, 0.97)]
-    return max(corners, key=lambda corner: float(np.min(np.hypot(*(labels - corner).T), initial=9.0)))
+    off = labels[:, None] - np.array(corners)
+    return corners[int(np.argmax(np.min(np.hypot(off[..., 0], off[..., 1]), axis=0, initial=9.0)))]
 
 
 def _legend(figure: Figure, track: bool, contact: bool, overlapping: bool = False) -> None:

@@ -491,7 +491,8 @@ def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints)
     links, half_length = (each[used if each.shape[0] > 1 else slice(None), :count]
                           for each in (sizes.links_m, sizes.half_length_m))
     theta = between(one, two, off)
-    delta = between(a.delta[used, :count], b.delta[used, :count], 2 * off[:, :-1])
+    of_both: Floats = 2 * off[:, :-1]
+    delta = between(a.delta[used, :count], b.delta[used, :count], of_both)
     chord, arm = links / sizes.b_m, np.hypot(half_length, sizes.half_width_m) / sizes.b_m
     most = bend(theta, delta, between(chord, chord), arm, _some_pairs(row, bench))
     length = (a.places - b.places)[used][row, None]
