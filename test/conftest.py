@@ -11,13 +11,13 @@ from hypothesis import HealthCheck, Phase, settings
 
 
 def pytest_addoption(parser):
-    parser.addoption('--minutes', type=float, help='fuzz (test/fuzz) for this long instead of a few seconds')
+    parser.addoption('--minutes', type=float, help='minutes of fuzzing (test/fuzz) instead of a few seconds')
     parser.addoption('--first-seed', type=int, default=1, help='first seed of a fuzz with --minutes')
     parser.addoption('--long', action='store_true', help='also run the tests marked as long: more cases, clusters')
 
 
-# Libraries that an ordinary ROS 2 install need not have (rosdep has no key for three of them), and the helper modules
-# that import them: a file that imports one of these is skipped and named if the library is missing.
+# Libraries that an ordinary ROS 2 install may lack (rosdep has no key for three of them), and the helper modules that
+# import them: if a library is missing, each test file that imports it is skipped and named.
 OPTIONAL = {'flint': 'flint', 'arb_balls': 'flint', 'motions': 'flint', 'mpmath': 'mpmath', 'convergence': 'mpmath',
             'high_precision': 'mpmath', 'pyarrow': 'pyarrow', 'scipy': 'scipy'}
 _IMPORTS = re.compile(r'^(?:from|import) (\w+)', re.MULTILINE)
@@ -25,7 +25,7 @@ _left_out = []
 
 
 def missing_for(source, found=find_spec):
-    """Return the first library that a test file imports at its top and that is not installed, or None."""
+    """Return the first library that is imported at the top of a test file but not installed, or None."""
     wanted = (OPTIONAL[name] for name in _IMPORTS.findall(source) if name in OPTIONAL)
     return next((library for library in wanted if not found(library)), None)
 
@@ -74,8 +74,8 @@ def pytest_collection_modifyitems(config, items):
 def pytest_collection_finish():
     """Collect garbage less often, because thousands of tests and the libraries stay in memory until the end.
 
-    These objects are not frozen, because Hypothesis searches for the referrers of random generators and does not find
-    frozen referrers. Freezing and unfreezing them moves them to the oldest generation without a visit to each.
+    These objects do not stay frozen, because Hypothesis searches for the referrers of random generators and would not
+    find them among frozen objects. Freezing and unfreezing moves them to the oldest generation without visiting each.
     """
     gc.freeze()
     gc.unfreeze()

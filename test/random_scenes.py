@@ -73,7 +73,7 @@ class Dice:
 
 
 def figures(x: float) -> float:
-    """A number rounded to six figures."""
+    """A number rounded to six significant figures."""
     return float(f'{x:.6g}')
 
 
@@ -314,7 +314,7 @@ _TRACKS = {'in': _inwards, 'out': _outwards, 'far': _far, 'turn': _turn, 'circle
 
 
 def _head(dice: Dice, way: Way, speed_m_s: float) -> tuple[dict[str, Any], float, bool]:
-    """Draw the head law, the time in which the leader covers about the useful distance, and whether it keeps moving."""
+    """Draw the head law, the time in which the leader roughly covers the useful distance, and whether it moves on."""
     lead = {'lead': way.lead} if way.lead == 'tail' or dice.chance(20) else {}
     time_s = figures(way.onwards_m / speed_m_s)
     if dice.chance(2):
@@ -328,7 +328,7 @@ def _head(dice: Dice, way: Way, speed_m_s: float) -> tuple[dict[str, Any], float
 
 
 def _knots(dice: Dice, speed_m_s: float, time_s: float) -> tuple[list[list[float]], float]:
-    """Draw a profile, and the time in which the leader covers about as far as it would at a constant speed."""
+    """Draw a profile, and the time in which the leader covers about the same distance as at a constant speed."""
     knots = [[0.0, dice.one(0.0, speed_m_s)]]
     for _ in range(dice.whole(1, 7)):
         t_s, before = knots[-1]

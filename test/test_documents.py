@@ -30,9 +30,9 @@ CONTEST_ROWS = {0: 'head', 1: 'section 1', 51: 'section 51', 101: 'section 101',
 # longest match is used.
 SUBSTITUTES = {
     './dragon demo': (None, 'takes ten seconds and four processes; test/nodes/test_graph.py runs it'),
-    './dragon python test/bags/crash.py': (None, 'takes twenty minutes; test/bags/test_crash.py does a few kills'),
+    './dragon python test/bags/crash.py': (None, 'takes twenty minutes; test/bags/test_crash.py kills a few writers'),
     './dragon python test/soak/soak.py': (None, 'takes an hour'),
-    './dragon python test/soak/moved_clock.py': (None, 'takes minutes and a C compiler'),
+    './dragon python test/soak/moved_clock.py': (None, 'takes minutes and requires a C compiler'),
     './dragon python test/soak/backlog.py': (None, 'takes minutes and stops processes'),
     './dragon mutants': (None, 'takes minutes; test/mutants tests the tool'),
     './dragon test': (None, 'would run these tests again'),

@@ -40,7 +40,7 @@ _BEGINS, _FLUSH_EVERY, _SIZES = 'begins', 7, (40, 1200, 70_000)
 
 
 class Kill(NamedTuple):
-    """The result of a kill: counts of messages flushed, saved and found by the library, and of files; their state."""
+    """The result of a kill: numbers of messages flushed, saved and found; number of files; whether all are complete."""
 
     flushed: int
     saved: int

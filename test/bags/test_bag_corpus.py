@@ -133,7 +133,7 @@ def test_a_bag_cut_at_any_byte_is_refused_and_all_before_the_cut_is_saved(tmp_pa
 @example('good_zstd', [(0.0, 0)], 1.0)
 def test_flipped_and_cut_bags_raise_nothing_but_clear_errors(tmp_path_factory, name, flips, keep):
     if name.startswith('bomb'):
-        return      # garbage collections only cost time here
+        return      # these would only cost time for garbage collection
     folder, data = tmp_path_factory.mktemp('flip'), bytearray(CORPUS[name].read_bytes())
     for share, value in flips:
         if data:

@@ -273,7 +273,7 @@ def test_without_a_thread_a_chunk_that_is_lost_is_known_at_once(tmp_path):
 
 
 def begun_in_parts(folder, parts=3):
-    """Return a bag with a number of parts in its folder, each of which has one small message."""
+    """Return a bag with several parts in its folder, each with one small message."""
     bag = BagWriter(folder, options=BagOptions('none', split_duration_s=1e-9))
     bag.add_channel('/x', channels()['clearance'])
     for k in range(parts):

@@ -93,7 +93,7 @@ def led_frames(count):
 
 
 def write_led(path, count, keep=lambda name, k: True, change=lambda name, k, data: data, account=False):
-    """Write a led run in which messages may be omitted or changed, and optionally an account of complete recording."""
+    """Write a led run, optionally with messages omitted or changed, or with the account of a complete recording."""
     encode = encoders(LED)
     with BagWriter(path) as bag:
         for name in encode:

@@ -1,4 +1,4 @@
-"""Losses are derived from the publisher's numbers and the ticks of the run, and reported."""
+"""Reports of losses are based on the publisher's numbers and on the ticks of the run."""
 import pytest
 
 from dragon_ros.bags.record.loss_accounting import LossAccount
@@ -71,7 +71,7 @@ def test_ticks_that_come_before_the_scene_count_from_run_to_run():
 
 def test_without_a_scene_the_numbers_tell_what_came_before():
     account = account_of(range(3, 9), range(4, 10), scene=None)
-    account.note('/d/clearance', RUN.time_ns(3), 700)       # a monitor continues to number across runs
+    account.note('/d/clearance', RUN.time_ns(3), 700)       # a monitor's numbers continue across runs
     assert account.lines(ended=True) == [
         '/d/handles: the beginning is missing: 3 messages were published before the first one received']
     assert not account.complete(ended=True)

@@ -1,4 +1,4 @@
-"""A recorder knows when a monitor has reported on the last tick."""
+"""A recorder detects when a monitor has reported on the last tick."""
 import pytest
 
 from dragon_ros.bags.record.last_word import LastWord
@@ -6,7 +6,7 @@ from dragon_ros.messages.decode import Health
 
 
 def word_of(*events):
-    """Return the state after events: ('tick', t), ('begins', t), ('fix',) or ('health', t, waiting, leaves)."""
+    """Return a ``LastWord`` after events: ('tick', t), ('begins', t), ('fix',) or ('health', t, waiting, leaves)."""
     word = LastWord()
 
     def health(t_ns, waiting=0, leaves=False):
@@ -29,7 +29,7 @@ TICKS = ('tick', 1), ('tick', 2)
     ([('health', None), *TICKS, ('begins', 2)], False),     # the report has only begun
     ([('health', None), *TICKS, ('begins', 2), ('begins', 3)], True),
     ([*TICKS, ('health', 2), ('tick', 3)], False),
-    ([*TICKS, ('health', 1, 0, True)], True),               # the monitor has left before the last tick
+    ([*TICKS, ('health', 1, 0, True)], True),               # the monitor left before the last tick
     ([*TICKS, ('health', 1, 0, True), ('health', 1)], False),       # another monitor
     ([*TICKS, ('health', 1), ('health', 1)], True),         # nothing is waiting, so the last tick was skipped
     ([*TICKS, ('health', 1), ('health', 1, 5)], False),

@@ -1,4 +1,4 @@
-"""The page ``cost memory`` about a recorder: its figures follow from the samples, and its run is complete."""
+"""The page ``cost memory``: its figures follow from the samples, and the recording that it measures is complete."""
 import csv
 import io
 from dataclasses import replace

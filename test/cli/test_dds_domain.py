@@ -1,4 +1,4 @@
-"""A domain is free only if it has no participant left, whichever participant joined first."""
+"""A domain is free only if no participant remains in it, whichever participant joined first."""
 import os
 import socket
 import subprocess

@@ -26,7 +26,7 @@ _FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no
           '--renderer-process-limit=1', '--disable-site-isolation-trials', '--disable-features='
           'SpareRendererForSitePerProcess,BackForwardCache,ProactivelySwapBrowsingInstance,RenderDocument')
 _LONGEST_S = 60.0
-# WebDriver's codes of keys.
+# WebDriver's key codes.
 _KEYS = {'ArrowLeft': '\ue012', 'ArrowUp': '\ue013', 'ArrowRight': '\ue014', 'Home': '\ue011', 'End': '\ue010',
          'Tab': '\ue004'}
 

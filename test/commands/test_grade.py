@@ -106,7 +106,7 @@ POSITIONS = {
 
 
 def plain(findings):
-    """Return the keys of findings except for rounding, with parameters rounded to five decimals."""
+    """Return the keys of all findings except ``rounded``, with parameters rounded to five decimals."""
     kept = [one._replace(parameters={name: round(value, 5) + 0.0 if isinstance(value, float) else value
                                      for name, value in one.parameters.items()}) for one in findings]
     return keys_of(one for one in kept if one.key != 'rounded')

@@ -279,7 +279,7 @@ def source(request):
 
 
 def figures_of(source):
-    """Yield a figure of a source for every kind of picture; for an animation it is the first frame."""
+    """Yield (name, figure) for every kind of picture of a source; for an animation, the figure is its first frame."""
     first, last = source.span_s
     for many in (1, 2, 5):
         yield f'{many} dragons', dragon_picture(source, np.linspace(first, last, many).tolist())

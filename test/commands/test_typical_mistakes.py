@@ -1,4 +1,4 @@
-"""Typical mistakes of newcomers, students, teachers and Jupyter users cause one line with value, limit and cure."""
+"""The errors for typical mistakes of newcomers, students, teachers and Jupyter users name value, limit and cure."""
 import re
 
 import pytest

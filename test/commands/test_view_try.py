@@ -188,7 +188,7 @@ SET = """const field = document.getElementById(arguments[0]); field.value = argu
 ANSWERS = 'return [...document.querySelectorAll("#answers dd")].map((one) => one.textContent)'
 
 
-# Whether the axes of the dragon end above the elements below them.
+# Whether the title of the x axis lies within the picture of the dragon.
 FITS = """const box = document.getElementById('scene').getBoundingClientRect();
   return document.querySelector('#scene .xtitle').getBoundingClientRect().bottom <= box.bottom + 1"""
 

@@ -70,7 +70,7 @@ for _ in range(3):
 
 
 def test_a_pool_closes_no_file_twice():
-    # about one pool in sixty closed a file twice, if a process had ended just before the pool was shut down
+    # one pool in sixty used to close a file twice if a process had ended just before the pool was shut down
     done = subprocess.run([sys.executable, '-c', _SLOW_TO_CLOSE], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (0, '')
 
@@ -102,7 +102,7 @@ for job, arrays in kept:
 
 
 def test_large_results_of_a_forked_process_keep_their_values():
-    """The fourth array does not fit into the shared memory beside the third, and small arrays are not put there."""
+    """The fourth array does not fit into the shared memory beside the third, and small arrays are not stored there."""
     done = subprocess.run([sys.executable, '-c', _LARGE_RESULTS], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (0, '')
 

@@ -1,4 +1,4 @@
-"""Promises in metres against the 50-digit reference on every hard case, and the paper's numbers digit for digit."""
+"""Promises in metres hold against the 50-digit reference in every hard case; the paper's numbers are reproduced."""
 from dataclasses import replace
 from math import sqrt
 
@@ -173,7 +173,7 @@ def test_the_last_representable_tick_before_the_lock_is_computed():
     assert np.all(np.isfinite(state(scene, scene.run.time_ns(compile_scene(scene).last_tick) / 1e9).p))
 
 
-@pytest.mark.parametrize('name', [name for name in CASES if name != 'long'])    # its tile takes long to build
+@pytest.mark.parametrize('name', [name for name in CASES if name != 'long'])    # building its tile takes a while
 def test_many_states_at_once_keep_the_promise_too(name, request):
     problem = CASES[name]
     conditions = [conditioning(state(problem.scene, t_s)) for t_s in problem.times_s]

@@ -1,4 +1,4 @@
-"""Bags with unusual structures, about which all readers of the package must report the same.
+"""Bags with unusual structures, on which all readers of the package must agree.
 
 A mix is built from bytes, two for each step. It may contain messages inside and outside of chunks, stray DataEnd
 records, messages of the wrong length for their type, topics of other dragons and undeclared channels; its summary may
@@ -76,7 +76,7 @@ def declared() -> bytes:
 
 @cache
 def recorded_scene() -> bytes:
-    """Return the metadata record that a recorder makes of the scene."""
+    """Return the metadata record that a recorder writes about the scene."""
     rows = b''.join(text(key) + text(value) for key, value in run_metadata(_SCENE_TEXT, SCENE, {}).items())
     return record(12, text(RECORD) + struct.pack('<I', len(rows)) + rows)
 

@@ -186,7 +186,7 @@ def test_every_byte_that_is_not_padding_is_that_of_the_real_serialiser(style, fr
         decoder._message(reader, fields_of(name))
         used = sorted(reader.used)
         assert [data[at] for at in used] == [again[at] for at in used], name
-        assert not any(data[at] for at in set(range(len(data))) - set(used)), f'{name}: our padding is zero'
+        assert not any(data[at] for at in set(range(len(data))) - set(used)), f'{name}: the padding is not zero'
         assert used[-1] >= len(again) - 1
 
 

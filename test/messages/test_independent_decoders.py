@@ -47,7 +47,7 @@ def by_rosbags(kind, data):
 
 @pytest.fixture(params=[by_mcap, by_rosbags], ids=['mcap_ros2', 'rosbags'])
 def read(request):
-    """A function that decodes a topic's message, for a style of markers."""
+    """A function that decodes a topic's message in a given style of markers."""
     return lambda topic, style='cubes': request.param(channels()[topic].type, made(style)[1][topic])
 
 

@@ -1,4 +1,4 @@
-"""Entities and their filters, on arrays and without ROS."""
+"""Entities and their filters on arrays, without ROS."""
 import time
 from dataclasses import replace
 

@@ -160,7 +160,7 @@ def said(path, dragon):
 
 
 def test_at_any_rate_every_recorded_value_stands_at_the_time_of_its_tick(launched, watched, tmp_path):
-    """A monitor lags behind a source that publishes as fast as possible, but reports the values that it would live."""
+    """A monitor lags behind a source that publishes as fast as possible, but reports what it would in real time."""
     short, ran = {'start_s': '412.2', 'stop_s': '412.7'}, {}
     for dragon, given in {'one': short, 'two': {'time_scale': '0.0', **short},
                           'six': {'time_scale': '0.0', 'replay': str(watched)}}.items():

@@ -122,7 +122,7 @@ def test_a_bag_alone_makes_its_run_again(start, tmp_path):
     with BagReader(bag) as run:
         assert compare_with_model(run, scene).faults == []
     info = yaml.safe_load((tmp_path / 'run' / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
-    assert info['message_count'] == 3 * 26 + 2      # the 2 are the messages of track and scene
+    assert info['message_count'] == 3 * 26 + 2      # plus one message each on track and scene
 
 
 @pytest.mark.parametrize('on_contact', ['stop', 'hold'])

@@ -166,7 +166,7 @@ def test_typed_keys_are_distinguished():
 
 
 def test_keys_of_a_terminal_control_the_replay(domain, recorded, tmp_path):
-    """The test holds the other end of a real pseudo-terminal."""
+    """The test types into the other end of a real pseudo-terminal."""
     import os
     import pty
     import sys

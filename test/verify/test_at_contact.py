@@ -54,7 +54,7 @@ def runs_around(scene, t_s):
 
 
 def test_results_of_runs_that_start_or_stop_at_their_contact_are_proved():
-    """At most one result in a thousand reports that it is incomplete, and is not proved."""
+    """At most one result in a thousand is reported as incomplete, and therefore not proved."""
     seen = Counter()
     for seed, scene, t_s in contacts(range(SEEDS)):
         for run in (scene.run, *runs_around(scene, t_s)):

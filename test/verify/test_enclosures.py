@@ -144,7 +144,7 @@ def nearest_m(posture, n, centre=0):
 @pytest.mark.parametrize('pitch_m', [0.01, 0.05, 0.3])
 @pytest.mark.parametrize('start', [0.0, 3.0, 10.0])
 def test_links_that_are_out_of_reach_are_further_out_than_all_of_the_leading_bench(pitch_m, start):
-    """On a tiny pitch both handles of a link are equally far out, so the bound on the link's middle is tight."""
+    """With a tiny pitch, both handles of a link are equally far out, so the bound on the link's middle is tight."""
     made_of = centred(Dragon(40, 1.0, 1.0, 2e-4, 1e-4), pitch_m, 1.5 / pitch_m)
     piece, ends = interval(made_of, start, start + 1e-6)
     furthest = max(abs(complex(corner)) for corner in corners(ends[0].pose(0)))

@@ -62,7 +62,7 @@ def head_at(t_s, scale):
 
 
 def behind(theta, chord):
-    """Return the polar angle of the next handle on r = theta; the chord to it grows up to half a turn."""
+    """Return the polar angle of the next handle on r = theta; up to half a turn, the chord grows with the span."""
     def excess(delta):
         outer = theta + delta
         return hypot(outer * cos(delta) - theta, outer * sin(delta)) - chord
@@ -206,7 +206,7 @@ def test_all_pairs_of_all_dragons_up_to_the_claimed_time_are_in_the_boxes_and_no
 @pytest.mark.parametrize('lead', [0, 1])
 @pytest.mark.parametrize(('t_s', 'sense'), [(UNTIL_S, -1), (3.0, 1)])
 def test_what_is_a_hair_before_the_start_or_after_the_claimed_time_does_not_occur(lead, t_s, sense):
-    """For all tolerances: the head at the start, and the head and the first body bench at the claimed time."""
+    """All tolerances are tested for the head at the start, and for the head and the next bench at the claimed time."""
     for scale in (PROOF._scale if sense < 0 else PROOF._scale[:1]):
         links = [PROOF._head[0]] + [PROOF._body[0]] * 3
         theta = handles(t_s, scale, links)[lead]
@@ -237,7 +237,7 @@ def test_the_head_has_passed_no_place_further_in_by_the_claimed_time():
 
 
 def test_where_some_link_might_lock_no_head_is_said_to_go():
-    """The limit is on a curvature of 1.09 / r times the longer link, whether it belongs to the head or the body."""
+    """The limit applies to 1.09 / r times the longer link, which may be that of the head or of the body."""
     for dragon in (Dragon(8, 2.9, 0.8, 0.2, 0.1), Dragon(8, 0.8, 2.9, 0.2, 0.1)):
         scale, least = 2 * pi / 0.5, 0.5 * 1.09 * (2 * pi / 0.5) * 2.7
         gone_s = (arc(8 * pi) - arc(least)) / scale

@@ -72,7 +72,7 @@ def rest_of_a_ramp(patch):
 
 
 def tail_lead(patch):
-    """A tail that starts as if there were one link less."""
+    """A tail that starts as if there were one link fewer."""
     true = model.Leader
 
     def leader(track, links, start_m, direction):

@@ -168,7 +168,7 @@ def test_over_forty_kinds_of_tampering_are_tried_on_every_kind_of_certificate():
 
 
 def shifted(values, at=()):
-    """Yield (path, opposite) for all numbers other than 0, sides, leads and ramps of a scene."""
+    """Yield (path, opposite) for each nonzero number, side, lead and ramp of a scene."""
     items = values.items() if isinstance(values, dict) else enumerate(values) if isinstance(values, list) else ()
     for key, below in items:
         if isinstance(below, dict | list):
@@ -184,7 +184,7 @@ OPPOSITE = {'left': 'right', 'right': 'left', 'head': 'tail', 'tail': 'head', 's
 
 @pytest.mark.parametrize('kind', [kind for kind in KINDS if kind not in ('none', 'lock', 'other')])
 def test_no_contact_is_proved_of_a_scene_with_a_sign_a_side_or_a_sense_changed(honest, kind):
-    """Except for a track's start and heading, an arc that is never reached, and the law of a contact at the start."""
+    """This excludes a track's start and heading, arcs that are never reached, and the law of a contact at the start."""
     values = honest[kind]
     moves = values['contact']['t_s'] > values['scene']['run']['start_s']
     changes = [(path, change) for path, change in shifted(values['scene'])

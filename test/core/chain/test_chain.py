@@ -1,4 +1,4 @@
-"""Velocities of all handles keep links rigid and equal the rates of the positions."""
+"""Velocities of all handles keep links rigid and equal the rates of change of positions."""
 from dataclasses import replace
 
 import numpy as np

@@ -51,7 +51,7 @@ LENGTHS = st.lists(st.floats(0.3, 3.0), min_size=1, max_size=7)
 @given(LENGTHS, st.floats(0.02, 1.0), st.floats(0.0, 0.5), st.floats(0.0, 1.5), st.floats(0.0, 3.5))
 @example([2.86, 1.65], 0.3, 0.275, 0.1, 0.2)        # a long head
 @example([0.4, 3.0], 0.1, 0.0, 0.2, 0.3)            # long benches outside short ones
-@example([1.0], 0.05, 0.4, 1.5, 0.0)                # steep: the pitch is of the size of the radius
+@example([1.0], 0.05, 0.4, 1.5, 0.0)                # steep: the pitch is about as large as the radius
 @example([0.5, 1.0], 0.9, 0.05, 0.0, 2.0)           # wide benches
 def test_no_sampled_gap_is_below_the_bound_at_any_radius(links, width, inset, space, out):
     pitch_m = 1.05 * width + space * max(links)

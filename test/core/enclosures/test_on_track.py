@@ -85,7 +85,7 @@ def test_on_a_short_way_a_tenth_of_the_enclosures_are_within_a_stated_factor_of_
     for factor, ball, seen, least in ((v, moving.v, speed, 1e-6), (w, moving.w, np.diff(yaw, axis=0) / step, 1e-6),
                                       (a, moving.a, np.diff(speed, axis=0) / step, 1e-4),
                                       (w_rate, moving.w_rate, np.diff(yaw, 2, axis=0) / step**2, 1e-4)):
-        occurs = np.ptp(seen, axis=0) * (COUNT - 1) / (seen.shape[0] - 1)       # means do not cover the whole range
+        occurs = np.ptp(seen, axis=0) * (COUNT - 1) / (seen.shape[0] - 1)       # means cover only part of the range
         told = (occurs > least) & np.isfinite(ball.rad)
         assert np.count_nonzero(told) > 300
         assert np.percentile(2 * ball.rad[told] / occurs[told], 10) <= factor

@@ -410,7 +410,7 @@ def test_a_gap_that_vanishes_at_a_tick_is_a_contact_at_this_tick(ticks):
 
 @given(st.lists(st.floats(-3, 3), min_size=3, max_size=4, unique=True), st.floats(-0.5, 0.5))
 def test_benches_between_ticks_lie_on_the_polynomial_through_their_places(times, back_s):
-    """Centres and axes that are polynomials of the degree that the ticks determine are reproduced at any time."""
+    """Centres and axes that are polynomials in time are reproduced if there are enough ticks for their degree."""
     times = sorted(round(t, 2) for t in times)
     assume(np.min(np.diff(times)) > 0.1)
     half, origin = np.array([0.5, 0.25]), 7.0

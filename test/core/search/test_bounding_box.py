@@ -1,4 +1,4 @@
-"""The space that a run requires: lower and upper bounds meet, and no corner leaves them, on any track by any law."""
+"""The space that a run requires, on any track and by any law: its bounds meet, and no corner leaves it."""
 from dataclasses import replace
 
 import numpy as np
@@ -38,7 +38,7 @@ def corners(scene, times):
 
 
 def values(points):
-    """Return for each of the four sides the coordinates of points (..., 2) in its direction."""
+    """Return the coordinates of points (..., 2) in the direction of each of the four sides."""
     return dict(zip(SIDES, (points[..., 0], -points[..., 0], points[..., 1], -points[..., 1]), strict=True))
 
 

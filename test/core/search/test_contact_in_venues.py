@@ -26,7 +26,7 @@ from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.spec import Composite, Line
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
 
-TELL = 1e-9         # s before a contact within which shapely may already find a touch
+TELL = 1e-9         # in s; shapely may find a touch this long before a contact
 ALONG = Scene(Dragon(5), Composite((Line(200.0),), 20.0), run=Run(stop_s=60.0))
 TENT = PolygonObstacle('tent', ((-9.0, -9.0), (99.0, -9.0), (99.0, 9.0), (-9.0, 9.0)))
 TRACK = 'track={kind: joined, pieces: [{kind: line, length_m: 200}], start_m: 20}'

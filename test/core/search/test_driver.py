@@ -1,4 +1,4 @@
-"""The loop of all searches, on gaps that are known functions of position: the ways that it clears, and its stops."""
+"""The loop of all searches, on gaps that are known functions of position: the rows that it clears, and its stops."""
 from dataclasses import dataclass
 from math import ceil, inf, log2
 
@@ -91,7 +91,7 @@ def cleared(drawn, finest):
 
 
 def check_rows(space, windows, found):
-    """Check that each window's rows join, have valid bounds, and end at the bracket, which begins by the first stop."""
+    """Check that each window's rows join, have valid bounds and end at the bracket, which starts by the first stop."""
     for n, (window, one) in enumerate(zip(windows, found, strict=True)):
         sign, at = (1.0 if window[-1] >= window[0] else -1.0), window[0]
         for start, stop, bound in one.rows:

@@ -1,4 +1,4 @@
-"""First contact of dragons of every kind against a dense scan with shapely, and special cases."""
+"""First contacts of dragons of every kind, against a dense scan with shapely, and special cases."""
 from dataclasses import replace
 
 import numpy as np
@@ -80,7 +80,7 @@ def test_a_head_that_moves_out_into_a_contact_finds_the_end_of_one_that_moved_in
 
 
 def meeting_time(head_length_m, pair):
-    """Return the time near 424.5 s at which a pair of a dragon with this head length touches."""
+    """Return the time near 424.5 s at which a pair of benches touches in a dragon with this head length."""
     scene, benches = Scene(dragon=Dragon(20, head_length_m)), [np.array([bench]) for bench in pair]
 
     def gap(t_s):

@@ -1,4 +1,4 @@
-"""The largest speed of any handle, and hence of the leader, for every track, law and leader."""
+"""The largest speed of any handle, and the resulting limit on the leader's, for every track, law and leader."""
 from dataclasses import replace
 from itertools import pairwise
 from math import inf, nextafter

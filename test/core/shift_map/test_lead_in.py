@@ -85,7 +85,7 @@ def test_at_the_edge_of_a_tile_a_place_has_the_same_bits_from_either_side(tile):
 
 @pytest.mark.parametrize(('scene', 'most'), [(Scene(), 65), (TURNING, 4 * 34)], ids=['spiral', 'turn'])
 def test_leaders_have_series_only_on_the_stretch_that_was_asked_for(scene, most):
-    """A stretch has 64 links on a spiral, or 32 with four parts each on a turn, and it may share one more row."""
+    """A stretch has 64 links on a spiral, or 32 with four parts each on a turn, and may cover part of one more row."""
     model = compile_scene(scene).model
     shift, = model.placement.maps.values()
     model.place((20.0, 0.0))

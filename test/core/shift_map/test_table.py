@@ -41,7 +41,7 @@ def tiles(scene):
 
 
 def tile(scene, t_s):
-    """Return the single tile of a scene that a state needs, in a new shift map."""
+    """Return the only tile that a state of a scene needs, built in a new shift map."""
     (link_m, links), = lengths_with_maps(scene.dragon.link_lengths_m).items()
     model = compile_scene(scene).model
     shift = ShiftMap(model.track, link_m, links, model.direction, model.tier)
