@@ -60,6 +60,7 @@ def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, no
     bag, events = tmp_path / 'run.mcap', heard_events(node)
     monitor = start('monitor', anew=True)
     record = start('record', '--output', bag, '--keep-going', anew=True)
+    record.wait_for('a monitor has been found')     # discovery may take longer than the run
     sim = start('sim', '--scene', 'first_contact', *overrides(*changes), '--ros-args', '-p', READERS,
                 '-p', f'time_scale:={scale}', anew=True)
     assert sim.end() == 0, sim.text
@@ -136,6 +137,7 @@ def test_a_replayed_bag_gives_the_same_bytes_and_the_same_event(start, node, tmp
     path, event = recorded
     again = tmp_path / 'again.mcap'
     monitor, record, events = start('monitor'), start('record', '--output', again, '--keep-going'), heard_events(node)
+    record.wait_for('a monitor has been found')     # discovery may take longer than the run
     replay = start('replay', path, '--rate', rate, '--wait-subscribers',
                    '/dragon/handles=2,/dragon/benches=2,/dragon/velocities=1')
     assert replay.end() == 0, replay.text

@@ -62,6 +62,7 @@ def searched(bag):
 def recorded_replay(start, bag, again, topics, *parameters):
     """Replay topics of a bag to a monitor and a recorder until the replay ends."""
     monitor, record = start('monitor', '--ros-args', *parameters), start('record', '--output', again)
+    record.wait_for('a monitor has been found')     # discovery may take longer than the run
     names = [f'/dragon/{topic}' for topic in topics]
     needed = [f'{name}={1 + (name.split("/")[-1] in ("handles", "benches", "obstacles"))}' for name in names]
     replay = start('replay', bag, '--rate', '0', '--topics', ','.join(names), '--wait-subscribers', ','.join(needed))
@@ -72,6 +73,7 @@ def test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_a
                                                                                           capsys):
     bag, again, third = (tmp_path / f'{name}.mcap' for name in ('run', 'again', 'third'))
     monitor, record = start('monitor'), start('record', '--output', bag)
+    record.wait_for('a monitor has been found')     # discovery may take longer than the run
     sim = start('sim', '--scene', scene_file, '--ros-args', '-p', READERS, '-p', 'time_scale:=0.0')
     assert (sim.end(), record.end(), monitor.stop()) == (0, 0, 0), sim.text + record.text + monitor.text
     scene = load_scene(str(scene_file))

@@ -263,6 +263,7 @@ def test_the_sim_never_publishes_what_only_a_monitor_may_say(start, node):
 def test_a_recorder_keeps_every_topic_at_simulation_time(start, tmp_path):
     bag = tmp_path / 'run.mcap'
     monitor, record = start('monitor'), start('record', '--output', bag)
+    record.wait_for('a monitor has been found')     # discovery may take longer than the run
     sim = start('sim', '--scene', 'first_contact', '--set', 'run.start_s=412', '--ros-args', '-p',
                 'wait_subscribers:=[handles=2,benches=2,velocities=1]', '-p', 'time_scale:=0.5')
     assert sim.end() == 0, sim.text
