@@ -307,10 +307,11 @@ class Track:
     def bends(self) -> tuple[Floats, Floats]:
         """Smallest and largest signed curvatures in 1/m over two segments and all between them, shape (P, P) each."""
         ends = np.array([segment.curvature(np.array([segment.first, segment.last])) for segment in self.segments])
-        count = range(len(self.segments))
-        rows = [[ends[min(i, j):max(i, j) + 1] for j in count] for i in count]
-        return (np.array([[np.min(part) for part in row] for row in rows]),
-                np.array([[np.max(part) for part in row] for row in rows]))
+        low, high = np.empty((2, len(ends), len(ends)))
+        for k in range(len(ends)):
+            low[k, k:] = low[k:, k] = np.minimum.accumulate(np.min(ends[k:], axis=1))
+            high[k, k:] = high[k:, k] = np.maximum.accumulate(np.max(ends[k:], axis=1))
+        return low, high
 
     def distances(self, segment: Ints, u: Floats) -> Floats:
         """Return the distances of many positions along the track; ``segment`` has the same meaning as in ``poses``."""

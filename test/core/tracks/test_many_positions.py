@@ -1,4 +1,4 @@
-"""Many positions on a track of many segments have the same bits as on each segment alone."""
+"""Many positions on a track of many segments have the same bits as on each segment alone; curvatures between them."""
 import numpy as np
 import pytest
 
@@ -53,3 +53,12 @@ def test_many_positions_are_evaluated_as_on_each_segment_alone(case, strided):
     np.testing.assert_array_equal(track.curvatures(segment, u), alone('curvature', u).real)
     origins = np.array(track.origins_m)[segment].reshape(*segment.shape, *(1 for _ in u.shape[segment.ndim:]))
     np.testing.assert_array_equal(track.distances(segment, u), origins + alone('metres', u).real)
+
+
+def test_the_range_of_curvatures_between_two_segments_covers_all_segments_between_them():
+    ends = [one.curvature(np.array([one.first, one.last])) for one in MANY.segments]
+    low, high = MANY.bends
+    for i in range(len(ends)):
+        for j in range(len(ends)):
+            between = np.array(ends[min(i, j):max(i, j) + 1])
+            assert (low[i, j], high[i, j]) == (np.min(between), np.max(between))
