@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 from flint import acb, arb
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from motions import (
     BENCHES,
@@ -33,7 +33,7 @@ from dragon_ros.verify import segments
 from dragon_ros.verify.balls import above, below, direction, exact, hypot_above, precise, size, up
 from dragon_ros.verify.cover import Way, _middle, repeated, ways
 from dragon_ros.verify.errors import Refused
-from dragon_ros.verify.interval import Interval
+from dragon_ros.verify.interval import Interval, _unsure_m
 from dragon_ros.verify.law import Law
 from dragon_ros.verify.motion import Turning, furthest, spiral_slopes
 from dragon_ros.verify.posture import AXES, Bench, Pose, about, overlap, separation
@@ -533,6 +533,8 @@ poses = st.builds(posed, st.tuples(coordinates, coordinates), angles, halves, ha
 
 @examples(60)
 @given(poses, poses)
+@example(posed((0.1, 0.0), 1.0, 3.0, 2.0), posed((0.0, 0.1), 0.3, 0.1, 0.1))
+@example(posed((0.0, 0.1), 0.3, 0.1, 0.1), posed((0.1, 0.0), 1.0, 3.0, 2.0))
 def test_a_separation_is_how_far_the_nearest_corner_is_beyond_the_edge_line(one, two):
     precise(1.0)
     rough = about(one, two)
@@ -544,6 +546,7 @@ def test_a_separation_is_how_far_the_nearest_corner_is_beyond_the_edge_line(one,
         nearest = reduce(arb.min, beyond)
         assert abs(float(separation(one, two, axis) - nearest)) < 1e-30
         assert abs(rough[k] - float(nearest)) < 1e-13
+        assert abs(rough[k] - float(nearest)) <= _unsure_m(one, two, 0.0) < 3e-11
     if min(map(abs, rough)) > 1e-12:
         assert overlap(one, two) == (max(rough) < 0)
 

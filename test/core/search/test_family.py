@@ -9,11 +9,12 @@ import pytest
 from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.enclosures.sliding_pair import AHEAD, LINK, OTHER, SCALE, THETA
 from dragon_ros.core.errors import DragonError, FieldError, InputError
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
-from dragon_ros.core.search.family import _HEAD, Family, _FamilySearch, family_of, first_contact_within
+from dragon_ros.core.search.family import _BODY, _HEAD, Family, _FamilySearch, family_of, first_contact_within
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import BEHIND
@@ -165,3 +166,23 @@ def test_beyond_the_innermost_angle_of_a_family_the_curvature_times_its_longest_
     def bend(theta):
         return (2 + theta * theta) / (1 + theta * theta) ** 1.5
     assert 0.8 * 2 < bend(family.innermost_rad) * longest < 2
+
+
+def test_the_first_boxes_hold_all_scales_and_links_of_a_family_and_places_without_a_hole():
+    family = family_of(LATE, BOX)
+    boxes = _FamilySearch(family, 0.0, 20.0, lambda boxes: None)._first()
+    for inner, link_m in ((_HEAD, family.head_link_m), (_BODY, family.body_link_m)):
+        mine = boxes.some(boxes.inner == inner)
+        ranges = {SCALE: family.scale, LINK: link_m, OTHER: family.body_link_m, AHEAD: (0.0, np.inf)}
+        for row, (low, high) in ranges.items():
+            assert low < high
+            assert {*mine.low[row]} == {low}
+            assert {*mine.high[row]} == {high}
+        assert np.array_equal(mine.low[THETA, 1:], mine.high[THETA, :-1])
+    head, body = (boxes.some(boxes.inner == inner) for inner in (_HEAD, _BODY))
+    start = 2 * np.pi * LATE.track.start_turns
+    assert head.low[THETA, 0] < start - 20.0 * family.scale[0] / start
+    assert start <= head.high[THETA, -1] < start + 1e-9
+    # All links lie on the arc behind the head, whose length is about half the difference of the squares.
+    lengths_m = family.head_link_m[1] + family.benches * family.body_link_m[1]
+    assert body.high[THETA, -1] >= np.sqrt(start**2 + 2 * family.scale[0] * lengths_m)
