@@ -142,8 +142,9 @@ class _Nearing(InOrder):
         """
         longest = float(np.max(boxes.high - boxes.low, initial=0.0))
         boxes = boxes.cut(int(min(max(1, np.ceil(longest / _FIRST_M)), max(1, _MOST_FIRST // boxes.size))))
-        places, index = np.unique(np.stack((boxes.low[0], boxes.high[0])), return_inverse=True)
-        index = index.reshape(2, -1)
+        ends = np.stack((boxes.low[0], boxes.high[0]))
+        places, index = np.unique(ends, return_inverse=True)
+        index = index.reshape(ends.shape)
         states = self._bounds.bench.states(places)
         middle = np.mean(corners_of(states), axis=1)
         way = np.max(self._bounds.ways(states.rows(index[0]), states.rows(index[1])), axis=1)
@@ -154,8 +155,8 @@ class _Nearing(InOrder):
         nearest, kept = self.best.copy(), list[tuple[Ints, Ints, Floats]]()
         for first in range(0, count, every):
             rows = np.arange(first, min(first + every, count))
-            used, at = np.unique(index[:, rows], return_inverse=True)
-            away, at = self._away(middle[used]), at.reshape(2, -1)
+            used, at = np.unique(pairs := index[:, rows], return_inverse=True)
+            away, at = self._away(middle[used]), at.reshape(pairs.shape)
             least = np.min(np.minimum.reduceat(away, firsts, axis=1), axis=0)
             nearest[owner[firsts]] = np.minimum(nearest[owner[firsts]], least)
             low = 0.5 * (away[at[0]] + away[at[1]] - way[rows, None]) - arm
@@ -178,10 +179,10 @@ class _Nearing(InOrder):
     def judge(self, cells: _EdgeIntervals) -> _EdgeIntervals:
         """Bound the gaps of cells, record the bounds of those that contain no smaller gap, and cut the others."""
         places, index = np.unique(cells.ends, return_inverse=True)
-        index, states, owner = index.reshape(2, -1), self._bounds.bench.states(places), self._around.owner[cells.edge]
+        states, owner = self._bounds.bench.states(places), self._around.owner[cells.edge]
         self.looks += cells.size
         self._tell(cells.size)
-        ends = [states.rows(rows) for rows in index]
+        ends = [states.rows(rows) for rows in index.reshape(cells.ends.shape)]
         gaps = self._bounds.gaps(ends[0], cells.edge), self._bounds.gaps(ends[1], cells.edge)
         for row, gap_m in zip(cells.ends, gaps, strict=True):
             self._note(gap_m, row, owner)

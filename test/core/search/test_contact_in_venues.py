@@ -3,6 +3,7 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -206,3 +207,23 @@ def test_the_command_names_the_obstacle_in_every_format(capsys):
 
 def test_of_two_benches_there_is_no_obstacle():
     assert values_of(first_contact(Scene(run=Run(405, 413))))['obstacle'] is None
+
+
+@pytest.mark.parametrize('sense', [1, -1])
+def test_of_the_hits_of_benches_the_one_that_the_leader_reaches_first_counts_and_later_ones_are_not_solved_for(sense):
+    """A stand-in: bench n is at 10 n and moves ``speeds[n]`` m per metre of leader travel; its hits are known."""
+    speeds, solved = np.array([1.0, 0.5, 2.0, 1.0]), []
+
+    def along_m(gone_m):
+        return 10.0 * np.arange(4) + speeds * gone_m
+
+    def gone_at(bench, place_m, phase):
+        solved.append(bench)
+        return (place_m - 10.0 * bench) / speeds[bench]
+    domain = SimpleNamespace(sense=sense, along_m=along_m, gone_at=gone_at)
+    gone = {0: (2.0, 2.1), 1: (1.0, 1.1), 2: (1.05, 1.3), 3: (0.5, 1.2)}       # leader positions of each hit
+    hits = [(n, (*(10.0 * n + sense * speeds[n] * one for one in ends), -0.1 * n)) for n, ends in gone.items()]
+    found = Obstacles._earliest(SimpleNamespace(_domain=domain), hits, (0.0, sense * 5.0))
+    assert (found.clear_m, found.other_m, found.bound_m) == pytest.approx((sense * 1.0, sense * 1.1, -0.1))
+    assert solved == [0, 0, 1, 1]
+    assert Obstacles._earliest(SimpleNamespace(_domain=domain), [], (0.0, sense * 5.0)) is None
