@@ -20,7 +20,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 from dragon_ros.scenes.load import scene_values
-from dragon_ros.verify import family, reading, segments, track
+from dragon_ros.verify import family, reading, run, segments, track
 from dragon_ros.verify.balls import exact, precise
 from dragon_ros.verify.cover import Budget
 from dragon_ros.verify.errors import Refused
@@ -226,3 +226,10 @@ def test_a_lock_is_seen_in_floats_where_the_solver_has_it_whether_or_not_links_o
     for every in (chords, [value for chord in chords for value in (chord, 0.0)], [0.0, *chords]):
         longest = [max(every[n:]) for n in range(len(every))]
         assert _Locks(every, longest, Budget(10**6)).first(lock + 1, lock - 1) == pytest.approx(lock, rel=1e-9)
+
+
+@pytest.mark.parametrize('links', [1, 100, 101, 250])
+def test_links_that_are_placed_in_floats_count_as_steps_of_the_budget(links):
+    budget = Budget(10**6)
+    assert _Locks([0.3] * links, [1e9] * links, budget)._stands(50.0)
+    assert budget.spent == -(-links // run._SHARE)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.lock import follower, lock_angle, turning_places
+from dragon_ros.core.enclosures import on_spiral
 from dragon_ros.core.enclosures.ball_arithmetic import Ball, between
 from dragon_ros.core.enclosures.on_spiral import (
     BenchSampler,
@@ -194,6 +195,15 @@ def test_the_lever_is_not_a_hundredth_more_than_a_turn_about_the_middle_of_a_lin
     dragon = Dragon(4, 2.0, 1.0, 1e-3, 0.3)
     handle, corner = gone(dragon, lambda z: 1j * z)
     assert np.all(levers(sampler(dragon, 0).sizes) * handle <= 1.01 * corner)
+
+
+def test_pairs_that_hardly_move_are_cleared_without_bounds_on_their_second_derivatives(monkeypatch):
+    watch = sampler(Dragon(60), 0)      # more than a turn of benches
+    view = watch.sample(np.array([90.0, 90.0 + 1e-6]))
+    monkeypatch.setattr(on_spiral, '_bent', lambda *_: pytest.fail('a pair was examined further'))
+    low, room = bounds(*(view.rows(np.array([n])) for n in range(2)), watch.sizes, np.array([59]))
+    assert 0.1 < low[0] < 0.5
+    assert room.tolist() == [1.0]
 
 
 def test_a_stretch_on_which_a_handle_turns_back_is_never_cleared():

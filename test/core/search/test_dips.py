@@ -84,7 +84,7 @@ def test_the_lowest_place_of_a_parabola_is_found_to_what_floats_resolve(rows):
 
 @pytest.mark.parametrize('speed', [1.0, -0.7])
 @pytest.mark.parametrize('track', [Scene().track, Composite((Line(30.0), Arc(4.0, 200.0), Line(30.0)), start_m=30.0)])
-def test_where_a_bench_is_at_a_distance_along_the_track_the_leader_is_found(track, speed):
+def test_where_a_bench_is_at_a_distance_along_the_track_the_leader_is_found_in_few_steps(monkeypatch, track, speed):
     run = Run(10, 15) if speed > 0 else Run(0, 5)
     scene = Scene(Dragon(9), track, Head(speed), run=run)
     travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
@@ -93,7 +93,10 @@ def test_where_a_bench_is_at_a_distance_along_the_track_the_leader_is_found(trac
     gone = np.linspace(*ends, 7)[1:-1]
     bench = np.array([0, 3, 8, 5, 1])
     along = np.array([domain.along_m(one)[number] for one, number in zip(gone.tolist(), bench.tolist(), strict=True)])
+    asked, chains = [], domain.chains
+    monkeypatch.setattr(domain, 'chains', lambda gone_m: asked.append(gone_m) or chains(gone_m))
     assert _gone_at(domain, bench, along, ends) == pytest.approx(gone, abs=1e-8)
+    assert len(asked) <= 5
     assert _gone_at(domain, bench[:0], along[:0], ends).size == 0
     before, after = (np.array([domain.along_m(end)[3]]) for end in ends)
     outside = 2 * before - after, 2 * after - before
