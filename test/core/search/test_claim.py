@@ -27,6 +27,9 @@ def test_the_gap_closes_at_the_contact_as_its_differences_say(scene):
     assert 0 < here.slack_m < 1e-6
 
 
+THREE = Dragon(3)
+
+
 @dataclass(frozen=True)
 class Straight:
     """A stand-in for a domain: at ``gone_m`` 0 the gap vanishes, and it changes by ``rate`` and ``bend`` from there."""
@@ -39,6 +42,8 @@ class Straight:
     unit: float = 1.0
     step_m: float = 1e-9
     onwards: float = inf
+    dragon: Dragon = THREE
+    levers: tuple = (1.0, 1.0, 1.0)
 
     def gap(self, pair, gone_m):
         y = self.sense * gone_m
@@ -105,6 +110,13 @@ def test_a_contact_is_proved_if_benches_overlap_a_slack_further_on_and_all_is_cl
         assert one.touches(-sense * back * one.slack_m, False) == (proved and one.overlaps)
         assert one.touches(-sense * back * one.slack_m, True) == one.overlaps
         assert one.grazes(-sense * back * one.near_m) == proved
+
+
+def test_the_slack_of_a_slow_contact_grows_with_the_lever_of_either_bench_of_the_pair_only():
+    plain = claim(rate=0.005).slack_m
+    assert plain > 1e-9
+    for levers, times in (((2.0, 9.0, 1.0), 2), ((1.0, 9.0, 3.0), 3), ((1.0, 9.0, 1.0), 1)):
+        assert claim(rate=0.005, levers=levers).slack_m == pytest.approx(times * plain)
 
 
 def test_a_pair_further_apart_than_a_grazing_is_none():

@@ -267,7 +267,7 @@ def test_a_setting_at_its_limit_is_accepted_and_the_next_one_beyond_is_refused(n
 def test_the_error_of_an_angle_is_that_of_a_position_by_the_way_of_a_handle_for_a_radian():
     """A handle moves sqrt(1 + theta^2) / scale metres for a radian, which the larger of theta and 1 stands for."""
     theta = np.linspace(0.0, 60.0, 241)
-    error = _Descending._angle_errors(SimpleNamespace(_tolerance_m=1e-9), theta, 3.0)
+    error = _Descending._angle_errors(SimpleNamespace(_error_m=0.5e-9), theta, 3.0)
     exact = 3.0 * 1e-9 / np.hypot(1.0, theta)
     assert np.all(exact <= error)
     assert np.all(error <= 1.5 * exact)
