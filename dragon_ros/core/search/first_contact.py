@@ -26,6 +26,7 @@ from dragon_ros.core.search.conservative_advancement import WholeChain
 from dragon_ros.core.search.leading_benches import (
     BodyBenches,
     LeadingBenches,
+    Touching,
     classes_of,
     provable_m,
     searchable_m,
@@ -99,12 +100,15 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
 def head_passes(scene: Scene, progress: Callable[[int], object] = lambda states: None) -> bool:
     """Return whether the head, winding in on a spiral, provably touches no bench in the scene's run.
 
-    Other benches may touch each other. For long mixed dragons this takes at most a tenth of the time of
-    ``first_contact``, and it raises the same errors.
+    Other benches may touch each other. The search ends at the first sample in which the head touches a bench, so it
+    evaluates fewer states than ``first_contact``. It raises the same errors.
     """
     travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
     domain = SearchDomain(scene, travel, 1, progress)
-    return _ContactSearch(domain, [LeadingBenches(domain, (0,))]).bracket() is None
+    try:
+        return _ContactSearch(domain, [LeadingBenches(domain, (0,), until_touch=True)]).bracket() is None
+    except Touching:
+        return False
 
 
 class _ContactSearch:

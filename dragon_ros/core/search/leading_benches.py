@@ -40,6 +40,10 @@ _CLOSER = 20            # number of halvings of a domain, down to a millionth, t
 _Row = tuple[float, float, float]       # start, stop and bound of a cleared interval
 
 
+class Touching(Exception):
+    """A sample has benches that touch; raised for searches that only decide whether there is a contact."""
+
+
 class _SpiralIntervals:
     """The space of leading benches for ``clear``; each window has its own positions and its own number of followers."""
 
@@ -48,6 +52,7 @@ class _SpiralIntervals:
         self._behind = np.array([window.behind for window in windows])
         self._lead = np.array([sampler.leads.index(window.of.lead) for window in windows])
         self._window: Ints = np.empty(0, dtype=np.int64)
+        self._until_touch = any(window.of.until_touch for window in windows)
 
     def sample(self, places: Floats, window: Ints) -> BenchSamples:
         """Return the samples at positions."""
@@ -66,6 +71,8 @@ class _SpiralIntervals:
         behind = self._behind[self._window[group]]
         there = np.arange(2, a.apart.shape[1] + 2) <= behind[:, None]
         touching = np.stack([np.any((each.apart <= 0) & there, axis=1) for each in (a, b)])
+        if self._until_touch and np.any(touching):
+            raise Touching
         rows = 1 + _IN_CACHE // a.delta.shape[1]
         parts = [slice(at, at + rows) for at in range(0, behind.size, rows)]
         found = [bounds(a.rows(part), b.rows(part), self.sampler.sizes, behind[part]) for part in parts]
@@ -118,9 +125,12 @@ class _ClearedInterval:
 class LeadingBenches:
     """One class of benches over a domain, and the cleared intervals of its pairs with benches behind."""
 
-    def __init__(self, domain: SearchDomain, benches: tuple[int, ...]) -> None:
-        """Represent the class of ``benches``, which are in order from the head; the first bench is the ``lead``."""
-        self._domain, self.benches, self.lead = domain, benches, benches[0]
+    def __init__(self, domain: SearchDomain, benches: tuple[int, ...], until_touch: bool = False) -> None:
+        """Represent the class of ``benches``, which are in order from the head; the first bench is the ``lead``.
+
+        With ``until_touch``, clearing raises Touching at the first sample in which benches touch.
+        """
+        self._domain, self.benches, self.lead, self.until_touch = domain, benches, benches[0], until_touch
         self._behind = domain.dragon.benches - 1 - self.lead
         assert domain.track.from_afar
         self._spiral = domain.track.from_afar.curve

@@ -20,6 +20,7 @@ from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact, head_passes
+from dragon_ros.core.search.min_pitch import coming_in
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
@@ -142,6 +143,17 @@ def test_the_head_passes_where_others_touch_and_not_where_it_touches():
     short = Dragon(head_length_m=1.2)
     assert first_contact(Scene(dragon=short)).t_s == pytest.approx(423.969536, abs=1e-6)      # docs/cumcm-2024-a.md:
     assert [head_passes(Scene(dragon=short, run=Run(300, end_s))) for end_s in (430.753, 430.754)] == [True, False]
+
+
+def test_whether_the_head_passes_is_known_from_fewer_states_than_where_it_touches():
+    dragon = Mixed((Group(3.41), *(Group(2.2 + 0.01 * (n % 7 - 3)) for n in range(30))))
+    for pitch_m in (0.42, 0.44, 0.45):
+        scene, told = coming_in(dragon, pitch_m, 16.0, 9.0), list[int]()
+        found = first_contact(scene)
+        assert isinstance(found, Contact)
+        assert found.benches[0] == 0
+        assert not head_passes(scene, told.append)
+        assert 0 < sum(told) < 0.6 * found.states
 
 
 @pytest.mark.parametrize('scale', [1e-8, 1e-5, 1e3, 1e8])
