@@ -71,7 +71,7 @@ def test_every_tier_keeps_its_promise_on_every_hard_case(name, solver, request):
         try:
             position, speed, _ = worst_errors(CASES[name], tier, solver=solver)
         except FieldError:
-            assert tier in ('standard', 'fine'), 'only these can be beyond floats while the exact tier adapts'
+            assert tier in ('standard', 'fine'), 'only these tiers may be beyond floats; exact adapts'
             continue
         assert position <= 1, tier
         assert speed <= 1, tier
@@ -182,7 +182,7 @@ def test_many_states_at_once_keep_the_promise_too(name, request):
         try:
             simulation = compile_scene(scene)
         except FieldError:
-            assert tier in ('standard', 'fine'), 'only these can be beyond floats while the exact tier adapts'
+            assert tier in ('standard', 'fine'), 'only these tiers may be beyond floats; exact adapts'
             continue
         for number, p in enumerate(states(scene, problem.times_s).p):
             promise_m = position_promise_m(simulation.tier, simulation.size_m, conditions[number])

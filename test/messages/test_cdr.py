@@ -67,7 +67,7 @@ def test_the_real_serialiser_reads_and_writes_the_same(benches, name, markers, f
     again = serialization.serialize_message(message)
     assert len(data) - len(again) in (0, 1, 2, 3)
     different = [n for n, (a, b) in enumerate(zip(data, again, strict=False)) if a != b]
-    assert all(data[n] == 0 for n in different), 'only padding may differ, and ours is zero'
+    assert all(data[n] == 0 for n in different), 'only padding may differ, and it must be zero'
     assert serialization.deserialize_message(again, kind) == message
 
 

@@ -12,7 +12,7 @@ ONE = track_of(Spiral(0.55, 16.0))
 
 
 def positions(track, shape, more=(), occurring=None):
-    """Return random segments of a shape, and coordinates (hi, lo) on these, with further axes ``more``."""
+    """Return random segments of a shape, and coordinates (hi, lo) on them, with further axes ``more``."""
     rng = np.random.default_rng(3)
     segment = rng.choice(occurring or range(len(track.segments)), shape)
     first, last = (np.array([getattr(one, end) for one in track.segments]) for end in ('first', 'last'))
