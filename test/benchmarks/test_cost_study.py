@@ -1,29 +1,37 @@
 """The page ``cost study``: its figures follow from the measurements."""
 import csv
 import io
+from importlib.util import find_spec
 
 import pytest
 
-pytest.importorskip('distributed')
-
-from benchmarks import study
 from benchmarks.command import write
 
+pytestmark = pytest.mark.skipif(not find_spec('distributed'), reason='distributed is not installed')
 
-def rows():
+
+@pytest.fixture(scope='module')
+def study():
+    """The module, imported by the first test, because Dask is slow to import."""
+    from benchmarks import study
+    return study
+
+
+@pytest.fixture
+def rows(study):
     return [study.Row(name, workers, 1000, 100.0 / max(1, workers), 90.0, 93.6, 150.0 + workers)
             for name in study.TASKS for workers in (0, 1, 2)]
 
 
-def test_rates_and_overhead_follow_from_what_was_measured():
-    row = rows()[2]
+def test_rates_and_overhead_follow_from_what_was_measured(rows):
+    row = rows[2]
     assert row.rate == pytest.approx(20)
     assert row.row_s == pytest.approx(0.09)
     assert row.overhead_s == pytest.approx(0.0036)
 
 
-def test_the_page_shows_each_row_and_a_million_on_paper(tmp_path):
-    paths = write('study', rows(), tmp_path)
+def test_the_page_shows_each_row_and_a_million_on_paper(rows, tmp_path):
+    paths = write('study', rows, tmp_path)
     assert sorted(path.name for path in paths) == ['study.csv', 'study.md', 'study.png', 'study.svg']
     text = (tmp_path / 'study.md').read_text()
     assert '| its lock | none | 1,000 | 10 | 90 | 3.6 | 4.0% | 150 |' in text
@@ -32,7 +40,7 @@ def test_the_page_shows_each_row_and_a_million_on_paper(tmp_path):
     assert [row['workers'] for row in found] == ['0', '1', '2'] * 2
 
 
-def test_a_study_is_measured_without_dask_and_on_a_worker():
+def test_a_study_is_measured_without_dask_and_on_a_worker(study):
     alone, one = study._alone('its lock', 3), study._on_dask('its lock', 1, 8)
     assert (alone.rows, one.rows, one.workers) == (3, 8, 1)
     assert one.cpu_s > one.work_s > 0

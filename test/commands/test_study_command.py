@@ -2,12 +2,13 @@
 import json
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import pytest
 
 from dragon_ros.__main__ import main
 
-pytest.importorskip('distributed')
+pytestmark = pytest.mark.skipif(not find_spec('distributed'), reason='distributed is not installed')
 
 GRID = """
 set: {dragon: {benches: 24}, run: {start_s: 405, stop_s: 413}}

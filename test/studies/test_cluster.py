@@ -8,24 +8,21 @@ import signal
 import subprocess
 import sys
 from contextlib import ExitStack, contextmanager, suppress
+from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 from threading import Event
 
 import pytest
+from slow_study import SLOWER
 from small_disk import small_disk
 
-pytest.importorskip('distributed')
+from dragon_ros.core.errors import DiskError, DragonError, InputError, MissingError
+from dragon_ros.studies.dataset import open_set, writing
+from dragon_ros.studies.rows import rows_of
+
 psutil = pytest.importorskip('psutil')
-
-import distributed  # noqa: E402
-from slow_study import SLOWER  # noqa: E402
-
-from dragon_ros.core.errors import DiskError, DragonError, InputError, MissingError  # noqa: E402
-from dragon_ros.studies import cluster  # noqa: E402
-from dragon_ros.studies.dataset import open_set, writing  # noqa: E402
-from dragon_ros.studies.rows import rows_of  # noqa: E402
-
+pytestmark = pytest.mark.skipif(not find_spec('distributed'), reason='distributed is not installed')
 ROOT = Path(__file__).parents[2]
 LONGEST_S = 120
 # One row kills its worker, as the system does when it runs out of memory.
@@ -56,6 +53,7 @@ def started(*arguments, **environment):
 
 
 def wait_for_workers(file, count, **options):
+    import distributed  # slow to import
     with distributed.Client(scheduler_file=str(file), timeout=LONGEST_S, set_as_default=False, **options) as client:
         client.wait_for_workers(count, timeout=LONGEST_S)
 
@@ -70,6 +68,13 @@ def dask_cluster(folder, *options, count=1, scheduler=(), **environment):
                     '--local-directory', folder / 'scratch', *options, **environment) as other:
         wait_for_workers(file, count)
         yield str(file), one, other
+
+
+@pytest.fixture(scope='module')
+def cluster():
+    """The module, imported by the first test, because Dask is slow to import."""
+    from dragon_ros.studies import cluster
+    return cluster
 
 
 @pytest.fixture(scope='module')
@@ -98,7 +103,7 @@ def nothing(progress):
     pass
 
 
-def test_a_worker_that_is_killed_half_way_costs_no_row(study, undisturbed, without_times, shared, tmp_path):
+def test_a_worker_that_is_killed_half_way_costs_no_row(cluster, study, undisturbed, without_times, shared, tmp_path):
     file, workers = shared
     victim = next(one for one in psutil.Process(workers.pid).children() if 'spawn_main' in ' '.join(one.cmdline()))
     with writing(tmp_path, study(SLOWER)) as data:
@@ -108,8 +113,8 @@ def test_a_worker_that_is_killed_half_way_costs_no_row(study, undisturbed, witho
     assert without_times(open_set(tmp_path).table()) == undisturbed
 
 
-def test_a_full_disk_half_way_keeps_what_was_there_and_the_next_run_goes_on(study, undisturbed, without_times, shared,
-                                                                            tmp_path):
+def test_a_full_disk_half_way_keeps_what_was_there_and_the_next_run_goes_on(cluster, study, undisturbed, without_times,
+                                                                            shared, tmp_path):
     with writing(tmp_path, study(SLOWER)) as data:
         with ExitStack() as full, pytest.raises(DiskError, match='rows are kept'):
             cluster.complete(data, Event(), half_way(lambda: full.enter_context(small_disk(100))), scheduler=shared[0])
@@ -118,7 +123,7 @@ def test_a_full_disk_half_way_keeps_what_was_there_and_the_next_run_goes_on(stud
     assert without_times(open_set(tmp_path).table()) == undisturbed
 
 
-def test_a_study_that_is_killed_half_way_goes_on(study, undisturbed, without_times, shared, tmp_path):
+def test_a_study_that_is_killed_half_way_goes_on(cluster, study, undisturbed, without_times, shared, tmp_path):
     (tmp_path / 'study.yaml').write_text(SLOWER)
     command = [sys.executable, '-m', 'dragon_ros', 'study', str(tmp_path / 'study.yaml'), '--output',
                str(tmp_path / 'data'), '--scheduler', shared[0]]
@@ -136,7 +141,7 @@ def test_a_study_that_is_killed_half_way_goes_on(study, undisturbed, without_tim
     assert without_times(open_set(tmp_path / 'data').table()) == undisturbed
 
 
-def test_batches_grow_with_the_speed_of_rows(study, shared, tmp_path):
+def test_batches_grow_with_the_speed_of_rows(cluster, study, shared, tmp_path):
     told = []
     with writing(tmp_path, study().with_samples(600)) as data:
         cluster.complete(data, Event(), lambda state: told.append(state.done), scheduler=shared[0])
@@ -144,7 +149,7 @@ def test_batches_grow_with_the_speed_of_rows(study, shared, tmp_path):
     assert max(later - sooner for sooner, later in pairwise(told)) > 20
 
 
-def test_a_stopped_study_goes_on_where_it_was(study, undisturbed, without_times, shared, tmp_path):
+def test_a_stopped_study_goes_on_where_it_was(cluster, study, undisturbed, without_times, shared, tmp_path):
     stop = Event()
     with writing(tmp_path, study(SLOWER)) as data:
         first = cluster.complete(data, stop, half_way(stop.set), scheduler=shared[0])
@@ -155,7 +160,7 @@ def test_a_stopped_study_goes_on_where_it_was(study, undisturbed, without_times,
 
 
 @pytest.mark.long
-def test_a_row_that_kills_its_workers_is_a_row_that_says_so(study, tmp_path):
+def test_a_row_that_kills_its_workers_is_a_row_that_says_so(cluster, study, tmp_path):
     (tmp_path / 'deadly.py').write_text(DEADLY)
     one = study('set: {dragon: {benches: 3}}\nvary: {dragon.width_m: [0.2, 0.25, 0.3, 0.35]}\nask: [lock]')
     with dask_cluster(tmp_path, '--preload', 'deadly', count=2, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES='1',
@@ -169,7 +174,7 @@ def test_a_row_that_kills_its_workers_is_a_row_that_says_so(study, tmp_path):
     assert 'ok' in table.column('status').to_pylist()
 
 
-def test_other_versions_are_refused_before_anything_is_computed(study, shared, tmp_path, monkeypatch):
+def test_other_versions_are_refused_before_anything_is_computed(cluster, study, shared, tmp_path, monkeypatch):
     wanted = cluster.versions() | {'numpy': '0.9'}
     monkeypatch.setattr(cluster, 'versions', lambda: wanted)
     with writing(tmp_path, study()) as data, pytest.raises(InputError, match=r'has numpy \S+, this process has 0.9'):
@@ -177,27 +182,27 @@ def test_other_versions_are_refused_before_anything_is_computed(study, shared, t
     assert list((tmp_path / 'rows').iterdir()) == []
 
 
-def test_a_worker_of_another_version_that_joins_later_computes_nothing(study):
+def test_a_worker_of_another_version_that_joins_later_computes_nothing(cluster, study):
     with pytest.raises(InputError, match='worker has dragon_ros'):
         cluster.compute(study().text, 0, 1, {'dragon_ros': '0.0.1'})
 
 
 @pytest.mark.parametrize('address', ['tcp://127.0.0.1:9', 'nonsense://', 'nowhere.json'])
-def test_a_scheduler_that_is_not_there_is_named(study, tmp_path, monkeypatch, address):
+def test_a_scheduler_that_is_not_there_is_named(cluster, study, tmp_path, monkeypatch, address):
     monkeypatch.setattr(cluster, '_CONNECT_S', 0.5)
     with writing(tmp_path, study()) as data, pytest.raises(MissingError, match='--scheduler .* cannot be reached'):
         cluster.complete(data, Event(), nothing, scheduler=address)
 
 
 @pytest.mark.long
-def test_a_scheduler_that_goes_away_is_told_and_what_came_is_kept(study, tmp_path):
+def test_a_scheduler_that_goes_away_is_told_and_what_came_is_kept(cluster, study, tmp_path):
     with dask_cluster(tmp_path) as (file, scheduler, _), writing(tmp_path / 'data', study(SLOWER)) as data:
         with pytest.raises(DragonError, match='rows are kept'):
             cluster.complete(data, Event(), half_way(scheduler.kill), scheduler=file)
         assert 24 <= data.count < 48
 
 
-def test_the_embedded_cluster_is_on_this_host_alone_and_encrypted(study, without_times, tmp_path):
+def test_the_embedded_cluster_is_on_this_host_alone_and_encrypted(cluster, study, without_times, tmp_path):
     before = set(psutil.Process().children(recursive=True))
     with cluster.local_client(1) as client, writing(tmp_path, study()) as data:
         assert client.scheduler.address.startswith('tls://127.0.0.1:')
@@ -226,7 +231,7 @@ def test_ctrl_c_ends_a_study_in_order_and_says_how_to_go_on(tmp_path):
 
 
 @pytest.mark.long
-def test_tls_settings_of_dask_are_honoured(study, without_times, tmp_path):
+def test_tls_settings_of_dask_are_honoured(cluster, study, without_times, tmp_path):
     from distributed.security import Security
     security = Security.temporary()
     made = {'ca': security.tls_ca_file, 'key': security.tls_client_key, 'cert': security.tls_client_cert}
