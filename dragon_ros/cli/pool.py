@@ -1,4 +1,4 @@
-"""Do long work on all cores: several processes do the jobs, and the results are returned in the order of the jobs."""
+"""Run long work on all cores: several processes run the jobs, and the results are returned in the order of the jobs."""
 import mmap
 import os
 import pickle
@@ -19,7 +19,7 @@ from dragon_ros.cli.signals import ending
 from dragon_ros.core.checks import whole
 from dragon_ros.core.errors import DragonError
 
-if TYPE_CHECKING:       # imported lazily, since most commands start no processes
+if TYPE_CHECKING:       # imported lazily, because most commands start no processes
     from concurrent.futures import ProcessPoolExecutor
 
 _MOST = 1024    # largest value of --workers
@@ -98,7 +98,7 @@ ALONE = Pool(1)
 
 
 def _seen(work: Callable[[J], R], rest: Iterator[J], count: int) -> Generator[R, None, float]:
-    """Do the first jobs in this process, yield their results, and return the estimated time in s for the other jobs.
+    """Run the first jobs in this process, yield their results, and return the estimated time in s for the other jobs.
 
     The first job is not timed, because it fills caches.
     """
@@ -153,7 +153,7 @@ class _Slots:
 
 
 class _Elsewhere(NamedTuple):
-    """A job that another process does."""
+    """A job that runs in another process."""
 
     future: Future[_Result]
     slot: int | None
@@ -278,7 +278,7 @@ def _warm() -> None:
 
 
 def _take(job: Any, slot: int | None) -> _Result:
-    """Do a job, and write the large buffers of its result to a slot of the shared memory if they fit."""
+    """Run a job, and write the large buffers of its result to a slot of the shared memory if they fit."""
     sizes: list[int] = []
     start = 0 if slot is None else slot * _SLOT_BYTES
 

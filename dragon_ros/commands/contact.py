@@ -38,7 +38,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--certificate', type=Path, metavar='FILE',
                          help='write the proof that no benches touch earlier, as JSON')
     options.add_argument('--verify', type=Path, metavar='FILE',
-                         help="check a certificate independently of the solver's code (no scene options)")
+                         help="check a certificate without using the solver's code (no scene options)")
     options.add_argument('--effort', metavar='TIMES', help='with --verify: multiple of the usual budget (1); if it is '
                          'too small, the error names a sufficient multiple')
     command_line.add_output_options(options)

@@ -102,7 +102,7 @@ def _event(status: Status) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Clearance:
-    """Smallest signed gaps in m at times in s, their source topic, and the numbers of examined and of all ticks."""
+    """Smallest signed gaps in m at times in s, their source topic, and the numbers of examined ticks and all ticks."""
 
     source: str
     t_s: list[float]

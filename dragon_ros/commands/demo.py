@@ -154,7 +154,7 @@ def _processes(log: Path) -> Iterator['_Processes']:
         start = _Processes(file)
         try:
             yield start
-            # The recorder ends once the monitor, which is still there, has reported on everything.
+            # The recorder ends once the monitor, which is still running, has reported on everything.
             for process in (*start.recorders, *start.monitors):
                 process.send_signal(signal.SIGINT)
                 _finished(process)

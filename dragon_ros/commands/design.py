@@ -145,7 +145,7 @@ def _max_speed_options(parser: ArgumentParser) -> None:
 
 
 def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the leader's largest speed (profiles are scaled), and the handle and the place that reach the limit."""
+    """Return the leader's largest speed (profiles are scaled), and the handle and place that reach the limit."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.max_speed import max_speed

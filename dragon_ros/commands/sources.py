@@ -181,7 +181,7 @@ def moments_of(scene: Scene, group: list[float]) -> Iterator[Moment]:
 
 
 def _gaps_of(scene: Scene, group: list[float]) -> list[tuple[float, float]]:
-    from dragon_ros.core.geometry.near_pairs import NearPairs  # imported lazily, as few pictures need this class
+    from dragon_ros.core.geometry.near_pairs import NearPairs  # imported lazily, because few pictures need this class
     near = NearPairs()
     return [(one.t_s, near.look(one.p, one.benches).clearance_m) for one in moments_of(scene, group)]
 
@@ -346,8 +346,8 @@ class BagSource:
         """Yield the first contact, and None for each tick before the contact.
 
         The parts of the bag are searched for touching benches. The tracker observes only the first part with a contact
-        and the last ticks before this part, because earlier ticks do not affect the result. If time goes back or the
-        dragon changes, the tracker observes all ticks of the bag.
+        and the last ticks before this part, because earlier ticks do not affect the result. If time goes backwards or
+        the dragon changes, the tracker observes all ticks of the bag.
         """
         from dragon_ros.bags.read.frames import RecordedObstacles
         from dragon_ros.bags.read.parts import in_parts

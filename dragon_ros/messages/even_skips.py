@@ -1,4 +1,4 @@
-"""Skips whole ticks evenly if they arrive too fast to be processed; the fuller the queue, the more are skipped."""
+"""Skips whole ticks evenly if they arrive too fast to be processed; a fuller queue skips more ticks."""
 from dataclasses import dataclass, field
 
 FROM_FILL = 0.5     # used fraction of a queue's budget above which ticks are skipped

@@ -12,7 +12,7 @@ class LengthCheck:
     """Checks messages of one type; a message with the same lengths as the previous message is not parsed."""
 
     def __init__(self, name: str) -> None:
-        """Take the name of a message type whose schema is in the package."""
+        """Start with the name of a message type whose schema is in the package."""
         self._name, self._fields = name, fields_of(name)
         self._last: tuple[str, Layout, Array, Array] | None = None
 

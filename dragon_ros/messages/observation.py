@@ -149,7 +149,7 @@ class BenchesFromHandles:
     """
 
     def __init__(self, width_m: float = 0.3, hole_inset_m: float = 0.275) -> None:
-        """Take the hole inset and the width, in metres, that all benches share."""
+        """Start with the hole inset and the width, in metres, that all benches share."""
         self._width_m, self._hole_inset_m = width_m, hole_inset_m
         self._frame_id, self._lengths_m = '', np.empty(0)       # lengths in the order of the template
         self._template: CubesTemplate | None = None

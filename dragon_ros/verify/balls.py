@@ -15,7 +15,7 @@ UNIT = arb(0, 1)    # [-1, 1]
 
 
 def precise(ratio: float) -> None:
-    """Set a precision at which large coordinates have as many bits after the point as those of the size of a link."""
+    """Set a precision at which large coordinates have as many bits after the point as coordinates of a link's size."""
     ctx.prec = BITS + 2 * int(ratio).bit_length() if isfinite(ratio) else 4 * BITS
 
 

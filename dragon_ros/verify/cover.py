@@ -23,7 +23,7 @@ from dragon_ros.verify.track import Track
 
 _FINEST = 2.0**-70      # length of the shortest interval, relative to 1 m plus the distance along the track
 _EARLY = 30_000         # smallest number of steps before a proof may be abandoned
-_NOTHING = 1e-9         # smallest share of the track for an estimate; the first interval may be one float long
+_NOTHING = 1e-9         # smallest share of the track for an estimate; the first interval may be a single float spacing
 _MANY = 200             # smallest number of intervals for an estimate; with fewer, the proof takes a second or two
 _SAMPLES, _LEAST = 12, 4        # largest and smallest number of intervals sampled for an estimate
 _PILOT = 0.1            # largest share of the budget for an estimate

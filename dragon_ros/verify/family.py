@@ -1,10 +1,10 @@
 """The proof for a family of dragons on one spiral: up to a time, no dragon within the tolerances touches itself.
 
-In units of b = pitch / 2 pi the spiral is r = theta. A box consists of five intervals of floats: the polar angle of
-the front handle of a bench, the angle by which the front handle of another bench is further out, 1 / b, and the link
-lengths of both benches in metres. A box is halved until one edge separates the benches everywhere in the box, or
-until nothing in the box can occur, because the head would have travelled too far or because no number of links joins
-one bench to the other. The proof of this method is in docs/contact.md.
+In units of b = pitch / 2 pi the spiral is r = theta. A box consists of five intervals of floats: the polar angle of the
+front handle of a bench, the angle by which the front handle of another bench is further out, 1 / b, and the link
+lengths of both benches in metres. A box is halved until one edge separates the benches everywhere in the box, or until
+nothing in the box can occur, because the head would have travelled too far or because no number of links can join one
+bench to the other. The proof of this method is in docs/contact.md.
 """
 from dataclasses import dataclass
 from fractions import Fraction
@@ -28,7 +28,7 @@ _LEAST = 1e-9           # relative to a variable: width of the narrowest box
 _BENT = Fraction(109, 100)      # the curvature of any spiral is at most 1.09 / r
 _NEAR = 1e-11           # relative to a span: distance of the first bound that is tested
 _BELOW, _ABOVE = -1, 1  # the side of a value on which a float provably lies
-_PASSES = 6             # iterations that bound the head, given the handle behind it
+_PASSES = 6             # number of iterations that bound the head's position, given the handle behind it
 _HALF = Fraction(1, 2)
 
 Interval = tuple[float, float]
@@ -115,7 +115,7 @@ def _span(theta: float, chord: float, sense: int) -> float:
 
 
 def _next(theta: float, chord: float, sense: int) -> float:
-    """Return a float that is provably below or above (``sense``) the angle of the handle a chord behind ``theta``."""
+    """Return a float that is provably below or above (``sense``) the angle of the handle one chord behind ``theta``."""
     return nextafter(theta + _span(theta, chord, sense), sense * inf)
 
 
@@ -141,7 +141,7 @@ class _Proof:
         self._start = 2 * half_turn() * exact(family.start_turns)
         gone = family.law.extent_m(family.start_s, family.until_s)
         if gone[0] < family.law.gone_m(family.start_s):
-            raise Refused('proved_s: the head goes back before this time, which family proofs do not support')
+            raise Refused('proved_s: the head moves backwards before this time, which family proofs do not support')
         self._gone_m = exact(gone[0]), exact(gone[1])
 
     @cached_property
@@ -178,7 +178,7 @@ class _Proof:
         return first
 
     def _last(self, theta: float) -> float:
-        """Return the angle of the front handle of the last bench that has two behind it, with the head at ``theta``.
+        """Return the front handle's angle for the last bench with two benches behind it, with the head at ``theta``.
 
         By lemma 6, this angle is largest for the longest links.
         """
@@ -187,7 +187,7 @@ class _Proof:
         return theta
 
     def _clear(self, lead: int, box: Box, before: int) -> int:
-        """Clear a box and return the number of boxes that this took, after ``before`` others. Raises Refused."""
+        """Clear a box, after ``before`` others, and return the number of boxes that were processed. Raises Refused."""
         boxes, done = [box], 0
         while boxes:
             here = boxes.pop()

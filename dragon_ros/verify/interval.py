@@ -60,9 +60,9 @@ class Interval:
     def clear(self, first: int, last: int) -> int | None:
         """Return the offset of the nearest bench that is not proved clear of the leading bench, or None.
 
-        The benches at the offsets ``first`` to ``last`` behind the leading bench are tested, up to the bench from
-        which on all benches are out of reach. Raises Overlap if benches overlap at an end, and Refused if a handle
-        cannot be placed.
+        The benches at the offsets ``first`` to ``last`` behind the leading bench are tested. The test ends early at a
+        bench that is out of reach together with all benches behind it. Raises Overlap if benches overlap at an end, and
+        Refused if a handle cannot be placed.
         """
         for n in range(first, last + 1):
             self.tested += 1

@@ -21,7 +21,7 @@ Extent = tuple[Fraction, Fraction]
 class Mark(NamedTuple):
     """A knot, or the approximate time of a reversal: the distance travelled by then, and a bound on its error.
 
-    Up to the next mark the leader goes on (``sense`` 1), goes back (-1) or rests (0).
+    Until the next mark, the leader moves forwards (``sense`` 1), moves backwards (-1) or rests (0).
     """
 
     t_s: Fraction
@@ -31,7 +31,7 @@ class Mark(NamedTuple):
 
 
 class Leg(NamedTuple):
-    """A period in which the leader goes on (``sense`` 1), goes back (-1) or rests (0).
+    """A period in which the leader moves forwards (``sense`` 1), moves backwards (-1) or rests (0).
 
     ``until_s`` is None if the period has no end.
     """

@@ -265,7 +265,7 @@ def _axis(ahead: Handle, handle: Handle, ends: Postures, n: int, inverse: arb) -
 
 
 def _settled(handle: Handle, speeds: Speeds) -> Motion:
-    """Express a motion along the track by the coordinate of the handle's segment, if it stays on one segment."""
+    """Express a motion along the track in terms of the segment's coordinate, if the handle stays on one segment."""
     if handle.segment is None:
         return Motion(handle, NAN, NAN, speeds)
     segment, u, rate = handle.on, handle.u, speeds.rate

@@ -144,9 +144,9 @@ class _Proof:
     def _slack_m(self, contact: Contact, gone: arb) -> float:
         """Return the leader's travel before a contact for which nothing is proved, as small as floats allow.
 
-        The slack is a nanometre in general. It is larger if the leader is so fast that the time of the contact does
-        not determine its position that well, or if the benches approach so slowly that position errors correspond to
-        more travel.
+        The slack is usually a nanometre. It is larger if the leader is so fast that the time of the contact does not
+        determine its position that well, or if the benches approach so slowly that position errors correspond to more
+        travel.
         """
         lever = max(self._dragon.benches[bench].lever(self._track.bend) for bench in contact.benches)
         step, error_m = 1e3 * _SLACK * self._unit, 4 * _PROMISE_M * self._coarse * lever

@@ -1,4 +1,4 @@
-"""Reads certificates as plain numbers, which must be complete, within limits and without unknown keys.
+"""Reads certificates as plain numbers; a certificate must be complete, within limits and free of unknown keys.
 
 A certificate is untrusted input. A value that cannot belong to a scene is rejected with its location in the file. An
 unknown key is also rejected, because nothing would check it.
@@ -29,7 +29,7 @@ _INSIDE = 'inside'      # name of the outline that benches must not leave
 MOST_KNOTS = 10_000
 MOST_GROUPS = 10_000
 _LEAST_LINK = 2e-10     # relative to the longest bench: rounding errors obscure the direction of a shorter link
-_DIGITS = 400           # limit of the digits of a whole number; the largest float has 309
+_DIGITS = 400           # maximum number of digits of a whole number; the largest float has 309
 _LATEST_S = 2.0**31
 
 

@@ -75,9 +75,9 @@ class Leader:
         return self._track.distance(place)
 
     def limits(self, slack_m: float, furthest: arb | None) -> tuple[Limit | None, Limit | None]:
-        """Return the ends of the model when the leader goes back and when it goes on (None if there is no end).
+        """Return the ends of the model when the leader moves backwards and forwards (None if there is no end).
 
-        ``furthest`` is a bound on how far the leader goes on, or None.
+        ``furthest`` is a bound on how far the leader moves forwards, or None.
         """
         track, begin, end = self._track, self._track.begin, self._track.end
         if self._tail is not None:
@@ -229,7 +229,7 @@ def _within(extent: Extent, limits: tuple[Limit | None, Limit | None]) -> Range:
 
 
 def _ended(law: Law, start: Fraction, before: Mark, after: Mark | None, limit: Limit, sense: int) -> Run:
-    """Return a run that ends at a limit, less the slack; from ``before`` on the leader moves in one direction."""
+    """Return a run that ends at a limit, minus the slack; from ``before`` on the leader moves in one direction."""
     end_s = _passage(law, before, after, Fraction(float(limit.gone)), sense)
     if end_s < start:
         raise Refused(f'scene.run.start_s: the model ends before it, at {float(end_s):.12g} s: {limit.why}')

@@ -73,7 +73,7 @@ class Segment(Protocol):
         ...
 
     def next(self, u: arb, link: Link, way: int) -> arb:
-        """Return the nearest position a link ahead (``way`` 1) or behind (-1), as if the segment had no ends."""
+        """Return the nearest position one link ahead (``way`` 1) or behind (-1), as if the segment had no ends."""
         ...
 
     def near(self, u: float) -> complex:

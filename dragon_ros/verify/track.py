@@ -34,7 +34,7 @@ AnySegment = LineSegment | ArcSegment | SpiralSegment
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # largest difference between a joint and the stated start of a piece
 _HAIR = 1e-12                       # metres by which a position may be beyond the track's end, in addition to rounding
 _ULPS = 2.0**-50                    # rounding error of a position relative to its distance
-_SHORTER = 1 - 1e-9                  # relative to a link: in floats, a chord below this is certainly shorter
+_SHORTER = 1 - 1e-9                  # relative to a link: a chord below this in floats is certainly shorter
 _NARROW = 1e-15                     # largest uncertainty next to a joint, relative to 1 m or the tightest radius
 
 

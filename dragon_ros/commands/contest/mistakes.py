@@ -439,7 +439,7 @@ def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float,
             for joint in joints[::-1]:
                 at = np.where((short < joint) & (joint < at), joint, at)
             stepped = at - np.ceil((at - short) / step - 1e-9) * step
-            for joint in joints:        # a step beyond the end of a piece is cut at the end, which is far enough
+            for joint in joints:        # a step beyond the end of a piece is cut off at the end, which is far enough
                 stepped = np.where((stepped < joint) & (joint <= short), joint, stepped)
             metres.append(angle.metres(stepped))
         else:

@@ -348,7 +348,7 @@ def _context(sheet: WorkbookSheet, block: _SheetBlock, before: list[tuple[Floats
 
 
 def _numbers_told(rows: list[Label], columns: list[Label], keys: list[str]) -> tuple[list[Label], list[Label]]:
-    """Interpret bare numbers as times or handles, by a heading, by the other labels, or by their count."""
+    """Interpret bare numbers as times or handles, based on a heading, the other labels, or their count."""
     has_handles = _handles_on(rows) + _handles_on(columns) > 0
     has_times = any(label.t_s is not None for label in (*rows, *columns))
     out = []

@@ -30,7 +30,7 @@ class _Lengths(Settings):
 
     @cached_property
     def classes(self) -> tuple[tuple[int, ...], ...]:
-        """The head, and the benches behind it grouped by identical remaining lengths, in order; the last two lead none.
+        """The head, and the benches behind it grouped by identical remaining lengths, in order, without the last two.
 
         The body is a single class if all its benches are equal.
         """

@@ -20,7 +20,7 @@ from dragon_ros.core.tracks.spiral import TIGHT, SpiralSegment, corrections
 
 FEWEST_ROWS = 8        # smallest number of rows of handles that are placed simultaneously
 _AT_ONCE = 2**14        # number of handles whose intermediate results fit in the cache
-_MOST_LEADERS = 512     # most leaders for simultaneous placement; for more, placing row by row is as fast
+_MOST_LEADERS = 512     # maximum number of leaders for simultaneous placement; for more, placing row by row is as fast
 _FAR_RAD = 2.0          # smallest polar angle for which the positions of all rows can be guessed
 _NEWTON_STEPS = 8       # largest number of Newton steps for all rows at once
 _STEEP = 0.05           # smallest slope from row to row; below it, a follower has almost turned back

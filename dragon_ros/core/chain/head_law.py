@@ -211,7 +211,7 @@ def ramp(knots: Sequence[Knot], reached_m: Fraction, smooth: bool = False) -> tu
 
 
 def _smooth_share(rise: float) -> float:
-    """Return the share of its time after which a smooth ramp has risen by a share of its change of speed."""
+    """Return the fraction of its duration after which a smooth ramp has completed a fraction of its speed change."""
     return bracketed_newton(lambda x: (x * x * (3 - 2 * x) - rise, 6 * x * (1 - x)), 0.0, 1.0, rise)[0]
 
 

@@ -1,9 +1,9 @@
 """How far corners of benches deviate from straight lines while a spiral's pitch changes at a constant head radius.
 
 In units of b (see ``min_pitch``), a smaller pitch makes the chain larger: its size is multiplied by ``scale``, with
-handle 0 at theta = scale r. A prime denotes scale times the derivative by the scale, and two primes denote scale^2
-times the second derivative, so c' = c and c'' = 0, and the leading handle has p = theta' = theta and a = theta'' = 0.
-Let m = theta - p, which is 0 for the leading handle. Then F = c^2 / 2 gives
+handle 0 at theta = scale r. A prime denotes scale times the derivative with respect to the scale, and two primes denote
+scale^2 times the second derivative, so c' = c and c'' = 0, and the leading handle has p = theta' = theta and a =
+theta'' = 0. Let m = theta - p, which is 0 for the leading handle. Then F = c^2 / 2 gives
 
     delta'  = (delta^2 + (1 - cos delta) (theta delta + (2 theta + delta) m)) / F_delta,
     m_next  = (1 + d1) m + theta (theta + delta) delta sin delta / F_delta,
@@ -35,7 +35,7 @@ from dragon_ros.core.numerics.types import Floats
 
 
 def bend_by_scale(theta: Ball, delta: Ball, chord: Ball, arm: Floats) -> Floats:
-    """Return bounds (M, K-2, 2), as ``bend`` does, on scale^2 times second derivatives by the scale, in units of b."""
+    """Return bounds like ``bend``, on scale^2 times second derivatives with respect to the scale, in units of b."""
     with np.errstate(all='ignore'):
         return corners(_motion(theta, delta, chord), arm, growth=1.0)
 

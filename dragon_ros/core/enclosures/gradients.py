@@ -1,8 +1,8 @@
 """Numbers and their first derivatives as balls, for all values that variables can have in a box.
 
-A number is an array (n,) of balls, one per box; its slopes (V, n) are its derivatives by the V variables. By the mean
-value theorem, a function that is smooth on a box is never less than its value in the middle minus the sum of the half
-widths times the largest absolute slopes; this bound is exact to first order.
+A number is an array (n,) of balls, one per box; its slopes (V, n) are its derivatives with respect to the V variables.
+By the mean value theorem, a function that is smooth on a box is never less than its value in the middle minus the sum
+of the half widths times the largest absolute slopes; this bound is exact to first order.
 """
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from dragon_ros.core.numerics.types import Floats
 
 @dataclass(frozen=True)
 class Graded:
-    """Numbers (n,) and their slopes (V, n) by the variables."""
+    """Numbers (n,) and their slopes (V, n) with respect to the variables."""
 
     value: Ball
     slope: Ball

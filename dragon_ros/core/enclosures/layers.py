@@ -6,7 +6,7 @@ of one layer plus the inner half band of the next layer, benches of different la
 their layers. Benches of the same layer are apart because a link lies between them.
 
 The bound depends only on the smallest polar angle of the bench's front handle, and it increases with this angle. A
-single evaluation thus clears everything further out, and no handles need to be placed (docs/contact.md, lemma 11).
+single evaluation therefore clears everything further out, and no handles need to be placed (docs/contact.md, lemma 11).
 
 The bound is rounded down: ``ABOVE`` covers the rounding errors of its formulas.
 """
@@ -69,7 +69,7 @@ class Layers:
         return out
 
     def _further_m(self, radius_m: Floats, own_m: Floats, longest_m: Floats) -> Floats:
-        """Return how much further out the front handles of benches of outer layers are that are less than a pitch away.
+        """Return how much further out the front handles of outer-layer benches less than a pitch away are.
 
         The nearest points of two benches are a turn apart along the spiral, except for the angle at which a pitch is
         seen from the centre. The points of a bench are at most the span of its link and the angle of a corner behind
@@ -110,7 +110,7 @@ class Layers:
         """Return bounds on the gaps to benches of the same layer.
 
         The link directly behind the bench spans at least its length over sqrt(b^2 + r^2), where r is the radius of its
-        rear handle, and at most a quarter turn is used.
+        rear handle; at most a quarter turn is used.
         """
         nearest_m = self._nearest(radius_m, np.maximum(own_m, longest_m))
         least_m = nearest_m - self._half_width_m

@@ -3,16 +3,16 @@
 Consider an interval of length h in the polar angle of the leading handle. If B bounds the second derivatives of a
 bench's corners in the frame of another bench, the corners deviate by at most B h^2 / 8 from the straight lines between
 their positions at the two ends of the interval. Along straight lines the separation from a fixed edge is concave, so it
-is never less than the smaller of its values at the two ends. Hence a pair is apart on the whole interval if, for one
-side of one edge, this smaller value exceeds B h^2 / 8.
+is never less than the smaller of its values at the two ends. A pair is therefore apart on the whole interval if, for
+one side of one edge, this smaller value exceeds B h^2 / 8.
 
 Close to a lock there is no such B, and the bound follows from the distances that the handles of both benches move.
 Benches further out are cleared if a circle about the centre separates them from the leading bench. All bounds require
 that handles move in one direction: an interval must not contain a position at which a handle turns back.
 
 B follows from the polar angles of the handles at the two ends of the interval; docs/contact.md has the proofs. A prime
-is a derivative by the polar angle of the leading handle. A link with chord c (in units of b) and its front handle at
-theta spans delta, the smallest root of F = delta^2 / 2 + theta (theta + delta) (1 - cos delta) = c^2 / 2, so
+is a derivative with respect to the polar angle of the leading handle. A link with chord c (in units of b) and its front
+handle at theta spans delta, the smallest root of F = delta^2 / 2 + theta (theta + delta) (1 - cos delta) = c^2 / 2, so
 
     d1 = d delta / d theta = -F_theta / F_delta <= 0,    d2 = -(F_tt + 2 F_td d1 + F_dd d1^2) / F_delta,
 
@@ -218,7 +218,7 @@ def beyond(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
 
     The leading bench extends outwards beyond its rear handle by at most the distance of a corner from this handle. The
     line of a link has the distance H = b (c^2 - delta^2) cot(delta / 2) / 2c from the centre; H decreases as delta
-    increases, and thus increases with theta.
+    increases, and therefore increases with theta.
     """
     span, outer = np.maximum(a.delta, b.delta)[:, 2:], np.maximum(a.theta[:, 1], b.theta[:, 1])
     inner, chord = np.minimum(a.theta, b.theta)[:, 2:-1], sizes.links_m[:, 2:] / sizes.b_m
@@ -294,7 +294,7 @@ def _some_pairs(row: Ints, bench: Ints) -> _Pairs:
 
 @dataclass(frozen=True)
 class _Slopes:
-    """The first and second derivatives (M, K) of delta and psi by theta."""
+    """The first and second derivatives (M, K) of delta and psi with respect to theta."""
 
     delta_1: Ball
     delta_2: Ball

@@ -5,10 +5,10 @@ and their changes) and the bounding box (the motion of one bench). Between the s
 to another and every handle moves in one direction. The exception is a follower that turns back, near the centre of a
 single spiral; ``Leader.turning_m`` returns the positions at which intervals must be cut for this reason.
 
-A prime denotes a derivative by the leader's distance, and a dot denotes a derivative by a handle's own distance. For
-each link, let A be the handle nearer to the leader and B the other handle, let e be the link's unit vector in the
-direction of the track, and let alpha and beta be the angles from e to the track at A and B. The length l is constant,
-so speeds v and curvatures k satisfy
+A prime denotes a derivative with respect to the leader's distance, and a dot denotes a derivative with respect to a
+handle's own distance. For each link, let A be the handle nearer to the leader and B the other handle, let e be the
+link's unit vector in the direction of the track, and let alpha and beta be the angles from e to the track at A and B.
+The length l is constant, so speeds v and curvatures k satisfy
 
     v_B = r v_A,  r = cos alpha / cos beta,      omega = w v_A,  w = (sin alpha - r sin beta) / l,
     alpha. = k_A - w,      beta. = r k_B - w,      r. = r g,  g = tan beta beta. - tan alpha alpha.,
@@ -53,7 +53,7 @@ from dragon_ros.core.enclosures.on_spiral import ABOVE
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 
 _ROUNDED_RAD = 2.0**-46 # rounding error of an angle between unit vectors
-_PASSES = 8     # maximum number of passes; each pass multiplies what is beyond the ends by about motion / (2 link)
+_PASSES = 8     # maximum number of passes; each pass multiplies the excess at the ends by about motion / (2 link)
 _WORTH = 0.9    # passes end when almost all radii stay above this fraction of their previous values
 _FEW = 0.02     # fraction of the radii that may still fall below ``_WORTH``
 
@@ -134,7 +134,7 @@ class LinkMotion:
 
     ``k`` holds curvatures, ``near`` and ``far`` the sines and cosines of the angles, and ``inverse_l`` the inverse
     lengths with the sign of e. ``rigid`` links have constant angles, and ``joined`` links have zero length. Rates are
-    derivatives by the distance of the nearer handle.
+    derivatives with respect to the distance of the nearer handle.
     """
 
     k: Ball
@@ -180,7 +180,7 @@ class LinkMotion:
 
 
 def speeds_along(r: Ball, g: Ball) -> tuple[Ball, Ball]:
-    """Return handle speeds (M, N+1) relative to the leader, and the rates of their logs by the leader's distance.
+    """Return handle speeds (M, N+1) relative to the leader, and the rates of their logs per metre of leader travel.
 
     ``r`` and ``g`` (M, N) have the same meaning as in ``LinkMotion``.
     """
@@ -259,7 +259,7 @@ def _first_angles(ends: list[Ball], k: Ball, most: Floats, way: Floats, links_m:
 
 def _narrowed(angles: list[Ball], ends: list[Ball], k: Ball, way: Floats, rigid: Array, inverse_l: Floats,
               off: Floats, passes: int) -> list[Ball]:
-    """Return enclosures of both angles; each pass narrows them by the rates of the angles."""
+    """Return enclosures of both angles; each pass narrows them using the rates of the angles."""
     ways = way[:, :-1], way[:, 1:]
     for _ in range(passes):
         (sin_n, cos_n), (sin_f, cos_f) = (angle.sin_cos() for angle in angles)

@@ -130,7 +130,7 @@ T = TypeVar('T', bound=_Timed)
 
 
 class ReorderBuffer(Generic[T]):
-    """Passes on observations in order of time, drops late and repeated observations, and restarts if time goes back."""
+    """Passes on observations in order, drops late and repeated observations, and restarts if time goes backwards."""
 
     def __init__(self) -> None:
         """Start without observations."""
@@ -237,8 +237,8 @@ class ContactTracker:
     def add(self, observation: Observation) -> list[Report]:
         """Return the reports of an observation, or an empty list if the observation is late or repeated.
 
-        The tracker restarts if time goes back or the dragon changes. Raises CrowdError if too many benches are close
-        together.
+        The tracker restarts if time goes backwards or the dragon changes. Raises CrowdError if too many benches are
+        close together.
         """
         afresh, observations = self._buffer.take(observation)
         if afresh:

@@ -1,9 +1,9 @@
 """The edges of a venue, and signed gaps between benches and these edges.
 
 An edge is a rectangle of zero width, so ``signed_distance`` computes its gap to a bench: the distance or, if the two
-overlap, minus the shortest translation that separates them. A bench that starts outside an obstacle and never meets
-the obstacle's edges stays outside. Likewise, a bench that starts in the venue's inside and never meets its boundary
-stays inside. Hence the edges alone determine contact during a motion. At a single instant, a bench that meets no edge
+overlap, minus the shortest translation that separates them. A bench that starts outside an obstacle and never meets the
+obstacle's edges stays outside. Likewise, a bench that starts in the venue's inside and never meets its boundary stays
+inside. Therefore, the edges alone determine contact during a motion. At a single instant, a bench that meets no edge
 may still be on the wrong side of the edges (``misplaced_benches``), for example if a map covers the bench or a run is
 sampled coarsely.
 """

@@ -13,8 +13,8 @@ link and B = 1/2 - a / link. The derivative of this position with respect to s i
     g' = (A q') + (B r') cos alpha / cos beta,
 
 where alpha and beta are the link's angles with the track's tangents. A value that changes from x0 to x1 with a total
-variation of at most X is never further than X / 2 from the mean of x0 and x1. If the curvature at the handles is at
-most k, the tangent at the front handle turns by at most k h and the tangent at the rear handle by at most k l;
+variation of at most X never deviates from the mean of x0 and x1 by more than X / 2. If the curvature at the handles is
+at most k, the tangent at the front handle turns by at most k h and the tangent at the rear handle by at most k l;
 ``enclosures.on_track`` bounds the ratio of the cosines. All factors of g' therefore lie in known balls, so g' also lies
 in a ball, which gives a bound |g'| <= G. Each coordinate of the corner changes by at most V = min(G h, |A| h + |B| l),
 and never exceeds the mean of its values at the two ends by more than V / 2. As intervals shrink, the excess of the
@@ -51,7 +51,7 @@ from dragon_ros.core.tracks.segments import BEHIND
 SIDES = ('x', '-x', 'y', '-y')
 _TOWARDS = np.array([1, -1, 1j, -1j])
 _AT_ONCE = 512      # number of intervals that are bounded together
-_FIRST, _PARTS = 32, 6      # numbers of parts of the first and of later intervals; fewer parts take more rounds
+_FIRST, _PARTS = 32, 6      # numbers of parts of a first and of a later interval; fewer parts take more rounds
 _SAME = 1e-13       # positions closer than this, relative to the distance along the track, count as equal
 _MOST = 200_000     # maximum number of benches that are placed
 
@@ -100,7 +100,7 @@ def fits(bounds_m: tuple[float, float], side_m: float) -> bool | None:
 
 def bounding_box(scene: Scene, within_m: float = 1e-10,
                  progress: Callable[[int], object] = lambda looks: None) -> BoundingBox:
-    """Return the space that the scene's run requires; its bounds differ by ``within_m`` plus the error of corners.
+    """Return the space that the scene's run requires; its bounds differ by ``within_m`` plus the corners' error.
 
     The bounds differ by more if floats are too coarse, or if placing ``_MOST`` benches does not suffice.
     ``progress(looks)`` is called with the number of benches placed since the last call.
@@ -208,7 +208,7 @@ def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Reaching, side: i
     high_m = max(low_m, float(search.best[side]), float(search.high[side]))
     simulation = compile_scene(scene)
     lever = float(corner_levers(scene.dragon, simulation.model.track.bend)[bench])
-    promise_m = EXACT.promise_for_m(simulation.size_m)      # corners further out than the handles are rounded more
+    promise_m = EXACT.promise_for_m(simulation.size_m)      # corners beyond the handles have larger rounding errors
     high_m += lever * promise_m + EXACT.promise_for_m(max(simulation.size_m, abs(high_m))) - promise_m
     return Reach(SIDES[side], low_m, high_m, bench, CORNERS[corner], t_s, (x, y))
 
@@ -270,7 +270,7 @@ class SweptBench:
                            _sides(two * (to_rear if link else 1j * to)[:, None]))
 
     def _rears(self, fronts: Places) -> Places:
-        """Return the rear handles, solved singly at a lock, since only the scalar solver accepts the longest chord."""
+        """Return the rear handles, one by one at a lock, because only the scalar solver accepts the longest chord."""
         try:
             return next_places(self.track, fronts, self.link_m, BEHIND)[0]
         except ChainLockError:
@@ -287,7 +287,7 @@ class SweptBench:
         return out
 
     def slopes(self, a: BenchStates, b: BenchStates) -> tuple[Ball, Floats]:
-        """Enclose the coordinates' derivatives by the front handle's distance, and bound the coordinates' changes."""
+        """Enclose the derivatives of coordinates with respect to the front handle's distance, and bound the changes."""
         with np.errstate(all='ignore'):
             moving = enclosed(a.link, b.link, np.array([self.link_m]), self.track.bends, passes=0)
             front_m, rear_m = np.abs(b.link.along_m - a.link.along_m).T
@@ -322,7 +322,7 @@ def _mean(a: Floats, b: Floats, gone: Floats) -> Ball:
 
 
 class HandleRanges:
-    """The ranges of a dragon's front handles along the track during a run, and the times when handles are at positions.
+    """The ranges of front handles along the track during a run, and the times at which handles reach positions.
 
     Each handle moves in one direction while the leader goes from one of ``_stops_m`` to the next. The stops are the
     smallest and the largest distance travelled by the leader, and the distances in between at which a handle turns

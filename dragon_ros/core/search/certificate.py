@@ -17,8 +17,8 @@ class Interval:
     directly behind it. The bound also applies to every other bench with the same remaining link sequence while the
     front handle of that bench is in this part.
 
-    If ``lead`` is ``ALL``, the distances are those of the head, and the bound applies to all pairs of benches whose
-    inner bench no other interval covers.
+    If ``lead`` is ``ALL``, the distances are those of the head, and the bound applies to all pairs whose inner bench is
+    not covered by another interval.
     """
 
     lead: int

@@ -5,7 +5,7 @@ the leader, so between two states handle i moves by exactly the distance D_i bet
 at a fraction t of the way between its handles moves by at most (1 - t) D_i + t D_(i+1). A point at a distance e beside
 or beyond the link moves further by at most e times the bench's rotation, which is at most (D_i + D_(i+1)) / 2 times the
 track's largest curvature. If two benches met between the two states, the points that meet would be at least the gap
-apart at each state, so together they would have to move by at least the sum of both gaps.
+apart in each state, so together they would have to move by at least the sum of both gaps.
 
 The first bound loosens with the motion of benches, even if they move together. The second bound is used for pairs that
 the first bound does not clear. The second bound loosens with the square of the step, and only with the relative motion
@@ -73,7 +73,7 @@ _FIELDS = tuple(each.name for each in fields(ChainSamples))
 
 
 class _ChainIntervals:
-    """The space of leader positions for ``clear``; pairs are found once per root, and parts examine those that remain.
+    """The space of leader positions for ``clear``; pairs are found once per root and filtered for each of its parts.
 
     A group is a set of pairs, with a bound on the gaps of all other pairs in an interval. The group of a root holds the
     pairs within reach. If the bound on a pair's gap in an interval is not far below the gaps at both ends, the pair
@@ -280,7 +280,7 @@ class WholeChain:
             here_m, size = end_m, min(2 * size, most)
 
     def _within(self, place_m: float) -> float:
-        """Return the position; if benches must be beyond the first segment, the nearest position with such a bench."""
+        """Return the position or, if benches must be beyond the first segment, the nearest such position."""
         domain = self._domain
         if not self._only_beyond:
             return place_m

@@ -2,18 +2,18 @@
 
 ``run`` takes the search as a parameter. A ``Search`` selects the cells that may still matter, orders and judges them,
 keeps the settled ones and returns the parts of the others. The loop stores the waiting cells and limits the number of
-cells that are judged together. If too many cells are waiting, the loop settles the first ones with all their parts
-before it continues with the rest. Five searches use ``run``. ``clear`` advances through positions up to the first
+cells that are judged together. If too many cells are waiting, the loop settles the first cells and all their parts
+before it continues with the others. Five searches use ``run``. ``clear`` advances through positions up to the first
 position that is not clear, and ``min_pitch`` does the same in the plane of radius and pitch; ``bounding_box``,
 ``max_speed`` and ``venue_fit`` search for extreme values. Every search terminates: a cell is cut into parts at most
 half as long, until it is as short as requested or as floats allow.
 
-``clear`` clears intervals of the domain of a contact search. The domain is sampled at positions. A bound (``on_spiral``
-for a bench on a spiral segment, ``conservative_advancement`` for the whole chain) limits how close benches can come
-between two adjacent positions. An interval whose bound does not exceed the position error is cut into as many parts as
-the bound suggests, and each part is cut in turn until it is cleared or as short as requested. An interval of length L
-thus takes at most log2(L / finest) rounds. Adjacent intervals share the samples at their ends, because states are
-expensive.
+``clear`` clears intervals of the domain of a contact search. The domain is sampled at discrete positions. A bound
+(``on_spiral`` for a bench on a spiral segment, ``conservative_advancement`` for the whole chain) limits how close
+benches can come between two adjacent positions. An interval whose bound does not exceed the position error is cut into
+as many parts as the bound suggests, and each part is cut in turn until it is cleared or as short as requested. An
+interval of length L therefore takes at most log2(L / finest) rounds. Adjacent intervals share the samples at their
+ends, because states are expensive.
 """
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar

@@ -10,7 +10,7 @@ therefore lies in a strip. The search ignores everything outside these strips. T
 all benches behind it, and any other bench with all benches behind it (docs/contact.md).
 
 Boxes are cleared, left out or halved, in the order in which the leader could reach them. The leader's travel up to the
-first remaining box is thus proved clear.
+first remaining box is therefore proved clear.
 """
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -44,8 +44,8 @@ from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve, arc_between
 
 TOLERANCES = ('dragon.width_m', 'dragon.head_length_m', 'dragon.body_length_m', 'dragon.hole_inset_m', 'track.pitch_m')
-_WITHIN = 0.01          # a proof ends at most this leader travel before a touching dragon, times min(1 m, longest link)
-_AT_ONCE, _MOST = 1000, 200_000     # numbers of boxes: judged together, and in all
+_WITHIN = 0.01          # a proof ends at most this far (leader travel) before a contact, times min(1 m, longest link)
+_AT_ONCE, _MOST = 1000, 200_000     # maximum numbers of boxes: judged together, and in total
 _FIRST_RAD = 2.0        # angle by which the inner bench moves about the centre in a first box
 _MOST_FIRST = 10_000    # maximum number of first boxes
 _DOWN, _UP = 1 - 2.0**-51, 1 + 2.0**-51     # factors that exceed the rounding of a sum of two positive numbers
@@ -99,7 +99,7 @@ class Family:
 
     @property
     def within_m(self) -> float:
-        """How much leader travel before the position of a touching dragon a proof may leave out."""
+        """The leader travel before the position of a touching dragon that a proof may omit."""
         return _WITHIN * min(1.0, self.head_link_m[1], self.body_link_m[1])
 
     @property

@@ -45,7 +45,7 @@ _ASIDE = 1e3            # the checker's step to either side of a contact for the
 _LAST_PLACES = 4        # rounding error of a contact's time, in ulps; it determines the error of the position
 _WIDEST_M = 1e-6        # largest slack, times min(1 m, longest bench)
 _GRAZING_M = 1e-7       # largest gap of grazing benches, times min(1 m, longest bench)
-_HARDLY = 0.99          # fraction of the clear distance before a grazing that is proved; the rest allows for rounding
+_HARDLY = 0.99          # proved fraction of the clear distance before a grazing; the rest allows for rounding
 _TOO_FAR = 'the leader travels too far for a search'
 
 Pair = tuple[int, int]
@@ -217,7 +217,7 @@ class _ContactSearch:
         return _Claim(domain, pair, gone_m), [], gap_m
 
     def _ahead(self, bracket: Bracket) -> list[tuple[float, Pair]]:
-        """Return where pairs begin to touch directly beyond a bracket, in order, unless in a separate approach."""
+        """Return where pairs begin to touch just beyond a bracket, in order, but nothing for a separate approach."""
         domain = self._domain
         for power in range(_AHEAD):
             ahead = bracket.other_m + domain.sense * _AHEAD_M * 2**power
@@ -232,7 +232,7 @@ class _ContactSearch:
         return []
 
     def _roots(self, bracket: Bracket) -> list[tuple[float, Pair]]:
-        """Return, in the leader's order, where the gaps of the pairs that touch at a bracket's other end become zero.
+        """Return where the gaps of pairs that touch at a bracket's other end become zero, in the leader's order.
 
         Pairs whose gaps become zero at the same position, for example at the start of a run, are sorted by bench
         number.
@@ -263,8 +263,8 @@ class _ContactSearch:
         """Clear up to a position just before a contact or a grazing.
 
         Clearing stops a nanometre before the contact, or earlier if the gap is too small there to differ provably from
-        zero, but at most ``most_m`` before the contact. Return the position up to which all is clear, and the first
-        bracket that is not clear.
+        zero, but at most ``most_m`` before the contact. Return the position up to which everything is clear, and the
+        first bracket that is not clear.
         """
         sense, slope = self._domain.sense, claim.slope
         back = max(_BEFORE_M * self._domain.unit, _TOLD_APART * self._error_m / slope if slope > 0 else inf)
@@ -365,11 +365,11 @@ class _Claim:
         return self.domain.gap(self.pair, self._told_m + self.domain.sense * after_m) < -self._rounding_m
 
     def touches(self, cleared_m: float, as_asked: bool) -> bool:
-        """Return whether a contact is proved if all is clear up to a position (``as_asked``: the requested one)."""
+        """Return whether a contact is proved if everything is clear up to a position (``as_asked``: as requested)."""
         return self.overlaps and (as_asked or self._within(cleared_m, self.slack_m))
 
     def grazes(self, cleared_m: float) -> bool:
-        """Return whether a grazing is proved if all is clear up to a position."""
+        """Return whether a grazing is proved if everything is clear up to a position."""
         away_m = abs(self.domain.gap(self.pair, self._told_m)) + self._rounding_m
         return away_m < self.near_m and self._within(cleared_m, self.near_m)
 

@@ -36,7 +36,7 @@ _MOST_RAD = 2e6         # maximum length of a domain, which needs a million firs
 _TOGETHER, _USUAL = 2**20, 256
 _POINT = 1e-6           # fraction of the longest link; both handles of a shorter link may round to the same position
 _IN_CACHE = 2**14       # number of pairs that are bounded together
-_CLOSER = 20            # number of halvings of a domain, down to a millionth, that find how far the proof can reach
+_CLOSER = 20            # number of halvings of a domain, down to a millionth, to find how far the proof can reach
 _Row = tuple[float, float, float]       # start, stop and bound of a cleared interval
 
 

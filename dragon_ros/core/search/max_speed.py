@@ -233,7 +233,7 @@ def _sure_m(track: Track, links_m: Floats) -> float:
 
 @dataclass(frozen=True)
 class LawBetween:
-    """The log of the leader's relative speed at both ends of M intervals, and bounds on its slope by distance."""
+    """The log of the leader's relative speed at both ends of M intervals, and bounds on its slope over distance."""
 
     start: Floats
     stop: Floats
@@ -264,7 +264,8 @@ class _Varying:
     def between(self, start_s: Floats, stop_s: Floats) -> LawBetween:
         """Return logs and slopes on intervals between the law's breaks; a jump counts with the speed inside.
 
-        The slope of log |v| by distance is dv/dt / v^2. At rest the slope is unbounded, and log |v| is -inf.
+        The slope of log |v| with respect to distance is dv/dt / v^2. At rest the slope is unbounded, and log |v| is
+        -inf.
         """
         pairs = list(zip(start_s.tolist(), stop_s.tolist(), strict=True))
         at, before = self.law.speed_at_m_s, self.law.speed_before_m_s

@@ -5,8 +5,9 @@ search therefore looks for the largest pitch with a contact before the circle is
 plane of head radius and pitch, from the largest pitch downwards. Any pair that touches gives a lower bound on the
 pitch. A cell of the plane is clear, for every pitch and radius in it, if each pair has an edge that separates the two
 benches at all four corners of the cell by more than the benches' corners can sag in between. This sag is at most B1
-h1^2 / 8 + B2 h2^2 / 8, because no function differs more from its bilinear interpolation. B1 and B2 are proved bounds on
-the second derivatives by radius and by scale over the whole cell (``on_spiral``, ``by_scale``).
+h1^2 / 8 + B2 h2^2 / 8, which is the largest possible difference between a function and its bilinear interpolation. B1
+and B2 are proved bounds on the second derivatives with respect to radius and scale over the whole cell (``on_spiral``,
+``by_scale``).
 
 Everything is computed in units of b = pitch / 2 pi. In these units all spirals have the equation r = theta, and the
 dragon is ``scale`` = 1 / b times as large: a smaller pitch means a larger dragon. A state consists of a scale and a
@@ -49,8 +50,8 @@ from dragon_ros.core.tracks.spiral import SpiralCurve
 
 # The size of the first cells: the angle of the leading handle about the centre, and a fraction of the pitch.
 _WAY_RAD, _STEP = 0.8, 0.1
-_AT_ONCE, _MOST = 256, 100_000      # largest numbers of cells: judged together, and in all
-_PAIRS = 2**16          # largest number of pairs of benches in the cells that are judged together, to save memory
+_AT_ONCE, _MOST = 256, 100_000      # maximum numbers of cells: judged together, and in total
+_PAIRS = 2**16          # maximum number of pairs of benches in the cells that are judged together, to save memory
 _TINY = 1e-2            # side of the smallest boxes, relative to ``within_m``
 _BRACKET = 5            # smallest difference of the bounds on the pitch, in errors of gaps
 _OUTWARDS = 1 + 2.0**-50    # rounding factor for a pitch, which is the quotient of a rounded number and a scale
@@ -357,7 +358,7 @@ class _Descending:
         return max(1.2, 0.1 + (hypot(overhang_m, 0.5 * dragon.width_m) + 0.5 * dragon.width_m + sag_m) / pitch_m)
 
     def _sags(self, cells: Floats, placed: BenchSamples, ends: Ints) -> Floats:
-        """Return bounds (n, K, 8, 2) on the sag of corners in cells, for eight edges, by radius and by scale."""
+        """Return bounds (n, K, 8, 2) on the sag of corners in cells, for eight edges, along radius and along scale."""
         benches = slice(self.first, self.first + placed.delta.shape[1])
         dragon, scale = self.task.dragon, cells[2:, :, None]
         arm = scale[1] * 0.5 * np.hypot(dragon.bench_lengths_m[benches], dragon.width_m)

@@ -34,12 +34,13 @@ if TYPE_CHECKING:       # scenes without a venue do not need this module
 MOST = 1000             # maximum number of listed near misses; the others are only counted
 _COARSE_M = 1.0         # spacing of positions for the coarse search for obstacles
 _SPACING_M = 0.02       # spacing of samples along the track; where corners pass benches, dips are decimetres long
-# The approximate rate of a gap by leader travel, which limits how far the samples of a dip may exceed the threshold.
+# The approximate change of a gap per metre of leader travel, which limits how far the samples of a dip may exceed the
+# threshold.
 _LIPSCHITZ = 2.0
 _SHALLOW_M = 1e-9       # far above the error of gaps; shallower dips cannot be distinguished from a constant gap
 _AT_ONCE = 64           # number of samples that are evaluated together
 _GOLDEN = 0.5 * (5**0.5 - 1)
-_ROUNDS = 34            # number of golden-section steps: 0.618^34 of 4 cm is 3 nm, less than a flat minimum resolves
+_ROUNDS = 34            # number of golden-section steps: 0.618^34 of 4 cm is 3 nm, finer than a flat minimum allows
 _REFINED = 1024         # maximum number of minima that are refined together, to save memory
 _SAME_M = 1e-4          # minima of the same pair that are closer than this, in leader travel, count as one minimum
 _CLOSING_M = 1e-6       # leader travel before a reversal during which the gap must decrease

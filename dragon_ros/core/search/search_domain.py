@@ -5,7 +5,7 @@ positions, in increasing or in decreasing order. A position in the domain is the
 metres. Positions of handles are distances along the track.
 
 A pair that can touch consists of two benches, or of a bench and an edge of the venue's obstacles. Edges are numbered
-after the benches and are rectangles of zero width.
+after the benches and are treated as rectangles of zero width.
 """
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -36,8 +36,8 @@ if TYPE_CHECKING:       # scenes without a venue do not need this module
 
 _LOCK_RAD = 1e-9        # margin before a lock or the centre, where speeds are infinite, relative to 1 + polar angle
 _FLOATS = 1e-13         # position error over the largest coordinate, as promised by the exact tier far from the origin
-_SLOPE = 1e-6  # step to either side for slopes, for links of 1 to 2 m: gap errors of 1e-11 m give slope errors of 1e-5
-_LONG = 4.0             # lever of corners from which the step grows in proportion, as gap errors do
+_SLOPE = 1e-6  # step to either side for slopes, for links of 1 to 2 m: gap errors of 1e-11 m cause slope errors of 1e-5
+_LONG = 4.0             # lever of corners above which the step grows in proportion to the lever, as gap errors do
 _COARSEST = 0.05        # largest error of a corner, in longest benches, with which benches can be distinguished
 _KEPT = 6               # number of cached chains; the ends of domains and phases are used repeatedly
 _FEW = 12               # up to this number, placing chains one by one is faster than placing them together
@@ -146,7 +146,7 @@ class SearchDomain:
         longest_m = float(np.max(self.dragon.bench_lengths_m))
         self.unit = min(1.0, longest_m)
         self.rounding_m = _FLOATS * simulation.size_m
-        self.error_m = max(EXACT.promise_m * self.unit, self.rounding_m)    # the promise is smaller for tiny dragons
+        self.error_m = max(EXACT.promise_m * self.unit, self.rounding_m)    # smaller promise for tiny dragons
         self.levers = corner_levers(self.dragon, self.track.bend)
         corner_m = float(np.max(self.levers)) * self.error_m
         self.gap_error_m = 2 * corner_m     # the error of a gap between two benches
@@ -294,7 +294,7 @@ class SearchDomain:
             lambda gone_m: self.gap(pair, gone_m), *bracket[:2], low, high)
 
     def slope(self, pair: tuple[int, int], gone_m: float) -> float:
-        """Return the decrease of a gap per metre travelled by the leader."""
+        """Return the decrease of a gap per metre of leader travel."""
         low, high = sorted((self.start_m, self.stop_m))
         step_m = max(self.step_m, 2.0**10 * ulp(gone_m))
         early, late = max(low, gone_m - step_m), min(high, gone_m + step_m)

@@ -69,7 +69,7 @@ def swept_area(scene: Scene) -> SweptArea:
 
 
 def _placed(ranges: HandleRanges, bench: int, span: Floats, step_m: float) -> tuple[Floats, Any]:
-    """Return the distances of front handles, one step apart, the bench at each, and the areas between its ends."""
+    """Return front handles' distances, one step apart, the bench at each, and the areas that its ends sweep."""
     at_m, placed = [], []
     for low, high in span.T.tolist():
         along = np.linspace(low, high, 2 + ceil((high - low) / step_m))

@@ -18,8 +18,9 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 FEWEST = 8              # smallest number of links for a table; for fewer links, marching is faster
 _MOST_MAPS = 4          # maximum number of shift maps per dragon, for the link lengths of its longest blocks
-_SHORTEST_LEAD = 0.05   # shortest leader's link with a series, relative to the block's link; shorter ones lack digits
-# The maximum number of links that are marched singly while no table covers a block; the rest is then marched at once.
+_SHORTEST_LEAD = 0.05   # shortest leader's link with a series, relative to the block's link; shorter links lack digits
+# The maximum number of links that are marched one by one while no table covers a block; then the rest is marched at
+# once.
 _TRIES = 8
 
 
@@ -272,7 +273,7 @@ class Placement:
 
     def _tabulated(self, flat: Floats, i: int, stop: int, spot: Spot,
                    leader: Place | None = None) -> TabulatedLinks | None:
-        """Write those of links ``i`` to ``stop`` that the table of a spot covers; return None if it covers no link."""
+        """Write the links from ``i`` to ``stop`` that the table of a spot covers; return None if it covers no link."""
         (tile, cell, _), direction = spot, self.direction
         links = (tile.rows - 1 - cell.row if direction == BEHIND else cell.row) + (leader is not None)
         if links > stop - i:

@@ -366,7 +366,7 @@ class Track:
     def _groups(self, segment: Ints) -> Iterator[tuple[int, Any]]:
         """Yield the index of each segment that contains positions, with the indices of these positions in flat order.
 
-        One sort finds all groups. To compare all positions with each segment would take longer than the geometry.
+        One sort finds all groups. Comparing all positions with each segment would take longer than the geometry itself.
         """
         occurring = self.present(segment)
         if len(occurring) == 1:
