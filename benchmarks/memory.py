@@ -123,8 +123,8 @@ def table(row: Recorded) -> str:
         f'| {row.seconds / 60:.3g} | {row.missing} | {first_s:.0f} s: {first:.2f} | {last:.2f} | {most:.2f} '
         f'| {row.grows_kb_min:.0f} | {row.steps_mb:.2f} | {row.creeps_kb_min:.0f} | {row.index_kb_min:.0f} '
         f'| {row.chunks:,} | {row.bag_bytes / 1e6:.0f} |', '',
-        'A step is a change of 0.1 MB or more within 5 s: a recorder that is delayed finds a backlog afterwards, and '
-        'the middleware keeps the memory of its largest backlog.'])
+        'A step is a change of 0.1 MB or more within 5 s. Steps occur after a delay of the recorder, because the '
+        'middleware keeps the memory of its largest backlog.'])
 
 
 

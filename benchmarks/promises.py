@@ -172,8 +172,9 @@ def table(found: Measured) -> str:
 def summary(found: Measured) -> str:
     """Return one sentence."""
     above = int(np.sum(found.shares > 1))
-    return (f'On {len(found.shares):,} random chains of 2 to 60 links, each through `state`, `states` and `tick` at '
-            f'one of the tiers, the largest error is {np.max(found.shares):.2g} of its promise; {above} are above 1.')
+    return (f'On {len(found.shares):,} random chains of 2 to 60 links, each computed by `state`, `states` and `tick` '
+            f'at one of the tiers, the largest error is {np.max(found.shares):.2g} times its promise, and {above} '
+            f'chains exceed a promise.')
 
 
 def picture(found: Measured) -> Figure:

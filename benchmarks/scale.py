@@ -161,8 +161,9 @@ def _live_table(rows: Measured) -> str:
         lines.append(f'| {row.benches:,} | {f"{row.rate_hz:g}" if row.rate_hz else "free"} | {row.reached_hz:.0f} '
                      f'| {factor} | {row.overruns} of {row.ticks:,} | {row.lost} | {held} | {cores} '
                      f'| {row.usage["record"].grown_mb:.1f} |')
-    return '\n'.join(lines) + ('\n\nFree runs go as fast as the readers can follow, with ticks of 0.02 s. Held: no '
-                               'overrun and no lost message, with sim, monitor and recorder over DDS on this host.')
+    return '\n'.join(lines) + ('\n\nFree runs proceed as fast as the readers can follow, with ticks of 0.02 s. "Held" '
+                               'means no overrun and no lost message, with `sim`, `monitor` and `record` connected '
+                               'over DDS on this host.')
 
 
 

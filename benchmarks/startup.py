@@ -89,9 +89,9 @@ def table(rows: list[Start]) -> str:
         use = done.get((name, False))
         lines.append(f'| `{name}` | {_ms(done[name, True])} | {f"`{use.arguments}`" if use else ""} '
                      f'| {_ms(use) if use else ""} |')
-    return '\n'.join([*lines, '', 'Times are wall times of a process from its start to its end, with modules already '
-                      'compiled; for `view`, they end when its first frames have been received. BAG is a bag of 2 s, '
-                      'and OUT is a file.'])
+    return '\n'.join([*lines, '', 'Times are wall-clock times of a process from its start to its end, with modules '
+                      'that are already compiled; for `view`, the time ends when the first frames have been received. '
+                      'BAG is a bag of 2 s, and OUT is a file.'])
 
 
 def _ms(row: Start) -> str:

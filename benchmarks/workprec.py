@@ -227,7 +227,7 @@ def summary(rows: list[Row]) -> str:
               for row in tiers if row.timing and row.with_velocities]
     kept, broken = (sum(row.verdict == verdict for row in rows) for verdict in ('kept', 'BROKEN'))
     hold = f'all {kept} promises hold' if not broken else f'{broken} of {kept + broken} promises are BROKEN'
-    return '\n'.join([*lines, '', f'On the {len(hard_cases())} hard cases {hold}. {circumstances()}.'])
+    return '\n'.join([*lines, '', f'On the {len(hard_cases())} hard cases, {hold}. {circumstances()}.'])
 
 
 def csv_text(rows: list[Row]) -> str:

@@ -143,7 +143,7 @@ LIMITS = (
     Limit('VIEW_CONNECTIONS', 'connections that `view` serves at a time', 'connections',
           'the connection that has been idle longest is closed'),
     Limit('VIEW_IDLE_S', 'the time for a request to `view` to arrive', 'seconds', 'closed'),
-    Limit('VIEW_ANSWER_S', 'the time that `view` may spend on an answer', 'seconds', 'refused, with a suggestion'),
+    Limit('VIEW_ANSWER_S', 'the time that `view` may spend on an answer', 'seconds', 'rejected, with a suggestion'),
     Limit('VIEW_TICKS', 'ticks that `view` shows', 'ticks', 'thinned out evenly, with a note'),
     Limit('BOOK_BYTES', 'a workbook that `grade` reads', 'bytes', 'rejected'),
     Limit('BOOK_UNPACKED_BYTES', 'the sheets and texts of a workbook, unpacked', 'bytes', 'rejected'),
