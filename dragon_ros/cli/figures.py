@@ -67,7 +67,7 @@ def legend_below(axes: Any, columns: int = 2, **options: Any) -> None:
 def add_lines(axes: Any, patch: Any) -> None:
     """Add a patch that consists of straight lines to axes, with the same result as ``axes.add_patch``.
 
-    That method handles each of thousands of lines as a curve, in Python, which takes up to six tenths of the time of a
+    That method treats each of the thousands of lines as a curve, in Python, which takes up to 60 % of the time of a
     picture.
     """
     axes.update_datalim(patch.get_path().vertices)

@@ -14,7 +14,7 @@ def table(argv: list[str]) -> int:
     options = command_line.parser('table', 'Print positions and velocities of handles (handle 0 is the head, and '
                                   'the last handle is the tail).',
                                   'table --times 0,60,300 --handles 0,1,51,223')
-    command_line.add_bag(options, 'bag to read instead of a scene, at the first tick at or after each time')
+    command_line.add_bag(options, 'bag to read instead of a scene; the first tick at or after each time is used')
     command_line.add_scene_options(options)
     command_line.add_namespace_option(options)
     command_line.add_times_option(options, 'times in seconds (0, or the start of the bag)')

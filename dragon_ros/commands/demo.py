@@ -26,7 +26,7 @@ from dragon_ros.messages.decode import Status, read_diagnostics
 from dragon_ros.scenes.load import load_scene
 
 SCENE = 'first_contact'
-_DISCOVERY_S = 4.0      # time in which the recorder discovers the monitor, which might otherwise report too early
+_DISCOVERY_S = 4.0      # time allowed for the recorder to discover the monitor, which might otherwise report too early
 _READERS = 'handles=2,benches=2,velocities=1'
 _COMPARED = ('handles', 'benches', 'velocities', 'collision')
 _PROGRESS = re.compile(r'at ([\d.]+) s, tick')

@@ -365,7 +365,7 @@ def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> list[tuple[Floats, 
 
 
 def mark_offsets(places: Floats, headings: Floats, labels: list[str]) -> list[tuple[float, float]]:
-    """Return the offsets in points of labels from marks at places (n, 2), to the left or, if taken, to the right.
+    """Return the offsets in points of labels from marks at places (n, 2): left or, if that is taken, right.
 
     If both sides are taken, a label is placed further out.
     """

@@ -34,7 +34,7 @@ if TYPE_CHECKING:       # imported lazily, because a picture of a scene needs at
     from dragon_ros.core.search.certificate import Contact, NoContact
 
 _AT_ONCE = 64               # number of states per batch
-_SAG_M = 1e-4               # largest deviation of the drawn track, which is smooth even in a picture of one bench
+_SAG_M = 1e-4               # largest deviation of the drawn track, which looks smooth even in a picture of one bench
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
 Check = Callable[[], None]      # a function that raises an exception when its caller's work is no longer wanted
 _REMEMBERED = 8             # number of ticks before a contact that the tracker may use

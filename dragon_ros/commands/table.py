@@ -80,7 +80,7 @@ def _write_contest(folder: Path, scene: Scene, lang: str) -> int:
 
 def table(scene: Scene, times_s: list[float], handles: list[int],
           progress: Callable[[int], object] = lambda times: None) -> list[Row]:
-    """Return a row of COLUMNS for each time and handle; ``progress(times)`` receives numbers of completed times."""
+    """Return a row of COLUMNS for each time and handle; ``progress(times)`` receives counts of completed times."""
     rows: list[Row] = []
     for some in batches(scene, times_s):
         p, velocity = some.handles_m[:, handles], some.velocity_m_s[:, handles]

@@ -319,7 +319,7 @@ class Simulation:
 
     @cached_property
     def span_m(self) -> tuple[float, float]:
-        """The interval of the track, in m, on which the handles are during the run."""
+        """The interval of the track, in m, that the handles occupy during the run."""
         if self.tier is not PAPER:
             return self.model.leader.span_m(self.extent_m)
         chains = map(self.chain, (self.scene.run.start_s, self.end.t_s))

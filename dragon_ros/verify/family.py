@@ -169,7 +169,7 @@ class _Proof:
         return done
 
     def _first(self) -> list[tuple[int, Box]]:
-        """Return boxes for all positions of the head (with a 0) and of all front handles behind it (with a 1)."""
+        """Return boxes for all positions of the head (marked 0) and of all front handles behind it (marked 1)."""
         inner, outer = self._innermost(), above(self._start)
         rear = _next(inner, below(arb(self._scale[0]) * arb(self._head[0])), _BELOW)
         first = [(0, box) for box in self._row(inner, outer, self._head)]

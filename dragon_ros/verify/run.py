@@ -75,7 +75,7 @@ class Leader:
         return self._track.distance(place)
 
     def limits(self, slack_m: float, furthest: arb | None) -> tuple[Limit | None, Limit | None]:
-        """Return the ends of the model when the leader moves backwards and forwards (None if there is no end).
+        """Return the ends of the model behind and ahead of the leader (None if there is no end).
 
         ``furthest`` is a bound on how far the leader moves forwards, or None.
         """

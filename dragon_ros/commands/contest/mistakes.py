@@ -57,7 +57,7 @@ def without_radial(theta: Floats) -> Floats:
 
 def solved(length: Callable[[Floats], Floats], late: float = 0.0, start: float = START, speed_m_s: float = SPEED_M_S,
            pitch_m: float = PITCH_M) -> Head:
-    """Return the head's motion, found by inverting an arc length; ``late`` is an error of the start value."""
+    """Return the head's motion, found by inverting an arc length; ``late`` is an error in the start value."""
     def head(times_s: Floats) -> Floats:
         wanted = length(np.array(start)) + late - speed_m_s * times_s * 2 * pi / pitch_m
         return inverted(length, wanted)
@@ -65,7 +65,7 @@ def solved(length: Callable[[Floats], Floats], late: float = 0.0, start: float =
 
 
 def inverted(length: Callable[[Floats], Floats], wanted: Floats) -> Floats:
-    """Return the angles (T,) at which an increasing arc length, which is about theta^2 / 2, has the wanted values.
+    """Return the angles (T,) at which an increasing arc length, which is about theta^2 / 2, has the desired values.
 
     Bisection needs no derivative, so it can invert the arc length of any recipe.
     """
@@ -79,7 +79,7 @@ def inverted(length: Callable[[Floats], Floats], wanted: Floats) -> Floats:
 
 
 def bracket_slip() -> Head:
-    """Return the head's motion if only the arc length at the start is wrong, with ln(theta + sqrt(theta^2) + 1)."""
+    """Return the head's motion if only the arc length at the start is wrong: it uses ln(theta + sqrt(theta^2) + 1)."""
     return solved(arc_length, 0.5 * (log(2 * START + 1) - asinh(START)))
 
 

@@ -59,7 +59,7 @@ def _run(arguments: Namespace) -> int:
 
 
 def _format_of(arguments: Namespace) -> str:
-    """Return the requested format; by default, it depends on the suffix of --output, or is text. Raises InputError."""
+    """Return the requested format; the default follows from the suffix of --output, or is text. Raises InputError."""
     suffix = {'.html': 'html', '.htm': 'html', '.json': 'json', '.csv': 'csv', '.txt': 'text'}
     of_output = None if arguments.output is None else suffix.get(arguments.output.suffix.lower())
     if arguments.output is not None and of_output is None and arguments.output.suffix:

@@ -139,7 +139,7 @@ def _unpacked(path: Path, book: zipfile.ZipFile, needed: list[zipfile.ZipInfo]) 
 def _checked(path: Path, name: str, part: bytes) -> tuple[tuple[int, int, int, int], ...]:
     """Return the merged ranges of a sheet. Raises InputError for too large a sheet and for formulas without values.
 
-    A reader allocates a full rectangle of rows and columns, so their product has a budget.
+    A reader allocates a full rectangle of rows and columns, so a budget limits their product.
     """
     rows, columns = _extent(part)
     for what, size, most in (('rows', rows, BOOK_ROWS), ('columns', columns, BOOK_COLUMNS),

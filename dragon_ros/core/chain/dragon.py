@@ -118,7 +118,7 @@ class Mixed(_Lengths):
         return Group(_length(f'dragon.groups.{n}.length_m', group.length_m, self.hole_inset_m), count)
 
     def __hash__(self) -> int:
-        """Return the hash of the fields; models are found by it, and a dragon may have thousands of groups."""
+        """Return the hash of the fields, which is used to look up models; a dragon may have thousands of groups."""
         return self._hash
 
     @cached_property

@@ -106,7 +106,7 @@ def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floa
     leaders = np.zeros(theta.size, dtype=np.int64), theta, np.zeros_like(theta)
     chain = marched_many(track, links_m, leaders, BEHIND)
     z, axis = chain.p @ _COMPLEX, axes_of(chain) @ _COMPLEX
-    # Far out, one float has too few digits for the span of a link; the low parts of the angles provide the rest.
+    # Far out, a single float has too few digits for the span of a link; the low parts of the angles provide the rest.
     delta, centre = np.diff(chain.u) + np.diff(chain.u_lo), 0.5 * (z[:, :-1] + z[:, 1:])
     half_length_m, half_width_m = half_m
     pairs = seen_from((centre[:, :1], centre[:, 2:]), (axis[:, :1], axis[:, 2:]),

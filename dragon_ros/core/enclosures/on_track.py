@@ -104,7 +104,7 @@ def _angle(axis: Floats, headings: Floats) -> Floats:
 
 
 def curvature_range(bends: Range, segments: Sequence[Ints], curvatures: Sequence[Floats]) -> Range:
-    """Return the smallest and largest curvature in 1/m on the track between positions on given segments.
+    """Return the smallest and largest curvatures in 1/m on the track between positions on given segments.
 
     ``bends`` holds the smallest and largest curvatures (P, P) over two segments and all between them. Curvature is
     monotone on a segment, so if all positions are on one segment, the curvature lies between the given values;
@@ -275,7 +275,7 @@ def _narrowed(angles: list[Ball], ends: list[Ball], k: Ball, way: Floats, rigid:
 
 
 def _settled(before: Sequence[Ball], now: Sequence[Ball]) -> bool:
-    """Return whether almost all radii are almost the same after a pass as before."""
+    """Return whether a pass has left almost all radii almost unchanged."""
     return not any(np.count_nonzero(b.rad < _WORTH * a.rad) > _FEW * b.rad.size
                    for a, b in zip(before, now, strict=True))
 

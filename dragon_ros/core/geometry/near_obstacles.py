@@ -102,7 +102,7 @@ class NearObstacles:
         self._kept: _Kept | None = None
 
     def look(self, found: Closeness, benches: Benches) -> Closeness:
-        """Return the same as ``with_obstacles``."""
+        """Return the same result as ``with_obstacles``."""
         kept = self._kept
         if kept is None or kept.sizes != _sizes(benches):
             kept = None
@@ -200,7 +200,7 @@ def _left(a: Complexes, b: Complexes, c: Complexes) -> NDArray[np.bool_]:
 
 
 def _moved_m(kept: _Kept, benches: Benches) -> Floats:
-    """Return upper bounds (N,) on the displacement of the points of each bench since the kept sample."""
+    """Return upper bounds (N,) on the displacement of the points of each bench since the stored sample."""
     centre, axis = _complex(benches)
     moved: Floats = np.abs(axis - kept.axis)
     moved *= kept.far

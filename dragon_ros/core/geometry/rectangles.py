@@ -39,12 +39,12 @@ class Benches:
 def corner_levers(dragon: AnyDragon, bend: float) -> Floats:
     """Return the largest error of any corner of each bench (N,), relative to the position error of its handles.
 
-    Let s be the length of a bench over its link, w its width, and e the error of both handles. Across the link, a
-    corner errs by (1 + s) / 2 times the error of one handle plus (1 - s) / 2 times that of the other; along the link,
-    by the mean of both errors. The largest norm of this sum is s e, or 2 e / sqrt(4 - s^2) if s^2 < 2. The link turns
-    by at most 2 e over its length, which moves the corners along the link by another w e / link. These are the terms of
-    first order in e / link. A bench whose link has zero length turns with the track, whose largest curvature is
-    ``bend``.
+    Let s be the length of a bench over its link, w its width, and e the error of both handles. Across the link, the
+    error of a corner is (1 + s) / 2 times the error of one handle plus (1 - s) / 2 times that of the other; along the
+    link, it is the mean of both errors. The largest norm of this sum is s e, or 2 e / sqrt(4 - s^2) if s^2 < 2. The
+    link turns by at most 2 e over its length, which moves the corners along the link by another w e / link. These are
+    the terms of first order in e / link. A bench whose link has zero length turns with the track, whose largest
+    curvature is ``bend``.
     """
     length, link, width = dragon.bench_lengths_m, dragon.link_lengths_m, dragon.width_m
     joined = link == 0

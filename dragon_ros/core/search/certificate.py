@@ -36,7 +36,7 @@ class Certificate:
 
     ``complete`` is False if the intervals end before the contact by more than a nanometre of leader travel and by more
     than the position error. ``complete`` is also False if the benches approach so slowly that they do not provably
-    overlap at the same distance after the contact.
+    overlap at an equal distance after the contact.
     """
 
     intervals: tuple[Interval, ...] = ()

@@ -13,7 +13,7 @@ half as long, until it is as short as requested or as floats allow.
 benches can come between two adjacent positions. An interval whose bound does not exceed the position error is cut into
 as many parts as the bound suggests, and each part is cut in turn until it is cleared or as short as requested. An
 interval of length L therefore takes at most log2(L / finest) rounds. Adjacent intervals share the samples at their
-ends, because states are expensive.
+ends, because computing states is expensive.
 """
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar

@@ -99,7 +99,7 @@ class Family:
 
     @property
     def within_m(self) -> float:
-        """The leader travel before the position of a touching dragon that a proof may omit."""
+        """The length of leader travel just before a contact that a proof may leave out."""
         return _WITHIN * min(1.0, self.head_link_m[1], self.body_link_m[1])
 
     @property

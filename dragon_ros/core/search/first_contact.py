@@ -355,7 +355,7 @@ class _Claim:
 
     @cached_property
     def onwards_m(self) -> float:
-        """How far the leader moves on from the position."""
+        """How far the leader continues beyond the position."""
         return self.domain.onwards_m(self.t_s)
 
     @cached_property
@@ -365,7 +365,7 @@ class _Claim:
         return self.domain.gap(self.pair, self._told_m + self.domain.sense * after_m) < -self._rounding_m
 
     def touches(self, cleared_m: float, as_asked: bool) -> bool:
-        """Return whether a contact is proved if everything is clear up to a position (``as_asked``: as requested)."""
+        """Return whether a contact is proved if all is clear up to a position (the requested one if ``as_asked``)."""
         return self.overlaps and (as_asked or self._within(cleared_m, self.slack_m))
 
     def grazes(self, cleared_m: float) -> bool:

@@ -76,7 +76,7 @@ class RangeOfTravel:
         return [sense for sense in (1, -1) if sense * (self.gone_m(self.farthest_s(sense)) - here) > 0]
 
     def onwards_m(self, t_s: float, sense: int) -> float:
-        """Return how far the leader moves in one sense after a time until it turns or rests, even beyond its run."""
+        """Return how far the leader moves in one sense after a time until it turns or rests, even after its run."""
         here_m, most_m, last_s = self.gone_m(t_s), 0.0, t_s
         for last_s in (break_s for break_s in self.law.breaks_s if break_s > t_s):
             on_m = sense * (self.gone_m(last_s) - here_m)
@@ -146,7 +146,7 @@ class SearchDomain:
         longest_m = float(np.max(self.dragon.bench_lengths_m))
         self.unit = min(1.0, longest_m)
         self.rounding_m = _FLOATS * simulation.size_m
-        self.error_m = max(EXACT.promise_m * self.unit, self.rounding_m)    # smaller promise for tiny dragons
+        self.error_m = max(EXACT.promise_m * self.unit, self.rounding_m)    # tiny dragons have a smaller promise
         self.levers = corner_levers(self.dragon, self.track.bend)
         corner_m = float(np.max(self.levers)) * self.error_m
         self.gap_error_m = 2 * corner_m     # the error of a gap between two benches

@@ -18,7 +18,7 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 FEWEST = 8              # smallest number of links for a table; for fewer links, marching is faster
 _MOST_MAPS = 4          # maximum number of shift maps per dragon, for the link lengths of its longest blocks
-_SHORTEST_LEAD = 0.05   # shortest leader's link with a series, relative to the block's link; shorter links lack digits
+_SHORTEST_LEAD = 0.05   # shortest leader's link with a series, relative to the block's link; shorter links lose digits
 # The maximum number of links that are marched one by one while no table covers a block; then the rest is marched at
 # once.
 _TRIES = 8

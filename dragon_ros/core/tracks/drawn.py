@@ -498,7 +498,7 @@ def _apart_m(drawn: _SmoothLine, part: _FittedArcs, sag_m: float) -> float:
     """Return the Hausdorff distance between arcs and the part of the drawn line that they replace."""
     lines = drawn.drawn_between(part.low_m, part.high_m), np.concatenate([bow.points(sag_m) for bow in part.bows])
     ends = (LineString(np.stack((some.real, some.imag), axis=1)) for some in lines)
-    with np.errstate(invalid='ignore'):     # GEOS 3.11 sets the floating-point flag for valid input
+    with np.errstate(invalid='ignore'):     # GEOS 3.11 sets the floating-point flag even for valid input
         return float(hausdorff_distance(*ends))
 
 
@@ -549,5 +549,5 @@ def _pieces(bows: list[Bow]) -> tuple[Piece, ...]:
 
 
 def _plain(value: float) -> float:
-    """Round off the noise in the last digits of a number, which moves a kilometre of track by a nanometre."""
+    """Round off the noise in the last digits of a number; this moves a kilometre of track by a nanometre."""
     return round(value, _DECIMALS)
