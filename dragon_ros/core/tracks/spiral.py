@@ -148,14 +148,14 @@ class SpiralCurve:
         if _is_smooth(theta, arc):
             return float(_almost_turned(theta, arc))
         squared = theta * theta - 2 * arc
-        guess = 2 * arc / (theta + sqrt(max(squared, 0.0))) if arc else 0.0
+        guess = 2 * arc / (theta + sqrt(max(squared, 0.0)) + TINY)
         low, high = (0.0, theta) if arc >= 0 else (-2 * sqrt(-2 * arc) - 1.0, 0.0)
 
         def beyond(turned: float) -> tuple[float, float]:
             between, slope = _arc_and_slope(theta, turned)
             return between - arc, slope
 
-        return bracketed_newton(beyond, low, high, guess, 1e-16)[0] if arc else 0.0
+        return bracketed_newton(beyond, low, high, guess, 1e-16)[0]
 
 
 _ARRAYS = np.sqrt, np.arcsinh, np.log      # array versions of the functions for floats

@@ -10,8 +10,9 @@ from properties import examples
 from shapely import LineString, hausdorff_distance, segmentize
 
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.tracks.biarcs import Bow
 from dragon_ros.core.tracks.composite import track_of
-from dragon_ros.core.tracks.drawn import LEAD_IN_M, Cubic, EllipseArc, _joined, along
+from dragon_ros.core.tracks.drawn import LEAD_IN_M, Cubic, EllipseArc, _joined, _shift_m, along
 from dragon_ros.core.tracks.polyline import polyline
 from dragon_ros.core.tracks.spec import Arc, Composite, Line
 
@@ -195,6 +196,16 @@ def test_more_pieces_than_a_track_has_are_refused_with_a_cure():
 def test_a_drawing_without_length_is_refused(parts):
     with pytest.raises(InputError, match='draw a line'):
         routed(*parts)
+
+
+def test_pieces_shift_by_how_far_each_starts_from_the_end_of_the_one_before():
+    line, beside, bend = Bow(0j, 1 + 0j, 5.0, 0.0), Bow(5 + 0.1j, 1 + 0j, 5.0, 0.0), Bow(10.0 + 0.1j, 1 + 0j, 3.0, 1.0)
+    assert _shift_m([line], [line]) == 0
+    assert _shift_m([line, beside], [line, beside]) == pytest.approx(0.1)
+    assert _shift_m([line, beside, bend], [line, beside, bend]) == pytest.approx(0.1)
+    turned = Bow(5 + 0j, cmath.rect(1, 0.02), 5.0, 0.0)
+    assert _shift_m([line, turned], [line, turned]) == pytest.approx(0.1, rel=1e-3)
+    assert _shift_m([line, line._replace(start=5 + 0j)], [line._replace(length_m=10.0)]) == 0
 
 
 def test_corners_that_touch_or_overlap_share_one_place():
