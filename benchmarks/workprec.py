@@ -128,7 +128,7 @@ def _tier(problem: Problem, tier: str, solver: str) -> Row:
         scene = replace(problem.scene, accuracy=tier, solver=solver)
         compiled = compile_scene(scene)
     except FieldError:
-        return Row(problem.name, name, np.inf, None, None, 'refused: double precision cannot keep it')
+        return Row(problem.name, name, np.inf, None, None, 'refused: double precision cannot keep this promise')
     times, error, worst = _times_s(problem, tier), 0.0, 1.0
     for number, t_s in enumerate(problem.times_s):
         if t_s in times:
