@@ -44,7 +44,7 @@ def local_environment(domain: int) -> dict[str, str]:
 
 
 def _is_free(domain: int) -> bool:
-    """Return whether all ports of a domain are free. All ports are checked, as the first participants may have left."""
+    """Return whether all ports of a domain are free. All are checked, because the first participants may have left."""
     base, count = _PORTS
     for port in range(base + count * domain, base + count * (domain + 1)):
         probe = _bound(port)

@@ -149,7 +149,7 @@ def say(line: str) -> None:
 
 @contextmanager
 def _processes(log: Path) -> Iterator['_Processes']:
-    """Start executables in their own domain; at the end, interrupt those that still run, and wait for them."""
+    """Start executables in their own domain; at the end, interrupt those that are still running, and wait for them."""
     with log.open('w') as file:
         start = _Processes(file)
         try:

@@ -124,7 +124,7 @@ def _turn_text(values: dict[str, Any]) -> str:
     if 'contact_there_m' in values:
         at = values['contact_there_m']
         what = ('no benches touch until the whole dragon has left the turn' if at is None else
-                f'benches touch when the head has gone {at:.9g} m from the entry')
+                f'benches touch when the head is {at:.9g} m past the entry')
         lines.append(f'in the smallest circle, {what}')
     return '\n'.join(lines)
 

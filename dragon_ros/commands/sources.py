@@ -261,7 +261,7 @@ def witness_at(moment: Moment, pair: tuple[int, int]) -> 'Witness':
 
 @dataclass(frozen=True)
 class BagSource:
-    """A dragon that one namespace of an open bag contains at its ticks; the processes of a pool read long bags."""
+    """A dragon at the recorded ticks of one namespace of an open bag; the processes of a pool read long bags."""
 
     bag: 'BagReader'
     namespace: str

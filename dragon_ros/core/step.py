@@ -1,9 +1,9 @@
 """One tick, from the scene to the frame: start reading here.
 
-A scene is settings; ``compile_scene`` makes a simulation from it. The simulation maps a time to the distance travelled
-by the leader, its model maps that distance to the chain of all handles, and each effect that the scene requests adds
-its field to the frame. A frame is a function of (scene, k) alone: ticks can be computed in any order, repeatedly or in
-parallel, with bit-identical results. ``batches`` computes many instants at once.
+A scene consists of settings; ``compile_scene`` makes a simulation from it. The simulation maps a time to the distance
+travelled by the leader, its model maps that distance to the chain of all handles, and each effect that the scene
+requests adds its field to the frame. A frame is a function of (scene, k) alone: ticks can be computed in any order,
+repeatedly or in parallel, with bit-identical results. ``batches`` computes many instants at once.
 """
 from dataclasses import replace
 

@@ -1,7 +1,6 @@
 """Settings of the venue: named obstacles, a polygon that benches must not leave, and the required gap.
 
-``geometry.venue`` computes with these settings. Shapely checks the polygons; it is imported only if the venue has
-polygons.
+``geometry.venue`` uses these settings. Shapely checks the polygons; it is imported only if the venue has polygons.
 """
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -142,7 +141,7 @@ def _name(field: str, value: Any) -> str:
 
 
 def _ring(field: str, name: str, values: Any) -> Points:
-    """Return the corners of a ring without a repetition of the first corner at the end. Raises FieldError."""
+    """Return the corners of a ring without repeating the first corner at the end. Raises FieldError."""
     points = _points(field, name, values)
     points = points[:-1] if len(points) > 1 and points[0] == points[-1] else points
     if len(points) < 3:

@@ -23,7 +23,7 @@ _SIDES = {text: side for side, text in KINDS.items()}
 class Located:
     """Surroundings (None if there are no obstacles) in a frame; ``left_out`` names the unused parts of the message.
 
-    ``frame_id`` is None for the frame of the dragon, whatever the name of that frame is.
+    ``frame_id`` is None for the frame of the dragon, regardless of that frame's name.
     """
 
     frame_id: str | None

@@ -108,7 +108,7 @@ def _parts(path: Path, data: bytes) -> dict[str, bytes]:
         if any('vbaproject' in name or 'macrosheets' in name for name in lower):
             raise InputError(f'{path}: contains macros; save it as .xlsx without macros')
         if any(name.startswith('xl/externallinks/') for name in lower):
-            raise InputError(f'{path}: contains links to other workbooks; replace them by values and save it again')
+            raise InputError(f'{path}: contains links to other workbooks; replace them with values and save it again')
         if any(name.endswith('.bin') and name.startswith('xl/work') for name in lower):
             raise InputError(f'{path}: is a binary workbook (.xlsb); save it as .xlsx')
         needed = [entry for entry in entries if _NEEDED.fullmatch(entry.filename)]

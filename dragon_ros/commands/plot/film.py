@@ -2,7 +2,7 @@
 
 Pillow's wheels bundle libavif with libaom, both under BSD-2-Clause. PyAV is not used, because its wheels bundle x264
 and x265, which are under the GPL. An AVIF image sequence is an MP4 file that contains AV1 (both are ISO base media
-files, ISO/IEC 14496-12); ``mp4_of`` replaces its brands and its handler by those of a film.
+files, ISO/IEC 14496-12); ``mp4_of`` replaces its brands and its handler with those of a film.
 """
 import struct
 import subprocess

@@ -72,9 +72,9 @@ class Layers:
         """Return how much further out the front handles of outer-layer benches less than a pitch away are.
 
         The nearest points of two benches are a turn apart along the spiral, except for the angle at which a pitch is
-        seen from the centre. The points of a bench are at most the span of its link and the angle of a corner behind
-        its front handle, and at most the angle of a corner ahead of it. The result is nan at places less than half a
-        pitch from the centre.
+        seen from the centre. In angles about the centre, no point of a bench is further behind its front handle than
+        the span of its link plus the angle of a corner, or further ahead of it than the angle of a corner. The result
+        is nan at places less than half a pitch from the centre.
         """
         nearest_m = self._nearest(radius_m, np.maximum(own_m, longest_m))
         seen = np.arcsin(0.5 * self.pitch_m / (nearest_m - self._half_width_m))

@@ -236,7 +236,7 @@ class Surroundings:
 
 
 def joined(parts: Sequence[Surroundings]) -> Surroundings:
-    """Combine several surroundings into one, in their order."""
+    """Combine several surroundings into one, in the given order."""
     first = np.cumsum([0, *(len(one.names) for one in parts)])
     return Surroundings(tuple(name for one in parts for name in one.names),
                         _kept(np.concatenate([one.start for one in parts])),

@@ -5,8 +5,8 @@ search therefore looks for the largest pitch with a contact before the circle is
 plane of head radius and pitch, from the largest pitch downwards. Any pair that touches gives a lower bound on the
 pitch. A cell of the plane is clear, for every pitch and radius in it, if each pair has an edge that separates the two
 benches at all four corners of the cell by more than the benches' corners can sag in between. This sag is at most B1
-h1^2 / 8 + B2 h2^2 / 8, which is the largest possible difference between a function and its bilinear interpolation. B1
-and B2 are proved bounds on the second derivatives with respect to radius and scale over the whole cell (``on_spiral``,
+h1^2 / 8 + B2 h2^2 / 8, which bounds the difference between a function and its bilinear interpolation. B1 and B2 are
+proved bounds on the second derivatives with respect to radius and scale over the whole cell (``on_spiral``,
 ``by_scale``).
 
 Everything is computed in units of b = pitch / 2 pi. In these units all spirals have the equation r = theta, and the
@@ -292,7 +292,7 @@ class _Descending:
     def _tiny(self, boxes: Boxes) -> Array:
         """Return whether each box is so small that its gap is within errors and cutting cannot clear it.
 
-        A box that floats cannot divide along either axis is tiny, too.
+        A box that floats cannot divide along either axis also counts as tiny.
         """
         within_m = _TINY * self._within_m
         small = ((boxes.high[0] - boxes.low[0] <= within_m)
@@ -358,7 +358,7 @@ class _Descending:
         return max(1.2, 0.1 + (hypot(overhang_m, 0.5 * dragon.width_m) + 0.5 * dragon.width_m + sag_m) / pitch_m)
 
     def _sags(self, cells: Floats, placed: BenchSamples, ends: Ints) -> Floats:
-        """Return bounds (n, K, 8, 2) on the sag of corners in cells, for eight edges, along radius and along scale."""
+        """Return bounds (n, K, 8, 2) on the sag of corners in cells, for eight edges, along radius and scale."""
         benches = slice(self.first, self.first + placed.delta.shape[1])
         dragon, scale = self.task.dragon, cells[2:, :, None]
         arm = scale[1] * 0.5 * np.hypot(dragon.bench_lengths_m[benches], dragon.width_m)

@@ -1,12 +1,12 @@
 """Contact of benches with a venue, cleared along the track once for all benches of one length.
 
 The pose of a bench depends on its length and on the position of its front handle. For each length, an obstacle
-therefore blocks positions on the track, and the first bench of that length to reach a blocked position is the one that
-starts next to it. Each bench therefore has a window: the positions that its front handle passes, up to the start of the
-next bench of its length, which passes the rest of the track first. Each window is cleared separately, up to the first
-position that cannot be cleared (``driver``, with the bounds of ``obstacle_bounds``); of these positions, the result is
-the position that the leader reaches first. If handles turn back near the centre of a spiral, the leader's travel is
-split into phases in which each handle moves in one direction.
+therefore blocks positions on the track, and the first bench of that length to reach a blocked position is the bench
+that starts next to it. Each bench therefore has a window: the positions that its front handle passes, up to the start
+of the next bench of its length, which passes the rest of the track first. Each window is cleared separately, up to the
+first position that cannot be cleared (``driver``, with the bounds of ``obstacle_bounds``); of these positions, the
+result is the position that the leader reaches first. If handles turn back near the centre of a spiral, the leader's
+travel is split into phases in which each handle moves in one direction.
 """
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
