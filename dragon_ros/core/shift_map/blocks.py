@@ -18,14 +18,15 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 FEWEST = 8              # smallest number of links for a table; for fewer links, marching is faster
 _MOST_MAPS = 4          # maximum number of shift maps per dragon, for the link lengths of its longest blocks
-_SHORTEST_LEAD = 0.05   # shortest leader's link with a series, relative to the block's link; shorter links lose digits
-# The maximum number of links that are marched one by one while no table covers a block; then the rest is marched at
-# once.
+# The shortest leader's link that has a series, relative to the block's link; a shorter link would lose too many digits.
+_SHORTEST_LEAD = 0.05
+# The maximum number of links of a block that are marched one by one in search of a table; if none is found, the
+# remaining links are marched in a single call.
 _TRIES = 8
 
 
 class _NextPlace(NamedTuple):
-    """The solver for the next position on a segment, the range of coordinates for which it applies, and the points."""
+    """The solver for the next position on a segment, its range of coordinates, and a function that returns points."""
 
     next: Callable[[DoubleDouble, float, int], tuple[DoubleDouble, int]]
     low: float
@@ -34,14 +35,16 @@ class _NextPlace(NamedTuple):
 
 
 class TabulatedLinks(NamedTuple):
-    """The handles of ``links`` links behind handle ``start`` (counted from the leader) at one instant, from a tile.
+    """The handles of the ``links`` links that follow handle ``start`` at one instant, computed from a tile.
+
+    Handles are counted from the leader.
 
     If ``leader`` is given, the first link joins the leader to the first handle of the table.
     """
 
     start: int
     links: int
-    at: int                 # the index of the first coordinate in the chain
+    at: int                 # the index of the first coordinate in the flat array of the chain
     spot: Spot
     products: list[Product]
     direction: int
@@ -70,7 +73,7 @@ class TabulatedLinks(NamedTuple):
         return speed
 
     def _motions(self, flat: Floats) -> Floats:
-        """Write the velocities for unit speed in row 0 into ``flat``, and return the part that was written."""
+        """Write the velocities for unit speed in row 0 into ``flat``, and return that part of ``flat``."""
         at, basis = self.at, self.spot.basis
         for times, terms, _, motions, start, stop in self.products:
             times(basis[:terms], motions, flat[at + start:at + stop])
@@ -95,7 +98,7 @@ class TabulatedLinks(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TabulatedStates:
-    """``TabulatedLinks`` for many instants; ``spots`` holds the instants (S,) in each tile and their locations."""
+    """``TabulatedLinks`` for many instants; ``spots`` holds the indices and the locations of the instants, by tile."""
 
     start: int
     links: int
@@ -119,7 +122,7 @@ class TabulatedStates:
             out[rows] = some
 
     def _each(self, value: Any) -> Floats:
-        """Return one number per instant."""
+        """Apply ``value`` to the locations in each tile, and return one number per instant."""
         out: Floats = np.empty(sum(rows.size for rows, _ in self.spots))
         for rows, spots in self.spots:
             out[rows] = value(spots)
@@ -158,9 +161,9 @@ class TabulatedStates:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """A solver for the handles of links (N,) on a track, behind a head (``direction`` BEHIND) or ahead of a tail.
+    """A solver that places the handles of N links on a track, behind a head (``direction`` BEHIND) or ahead of a tail.
 
-    ``maps`` holds shift maps for some link lengths; blocks of other links are marched.
+    ``maps`` holds shift maps for some link lengths; blocks with other link lengths are marched.
     """
 
     track: Track
@@ -170,7 +173,7 @@ class Placement:
 
     @cached_property
     def blocks(self) -> tuple[tuple[Block, ShiftMap | None], ...]:
-        """The blocks of equal links from the leader on, each with its shift map or None."""
+        """The blocks of equal links in order from the leader, each with its shift map or None."""
         return tuple((block, self.maps.get(block.link_m) if block.stop - block.start >= FEWEST else None)
                      for block in blocks_of(self.links_m, self.direction))
 
@@ -180,12 +183,12 @@ class Placement:
 
     @cached_property
     def _plan(self) -> tuple[tuple[int, int, float, ShiftMap | None, list[_NextPlace]], ...]:
-        """For each block: its first and last handle, its link, its shift map, and the step on each segment."""
+        """For each block: its first and last handles, link length, shift map, and the step on each segment."""
         return tuple((*block, shift, [self._step(k, block.link_m) for k in range(len(self.track.segments))])
                      for block, shift in self.blocks)
 
     def _step(self, k: int, link_m: float) -> _NextPlace:
-        """Return the step on a segment: its solver, and the coordinates between which the step stays on the segment."""
+        """Return the step on a segment: its solver, and the range of coordinates that stay on the segment."""
         segment = self.track.segments[k]
         edge = self.track.edge(k, link_m, self.direction)
         outwards = edge > (segment.last if self.direction == BEHIND else segment.first)
@@ -194,7 +197,7 @@ class Placement:
 
     @cached_property
     def _lead(self) -> tuple[float, int, ShiftMap] | None:
-        """The leader's link if no other link precedes a block with a shift map: its length, block's end, and map."""
+        """The leader's link if it alone precedes a block with a shift map: its length, and that block's end and map."""
         if len(self.blocks) < 2:
             return None
         (first, own), (second, shift) = self.blocks[:2]
@@ -202,7 +205,7 @@ class Placement:
         return (first.link_m, second.stop, shift) if shift and leads else None
 
     def place(self, leader: Place) -> Chain:
-        """Return the chain of a leader.
+        """Return the chain for one position of the leader.
 
         Raises TrackEndError if the track is too short, and ChainLockError if a link cannot be placed.
         """
@@ -224,7 +227,7 @@ class Placement:
     def _place_rest(self, flat: Floats, leader: Place, led: TabulatedLinks | None, parts: list[PlacedLinks]) -> int:
         """Add the remaining parts, block by block, and return the number of evaluations.
 
-        Each part writes its handles, beginning with the first; a table writes a whole block, including its last handle.
+        A single marched link writes only its first handle; all other parts also write their last handle.
         """
         count, direction, spent, filled, begin, here = len(self.links_m), self.direction, 0, False, 0, leader
         if led:
@@ -260,8 +263,8 @@ class Placement:
     def _next(self, step: _NextPlace, here: Place, i: int, link_m: float) -> tuple[Place, int]:
         """Return the position of the next handle, and the number of evaluations.
 
-        The result is bit-identical to the result of ``forward``. This function exists because live ticks march single
-        links: ``step`` holds the values that ``forward`` would look up for each block, and no lists are created.
+        The result is bit-identical to that of ``forward``. This function is faster for the single links of live ticks,
+        because ``step`` holds the values that ``forward`` would look up for each block, and no lists are created.
         """
         following, spent = step.next(here[1], link_m, self.direction)
         if step.low <= following[0] <= step.high:
@@ -289,9 +292,10 @@ class Placement:
         return part
 
     def place_many(self, leaders: Places, out: Floats | None = None) -> Chain:
-        """Return the chains of many leaders (S,) as one Chain; blocks are marched if tables do not cover all leaders.
+        """Return the chains for many positions (S,) of the leader as one Chain.
 
-        ``out`` (S, N+1, 2), if given, receives the handles.
+        A block is marched unless its tables cover all positions. If ``out`` (S, N+1, 2) is given, the handles are
+        written into it.
         """
         parts: list[PlacedLinks] = []
         places, spent = leaders, 0
@@ -338,7 +342,8 @@ def _last(places: Places) -> Places:
 def lengths_with_maps(links_m: Floats) -> dict[float, int]:
     """Return the link lengths that have a shift map, and for each length the number of links in its longest block.
 
-    Links so short that a tile of a spiral is shorter than the dragon have no map, because a map would cover few states.
+    If links are so short that a tile of a spiral is shorter than the dragon, they have no map, because a map would
+    cover few states.
     """
     length_m, out = float(np.sum(links_m)), dict[float, int]()
     longest = sorted(((block.stop - block.start, block.link_m) for block in blocks_of(links_m, BEHIND)

@@ -19,27 +19,27 @@ from dragon_ros.core.tracks.spiral import SpiralSegment
 
 NODES = 24            # number of terms of a series before truncation
 _MOST_STEPS = 40_000        # maximum total number of links from the joints to the span
-_MOST_BYTES = 256_000_000   # maximum size of the series of one table
+_MOST_BYTES = 256_000_000   # maximum total size of the series of one table
 _ROUNDS = 5                 # maximum number of times that parts are cut into thirds
 NOISE = 4                  # the largest effect of rounding on the last terms, in units of the error
-_SPAN_NODES = 16            # number of terms for a whole span on a spiral, which is as smooth as a line
-# The largest last term of the series of a span, relative to half its length; rounding over hundreds of rows may cause a
-# quarter of it.
+_SPAN_NODES = 16            # number of terms for a whole span on a spiral; few suffice, because a spiral is smooth
+# The largest last term that is allowed in the series of a span, relative to half the length of the span; rounding over
+# hundreds of rows may account for a quarter of it.
 _SPAN_ENDS = 2.0**-46
-_HAIR = 1e-12               # positions closer than this, relative to the distance along the track, count as equal
+_HAIR = 1e-12               # positions closer than this, relative to the distance along the track, are treated as equal
 _FREE = 12_000              # number of multiplications that take 0.3 times as long as the calls around the product
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """The images of a span in R rows of S parts, for links of one length; L rows from ``first`` on hold leaders.
+    """The images of a span in R rows of S parts, for links of one length; L rows from ``first`` on can hold leaders.
 
     Part s of row r is on the segment ``segment[r, s]``; ``middle[r, s]`` holds the segment's coordinate in the middle
-    as (hi, lo), and a scale, such that x = (coordinate - middle) * scale lies in [-1, 1]. Rounding may move |x| beyond
-    1 by up to ``slack`` (L, S). ``inverse`` (L, S, K) holds the coefficients of u(x), the highest power first. The
-    series are ``coordinates`` (S, K, R) of the scaled coordinates x, ``places`` (S, K, 2 R) of positions in m, and
-    ``motions`` (S, K, 2 R) of velocities for unit speed in row 0. From row r on, ``terms[s, r]`` terms are accurate to
-    ``error_m`` (R,); the tier allows errors of ``allowed_m`` (R,).
+    of the part as (hi, lo), and a scale, such that x = (coordinate - middle) * scale lies in [-1, 1]. Rounding may move
+    |x| beyond 1 by up to ``slack`` (L, S). ``inverse`` (L, S, K) holds the coefficients of u(x), the highest power
+    first. The series are ``coordinates`` (S, K, R) of the scaled coordinates x, ``places`` (S, K, 2 R) of positions in
+    m, and ``motions`` (S, K, 2 R) of velocities for unit speed in row 0. From row r on, the first ``terms[s, r]`` terms
+    are accurate to ``error_m`` (R,); the tier allows errors of up to ``allowed_m`` (R,).
     """
 
     segment: Ints
@@ -115,7 +115,7 @@ class _Pushed:
     coordinates: Floats
     places: Floats
     motions: Floats
-    inverses: dict[tuple[int, int], Floats] = field(default_factory=dict)       # (K, L), by the L rows of leaders
+    inverses: dict[tuple[int, int], Floats] = field(default_factory=dict)       # each (K, L), by the range of L rows
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ def build(track: Track, link_m: float, stretch: Stretch, tier: Tier) -> Table | 
 
 
 def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
-    """Return the foremost position: the position of the leader or, if the tail leads, of the head in front of it."""
+    """Return the foremost position of the span: of the leader or, if the tail leads, of the head in front of it."""
     high_m = stretch.high_m
     if stretch.direction == AHEAD:
         high_m += stretch.links * reach_m(track.bend, link_m)
@@ -200,7 +200,7 @@ def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
 
 
 def _part(track: Track, fore: Place, rear: Place) -> _SpanPart:
-    """Return the part between two positions, which is on one segment."""
+    """Return the part between two positions; the part is on a single segment."""
     middle = 0.5 * (track.distance_of(fore)[0] + track.distance_of(rear)[0])
     k = fore.segment if fore.segment == rear.segment else track.place_at(middle).segment
     segment = track.segments[k]
@@ -209,7 +209,7 @@ def _part(track: Track, fore: Place, rear: Place) -> _SpanPart:
 
 
 def _thirds(part: _SpanPart) -> list[_SpanPart]:
-    """Return the thirds of a part; halves would need another round more often, which takes longer than more parts."""
+    """Return the thirds of a part; halves would need more rounds, which would take longer than the additional parts."""
     third = (part.rear[0] - part.fore[0]) / 3
     cuts = [np.array(plus(part.fore[0], part.fore[1], n * third)) for n in (1, 2)]
     return [_SpanPart(part.segment, *ends) for ends in pairwise((part.fore, *cuts, part.rear))]
@@ -217,11 +217,11 @@ def _thirds(part: _SpanPart) -> list[_SpanPart]:
 
 def _built(track: Track, link_m: float, first: list[tuple[_SpanPart, _Pushed]], count: int, stretch: Stretch,
            tiers: tuple[Tier, Tier]) -> Table | None:
-    """Return the table once all series converge; parts whose series do not converge are cut into thirds.
+    """Cut parts into thirds until all series converge, and return the table; None if they do not converge.
 
     The first of ``tiers`` determines where series are truncated; the second is the tier of the scene.
     """
-    # Each piece is stored with its remainder.
+    # Each piece is a part, its series if they are known, and the error of the part that it was cut from.
     pieces: list[tuple[_SpanPart, _Pushed | None, float]] = [(*piece, inf) for piece in first]
     for _ in range(_ROUNDS):
         if 8 * 5 * NODES * len(pieces) * count > _MOST_BYTES:
@@ -240,7 +240,7 @@ def _built(track: Track, link_m: float, first: list[tuple[_SpanPart, _Pushed]], 
             return _table(rows, (x, middle, scale), inverse, link_m)
         before, pieces = pieces, []
         for (part, _, whole), one, over in zip(before, pushed, left.tolist(), strict=True):
-            if over > NOISE and over >= 0.5 * whole:        # caused by rounding, which thirds would not reduce
+            if over > NOISE and over >= 0.5 * whole:        # caused by rounding, which cutting would not reduce
                 return None
             pieces += [(part, one, inf)] if over <= NOISE else [(third, None, over) for third in _thirds(part)]
     return None
@@ -278,13 +278,13 @@ def _series(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> 
 
 def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
                       tiers: tuple[Tier, Tier]) -> _RowSeries:
-    """Return the series in the rows that all parts share."""
+    """Return the series of all parts in the rows that every part has."""
     rows = min(one.segment.size for one in pushed)
     low_m, high_m = stretch.low_m - link_m, stretch.high_m + link_m
     along = np.stack([one.along_m[:rows] for one in pushed], axis=1)
     reached = np.flatnonzero(np.any((along[..., 1] > low_m) & (along[..., 0] < high_m), axis=1))
     leading = slice(int(reached[0]), int(reached[-1]) + 1) if reached.size else slice(0, 0)
-    # Near the origin, a row is only as accurate as a spiral that holds the whole dragon in turns one link apart.
+    # Rows near the origin use the errors of a spiral that holds the whole dragon in turns one link apart.
     far_m = np.max([one.far_m[:rows] for one in pushed], axis=0)
     size_m = np.maximum(far_m, link_m * np.sqrt(stretch.links))
     error_m, allowed_m = (tier.series_m(size_m) for tier in tiers)
@@ -321,10 +321,10 @@ def _pushed(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> 
 
 
 def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple[int | None, int]]:
-    """Return the steps through the rows behind a first row of nodes: a segment's index or None, and a number of rows.
+    """Return the steps through the rows behind the first row of nodes: a segment's index or None, and a number of rows.
 
-    None means that rows are solved one by one. If the foremost and the rearmost node are on the same segment, all other
-    nodes are on it too.
+    None means that the rows are solved one by one. If the foremost and the rearmost node are on the same segment, all
+    other nodes are on it too.
     """
     if len(track.segments) == 1:
         return [(0, count - 1)]
@@ -361,7 +361,7 @@ def _along(segment: Segment, link_m: float, first: Places, count: int) -> Places
         if rows is None and (found := placed(segment, (begin, begin_lo), chords)):
             rows = found[:2]
         return (numbers, rows[0][1:], rows[1][1:]) if rows else None
-    step, _ = segment.shifts(begin[:1], link_m, BEHIND, None)        # on a line or an arc all shifts are equal
+    step, _ = segment.shifts(begin[:1], link_m, BEHIND, None)        # on a line or an arc, all shifts are equal
     u, lo = begin, begin_lo
     for part in product(np.arange(1.0, count + 1)[:, None], step[0]):
         u, lo = plus(u, lo, part)
@@ -369,9 +369,9 @@ def _along(segment: Segment, link_m: float, first: Places, count: int) -> Places
 
 
 def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: Floats) -> tuple[Floats, Floats] | None:
-    """Place the nodes of several parts by the series of a whole span, because a spiral is smooth across all cuts.
+    """Place the nodes of several parts using the series of a whole span; a spiral is smooth across all cuts.
 
-    Only the nodes of the whole span are solved. The result is None if the series do not converge.
+    Equations are solved only for the nodes of the whole span. The result is None if the series do not converge.
     """
     nodes = transform(_SPAN_NODES)[0]
     low, high = np.argmin(begin), np.argmax(begin)
@@ -389,7 +389,7 @@ def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: F
 
 
 def _together(track: Track, places: Places) -> Places:
-    """Return positions with each part on one segment; a node that rounding puts beyond a joint moves to the joint."""
+    """Return positions with each part on one segment; a node that rounding put beyond a joint is moved to it."""
     shape = -1, NODES
     segment, u, lo = places[0].reshape(shape), places[1].reshape(shape), places[2].reshape(shape)
     if np.all(segment == segment[:, :1]):
@@ -423,7 +423,7 @@ def _left(rows: _RowSeries, x: Floats, inverse: Floats, link_m: float) -> Floats
 
 
 def _half_widths_m(rows: _RowSeries) -> Floats:
-    """Return the approximate half lengths (S, 1, R) in metres of the parts in the rows."""
+    """Return the approximate half lengths in metres (S, 1, R) of the parts in all rows."""
     out: Floats = np.hypot(rows.places[:, 1:2, ::2], rows.places[:, 1:2, 1::2])
     return out
 

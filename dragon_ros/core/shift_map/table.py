@@ -3,14 +3,14 @@
 All links of a block have the same length, so one map F on the track, from a handle to the next handle behind, applies
 to all links at all times. Let u in [-1, 1] cover one span of track, from a position a back to F(a). Row r of a table is
 the r-th image of this span, G_r(u) = F^r(a + (1 + u) / 2 (F(a) - a)), as Chebyshev series in u of the coordinates and
-of the velocity. If a handle is at G_m(u), the i-th handle behind it is at G_(m + i)(u), and ahead of a tail the i-th
-handle is at G_(m - i)(u): a single u gives all handles. F is smooth as long as both handles stay on their segments. The
-span is therefore cut into parts wherever one of its images passes a joint, and each part has its own series. This
-avoids special cases near a joint.
+of the velocity. If a handle is at G_m(u), the i-th handle behind it is at G_(m + i)(u); the i-th handle ahead of a tail
+is at G_(m - i)(u). A single u therefore determines all handles. F is smooth as long as both handles stay on their
+segments. The span is therefore cut into parts wherever one of its images passes a joint, and each part has its own
+series. This avoids special cases near a joint.
 
 A tile holds the table for the leaders of blocks on one stretch of track. Tiles are aligned to the track and built on
-first use, each from the track alone, so positions are bit-identical across runs and processes, regardless of the order
-in which tiles are built.
+first use. Each tile depends only on the track, so positions are bit-identical across runs and processes, regardless of
+the order in which tiles are built.
 """
 from bisect import bisect_right
 from collections import OrderedDict, deque
@@ -42,15 +42,17 @@ _BOUNDARIES = 1024          # number of stretch boundaries whose positions are c
 _MOST_CELLS = 64
 _MOST_BYTES = 512_000_000   # limit for the tiles of a shift map; the least recently used tiles are dropped first
 _MOST_TILES = 4096          # maximum number of tiles of a shift map, including tiles without a table
-# The smallest length of a tile, in links; the lengths of larger tiles are powers of two, at least the length of their
+# The minimum length of a tile, in links; a longer tile has the smallest power of two that is at least the length of its
 # blocks.
 _FEWEST_LINKS = 512
-_FEWEST_JOINED = 64         # smallest tile on a composite track; larger tiles are at least half as long as their blocks
-# The length of a tile's stretches, in links; a stretch has series for the leader's link once the leader reaches it.
+# The minimum length of a tile on a composite track, in links; a longer tile is at least half as long as its blocks.
+_FEWEST_JOINED = 64
+# The length of a tile's stretches, in links; the series for the leader's link are built when the leader reaches a
+# stretch.
 _STRETCH_LINKS = 64
 _STRETCH_JOINED = 32        # number of links per stretch on a composite track
 _SHORTEST = 1e-12           # shortest link, relative to coordinates, whose direction floats can resolve
-_NEAR = 1e-9       # relative distance from a boundary below which rounding could decide the side
+_NEAR = 1e-9                # relative distance from a boundary within which rounding could decide the side
 _BEFORE_LINKS = 64          # number of links from the start of a tile to the track's origin, where runs begin
 
 
@@ -66,7 +68,7 @@ class Product(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """One row of one part in the form that is fastest for single states: floats, and products for numbers of links.
+    """One row of one part in the form that is fastest for single states: floats, and products by number of links.
 
     ``before`` holds the series (K, 2) of the leader's position and of its motion if the leader is one link before this
     row.
@@ -92,7 +94,7 @@ class Spot(NamedTuple):
 
 
 class Spots(NamedTuple):
-    """The locations of many handles in one tile: rows and parts (S,), and the values (S, K) of polynomials."""
+    """The locations of many handles in one tile: rows and parts (S,), and values (S, K) of Chebyshev polynomials."""
 
     tile: 'Tile'
     row: Ints
@@ -110,7 +112,7 @@ _ELSEWHERE = Elsewhere.ELSEWHERE
 
 
 class _SegmentCells(NamedTuple):
-    """The cells on one segment, in the order of ``sense`` times the coordinate, which increases backwards."""
+    """The cells on one segment, in order of ``sense`` times the coordinate, which increases towards the rear."""
 
     sense: float
     front: float        # the foremost position on the stretch
@@ -121,10 +123,10 @@ class _SegmentCells(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Entrance:
-    """The cells of a tile, found by the coordinates of leaders on a stretch between two positions.
+    """A lookup of a tile's cells by the coordinates of leaders on a stretch between two positions.
 
-    Leaders of blocks are in rows of the table. Leaders one link before a block are in no row; ``lead_in`` holds the
-    series of these leaders. ``chart`` holds the charts of the cells.
+    Leaders of blocks are in rows of the table. Leaders one link before a block are not in any row; ``lead_in`` holds
+    their series. ``chart`` holds the charts of the cells.
     """
 
     tile: 'Tile'
@@ -273,7 +275,7 @@ class Tile:
         behind = links - 1 if before else links
         first, columns = cell.row if direction == BEHIND else cell.row - behind, 2 * behind + 2
         terms = int(table.terms[cell.part, first])
-        of_leader = len(before[0]) if before else 0     # number of terms of both series
+        of_leader = len(before[0]) if before else 0     # number of terms, the same for both series
         places, motions = (series[cell.part, :terms, 2 * first:2 * first + columns]
                            for series in (table.places, table.motions))
         if max(terms, of_leader) * size <= _TERMS:
@@ -321,7 +323,7 @@ def _joined(leader: Floats, block: Floats, direction: int) -> Floats:
 
 
 def links_of_tile(links: int, segments: int = 1) -> int:
-    """Return the length in links of tiles for blocks of up to ``links`` links on a track of ``segments`` segments."""
+    """Return a tile's length in links for blocks of up to ``links`` links on a track of ``segments`` segments."""
     whole: int = 1 << (links - 1).bit_length()
     return max(_FEWEST_LINKS, whole) if segments == 1 else max(_FEWEST_JOINED, whole // 2)
 
@@ -391,7 +393,7 @@ class ShiftMap:
         return tile.entrances[link_m, number] if tile else None
 
     def spots(self, places: Places) -> list[tuple[Ints, Spots]] | None:
-        """Return the indices and the locations of many positions, by tile; None if a position is in no table."""
+        """Return the indices and the locations of many positions, by tile; None if a position is not in any table."""
         segment, u, lo = places
         numbers = self._numbers(places)
         if numbers is None:
@@ -444,7 +446,10 @@ class ShiftMap:
         return bool((place.u.hi - begin.u.hi) * self.track.segments[place.segment].rate(place.u.hi) < 0)
 
     def _leader_at(self, number: int, link_m: float) -> Place | None:
-        """Return the cached position of the leader whose follower is at the start of a stretch, or None."""
+        """Return the cached position of the leader whose follower is at the start of a stretch; None if there is none.
+
+        Without a link, the leader is itself at the start of the stretch.
+        """
         key = number, link_m
         try:
             return self._edges[key]
@@ -508,6 +513,6 @@ class ShiftMap:
 
     @staticmethod
     def _beyond(segment: object, u: float, side: int) -> float:
-        """Return a change of coordinate that is large enough to exclude no position at a closed end."""
+        """Return a change of coordinate so large that no position at a closed end is excluded."""
         rate = segment.rate(u)      # type: ignore[attr-defined]
         return float(side * (1.0 if rate > 0 else -1.0) * (1 + abs(u)))
