@@ -38,7 +38,7 @@ _CACHED, _LARGE = 2**15, 2**27      # bytes that fit into a core's cache, and by
 _NUMBER = 8                         # bytes
 _NAMES = {'none': 'not compressed', 'zstd': 'zstd'}
 _RATES = {'product': 'multiplications and additions in a product', 'cache': 'bytes copied within the cache',
-          'memory': 'bytes copied through memory', 'zstd': "bytes of a tick's messages that zstd alone compresses",
+          'memory': 'bytes copied through memory', 'zstd': "bytes of a tick's messages compressed by zstd alone",
           'file': 'bytes written to a file, which the system writes to disk later'}
 
 

@@ -104,7 +104,7 @@ def csv_text(rows: list[Start]) -> str:
 
 
 def picture(rows: list[Start]) -> Figure:
-    """Return a figure with a bar for each start: Python itself in grey, help in blue and uses in orange."""
+    """Return a figure with a bar for each start: Python itself in grey, help in blue, smallest uses in orange."""
     figure = Figure(figsize=(PAGE_IN, 0.28 * len(rows) + 1.2), layout='constrained')
     axes = figure.subplots()
     for n, row in enumerate(rows):

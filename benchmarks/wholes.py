@@ -28,7 +28,7 @@ class Whole:
 
 
 def wholes(budget_s: float) -> list[Whole]:
-    """Return whole ticks: with all effects, the default effects and no effects, and of a program without effects."""
+    """Return whole ticks with all effects, with the defaults and with none, and a tick of a program without effects."""
     scene = load_scene('minimal')
     everything, defaults = (replace(scene, effects=effects) for effects in (ALL, Scene().effects))
     rows = [('everything on', worker(everything), 'minimal', worker(scene)),
@@ -65,7 +65,7 @@ def bare(scene: Scene) -> Call:
 
 
 def paired(first: Call, second: Call, budget_s: float) -> tuple[Timing, Timing]:
-    """Measure two calls in turn."""
+    """Measure two calls alternately."""
     first(), second()
     spent: list[tuple[float, float]] = []
     while len(spent) < LEAST or (sum(map(sum, spent)) < budget_s and len(spent) < MOST):

@@ -81,7 +81,7 @@ def _jobs(budget_s: float) -> Iterator[Callable[[], list[Row]]]:
 
 
 def _ways(problem: Problem) -> Iterator[Way]:
-    """Yield each tier with the default solver, and by the march if the default is the table."""
+    """Yield each tier with the default solver, and also with the march if the default is the table."""
     for tier in TIERS:
         if tier != 'paper' or problem.name == 'classic':
             yield tier, 'table'
@@ -94,7 +94,7 @@ def _is_one_spiral(scene: Scene) -> bool:
 
 
 def _tiers(problem: Problem, ways: Sequence[Way], budget_s: float) -> list[Row]:
-    """Return a row for each solver; solvers are timed in turn, because their times are compared."""
+    """Return a row for each solver; the solvers are timed alternately, because their times are compared."""
     rows = [_tier(problem, *way) for way in ways]
     scenes = [(replace(problem.scene, accuracy=tier, solver=solver), _times_s(problem, tier))
               for (tier, solver), row in zip(ways, rows, strict=True) if np.isfinite(row.error_m)]
@@ -122,13 +122,13 @@ def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:
 
 
 def _tier(problem: Problem, tier: str, solver: str) -> Row:
-    """Return the errors of a tier with the default solver, or by the march if the default is the table."""
+    """Return the errors of a tier, solved with the default solver or with the march."""
     name = tier if solver == 'table' else f'{tier}{_MARCHED}'
     try:
         scene = replace(problem.scene, accuracy=tier, solver=solver)
         compiled = compile_scene(scene)
     except FieldError:
-        return Row(problem.name, name, np.inf, None, None, 'refused: double precision cannot keep this promise')
+        return Row(problem.name, name, np.inf, None, None, 'rejected: double precision cannot keep this promise')
     times, error, worst = _times_s(problem, tier), 0.0, 1.0
     for number, t_s in enumerate(problem.times_s):
         if t_s in times:
@@ -210,10 +210,10 @@ def _line(row: Row) -> str:
     t = row.timing
     cells = (row.problem, row.solver, f'{row.error_m:.1e}' if np.isfinite(row.error_m) else '-',
              f'{row.promise_m:.1e}' if row.promise_m else '-',
-             'refused' if row.note.startswith('refused') else row.verdict, _us(t.median_s) if t else '-',
+             'rejected' if row.note.startswith('rejected') else row.verdict, _us(t.median_s) if t else '-',
              f'{_us(t.low_s)} to {_us(t.high_s)}' if t else '-',
              _us(row.with_velocities.median_s) if row.with_velocities else '-',
-             row.note.removeprefix('refused: '))
+             row.note.removeprefix('rejected: '))
     return '| ' + ' | '.join(cells) + ' |'
 
 

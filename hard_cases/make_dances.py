@@ -129,7 +129,7 @@ class Track:
         return k, self.pieces[k].after(metres - self.origins[k])
 
     def next(self, k: int, u: Number, chord: Number, way: int) -> tuple[int, Number]:
-        """Return the first position behind or ahead, as ``way`` selects, that is a chord away."""
+        """Return the first position behind or ahead, as ``way`` selects, that is one chord away."""
         if chord == 0:
             return k, u
         here, start = self.pieces[k].at(u), u
@@ -142,7 +142,7 @@ class Track:
 
     @staticmethod
     def _on(piece: Any, here: Number, u: Number, chord: Number, way: int) -> Number | None:
-        """Return the first u on a piece that is a chord away from ``here``; None if the piece ends first."""
+        """Return the first u on a piece that is one chord away from ``here``; None if the piece ends first."""
         end = piece.first if way == BACK else piece.last
         sense = way * (getattr(piece, 'way', 1))
         for _ in range(10_000):
@@ -153,7 +153,7 @@ class Track:
             u += sense * step
             if end is not None and sense * (u - end) > 0:
                 return None
-        raise AssertionError('the chord is not reached')
+        raise AssertionError('no position at the length of the chord was found in 10,000 steps')
 
 
 def polished(piece: Any, here: Number, u: Number, chord: Number) -> Number:

@@ -25,7 +25,7 @@ class _OutOfTimeError(Exception):
 
 
 def measure(scene: Scene, budget_s: float) -> SearchCost:
-    """Search for the first contact for at most about ``budget_s`` seconds."""
+    """Search for the first contact, and stop the search after about ``budget_s`` seconds."""
     began, states = time.perf_counter(), 0
 
     def count(more: int) -> None:

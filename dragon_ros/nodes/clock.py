@@ -12,7 +12,7 @@ _BEAT_S = 1.0
 
 
 class ClockPublisher:
-    """Publishes the time of each tick and, while time stands still, repeats it every second for late subscribers."""
+    """Publishes the time of each tick and, while time is stopped, repeats it every second for late subscribers."""
 
     def __init__(self, node: Node, t_ns: int) -> None:
         """Start at the time ``t_ns``."""

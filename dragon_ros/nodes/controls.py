@@ -54,7 +54,7 @@ def _nothing() -> None:
 
 
 class Steps:
-    """Frames to show at once; ``shown`` and ``left`` count them, and ``ended`` is true when no more will be shown."""
+    """Frames to show immediately; ``shown`` and ``left`` count them; ``ended`` is true when no more will be shown."""
 
     def __init__(self, frames: int, each: Callable[[], None] = _nothing, end: Callable[[], None] = _nothing) -> None:
         """``each`` is called after each frame, and ``end`` is called once when no more will be shown."""
@@ -76,7 +76,7 @@ class Steps:
 
 
 class Player:
-    """Plays a source on a node that has the parameters ``CONTROLS``; ``done`` is true once playback has ended for good.
+    """Plays a source on a node that has the parameters ``CONTROLS``; ``done`` is true once playback has ended.
 
     ``stopped`` is true while the player is paused at the first frame after ``stop``.
     """
@@ -110,7 +110,7 @@ class Player:
         return self._show_now(1)
 
     def step(self) -> str:
-        """Pause, and play the next ``step_ticks`` frames at once."""
+        """Pause, and play the next ``step_ticks`` frames immediately."""
         self.pause()
         self._check_next()
         return self._show_now(self._node.setting['step_ticks'])
@@ -150,11 +150,11 @@ class Player:
         self._wake()
 
     def stands(self) -> bool:
-        """Return whether time stands still, as it does before the start, during a pause and at the end."""
+        """Return whether time is stopped, as it is before the start, during a pause and at the end."""
         return self._waiting or self.paused or self.done
 
     def is_stepping(self) -> bool:
-        """Return whether frames remain to be shown at once."""
+        """Return whether frames remain to be shown immediately."""
         return not self._owed.ended
 
     def _service(self, act: Callable[[], str]) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
@@ -168,7 +168,7 @@ class Player:
         return serve
 
     def _show_now(self, frames: int) -> str:
-        """Show a number of frames at once, or as soon as slow readers have caught up."""
+        """Show a number of frames immediately, or as soon as slow readers have caught up."""
         self._owe(Steps(frames))
         while self.is_stepping() and self._play_owed():
             pass
@@ -182,12 +182,12 @@ class Player:
             raise DragonError(f'{self._source.ending()}: no frame follows; reset or seek first')
 
     def _owe(self, steps: Steps) -> None:
-        """Replace the frames that remain to be shown at once."""
+        """Replace the frames that remain to be shown immediately."""
         before, self._owed, self.done = self._owed, steps, False
         before.finish()
 
     def _play_owed(self) -> bool:
-        """Show one owed frame; return whether that was possible."""
+        """Show the next frame that remains; return whether that was possible."""
         t_ns = self._source.next_ns()
         if t_ns is None:
             self._owed.finish()

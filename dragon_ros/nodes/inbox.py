@@ -49,7 +49,7 @@ class Inbox:
         return max(self._bytes / INBOX_BYTES, len(self._waiting) / INBOX_MESSAGES)
 
     def put(self, topic: str, kind: str, data: bytes, info: Any) -> None:
-        """Add a message of type ``kind``, or skip it with its tick."""
+        """Add a message of type ``kind``, unless its tick is skipped."""
         source, before = self._sources[topic], self.skipped
         source.arrived(raw_subscription.number(info))
         if self.fill > FROM_FILL and source.waits():

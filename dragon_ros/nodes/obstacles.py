@@ -29,6 +29,7 @@ from dragon_ros.messages.transforms import FrameTree
 from dragon_ros.messages.venue_markers import fits_message, obstacles_message
 from dragon_ros.nodes import publishers, qos, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
+from dragon_ros.nodes.logs import counted
 from dragon_ros.nodes.raw_subscription import subscribe_raw
 from dragon_ros.nodes.tf_publisher import TF
 from dragon_ros.scenes.load import load_venue
@@ -229,12 +230,8 @@ def _all(parts: list[Surroundings]) -> Surroundings | None:
 
 
 def _counted(around: Surroundings | None) -> str:
-    return f'{_plural(len(around.names), "obstacle")} with {_plural(around.start.size, "edge")}' if around else (
+    return f'{counted(len(around.names), "obstacle")} with {counted(around.start.size, "edge")}' if around else (
         'no obstacles')
-
-
-def _plural(count: int, what: str) -> str:
-    return f'{count} {what}' if count == 1 else f'{count} {what}s'
 
 
 def _at(pose: PlanePose) -> str:

@@ -26,6 +26,7 @@ from dragon_ros.messages.decode import MessageError, read_health, read_stamp_ns,
 from dragon_ros.messages.even_skips import FROM_FILL, EvenSkips
 from dragon_ros.nodes import publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import DragonNode
+from dragon_ros.nodes.logs import counted
 from dragon_ros.scenes import provenance
 
 _REST_S = 5.0       # longest time to write messages and reports on ticks that arrived before a signal
@@ -183,21 +184,22 @@ class Recorder(DragonNode):
         writer, log = self.writer, self.get_logger()
         topics = sum(count > 0 for count in self.bag.counts.values())
         whole = 'nothing is missing' if self._is_complete(gone) else 'NOT COMPLETE'
-        log.info(f'{self.bag.path}: {self.bag.kept} messages on {topics} topics, {whole}; the queue was at most '
-                 f'{writer.fullest:.1%} full, and the longest write took {writer.slowest_write_s:.3f} s')
+        log.info(f'{self.bag.path}: {counted(self.bag.kept, "message")} on {counted(topics, "topic")}, {whole}; the '
+                 f'queue was at most {writer.fullest:.1%} full, and the longest write took '
+                 f'{writer.slowest_write_s:.3f} s')
         for lack in self.losses.lines(gone):
             log.warning(lack)
         if writer.waits:
-            log.warning(f'the queue was full {writer.waits} times, for {writer.waited_s:.3f} s in total')
+            log.warning(f'the queue was full {counted(writer.waits, "time")}, for {writer.waited_s:.3f} s in total')
         for topic, count in self.bag.left_out.items():
-            log.warning(f'{topic}: {count} messages of more than {MESSAGE_BYTES} bytes are left out')
+            log.warning(f'{topic}: left out {counted(count, "message")} of more than {MESSAGE_BYTES} bytes')
         for topic, count in self._unpaired.items():
-            log.warning(f'{topic}: {count} messages without a stamp are left out: their tick is unknown, because no '
-                        'stamped message from their publisher was received just before them')
+            log.warning(f'{topic}: left out {counted(count, "message")} without a stamp; the tick is unknown, because '
+                        'no stamped message from the same publisher was received just before')
         if self._word.is_missing:
             log.warning("the monitor's last reports are missing: it has not reported on the last ticks")
         if self.losses.received > self.bag.kept:
-            log.warning(f'{self.losses.received - self.bag.kept} received messages are not in the bag')
+            log.warning(f'not in the bag: {counted(self.losses.received - self.bag.kept, "received message")}')
 
     def _pressure(self) -> dict[str, str]:
         """Return, as text, how close the recorder came to its limits."""

@@ -44,7 +44,7 @@ class ReplaySource:
         return self._next.t_ns if self._next and self._next.t_ns <= self._end_ns else None
 
     def last_ns(self) -> int:
-        """Return the time of the end."""
+        """Return the end time."""
         return self._end_ns
 
     def show(self) -> None:
@@ -129,7 +129,7 @@ class ReplaySource:
         return last
 
     def _before(self) -> list[Message]:
-        """Return the last message of each latched topic before the starting time."""
+        """Return the last message of each latched topic before the start time."""
         found: dict[str, Message] = {}
         if self._latched and self._from_ns > self._bag.start_ns:
             for message in self._bag.messages(sorted(self._latched)):

@@ -26,7 +26,7 @@ def test_a_tier_keeps_its_promise_on_every_kind_of_track(workprec, name, solver)
 def test_a_tier_that_double_precision_cannot_keep_is_refused_in_its_row(workprec):
     kept, row = workprec._tiers(CASES['far-1e6'], [('standard', 'table'), ('fine', 'table')], 0.0)
     assert kept.timing.calls >= 3
-    assert (row.verdict, row.note) == ('FAILS', 'refused: double precision cannot keep this promise')
+    assert (row.verdict, row.note) == ('FAILS', 'rejected: double precision cannot keep this promise')
 
 
 def test_other_solvers_have_rows_for_single_spirals_alone(workprec):

@@ -348,8 +348,8 @@ def test_a_message_that_no_reader_takes_is_named_and_counted_and_the_bag_is_not_
     finally:
         rclpy.shutdown()
     said = capfd.readouterr().err
-    assert '2 messages on 1 topics, NOT COMPLETE' in said
-    assert '/dragon/handles: 1 messages of more than' in said
-    assert '1 received messages are not in the bag' in said
+    assert '2 messages on 1 topic, NOT COMPLETE' in said
+    assert '/dragon/handles: left out 1 message of more than' in said
+    assert 'not in the bag: 1 received message' in said
     account = received(tmp_path / 'a.mcap')[RECEIVED]
     assert (account['complete'], account['/dragon/handles too large']) == ('false', '1')

@@ -1,8 +1,9 @@
 """Compare a bag with the model tick by tick: bit for bit or, if bits differ, to within its tier's promise.
 
 The last bits may differ between machines and between versions of this software. Handles, benches and velocities must
-then agree to within twice the tier's promise, because each side may be off by one promise. If the bag was made by
-another version or with other BLAS or numpy kernels, the same tolerance applies to everything derived from them.
+then agree to within twice the tier's promise, because the error of each side may reach one promise. If the bag was made
+by a different version or with different BLAS or numpy kernels, the same tolerance applies to everything derived from
+them.
 
 Every message in the bag is either compared or listed as unchecked, with the reason.
 """
@@ -46,7 +47,7 @@ from dragon_ros.scenes.provenance import RECORD, other_kernel
 from dragon_ros.version import __version__
 
 _HUGE = 1e100
-_MOST_LAST = 128        # final ticks of a led run in which topics may be missing because a killed recorder was behind
+_MOST_LAST = 128        # final ticks of a led run in which topics may be missing because the recorder was killed
 _PART_BYTES = 2**23     # size of a part of a run: about eight chunks of messages, processed in a tenth of a second
 _Instant = tuple[int, dict[str, list[bytes]]]
 _Span = tuple[int, int]

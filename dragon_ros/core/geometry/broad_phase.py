@@ -39,9 +39,9 @@ def candidates(p: Floats, benches: Benches, reach_m: float | None = None) -> tup
 
     ``p`` are the handles (N+1, 2) in metres about the centre. The default of ``reach_m`` is the largest width or a
     twentieth of the largest length, whichever is larger. If the smallest gap of the candidates is at most
-    ``reach_m``, it is the smallest gap of all pairs; otherwise the gaps of all pairs exceed ``reach_m``. Pairs with
-    |i - j| = 2 and 3 are always included, and so are the benches of the next layer in the same directions, at any
-    distance.
+    ``reach_m``, it is the smallest gap of all pairs; otherwise the gaps of all pairs exceed ``reach_m``. The
+    result always includes the pairs with |i - j| = 2 or 3 and, at any distance, pairs of benches on adjacent layers
+    that share a direction.
 
     The search takes O(N) time if the handles wind outwards about the origin: the directions of the benches increase
     (or decrease) towards the tail, no bench turns back by more than half a turn, and few layers are within reach of
@@ -150,7 +150,7 @@ def _spelt(start: Ints, size: Ints) -> tuple[Ints, Ints]:
 def box_pairs(benches: Benches, reach_m: float = 0.0) -> tuple[Ints, Ints]:
     """Return every pair whose axis-aligned boxes come within ``reach_m``, for any layout (with shapely's STRtree).
 
-    Pairs with |i - j| = 2 and 3 are always included. Raises CrowdError if the pairs would fill the memory.
+    Pairs with |i - j| = 2 or 3 are always included. Raises CrowdError if the pairs would fill the memory.
     """
     return swept_pairs(benches.corners[None], reach_m)
 
@@ -200,7 +200,7 @@ def _meet(low: Floats, high: Floats, i: Ints, j: Ints) -> Array:
 
 
 def _meeting(low: Floats, high: Floats) -> Ints:
-    """Return, as sorted numbers i N + j, the pairs of boxes (N, 2) that meet and the pairs with |i - j| = 2 and 3."""
+    """Return, as sorted numbers i N + j, the pairs of boxes (N, 2) that meet and the pairs with |i - j| = 2 or 3."""
     import shapely  # not needed for dragons that wind about the origin
     count = low.shape[0]
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])

@@ -19,9 +19,9 @@ def outlines(occupied: Bools, name: str, corner: complex, across: complex) -> Su
     """Return the boundaries of occupied cells (rows, columns); None if there are none.
 
     ``corner`` is the outer corner of the first cell, and ``across`` is the vector along a cell of the first row;
-    further rows follow to the left of this vector. Cells that touch, even if only at a corner, form one obstacle. If
-    there are several obstacles, a number after ``name`` counts them by row and column. Raises InputError if there are
-    too many edges.
+    further rows follow to the left of this vector. Cells that touch, even if only at a corner, form one obstacle.
+    Several obstacles are numbered after ``name``, in order of their first cells. Raises InputError if there are too
+    many edges.
     """
     along = _changes(occupied)      # both sides of each run of occupied cells, row by row
     up = np.flatnonzero(np.diff(occupied, axis=0, prepend=False, append=False))

@@ -143,7 +143,7 @@ class ReorderBuffer(Generic[T]):
 
         Time restarts if the number of handles changes, or if an observation is older than the last few observations
         or more than a second late. It also restarts after several late observations in a row; these are then passed
-        on, so that nothing of a restarted run is lost.
+        on, so that no part of a restarted run is lost.
         """
         if not self._times or observation.p.shape != self._shape:
             return self._pass(bool(self._times), [observation])

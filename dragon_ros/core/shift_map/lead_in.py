@@ -86,7 +86,7 @@ class LeadIn:
 
 
 def towards_leader(track: Track, place: Place, link_m: float, direction: int) -> Place | None:
-    """Return the position of the leader whose follower is at ``place``, one link away in ``direction``, or None."""
+    """Return the position of the leader whose follower, one link away in ``direction``, is at ``place``, or None."""
     tame = track.without_locks(link_m)
     if tame is None or not _has_leader(tame, track.distance_of(place)[0], link_m, direction):
         return None

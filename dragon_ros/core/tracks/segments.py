@@ -15,7 +15,7 @@ from dragon_ros.core.numerics.double_double import DoubleDouble, plus, product
 from dragon_ros.core.numerics.types import Array, Floats
 
 BEHIND, AHEAD = -1, 1         # against and along the head's direction
-LARGEST_BEND = 1.98     # limit of curvature times chord: links may lock at 2; 1 % below, roots are well conditioned
+LARGEST_BEND = 1.98     # limit of curvature times chord; roots are well conditioned 1 % below 2, where links may lock
 
 
 class Past(NamedTuple):
@@ -89,7 +89,7 @@ class Segment(Protocol):
         ...
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the nearest position at a chord's length (inf if there is none), and the number of evaluations.
+        """Return the nearest position that is one chord away (inf if there is none), and the number of evaluations.
 
         The position may be beyond the end of the segment.
         """
@@ -175,7 +175,7 @@ class LineSegment:
         return max(abs(complex(self.at(a))), abs(complex(self.at(b))))
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the position at a chord's length."""
+        """Return the position that is one chord away."""
         return DoubleDouble(*plus(*u, direction * chord_m)), 1
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
@@ -269,7 +269,7 @@ class ArcSegment:
         return abs(self.centre) + self.radius_m
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the position at a chord's length."""
+        """Return the position that is one chord away."""
         return DoubleDouble(*plus(*u, direction * arc_span(self.radius_m, chord_m))), 1
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
