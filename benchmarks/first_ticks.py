@@ -43,7 +43,7 @@ class Row:
 
 
 def measure(budget_s: float = 0.3) -> list[Row]:
-    """Measure every scene that the map supports; progress goes to standard error."""
+    """Measure every scene that can use a shift map; progress goes to standard error."""
     scenes = {name: load_scene(name) for name in _NAMED}
     scenes |= {case.name: case.scene for case in dances()}
     served = {name: scene for name, scene in scenes.items()

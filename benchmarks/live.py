@@ -153,7 +153,7 @@ def _look(pid: int) -> tuple[float, float]:
 
 
 def alive(start: Start, deadline: float) -> None:
-    """Raise DragonError if a process has failed or the deadline of ``time.monotonic`` has passed."""
+    """Raise DragonError if a process has failed or the deadline, a time of ``time.monotonic``, has passed."""
     for name, child in start.running.items():
         if child.poll():
             raise DragonError(f'{name} ended with exit code {child.returncode}: {start.text(name)[-500:]}')

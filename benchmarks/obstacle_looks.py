@@ -1,7 +1,7 @@
-"""The cost of obstacles for the monitor: a check among walls near the whole dragon, and reading a large map.
+"""The cost of obstacles for the monitor: a check with walls along the whole dragon, and the reading of a large map.
 
-``./dragon python benchmarks/obstacle_looks.py`` prints processor times. Checks with and without obstacles are measured
-in turn, since other load on the machine changes over time.
+``./dragon python benchmarks/obstacle_looks.py`` prints processor times. Checks with and without obstacles are
+measured alternately, since other load on the machine changes over time.
 """
 import time
 from dataclasses import replace

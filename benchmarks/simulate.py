@@ -102,6 +102,6 @@ def picture(rows: list[Written]) -> Figure:
     axes = figure.subplots()
     axes.barh([row.name for row in rows], [row.run_s / row.wall_s for row in rows], color=LINES[0])
     axes.invert_yaxis()
-    axes.set(xlabel='times real time', title='The bag of a run')
+    axes.set(xlabel='times real time', title='Speed of writing the bag of a run')
     figure.supxlabel(circumstances(), fontsize=TEXT_PT)
     return figure

@@ -111,7 +111,7 @@ def csv_text(rows: list[Row]) -> str:
 
 
 def picture(rows: list[Row]) -> Figure:
-    """Return a figure of stacked bars: all rows and, on a larger scale, the rows whose messages are bytes."""
+    """Return a figure of stacked bars: all rows and, on a larger scale, the rows that build messages as bytes."""
     figure = Figure(figsize=(PAGE_IN, 0.8 * len(rows) + 3.2), layout='constrained')
     before, after = figure.subplots(2, 1)
     _bars(before, rows)

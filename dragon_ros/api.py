@@ -119,7 +119,7 @@ class Motion:
         return read_only(np.sqrt(square, out=square))
 
     def frame(self) -> Any:
-        """Return a pandas DataFrame with a row for each time and handle. Raises MissingError without pandas."""
+        """Return a pandas DataFrame with a row per time and handle. Raises MissingError if pandas is not installed."""
         try:
             import pandas as pd  # type: ignore[import-untyped]
         except ImportError:
@@ -170,7 +170,7 @@ class Simulated:
         """Return all handles at many times, several times faster than one call per time.
 
         ``out``, if given, is a pair of arrays (times, N+1, 2) for the handles and velocities, so that a loop can reuse
-        its memory. Raises FieldError for other arrays.
+        its memory. Raises FieldError if ``out`` has another form.
         """
         times = _times(times_s)
         if out is not None and not (isinstance(out, (tuple, list)) and len(out) == 2
@@ -364,7 +364,7 @@ class Design:
 
     @staticmethod
     def turn(scene: Scene | Simulated) -> 'TurnAnswer':
-        """Return the length of the scene's S-turn and of shorter alternatives. Raises FieldError without an S-turn."""
+        """Return the length of a scene's S-turn and of shorter alternatives. Raises FieldError if it has no S-turn."""
         from dragon_ros.core.tracks.composite import least_radius_m
         from dragon_ros.core.tracks.s_turn import turn_answer
         given = _scene('scene', scene)
@@ -394,7 +394,7 @@ class Rows:
         return read_only(numbers(self.table, column).copy())
 
     def frame(self) -> Any:
-        """Return a pandas DataFrame. Raises MissingError without pandas."""
+        """Return a pandas DataFrame. Raises MissingError if pandas is not installed."""
         try:
             return self.table.to_pandas()
         except ImportError:

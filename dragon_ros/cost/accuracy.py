@@ -132,7 +132,7 @@ def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> I
 
 
 def _tier(scene: Scene, name: str, known: dict[float, Reference | None]) -> tuple[_TimedSolver, str]:
-    """Return the errors and calls of a tier with one solver, and the name of the solver that placed the handles."""
+    """Return a tier with its errors and the calls to time, and the name of the solver that placed the handles."""
     simulation = compile_scene(scene)
     error_m = error_m_s = 0.0
     worst = 1.0
@@ -158,7 +158,7 @@ def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:
 
 
 def _simple(scene: Scene, name: str, known: dict[float, Reference | None]) -> _TimedSolver:
-    """Return the errors and calls of a simple solver, which supports only a single spiral, led by the head."""
+    """Return a simple solver with its error and the call to time; only a single spiral led by the head is supported."""
     if not isinstance(scene.track, Spiral) or scene.head.lead != 'head':
         return _absent(name, 'supports only one spiral, led by the head')
     solve, error_m = SIMPLE[name], 0.0

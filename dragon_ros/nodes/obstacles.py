@@ -213,7 +213,7 @@ class Obstacles:
                          for source, _, pose in self._placed)
 
     def statuses(self, dragon: str) -> list[DiagnosticStatus]:
-        """Return a status of all obstacles: a WARN with the reasons if any are not used; empty without obstacles."""
+        """Return the status of all obstacles: WARN with the reasons if any are unused; [] if there are no obstacles."""
         unused = {**self._unused, **self._faults}
         if not self._located and not unused:
             return []

@@ -174,7 +174,7 @@ class Recorder(DragonNode):
                                       'no reader accepts them')
 
     def _left_out(self) -> dict[str, str]:
-        """Return what is missing: messages by topic (too large, or of an unknown tick), and a monitor's reports."""
+        """Return the missing parts: messages by topic (too large, or of an unknown tick), and a monitor's reports."""
         found = {f'{topic} too large': str(count) for topic, count in self.bag.left_out.items()}
         found |= {f'{topic} of an unknown tick': str(count) for topic, count in self._unpaired.items()}
         found |= {'monitor last word': 'missing'} if self._word.is_missing else {}

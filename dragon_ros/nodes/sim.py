@@ -65,8 +65,8 @@ class Sim(DragonNode):
     def __init__(self, interrupted: Callable[[], bool] = lambda: False, **overrides: Any) -> None:
         """Declare parameters, load the scene, and advertise the topics of its effects.
 
-        If ``on_contact`` requires the first contact, it is also searched for here. Raises InterruptedError if
-        ``interrupted()`` becomes true meanwhile, and DragonError if the parameters do not describe a valid scene.
+        If ``on_contact`` requires the first contact, also search for it. Raises InterruptedError if ``interrupted()``
+        becomes true during the search, and DragonError if the parameters do not describe a valid scene.
         """
         super().__init__('sim', SIM, overrides)
         self.scene, value = _scene_of(self.setting), self.setting

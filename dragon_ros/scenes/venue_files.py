@@ -50,7 +50,10 @@ def read_drawing(path: Path, origin_deg: tuple[float, float] | None = None) -> D
 
 
 def venue_values(path: Path, origin_deg: tuple[float, float] | None = None) -> dict[str, Any]:
-    """Return the obstacles, inside and origin of a file, laid out as in a scene file. Raises like ``read_drawing``."""
+    """Return the obstacles, inside and origin of a file, laid out as in a scene file.
+
+    Raises the same errors as ``read_drawing``.
+    """
     obstacles: list[dict[str, Any]] = []
     out: dict[str, Any] = {}
     drawing = read_drawing(path, origin_deg)
@@ -252,7 +255,7 @@ def _projected(path: Path, features: tuple[Feature, ...], crs: str,
 def degrees_of(geometry: Any, origin_deg: tuple[float, float]) -> Any:
     """Convert a shapely geometry from metres about an origin to longitude and latitude, to 1e-10 degrees (10 um).
 
-    Raises MissingError without pyproj.
+    Raises MissingError if pyproj is not installed.
     """
     import numpy as np
     from shapely import transform

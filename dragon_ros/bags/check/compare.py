@@ -81,11 +81,11 @@ class Comparison:
 
     ``close`` messages agree to within twice the tier's promise (one promise per side); ``worst_m`` is the largest
     position difference among them. ``fault_count`` counts messages that are missing, extra or different;
-    ``missing_count`` counts only missing ones. ``other_version`` is the version that made the bag, if it is not this
-    one; ``other_kernel`` names the bag's numpy and kernels, if they differ from this machine's. In both cases, messages
-    on any topic may be close instead of identical. ``once`` counts the once-per-run messages that match the scene.
-    ``unchecked`` maps a topic to the number of messages that were not compared and the reason; ``seen`` counts the
-    compared messages of each per-tick topic.
+    ``missing_count`` counts only missing ones. ``other_version`` is the version that made the bag, if it differs from
+    the present version; ``other_kernel`` names the bag's numpy and kernels, if they differ from this machine's. In both
+    cases, messages on any topic may be close instead of identical. ``once`` counts the once-per-run messages that match
+    the scene. ``unchecked`` maps a topic to the number of messages that were not compared and the reason; ``seen``
+    counts the compared messages of each per-tick topic.
     """
 
     other_version: str | None = None
@@ -155,7 +155,7 @@ class Comparison:
 
     @property
     def may_all_be_close(self) -> bool:
-        """Whether messages on any topic may be close, because another version or kernel made the bag."""
+        """Whether messages on any topic may be close, because the bag was made by another version or kernel."""
         return self.other_version is not None or self.other_kernel is not None
 
     @property

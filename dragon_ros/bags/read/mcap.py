@@ -395,7 +395,7 @@ class Index:
     _learned: int = 0
 
     def learn(self, opcode: int, content: bytes) -> None:
-        """Register a schema or a channel. Raises ValueError if it is malformed, or if they exceed their limit."""
+        """Register a schema or a channel. Raises ValueError if it is malformed or if the total exceeds the limit."""
         if opcode == Opcode.SCHEMA:
             schema = parse_fields(content, Schema.read)
             self._count(content, schema, self.schemas.setdefault(schema.id, schema))
@@ -541,7 +541,7 @@ class _Scan:
         return True
 
     def end(self, error: BagError | None) -> None:
-        """Note where the records end, and the damage there; damage to the summary is ignored: it loses no messages."""
+        """Note where the records end, and the damage there. Ignore damage to the summary, as it loses no messages."""
         self._end_batch()
         index, file = self.index, self.index.file
         index.reach = file.size if error is None else error.fields.get('offset', file.size)

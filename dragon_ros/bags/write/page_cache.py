@@ -4,7 +4,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 
 STEP_BYTES = 2**24          # bytes between requests, since each request costs tens of microseconds
-KEPT_BYTES = 4 * STEP_BYTES     # overlap of requests, which releases data that an earlier request sent to the disk
+KEPT_BYTES = 4 * STEP_BYTES     # overlap of requests; in it, a request releases data that an earlier one sent to disk
 
 
 class PageCache:

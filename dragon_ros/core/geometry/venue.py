@@ -205,7 +205,7 @@ class Surroundings:
         return which[row], number
 
     def misplaced_points(self, points_m: Floats) -> tuple[Ints, Ints]:
-        """Return indices of points (K, 2) and names: polygons that cover a point, and insides that do not cover it.
+        """Return the indices of misplaced points (K, 2), and of the polygons that cover them or insides that do not.
 
         A point is covered by an area if a ray from it crosses the area's edges an odd number of times.
         """

@@ -95,7 +95,7 @@ def towards_leader(track: Track, place: Place, link_m: float, direction: int) ->
 
 def lead_in(track: Track, table: Table, links_m: tuple[float, float], direction: int,
             stretch_m: tuple[float, float]) -> LeadIn | None:
-    """Return the leaders one link before the cells of a table that are on a stretch of the track.
+    """Return the leaders one link before those cells of a table that are on a given stretch of the track.
 
     ``links_m`` holds the lengths of the leader's link and of the table's links. The result is None if no cell has a
     leader.
