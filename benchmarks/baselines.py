@@ -14,14 +14,14 @@ from dragon_ros.cost.baselines import SIMPLE, Solver, chain_by, cosine_rule
 
 
 def by_fsolve(theta: float, chord: float) -> float:
-    """Return the polar angle of the next handle by scipy's fsolve, starting from an arc as long as the chord."""
+    """Return the polar angle of the next handle, found with scipy's fsolve from an arc as long as the chord."""
     def excess(outer: Floats) -> float:
         return cosine_rule(theta, float(outer[0]), chord)
     return float(fsolve(excess, theta + chord / max(theta, 1e-9))[0])
 
 
 def by_brentq(theta: float, chord: float) -> float:
-    """Return the polar angle of the next handle by scipy's brentq, within half a turn."""
+    """Return the polar angle of the next handle, found with scipy's brentq within half a turn."""
     return float(brentq(lambda outer: cosine_rule(theta, outer, chord), theta, theta + pi))
 
 

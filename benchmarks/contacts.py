@@ -131,7 +131,7 @@ def _search_table(rows: Measured) -> str:
 
 
 def csv_text(rows: Measured) -> str:
-    """Return the rows as CSV, with times in seconds; a row has the answer of a search, or the benches of a check."""
+    """Return the rows as CSV, with times in seconds; a row describes either a search or a check."""
     searches = [(row.solver, Scene().dragon.benches, row.t_s, row.late_s, row.depth_m, row.verdict, row.states, '',
                  row.spent_s, '', '', '') for row in rows.searches]
     checks = [(check.method, check.benches, '', '', '', 'right' if check.right else 'WRONG', 1, check.pairs,

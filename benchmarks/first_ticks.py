@@ -1,4 +1,4 @@
-"""``cost first``: the time of a run's first tick by shift map and by march, and when the map pays off."""
+"""``cost first``: the time of a run's first tick with the shift map and with the march, and when the map pays off."""
 from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil, inf
@@ -26,7 +26,7 @@ _STYLES = {_FIRST: ('#0072B2', 'o'), _LATER: ('#0072B2', '.'), _FIRST_MARCHED: (
 
 @dataclass(frozen=True)
 class Row:
-    """A scene, the number of segments of its track, and the times of its first and later ticks, by map and by march."""
+    """A scene, the number of segments of its track, and the times of its first and later ticks, for map and march."""
 
     scene: str
     handles: int
@@ -62,7 +62,7 @@ def _row(name: str, scene: Scene, budget_s: float) -> Row:
 
 
 def first_tick(scene: Scene) -> object:
-    """Place all handles at the start of a run with a new model, whose track, leader and table are built again."""
+    """Place all handles at the start of a run with a new model, whose track, leader and table are rebuilt."""
     fresh = replace(compile_scene(scene).model)
     return fresh.placement.place(fresh.leader.place(scene.head.travelled_m(scene.run.start_s)))
 
@@ -96,7 +96,7 @@ def csv_text(rows: list[Row]) -> str:
 
 
 def picture(rows: list[Row]) -> Figure:
-    """Return a figure with one line per scene: its first tick and a later tick, by map and by march."""
+    """Return a figure with one line per scene: its first tick and a later tick, with the map and with the march."""
     figure = Figure(figsize=(PAGE_IN, 0.34 * len(rows) + 2.4), layout='constrained')
     axes, at = figure.subplots(), np.arange(len(rows))
     for name, (colour, marker) in _STYLES.items():

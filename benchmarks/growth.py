@@ -88,7 +88,7 @@ def _smallest_of(benches: Benches, i: Ints, j: Ints) -> tuple[int, float]:
 
 
 def exponent(checks: list[Check], method: str) -> float:
-    """Return the exponent with which the time grows with N, fitted to all sizes of at least 1000 benches."""
+    """Return the exponent p such that the time grows as N^p, fitted to all sizes of at least 1000 benches."""
     mine = [check for check in checks if check.method == method and check.benches >= 1000]
     size: Floats = np.array([check.benches for check in mine], dtype=np.float64)
     return float(np.polyfit(np.log(size), np.log([check.timing.median_s for check in mine]), 1)[0])

@@ -27,7 +27,7 @@ _SIZE, _ROOMS = 4000, 400       # side of the map in cells, and number of its wa
 
 
 def walled(gap_m: float, corners: int = 1000) -> Scene:
-    """Return a scene of 223 benches between two uneven walls, at about a given distance, along the whole track."""
+    """Return a scene of 223 benches between two uneven walls along the whole track, about ``gap_m`` from it."""
     scene = replace(town(8, 300.0, 223), venue=None)
     line, rng, walls = shapely.LineString(compile_scene(scene).track_line(0.1)), np.random.default_rng(1), []
     for side in (1, -1):

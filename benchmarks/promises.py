@@ -1,10 +1,10 @@
 """``cost promises``: errors relative to promises on random chains, by tier, method and quantity.
 
 The number n alone determines scene n. It has 2 to 60 links, either equal behind a different head or in groups, on a
-spiral, an S-turn or a composite track. It is led by head or tail, with or without a shift map, at one of the tiers.
-Chains are computed at the start, at two random times, and at two times close to the end of the model, which is often a
-lock. Each chain is compared with forward placement at the exact tier, which ``cost accuracy`` compares with a 50-digit
-reference.
+spiral, an S-turn or a composite track. It is led by the head or the tail, with or without a shift map, at one of the
+tiers. Chains are computed at the start, at two random times, and at two times close to the end of the model, which is
+often a lock. Each chain is compared with forward placement at the exact tier, which ``cost accuracy`` compares with a
+50-digit reference.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace

@@ -108,7 +108,7 @@ def build(scene: Scene) -> Build | None:
 
 
 def exponent(rows: list[Stage], value: Callable[[Stage], float]) -> float:
-    """Return the exponent with which a value grows with N, fitted to all sizes of at least 1000 benches."""
+    """Return the exponent p such that a value grows as N^p, fitted to all sizes of at least 1000 benches."""
     mine = [row for row in rows if row.benches >= _FITTED]
     return float(np.polyfit(np.log([row.benches for row in mine]), np.log([value(row) for row in mine]), 1)[0])
 

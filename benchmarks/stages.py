@@ -34,7 +34,7 @@ def stages_of(scene: Scene, solver: str, t_s: float) -> dict[str, Callable[[], o
 
 
 def ticks_from(scene: Scene, t_s: float) -> Iterator[tuple[Floats, Benches]]:
-    """Yield handles and benches tick by tick from a time on, going endlessly back and forth through several ticks."""
+    """Yield handles and benches tick by tick, endlessly back and forth through several ticks after a given time."""
     chains = [state(scene, t_s + n / float(scene.run.rate_hz)) for n in range(_LOOKS)]
     ticks = [(chain.p, benches_of(chain, scene.dragon, axes_of(chain))) for chain in chains]
     return cycle([*ticks, *ticks[-2:0:-1]])

@@ -115,7 +115,7 @@ def picture(rows: list[Row]) -> Figure:
         axes.set(xscale='log', yscale='log', xlabel=varied)
         axes.grid(True, linewidth=0.4)
     panels[0].set_ylabel('time (s)')
-    # A legend of the middle panel would make all panels narrower.
+    # A legend beside the middle panel would make all panels narrower.
     figure.legend(*panels[1].get_legend_handles_labels(), loc='outside upper center', ncols=len(CALLS),
                   title='Answers in a town')
     figure.supxlabel(circumstances(), fontsize=TEXT_PT)

@@ -55,8 +55,8 @@ def scene(name_or_path: str | PathLike[str] = 'winding', **changes: Any) -> Scen
     """Return a scene, given the name of one of the package's scenes or the path of a file, with changes applied.
 
     Changes are the keys of a scene file: ``scene('winding', track={'pitch_m': 0.5}, accuracy='fine')``. Scenes are
-    frozen, compare by value and can be pickled. Raises InputError that names the invalid key, or MissingError for an
-    unknown scene.
+    frozen, compare by value and can be pickled. Raises an InputError that names the invalid key, or a MissingError for
+    an unknown scene.
     """
     return changed_scene(_path('name_or_path', name_or_path), changes)
 
@@ -207,7 +207,7 @@ class Simulated:
 
         ``tolerances`` are in metres, such as ``{'dragon.width_m': 0.005}``. Each bench varies independently, but the
         pitch is the same along the whole track. The track must be a single spiral, and the head must lead. Raises
-        FieldError for any other scene or an unknown key. Raises DragonError that names the tolerance to reduce if
+        FieldError for any other scene or an unknown key. Raises a DragonError that names the tolerance to reduce if
         nothing can be proved.
         """
         if not isinstance(tolerances, Mapping):
@@ -341,7 +341,7 @@ class Design:
     @staticmethod
     def fit(scene: Scene | Simulated, *, within_m: float | None = None,
             progress: Progress = _quiet) -> 'BoundingBox | VenueFit':
-        """Return how far the benches reach in a run or, in a venue, the smallest gap to each obstacle.
+        """Return the space that a run requires or, in a venue, the smallest gap to each obstacle.
 
         Bounds are at most ``within_m`` apart, by default 1e-10 m, or 1e-6 m in a venue. Raises FieldError.
         """

@@ -22,8 +22,8 @@ def given_to(node: Node) -> dict[str, Any]:
     """Return the parameter values that the command line, files and ``parameter_overrides`` set for a node, by name.
 
     rclpy does not expose all of these values: it either declares the parameters itself (and fails on an empty list,
-    which has no type) or returns the values of given names. Therefore this function reads rclpy's internal list,
-    without changing it. No other function does.
+    which has no type) or returns the values of given names. Therefore this function, and no other, reads rclpy's
+    internal list, without changing it.
     """
     return {name: [] if given.value is None else given.value for name, given in node._parameter_overrides.items()}
 

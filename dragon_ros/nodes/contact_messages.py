@@ -137,11 +137,11 @@ class Pace:
         self.skipped = 0        # unseen ticks that were skipped because ticks arrive faster than they can be read
         self._unseen, self._step_ns = 0, 0
         self._since_s = self._told_s = -inf         # times of the last event to report and of the last report
-        self._last: tuple[int, int] | None = None       # stamp and sequence number of the last seen tick
+        self._last: tuple[int, int] | None = None       # stamp and sequence number of the last tick that was seen
         self.before = 0         # ticks published before the first one seen
 
     def see(self, t_ns: int, number: int, now_s: float) -> bool:
-        """Record the next seen tick and the sequence number of its handles; return whether to report now."""
+        """Record the tick just seen, and the sequence number of its handles; return whether to report now."""
         last, self._last = self._last, (t_ns, number)
         if last is None:
             self.before = max(0, number - 1)

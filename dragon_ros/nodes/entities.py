@@ -192,7 +192,7 @@ def _overlapping(bodies: Bodies, region: Region) -> Array:
 
 
 def _matching(pattern: str, names: Sequence[str], found: Sequence[int]) -> list[int]:
-    """Return the entities whose whole name matches, within a time limit, which Python's ``re`` does not support."""
+    """Return the entities whose whole name matches, using ``regex`` because Python's ``re`` has no time limit."""
     import regex
     if len(pattern) > FILTER_CHARACTERS:
         raise InputError(f'filter: it has {len(pattern)} characters; the limit is {FILTER_CHARACTERS}')

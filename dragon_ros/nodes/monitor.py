@@ -83,7 +83,7 @@ class Monitor(DragonNode):
         self._guarded(take)
 
     def _number(self, t_ns: int, number: int) -> None:
-        """Keep the sequence number of handles until their tick is seen."""
+        """Keep the sequence number of handles until their tick is complete."""
         self._numbers[t_ns] = number
         if len(self._numbers) > INBOX_MESSAGES:
             del self._numbers[next(iter(self._numbers))]

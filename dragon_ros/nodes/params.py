@@ -32,7 +32,7 @@ CONTROLS = (
     Parameter('at_end', 'stop', 'At the end: stop (the node ends); hold (the node waits for reset, seek or step); '
               'loop (the run restarts)', choices=('stop', 'hold', 'loop'), live=True),
     Parameter('publish_clock', False, 'Publish the simulation time on /clock: at each tick, and every second while '
-              'time stands still'),
+              'time is stopped'),
 )
 _DISCOVERY = Parameter('discovery_s', -1.0, 'Seconds to wait for the discovery of readers before the first tick; '
                        f'negative: {DISCOVERY_S:g}, or 0 if wait_subscribers lists topics', -1.0, 60.0)

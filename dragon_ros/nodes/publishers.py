@@ -11,7 +11,7 @@ from dragon_ros.nodes.base import DragonNode
 
 _UNNAMED = '_NODE_NAME_UNKNOWN_'    # name of a publisher whose node has not been discovered
 _NAMED_S = 3.0      # longest wait for a publisher's name
-_ASKED_S = 1.0      # how long an answer is assumed to be valid
+_ASKED_S = 1.0      # time for which an answer is assumed to be valid
 
 
 class Publishers:

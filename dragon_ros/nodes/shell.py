@@ -59,7 +59,7 @@ def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: 
          rested: Callable[[], bool] = lambda: True) -> int:
     """Run a node's callbacks until a signal arrives or ``until()`` is true; return the exit code.
 
-    Then callbacks that are due still run, and others until ``rested()`` is true, for at most ``rest_s``.
+    Afterwards, callbacks continue to run until none are due and ``rested()`` is true, for at most ``rest_s`` seconds.
     """
     with closing(Spinner(node)) as spinner:
         while not stop.is_set() and not until():

@@ -145,7 +145,7 @@ class Sim(DragonNode):
             yield TfPublisher(self, self.setting['frame_id'], self.setting['publish_tf'], root).publish
 
     def _has_tf(self) -> bool:
-        """Return whether tf2_msgs, which the ROS wheels lack, is installed; joint angles are also useful alone."""
+        """Return whether tf2_msgs, which the ROS wheels lack, is installed; joint angles work without it."""
         try:
             shell.message_type(TF)
         except MissingError as error:

@@ -1,8 +1,8 @@
 """Offer ``simulation_interfaces``, the ROS 2 standard for simulators, for a player.
 
 This module is imported only if that package is installed. The names of the services and of the action include the
-node's name, as in ``/dragon/sim/set_simulation_state``. Each of them calls the player; the result codes are those of
-the standard.
+node's name, as in ``/dragon/sim/set_simulation_state``. All of them call the player, and return the result codes of the
+standard.
 """
 import re
 from collections.abc import Callable

@@ -197,7 +197,7 @@ def joined_client(scheduler: str) -> Iterator[Client]:
 
 
 def check_versions(client: Client) -> None:
-    """Raise InputError if the scheduler or a worker has other versions than this process, or lacks dragon_ros."""
+    """Raise InputError if the scheduler or a worker lacks dragon_ros, or its versions differ from those here."""
     wanted = versions()
     found = {'the scheduler': _asked(lambda: client.run_on_scheduler(versions)),
              **{f'worker {address}': one for address, one in client.run(versions, on_error='return').items()}}

@@ -220,7 +220,7 @@ class Study:
         return as_text(self.values)
 
     def with_samples(self, samples: int) -> 'Study':
-        """Return the study with another number of samples. Raises FieldError for a grid."""
+        """Return the study with a different number of samples. Raises FieldError for a grid."""
         if self.design == 'grid':
             raise FieldError('samples', samples, f'the number of points of a grid is fixed at {self.samples}',
                              'change the steps in its file')

@@ -241,8 +241,8 @@ def frames_of_part(bag: BagReader, root: str, start_ns: int | None, end_ns: int 
                    is_last: bool) -> Generator[BagFrame, None, bool]:
     """Yield the ticks of a part of a bag, as ``frames`` does; return whether the whole bag would yield the same ticks.
 
-    It would not if, at the end of any part but the last, a tick still lacks its benches or benches lack their tick;
-    such ticks are not yielded.
+    The answer is no if, at the end of a part other than the last, benches are missing for a tick, or a tick is missing
+    for some benches; such incomplete ticks are not yielded.
     """
     names = {topic.name: name for name in _TOPICS for topic in bag.topics if topic.name == f'{root}/{name}'}
     ticks = _Ticks('benches' not in names.values())
@@ -290,7 +290,7 @@ class _Ticks:
 
     @property
     def are_complete(self) -> bool:
-        """Whether no message is missing: every tick has its benches, and all benches have their tick."""
+        """Whether no message is missing: every tick has its benches, and all benches belong to a tick."""
         return not self._early and (self._alone or all(parts.shown for parts in self._waiting.values()))
 
     def _add_benches(self, shown: ShownBenches) -> None:

@@ -51,11 +51,11 @@ class LastWord:
 
     @property
     def is_missing(self) -> bool:
-        """Whether a monitor was heard, but its reports on the last ticks have not arrived."""
+        """Whether a monitor has published its health, but its reports on the last ticks have not arrived."""
         return self.heard and not self.is_said
 
     def _note_passed(self) -> None:
-        """Remember that a fixed tick has been passed: in a run that loops, later reports are on earlier ticks."""
+        """Remember that the fixed tick has been reported: if the run loops, later reports are on earlier ticks."""
         self._has_passed = self._has_passed or (self._fixed and self._is_done())
 
     def _is_done(self) -> bool:

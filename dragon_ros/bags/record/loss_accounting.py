@@ -146,10 +146,10 @@ class LossAccount:
         return {topic: gaps for topic, gaps in found.items() if gaps}
 
     def beginnings(self) -> dict[str, int]:
-        """Return how many messages each topic lacks before the first one received, by ticks or by sequence numbers.
+        """Return, by topic, the number of messages that are missing before the first one received.
 
-        Only topics with one message per tick are counted and, without a scene, only those of ``sim``, because other
-        topics continue across runs.
+        The number follows from the ticks or, without a scene, from the sequence numbers. Only topics with one message
+        per tick are counted and, without a scene, only those of ``sim``, because other topics continue across runs.
         """
         if self._run is None:
             found = {topic: row.before for topic, row in self.topics.items()
@@ -159,7 +159,7 @@ class LossAccount:
         return {topic: count for topic, count in found.items() if count}
 
     def unheard(self) -> list[str]:
-        """Return the topics that, by the scene or a publisher, should have a message per tick but have none."""
+        """Return the topics that should have a message per tick (due to the scene or a publisher) but have none."""
         return sorted((self._each_tick | self._offered) - {topic for topic, row in self.topics.items() if row.received})
 
     def complete(self, ended: bool) -> bool:

@@ -59,7 +59,8 @@ class SimulationClock:
         self._write = write
         self._moments: list[_Moment] = []       # moments of the marks, in order
         self._marks: list[_Mark] = []
-        self._set_back, self._turn_ns = 0, (0, 0)       # number of set-backs; source times before and after the last
+        # How often the clock was set back, and the source times just before and after it was last set back.
+        self._set_back, self._turn_ns = 0, (0, 0)
         self._sent: dict[str, _Sent] = {}
         self._held: list[_Held] = []
         self._held_bytes = 0

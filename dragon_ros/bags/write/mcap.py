@@ -373,7 +373,7 @@ class McapWriter:
 
     @property
     def size(self) -> int:
-        """The size of the file in bytes, without its index; the open chunk counts uncompressed."""
+        """The size of the file in bytes, without its index; the open chunk is counted uncompressed."""
         self._settle()
         return self._end + self._open.size
 

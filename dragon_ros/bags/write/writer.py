@@ -317,7 +317,7 @@ def _topic(name: str, kind: str, qos: str, type_hash: str, count: int) -> dict[s
 
 @contextmanager
 def prompt_switches() -> Iterator[None]:
-    """Let the compression thread obtain the interpreter lock quickly, since it is idle until it does.
+    """Let the compression thread obtain the interpreter lock quickly, since the thread is idle until then.
 
     By default, a thread may demand the lock only after waiting for 5 ms, and each release restarts that wait.
     """
