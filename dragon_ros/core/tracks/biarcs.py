@@ -1,7 +1,7 @@
 """Biarcs (two tangent arcs that join two points with given headings) and curves composed of biarcs.
 
-A biarc leads from a point p with heading t to a point q with heading s. If both of its tangent legs have length d,
-its arcs meet halfway between their corners p + d t and q - d s, which are 2 d apart (K. M. Bolton, Biarc curves,
+A biarc leads from a point p with heading t to a point q with heading s. If the tangent legs of both arcs have length d,
+the arcs meet halfway between the corners p + d t and q - d s, which are 2 d apart (K. M. Bolton, Biarc curves,
 Computer-Aided Design 7, 1975):
 
     d = v.v / (v.(t + s) + sqrt((v.(t + s))^2 + |t - s|^2 v.v)),     v = q - p.
@@ -70,7 +70,7 @@ class Bow(NamedTuple):
         return np.where(on, np.abs(np.abs(seen) - self.radius_m), ends)
 
     def points(self, sag_m: float) -> Complexes:
-        """Return points along the arc, including both ends; their chords deviate from the arc by at most ``sag_m``."""
+        """Return points along the arc, including both ends; chords between them deviate by at most ``sag_m``."""
         if self.radius_m > _FLAT_M:
             return np.array((self.start, self.end))
         count = 2 + int(abs(self.angle_rad) * sqrt(self.radius_m / (8 * sag_m)))
@@ -100,7 +100,7 @@ def biarc(start: complex, heading: complex, end: complex, leaving: complex) -> t
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Biarcs along a curve, each over a span (first, last) of its points; None if an arc would bend too tightly."""
+    """Biarcs along a curve, each over a span (first, last) of points; None for a biarc that would bend too tightly."""
 
     spans: tuple[tuple[int, int], ...]
     biarcs: tuple[tuple[Bow, Bow] | None, ...]
@@ -109,7 +109,7 @@ class Fitted:
 def fitted(points: Complexes, headings: Complexes, tolerance_m: float, least_m: float) -> Fitted:
     """Return a sequence of biarcs that follows the points (n,) of a curve within a tolerance.
 
-    Each biarc extends as far as it can with a deviation of at most ``tolerance_m`` and radii of at least ``least_m``.
+    Each biarc is as long as a deviation of at most ``tolerance_m`` and radii of at least ``least_m`` allow.
     """
     spans, biarcs, first = list[tuple[int, int]](), list[tuple[Bow, Bow] | None](), 0
     while first < len(points) - 1:
@@ -147,7 +147,7 @@ def _longest(points: Complexes, headings: Complexes, first: int,
 
 def _within(points: Complexes, heading: complex, leaving: complex,
             limits_m: tuple[float, float]) -> tuple[Bow, Bow] | None:
-    """Return the biarc from the first point to the last if it respects the tolerance and the radius, else None."""
+    """Return the biarc from the first point to the last if it satisfies the limits, else None."""
     tolerance_m, least_m = limits_m
     found = biarc(complex(points[0]), complex(heading), complex(points[-1]), complex(leaving))
     if found is None or any(abs(bow.angle_rad) > _LONGEST_RAD or bow.radius_m < least_m for bow in found):

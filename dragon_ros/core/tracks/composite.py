@@ -29,13 +29,14 @@ from dragon_ros.core.tracks.segments import BEHIND, LARGEST_BEND, ArcSegment, Li
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
 from dragon_ros.core.tracks.spiral import TIGHT, TINY, SpiralCurve, SpiralSegment, first_peak
 
-# The largest distance before a track, in metres (in radians on a circle), at which the low part of an angle is small.
+# The largest distance before the start of a track at which the low part of an angle is still small, in metres (in
+# radians on a circle).
 _FURTHEST = 1e9
-_ULPS = 2.0**-49     # relative to a coordinate and its distance: bound on the sum of a few rounding errors
-_HAIR = 1e-9        # relative to a distance: how far rounding may put the leader beyond the track's end
-_SLACK = 0.02       # relative to a link: how far an error of the coarsest tier may put a follower beyond the end
-WIDEST_RAD = 1.3    # approximate limit of a link's span on an inward spiral; beyond it, a link may be close to locking
-_ROUNDING = 1e-14   # relative to a coordinate: how far beyond the track's end rounding may put a link of zero length
+_ULPS = 2.0**-49    # bound on the sum of a few rounding errors, relative to a coordinate and its distance
+_HAIR = 1e-9        # how far rounding may put the leader beyond the track's end, relative to a distance
+_SLACK = 0.02       # how far an error of the coarsest tier may put a follower beyond the end, relative to a link
+WIDEST_RAD = 1.3    # approximate limit of a link's span on an inward spiral; a wider link may be close to locking
+_ROUNDING = 1e-14   # how far rounding may put a link of zero length beyond the track's end, relative to a coordinate
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # largest difference between the end of a piece and the stated start of the next
 
 Places = tuple[Ints, Floats, Floats]        # indices of the segments, and the coordinates on them as (hi, lo)
@@ -62,7 +63,7 @@ def least_radius_m(links_m: Floats) -> float:
 class Track:
     """Segments in the head's direction; ``origins_m`` are the distances of their anchors along the track.
 
-    At large distances a single float is less precise than the promised accuracy. If segments are laid end to end,
+    At large distances, a single float is less precise than the promised accuracy. If segments are laid end to end,
     ``origins_lo_m`` therefore holds the low parts of the distances.
     """
 
@@ -107,7 +108,7 @@ class Track:
 
     @property
     def lap_m(self) -> float:
-        """Circumference of the circle with which an open track begins; infinite if it does not begin with a circle."""
+        """Circumference of the circle at the beginning of an open track; infinite if there is no such circle."""
         first = self.segments[0]
         return 2 * pi * first.radius_m if isinstance(first, ArcSegment) and first.first == -inf else inf
 
@@ -143,8 +144,8 @@ class Track:
     def place_at(self, metres: float, lo: float = 0.0, from_m: float = 0.0) -> Place:
         """Return the position at a distance along the track. Raises TrackEndError beyond either end.
 
-        Rounding may put a distance slightly beyond an end; the allowance grows with the distance of that end and
-        ``from_m``.
+        Rounding may put a distance slightly beyond an end; the tolerance for this grows with the distance of that end
+        and with ``from_m``.
         """
         if not self.begin_m <= metres <= self.end_m:
             limit_m = self.begin_m if metres < self.begin_m else self.end_m
@@ -191,7 +192,7 @@ class Track:
         return max(segment.far_m(a, b) for segment, a, b in self.between(low_m, high_m))
 
     def laid_from_m(self, metres: float) -> float:
-        """Return a bound on the distance from the origin to all pieces that end before a distance along the track.
+        """Return an upper bound on the distance from the origin to all pieces that end before a position.
 
         A rounding error at the end of a piece moves all later pieces.
         """
@@ -246,9 +247,9 @@ class Track:
 
     def _cut(self, k: int, here: complex, chord_m: float, direction: int,
              arcs_m: tuple[float, float]) -> tuple[Place, int]:
-        """Return the position on segment k at a chord's length from a point, and the number of evaluations.
+        """Return the position on segment k that is one chord away from a point, and the number of evaluations.
 
-        ``arcs_m`` are the arc length from the point to the near end of the segment, and the largest possible arc
+        ``arcs_m`` holds the arc length from the point to the near end of the segment, and the largest possible arc
         length to the position. The solver's tolerance is relative to the unknown, which is therefore offset so that
         it is not close to 0 near the joint.
         """
@@ -305,7 +306,7 @@ class Track:
 
     @cached_property
     def bends(self) -> tuple[Floats, Floats]:
-        """Smallest and largest signed curvatures in 1/m over two segments and all between them, shape (P, P) each."""
+        """Smallest and largest signed curvatures in 1/m from one segment to another, shape (P, P) each."""
         ends = np.array([segment.curvature(np.array([segment.first, segment.last])) for segment in self.segments])
         low, high = np.empty((2, len(ends), len(ends)))
         for k in range(len(ends)):
@@ -340,7 +341,7 @@ class Track:
         return self._vectors(segment, u, lo, lambda k, u, lo: self.segments[k].heading(u, lo))
 
     def poses(self, segment: Ints, u: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``points`` and ``headings``; computing both takes little longer than computing one of them.
+        """Return ``points`` and ``headings``; computing both takes little longer than computing only one.
 
         If ``segment`` lacks the last axes of ``u``, each index applies to all positions along these axes.
         """
@@ -358,7 +359,7 @@ class Track:
         return _vectors_of(out)
 
     def _flattened(self, segment: Ints, *values: Array) -> tuple[Array, ...]:
-        """Return arrays in which the axes of ``segment`` are one axis, for the indices of ``_groups``."""
+        """Return arrays in which the axes of ``segment`` are flattened into one, as the indices of ``_groups`` need."""
         if len(self.segments) == 1:
             return values
         return tuple(np.ascontiguousarray(each).reshape(segment.size, *each.shape[segment.ndim:]) for each in values)
@@ -366,7 +367,8 @@ class Track:
     def _groups(self, segment: Ints) -> Iterator[tuple[int, Any]]:
         """Yield the index of each segment that contains positions, with the indices of these positions in flat order.
 
-        One sort finds all groups. Comparing all positions with each segment would take longer than the geometry itself.
+        All groups are found with one sort, because comparing all positions with each segment would take longer than the
+        geometry itself.
         """
         occurring = self.present(segment)
         if len(occurring) == 1:
@@ -386,7 +388,7 @@ def _vectors_of(points: Array) -> Floats:
 
 
 def _guessed(segment: Segment, near: float, here: Array, chord_m: float, direction: int) -> Floats:
-    """Return the approximate distances, from a segment's near end, of its points at a chord's length from given points.
+    """Return the approximate distances from a segment's near end to the points one chord away from given points.
 
     The segment is replaced by its osculating circle at the near end, which is exact for lines and arcs. If the chord
     does not reach that circle, the tangent is used.
@@ -407,7 +409,7 @@ def _guessed(segment: Segment, near: float, here: Array, chord_m: float, directi
 
 def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: float, direction: int,
           arcs_m: tuple[Floats, float, float]) -> tuple[tuple[Floats, Floats], int]:
-    """Return the positions that ``Track._cut`` would find for many points, by bracketed Newton iteration."""
+    """Find the positions that ``Track._cut`` would return for many points, using bracketed Newton iteration."""
     (near, far), (gone, reach, hair_m) = ends, arcs_m
     rate, sense = abs(float(segment.rate(near))), 1.0 if far > near else -1.0
     left, hair = np.maximum(reach - gone, 0.0), hair_m / rate
@@ -480,7 +482,7 @@ def _composite(spec: Composite) -> Track:
 
 
 def _segment(piece: Piece, start: complex, heading: complex, open_ended: bool) -> Segment:
-    """Return the segment of a piece that begins at a point.
+    """Return the segment for a piece that begins at a given point.
 
     An open-ended piece extends backwards indefinitely, as a line, a circle that is traversed repeatedly, or a spiral
     that winds in. A spiral that winds out cannot be extended.

@@ -23,15 +23,15 @@ from dragon_ros.core.tracks.spec import MOST_PIECES, Arc, Line, Piece
 
 LEAD_IN_M = 1.0         # length of the line added before a track that would otherwise begin with a bend
 _MOST_SAMPLES = 20_000  # limit per curve
-_FINE = 0.002           # relative to the tolerance: sampling error of a piece when its deviation is measured
-_THINNED = 0.05         # relative to the tolerance: limit of the deviation caused by thinning the points
-_EASED = (0.0, 0.25, 0.5, 0.75)     # relative to the tolerance: limits of the displacement by smoothing, tried in order
+_FINE = 0.002           # sampling error of a piece when its deviation is measured, relative to the tolerance
+_THINNED = 0.05         # limit of the deviation caused by thinning the points, relative to the tolerance
+_EASED = (0.0, 0.25, 0.5, 0.75)     # limits of the displacement by smoothing, relative to the tolerance, tried in order
 _TAUBIN, _PASSES, _TINY_M = (0.5, -0.53), 300, 1e-300
 _KINK_RAD = 0.05        # a curve is bent by up to this angle to meet its neighbour; a larger angle is a corner
-_SAME = 1e-9            # relative to a length
-_ALIKE = 1e-7           # relative to a radius: arcs whose radii differ by less are merged
-_MEASURED = 1e-5        # relative to the radius of a blend: sampling error when its deviation is measured
-_ROUNDS = 12             # largest number of searches for bends that are too tight
+_SAME = 1e-9            # tolerance for rounding, relative to a length
+_ALIKE = 1e-7           # largest difference in radius at which arcs are merged, relative to the radius
+_MEASURED = 1e-5        # sampling error of a blend when its deviation is measured, relative to its radius
+_ROUNDS = 12            # maximum number of searches for bends that are too tight
 _DECIMALS = 11          # decimal places of metres and degrees in a scene file
 _GROWTH, _CLOSE = 1.2, 1e-6     # growth factor of a blend until its radius is sufficient; relative error of its size
 
@@ -72,7 +72,7 @@ def _stretch(points: Complexes, headings: Complexes) -> SmoothPart:
 
 @dataclass(frozen=True)
 class Change:
-    """A deliberate deviation of a track from the drawing: its position, smallest radius and largest distance."""
+    """A deliberate deviation of a track from the drawing: position, smallest radius, and largest distance from it."""
 
     place_m: tuple[float, float]
     radius_m: float
@@ -117,7 +117,7 @@ class Cubic(NamedTuple):
 
 
 class EllipseArc(NamedTuple):
-    """The part of an ellipse, centre + a cos u + b sin u, from u = start_rad to start_rad + sweep_rad."""
+    """An arc of the ellipse centre + a cos u + b sin u, from u = start_rad to start_rad + sweep_rad."""
 
     centre: complex
     axes: tuple[complex, complex]
@@ -140,7 +140,7 @@ def _samples(count: float) -> int:
 
 
 def _sampled(points: Complexes, rates: Complexes) -> SmoothPart:
-    """Return a smooth part from points and derivatives; where a derivative vanishes, chords give the heading."""
+    """Return a smooth part from points and derivatives; where a derivative vanishes, chords determine the heading."""
     chords = np.diff(points)
     small = np.abs(rates) <= 1e-9 * float(np.max(np.abs(rates), initial=0.0))
     if np.any(small):
@@ -182,11 +182,11 @@ def _stretches(part: DrawnPart, eased_m: float, tolerance_m: float) -> list[Smoo
 
 
 def through(drawn: Complexes, eased: Complexes, tolerance_m: float) -> list[SmoothPart]:
-    """Return the smooth parts of a line through points (n,), which is split at its corners.
+    """Split a line through points (n,) at its corners, and return the smooth parts.
 
-    ``eased`` are the smoothed points and ``drawn`` the original points. Points near the line through the other points
-    are removed first. An arc over a leg of length h between headings that differ by phi deviates from the leg by h
-    phi / 8; a point is a corner if this deviation exceeds the tolerance.
+    ``eased`` holds the smoothed points, and ``drawn`` the original points. Points near the line through the other
+    points are removed first. An arc over a leg of length h between headings that differ by phi deviates from the leg by
+    h phi / 8; a point is a corner if this deviation exceeds the tolerance.
     """
     numbers = _kept(eased, _THINNED * tolerance_m)
     if len(numbers) < 2:
@@ -300,7 +300,7 @@ class _SmoothLine:
         return _stretch(np.concatenate(([a], points, [b])), np.concatenate(([at], headings, [to])))
 
     def drawn_between(self, low_m: float, high_m: float) -> Complexes:
-        """Return the original points of the drawing between two distances, with the points at both ends."""
+        """Return the original points of the drawing between two distances, including the points at both ends."""
         inner = [one.drawn[slice(*np.searchsorted(one.drawn_at_m, (low_m - begin, high_m - begin), side='right'))]
                  for begin, one in zip(self.begins_m.tolist(), self.stretches, strict=False)
                  if begin <= high_m and begin + one.gone_m[-1] >= low_m]
@@ -388,7 +388,7 @@ def _between(low: float | None, high: float | None, shares: list[float | None]) 
 def _reach_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) -> float | None:
     """Return the distance from a corner to either end of the biarc with this radius; None if the biarc does not fit.
 
-    Between two lines the biarc is one arc with a reach of R tan(phi / 2).
+    Between two lines, the biarc is one arc with a reach of R tan(phi / 2).
     """
     if (place, radius_m) not in drawn.reaches_m:
         drawn.reaches_m[place, radius_m] = _shortest_m(drawn, place, radius_m)
@@ -478,7 +478,7 @@ def _fit(drawn: _SmoothLine, blends: list[_Blend], tolerance_m: float,
 
 
 def _laid(drawn: _SmoothLine, blends: list[_Blend], parts: list[_FittedArcs], tolerance_m: float) -> Route:
-    """Return the route of blends and parts in order, in which each piece starts at the end of the previous piece."""
+    """Return the route through blends and parts in order; each piece starts at the end of the previous piece."""
     order = sorted([*((part.low_m, part.bows) for part in parts), *((blend.low_m, blend.bows) for blend in blends)],
                    key=lambda some: some[0])
     bows = _merged([bow for _, some in order for bow in some])

@@ -58,7 +58,7 @@ class TurnAnswer:
 
 
 def turn_answer(turn: STurn, least_radius_m: float) -> TurnAnswer:
-    """Return the length of a turn and the ways to shorten the turn."""
+    """Return the length of a turn and ways to shorten it."""
     smallest = turn.smallest_diameter_m(least_radius_m)
     there_m = replace(turn, diameter_m=smallest, ratio=1.0).length_m if smallest else None
     return TurnAnswer(turn.length_m, turn.radii_m, turn.angle_rad, least_radius_m, turn.largest_ratio(least_radius_m),
@@ -66,7 +66,7 @@ def turn_answer(turn: STurn, least_radius_m: float) -> TurnAnswer:
 
 
 def shortest_bent(turn: STurn, least_radius_m: float) -> Bent | None:
-    """Return the shortest path from entry to exit that turns right, then left, no tighter than the given radius.
+    """Return the shortest path from entry to exit that turns right and then left, with radii no smaller than given.
 
     The shortest curve of bounded curvature consists of lines and arcs of the smallest allowed radius (Dubins 1957);
     the returned path turns once in each direction. The result is None if ``least_radius_m`` exceeds the radius that

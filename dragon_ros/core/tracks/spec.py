@@ -1,4 +1,4 @@
-"""Track specs, which describe the track of a scene by plain, validated values.
+"""Track specs, which describe the track of a scene using plain, validated values.
 
 ``composite`` converts specs to segments. A spiral is a track of one segment; the S-turn and a composite track are
 sequences of lines, arcs and spirals.
@@ -45,12 +45,12 @@ class Spiral:
 
 @dataclass(frozen=True)
 class STurn:
-    """An inward spiral, two arcs (radii in the ratio ``ratio``) in a circle of ``diameter_m``, and an outward spiral.
+    """An inward spiral, two arcs in a turning circle of diameter ``diameter_m``, and an outward spiral.
 
     The spirals are r = pitch_m / (2 pi) theta about the origin and the same curve rotated by half a turn. The radius
-    of the first arc is ``ratio`` times the radius of the second. At t = 0 the head is ``before_m`` before the entry
-    of the turn. With 100 m and a head speed of 1 m/s, the contest's -100 s is 0 s here: timestamps in ROS and in bags
-    cannot be negative.
+    of the first arc is ``ratio`` times the radius of the second. At t = 0, the head is ``before_m`` before the entry
+    of the turn. If ``before_m`` is 100 and the head speed is 1 m/s, the contest's -100 s corresponds to 0 s here,
+    because timestamps in ROS and in bags cannot be negative.
 
     The spiral enters the turning circle of radius R at the polar angle theta = R / b. There, the angle gamma between
     the tangent and the radius is given by tan gamma = theta. The entry and the exit are diametrically opposite and
@@ -115,7 +115,7 @@ class STurn:
         return sum(self.radii_m) / least_radius_m - 1 if least_radius_m else inf
 
     def check_arcs(self, least_radius_m: float) -> None:
-        """Check that both arcs have at least a given radius. Otherwise raises FieldError for one of the fields."""
+        """Check that both radii are at least ``least_radius_m``. Raises FieldError for one of the fields otherwise."""
         if min(self.radii_m) >= least_radius_m:
             return
         limit = (f'an arc of radius {min(self.radii_m):.6g} m bends tighter than {least_radius_m:.6g} m, 1.01 times '
@@ -170,7 +170,7 @@ class Arc:
 
 @dataclass(frozen=True)
 class SpiralArc:
-    """A part of a spiral r = pitch_m * turns that turns to ``side``; it leads inwards if ``to_turns`` is smaller."""
+    """A part of a spiral r = pitch_m * turns that turns to ``side``, inwards if ``to_turns`` < ``from_turns``."""
 
     pitch_m: float
     from_turns: float

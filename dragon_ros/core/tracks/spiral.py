@@ -7,7 +7,7 @@ that winds in. The chord c between polar angles theta and theta + delta, in unit
 
 which is the law of cosines (the paper's equation 15) in a form without cancellation. Inwards, delta has the opposite
 sign. The smallest root delta > 0 gives the next handle. Half the slope of c^2 (``phi`` below) is positive outwards up
-to delta = pi, where c = 2 theta + pi. Shorter links therefore have exactly one root up to there.
+to delta = pi, where c = 2 theta + pi. Links with smaller chords therefore have exactly one root in this range.
 
 The equation is solved for one position or for many positions at once, with the same predictor. Along a spiral, the
 squared angles of consecutive handles differ by almost twice the chord, so a parabola through the last three
@@ -31,13 +31,13 @@ from dragon_ros.core.tracks.segments import Past, reach_m
 from dragon_ros.core.tracks.spec import Spiral
 
 TINY = 1e-300           # added to a denominator so that 0 / 0 becomes 0
-_ROUNDING = 1e-15       # relative to the length of the spiral: how far rounding may put a distance beyond the centre
+_ROUNDING = 1e-15       # how far rounding may put a distance beyond the centre, relative to the length of the spiral
 _NEWTON_STEPS = 20
 _NEAR_RAD = 1e-6        # after a Newton step below this angle, the error is at least four digits smaller
 _SMOOTH_RAD = 10.0      # from this angle on, one Newton step from the asymptotic series is accurate to 1e-7
-TIGHT = 1e-8            # Newton step relative to the angle; half its square is below the resolution of floats
-_TAME_RAD = 1.5         # for smaller spans, plain Newton iteration converges from any initial guess used below
-_CHORD_STEPS = 12      # limit of plain Newton steps; the bracketed solver then takes over
+TIGHT = 1e-8            # final Newton step, relative to the angle; half its square is below the resolution of floats
+_TAME_RAD = 1.5         # for smaller spans, plain Newton iteration converges from any initial guess used here
+_CHORD_STEPS = 12       # maximum number of plain Newton steps, after which the bracketed solver is used
 _NOWHERE_OUT, _NOWHERE_IN = DoubleDouble(inf, 0.0), DoubleDouble(-inf, 0.0)
 
 
@@ -78,7 +78,7 @@ class SpiralCurve:
         return DoubleDouble(*self._corrected(self._turned(distance_m / self.b_m), distance_m, distance_lo_m))
 
     def inward_many(self, distance_m: Floats, distance_lo_m: Floats) -> tuple[Floats, Floats]:
-        """Return the positions of ``inward`` for many distances as (hi, lo), which may differ in the last digits."""
+        """Return ``inward`` for many distances as (hi, lo); the positions may differ in the last digits."""
         arc, theta = distance_m / self.b_m, self.start.hi
         if np.all(_is_smooth(theta, arc)):
             return self._corrected(_almost_turned(theta, arc, *_ARRAYS), distance_m, distance_lo_m, *_ARRAYS[:2])
@@ -109,7 +109,7 @@ class SpiralCurve:
 
     def _corrected(self, turned: Any, distance_m: Any, distance_lo_m: Any, root: Any = sqrt,
                    asinh_of: Any = asinh) -> tuple[Any, Any]:
-        """Return the position after an angle turned, refined from an error of 1e-7 to the last digit.
+        """Return the position after a turned angle, whose error of up to 1e-7 is corrected to the last digit.
 
         With 2 S = theta^2 + theta / (w + theta) + asinh theta and w^2 = 1 + theta^2, only the squares need extra
         digits.
@@ -162,12 +162,12 @@ _ARRAYS = np.sqrt, np.arcsinh, np.log      # array versions of the functions for
 
 
 def _is_smooth(theta: float, arc: Any) -> Any:
-    """Return whether ``_almost_turned`` is accurate to 1e-7: both the start and the end are far from the centre."""
+    """Return whether both ends of an arc are so far from the centre that ``_almost_turned`` is accurate to 1e-7."""
     return (theta > _SMOOTH_RAD) & (theta * theta - 2 * arc > _SMOOTH_RAD * _SMOOTH_RAD)
 
 
 def _almost_turned(theta: float, arc: Any, root: Any = sqrt, asinh_of: Any = asinh, log: Any = log_of) -> Any:
-    """Return the approximate angle over an arc in units of b by a Newton step from theta^2 + log theta = 2 S + c."""
+    """Return the approximate angle over an arc in units of b: a Newton step from theta^2 + log theta = 2 S + c."""
     squared = theta * theta - 2 * arc
     bent = log(theta / root(squared))
     turned = (2 * arc - bent) / (theta + root(squared + bent))
@@ -224,14 +224,14 @@ def first_guess_in(theta: float, chord: float) -> float:
 
 
 def next_square(d1: float, d2: float, d3: float) -> float:
-    """Predict a difference of squared angles by the parabola through the last three, of which d1 is the latest."""
+    """Predict a difference of squared angles from the parabola through the last three; d1 is the latest."""
     return 3 * (d1 - d2) + d3
 
 
 def step(theta: float, chord: float, guess: float) -> tuple[float, int]:
     """Return the smallest delta > 0 with the given chord (inf if the chain locks), and the number of evaluations.
 
-    ``chord`` is in units of b. After a relative Newton step x the remaining error is about x^2 / 2, so a step below
+    ``chord`` is in units of b. After a relative Newton step x, the remaining error is about x^2 / 2, so a step below
     ``TIGHT`` leaves an error below TIGHT^2 / 2 of the link.
     """
     if chord > 2 * theta + pi:
@@ -260,7 +260,7 @@ def step_in(theta: float, chord: float, guess: float, arc: float) -> tuple[float
 
     ``chord`` is in units of b. From theta to theta - delta, the chord satisfies c^2 = delta^2 + 4 theta (theta -
     delta) sin^2(delta / 2). ``arc`` is an arc length within which the chord grows to at least c (see ``reach_m``).
-    ``high`` is the angle over slightly more than this arc.
+    The search ends at ``high``, an angle that spans slightly more than this arc.
     """
     square = chord * chord
 
@@ -333,7 +333,7 @@ def steps(theta: Floats, chord: float | Floats, guess: Floats) -> tuple[Floats, 
 
 
 def _plain_steps(theta: Floats, square: float | Floats, delta: Floats) -> tuple[Floats, int] | None:
-    """Return ``steps`` by plain Newton iteration if all links are short and converge (the usual case), else None."""
+    """Return ``steps`` by plain Newton iteration; None unless all links are short and converge (the usual case)."""
     for evaluations in range(1, _CHORD_STEPS):
         half = 0.5 * delta
         s = np.sin(half)
@@ -423,7 +423,7 @@ def _far_step(theta: float, chord: float) -> tuple[float, int]:
 
 
 def first_peak(theta: float, low: float) -> tuple[float, int]:
-    """Return the first delta in [low, low + pi] where the chord stops growing (or inf), and the number of evaluations.
+    """Return the first delta in [low, low + pi] at which the chord stops growing, or inf, and the evaluation count.
 
     ``low`` is an odd multiple of pi. In this interval, phi is positive at first, falls to a single minimum and rises
     again.
@@ -450,7 +450,7 @@ def _ahead(past: Past | None) -> Floats | None:
 
 @dataclass(frozen=True)
 class SpiralSegment:
-    """A part of the spiral r = pitch / 2 pi * theta about ``centre``, turned by ``rotation``.
+    """A part of the spiral r = pitch / 2 pi * theta about ``centre``, rotated by ``rotation``.
 
     ``side`` is 1 if the spiral winds out to the left, and -1 otherwise. ``way`` is 1 if the head winds out, and -1 if
     it winds in. The anchor is at ``curve.start``.
@@ -466,7 +466,7 @@ class SpiralSegment:
 
     @cached_property
     def bend(self) -> float:
-        """Largest curvature in 1/m, which is that at the inner end."""
+        """Largest curvature in 1/m, which occurs at the inner end."""
         theta = min(self.first, self.last)
         return (2 + theta * theta) / (self.curve.b_m * (1 + theta * theta) * sqrt(1 + theta * theta))
 
@@ -535,7 +535,7 @@ class SpiralSegment:
         return abs(self.centre) + self.curve.b_m * max(a, b)
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the nearest position at a chord's length, either further out or further in."""
+        """Return the nearest position that is one chord away, either further out or further in."""
         (theta, low), chord = u, chord_m / self._b_m
         if direction == self.way:
             delta, spent = step(theta, chord, first_guess(theta, chord))
@@ -546,10 +546,11 @@ class SpiralSegment:
         return DoubleDouble(*plus(theta, low, -delta)) if delta < inf else _NOWHERE_IN, spent
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
-        """Return the speed of the handle at ``to`` for unit speed at ``u``, cos alpha / cos beta of their link.
+        """Return the speed of the handle at ``to`` for unit speed at ``u``.
 
-        With s = sin(delta / 2), the component of the link along the tangent at theta is ``front`` / sqrt(1 +
-        theta^2).
+        The speed is cos alpha / cos beta, where alpha and beta are the angles between the link and the tangents at
+        ``u`` and ``to``. With s = sin(delta / 2), the component of the link along the tangent at theta is ``front`` /
+        sqrt(1 + theta^2).
         """
         inner, outer = (u, to) if u < to else (to, u)
         theta, far, delta = inner[0], outer[0], (outer[0] - inner[0]) + (outer[1] - inner[1])
