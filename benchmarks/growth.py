@@ -1,4 +1,4 @@
-"""How the time of one contact check grows with the number of benches, for three methods and the whole monitor."""
+"""Measure how the time of one contact check grows with the number of benches, for three methods and the monitor."""
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

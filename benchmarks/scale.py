@@ -92,7 +92,7 @@ def _peak(call: Callable[[], object]) -> int:
 
 
 def build(scene: Scene) -> Build | None:
-    """Return the cost of the first tile of a scene's shift map, the faster of two builds; None without a map."""
+    """Return the cost of the first tile of a scene's shift map, the faster of two builds; None if there is no map."""
     spent, tiles, gone_m = [], list[Tile](), scene.head.travelled_m(scene.run.start_s)
     for _ in range(2):
         model = replace(compile_scene(scene).model)     # a new model, without tiles

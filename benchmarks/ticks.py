@@ -76,7 +76,7 @@ def _row(solver: str, tier: str, messages: dict[str, Timing], budget_s: float) -
 
 
 def _messages(budget_s: float) -> dict[str, Timing]:
-    """Return the cost of building and publishing messages, measured in a process with rclpy; {} without rclpy."""
+    """Return the cost of building and publishing messages, measured in a process with rclpy; {} if that is missing."""
     done = subprocess.run([sys.executable, '-m', 'benchmarks.publish_cost', str(budget_s)],
                           capture_output=True, text=True, check=False, timeout=_LONGEST_S,
                           env=local_environment(free_domain()))

@@ -149,7 +149,7 @@ class Simulated:
 
     @property
     def ends(self) -> str:
-        """Why the run ends: 'stop', 'lock' or 'track'."""
+        """The reason for the end of the run: 'stop', 'lock' or 'track'."""
         return self.simulation.end.reason
 
     @property
@@ -254,7 +254,7 @@ class Bag:
 
     @cached_property
     def scene(self) -> Scene | None:
-        """The scene of the run, if the bag has one. Raises InputError if it exceeds its budgets without ``trust``."""
+        """The scene of the run, if the bag has one. Raises InputError if it is too large and not trusted."""
         return scene_of_bag(self._reader, self.namespace, self._trust)
 
     @property

@@ -12,7 +12,7 @@ from dragon_ros.messages.cdr import stamp_of
 
 _LABEL_S = 0.1      # shortest interval between messages on clearance/marker
 _AGAIN_S = 1.0      # interval between reports of unseen ticks
-_OVER_S = 3.0       # how long a WARN continues after the last unseen tick
+_OVER_S = 3.0       # time for which a WARN continues after the last unseen tick
 _HOW = {PARTED: 'end of contact', RESTART: 'contact ended by a restart'}
 
 
@@ -113,7 +113,7 @@ class Changes:
         self._level, self._labelled_s = b'', -inf
 
     def contact(self, report: Report) -> bool:
-        """Record the report of the next tick; return whether the dragon has come into contact or out of it."""
+        """Record the report of the next tick; return whether contact has begun or ended."""
         before, self.last = self.last, report
         return bool(before and before.count) != bool(report.count)
 

@@ -105,7 +105,7 @@ class Player:
         return f'resumed {self._source.place()}'
 
     def reset(self) -> str:
-        """Return to the first frame and show it, so that time jumps back; a paused player stays paused."""
+        """Return to the first frame and show it, so that time jumps backwards; a paused player stays paused."""
         self._source.rewind()
         return self._show_now(1)
 

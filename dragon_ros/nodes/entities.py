@@ -75,7 +75,7 @@ def bodies_of_frame(frame: Frame, dragon: AnyDragon, frame_id: str) -> Bodies:
 
 
 def bodies_of_messages(last: Mapping[str, Message]) -> Bodies | None:
-    """Return the bodies described by the last message of each topic; None without handles. Raises MessageError.
+    """Return the bodies described by the last message of each topic; None if there are no handles. Raises MessageError.
 
     Benches must have the stamp of the handles; messages without a stamp must have the log time of the handles.
     """

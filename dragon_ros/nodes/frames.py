@@ -1,4 +1,4 @@
-"""The frames of a run in order, with a current position: its ticks and, if a contact ends it, the contact's frame."""
+"""The frames of a run in order, with a current position: the ticks and, if the run ends in a contact, its frame."""
 from threading import Thread
 
 from dragon_ros.core.errors import FieldError
@@ -58,7 +58,7 @@ class Frames:
         self.k = 0
 
     def seek(self, t_ns: int | None) -> None:
-        """Move to the last frame at or before ``t_ns`` (None: the first frame). Raises FieldError outside the run."""
+        """Move to the last frame at or before ``t_ns`` (None: the first). Raises FieldError if outside the run."""
         if t_ns is None:
             self.rewind()
             return

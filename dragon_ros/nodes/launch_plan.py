@@ -184,7 +184,7 @@ def _parsed(given: Mapping[str, str], name: str, kind: Callable[[str], float], w
 
 
 def _wanted(given: Mapping[str, str], row: Channel, watching: bool) -> int:
-    """Return how many subscribers a topic will have."""
+    """Return the number of subscribers that a topic will have."""
     return (watching and row.name in (*_WATCHED, _VENUE)) + bool(given['record'])
 
 

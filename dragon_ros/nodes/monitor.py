@@ -1,7 +1,7 @@
 """``monitor``: observes the handles and benches of any publisher and reports contacts, clearance and health.
 
-It observes a single dragon: if others publish on the same topics, it continues with the known one and logs a warning.
-Contacts with known obstacles (``obstacles``) are reported like contacts between benches.
+It observes a single dragon: if others are published on the same topics, it continues to observe that dragon and logs a
+warning. Contacts with known obstacles (``obstacles``) are reported like contacts between benches.
 """
 import threading
 import time

@@ -6,7 +6,7 @@ from dragon_ros.core.errors import FieldError
 _AT_ONCE_NS = 50_000_000            # largest delay that is made up by playing ticks without waiting
 _ON_TIME_NS = 5_000_000             # largest delay at which a run is still on time and may speed up
 _FASTER = 0.1                       # fraction by which the run speeds up to make up a larger delay
-_LONGEST_NS = 3_600_000_000_000     # longest wait; a later tick takes several waits (a timer supports at most 2^63 ns)
+_LONGEST_NS = 3_600_000_000_000     # longest wait; a later tick needs several waits (a timer supports at most 2^63 ns)
 _FOREVER_NS = 1e18                  # 30 years: limit of a wait, which also limits the effect of a tiny scale
 _MOST_BEHIND_NS = 1_000_000_000     # largest delay that is made up, so that a slow machine does not run fast for long
 
@@ -17,7 +17,7 @@ class Pacer:
     After a late tick, the next ticks follow immediately until they are on time again, so that a short stall does not
     lower the rate. A tick is an overrun if it starts more than 50 ms late, and after its successor was due. Overruns
     are counted, and pacing continues from there without a burst. While later ticks are on time, the run is 10 % faster,
-    until it has made up the delay, or one second of it.
+    until it has made up the delay (at most one second of it).
     """
 
     def __init__(self, scale: float) -> None:

@@ -101,7 +101,7 @@ class Replay(DragonNode):
             qos.waiting(profiles[row.name]) if self._lossless else profiles[row.name]) for row in rows}
 
     def _watched(self, bag: BagReader) -> Callable[[], Bodies | None] | None:
-        """Return a getter for the handles and benches played last; None unless exactly one dragon is played."""
+        """Return a getter for the last handles and benches shown; None unless exactly one dragon is played."""
         try:
             root = namespace_of(bag)
         except InputError:

@@ -78,7 +78,7 @@ class ReplaySource:
         self._go_to(self._start_ns)
 
     def seek(self, t_ns: int | None) -> None:
-        """Move to the last messages at or before ``t_ns`` (None: the first). Raises FieldError outside the part."""
+        """Move to the last messages at or before ``t_ns`` (None: the first). Raises FieldError if outside the part."""
         if t_ns is None:
             self.rewind()
             return

@@ -14,7 +14,7 @@ from dragon_ros.scenes.load import scene_values
 
 _VERSION = 2        # version of the format and its claims; certificates of 0.2.0 and earlier have none
 _WITH_VENUE = 3     # version for a scene with a venue
-_MOST = 20_000      # most rows in a certificate; they are only hints on where to split intervals
+_MOST = 20_000      # largest number of rows in a certificate; rows only suggest where to split intervals
 _NAMES = {ALL: 'all', 0: 'head', 1: 'body'}
 
 

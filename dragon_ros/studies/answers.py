@@ -25,8 +25,8 @@ from dragon_ros.studies.study import Study
 
 SAFE = 0.999            # the share of dragons that a bound must cover
 _RANDOM = ('random', 'sobol')
-_FEW = 8                # fewest rows for which a distribution is estimated
-_MOST_SHOWN = 5         # most reasons in a summary
+_FEW = 8                # smallest number of rows for which a distribution is estimated
+_MOST_SHOWN = 5         # largest number of reasons in a summary
 
 
 def main_answers(study: Study) -> list[str]:

@@ -37,7 +37,7 @@ from dragon_ros.studies.sampling import check_libraries
 from dragon_ros.version import __version__
 
 _BATCH_S = 2.0          # work per batch; each batch costs Dask a few milliseconds
-_MOST_ROWS = 4096       # most rows in a batch; a block is a multiple of it
+_MOST_ROWS = 4096       # largest number of rows in a batch; the size of a block is a multiple of it
 _AHEAD = 2              # batches per worker: one is computed while the next one waits
 _LATEST = 0.3           # weight of the latest batch in the average time per row
 _WAIT_S = 0.5           # longest wait for a batch before signals are checked again
@@ -95,7 +95,7 @@ def _scipy() -> str:
 
 
 def compute(text: str, start: int, stop: int, wanted: dict[str, str]) -> BatchResult:
-    """Compute the rows start <= index < stop on a worker. Raises InputError if its versions differ."""
+    """Compute the rows start <= index < stop on a worker. Raises InputError if the worker's versions differ."""
     _check_same('worker', versions(), wanted)       # a worker may have joined after the first check
     began, study = perf_counter(), parsed(text)
     rows = rows_of(study, range(start, stop))
@@ -177,7 +177,7 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
 def joined_client(scheduler: str) -> Iterator[Client]:
     """Yield a client of a running cluster, given its address or scheduler file, with Dask's TLS settings.
 
-    Raises MissingError if it cannot be reached, InputError if versions differ.
+    Raises MissingError if the cluster cannot be reached, and InputError if versions differ.
     """
     where = {'scheduler_file': scheduler} if Path(scheduler).is_file() else {'address': scheduler}
     loop, end = _running_loop()

@@ -175,7 +175,7 @@ def open_set(folder: Path) -> DataSet:
 def writing(folder: Path, study: Study) -> Iterator[DataSet]:
     """Yield the data set of a study in a new or existing folder, for one process at a time.
 
-    Raises InputError if the folder contains another study or another process is writing to it, MissingError or
+    Raises InputError if the folder contains another study or another process is writing to it, and MissingError or
     DiskError if it is not writable.
     """
     try:

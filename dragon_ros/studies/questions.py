@@ -28,7 +28,7 @@ from dragon_ros.core.search.near_misses import near_misses
 Tell = Callable[[int], object]
 Values = dict[str, Any]
 _NEAR_M = 1.0       # largest threshold for near misses
-_SHARED = 64        # most cached answers, which other rows of a batch can use
+_SHARED = 64        # largest number of cached answers, which other rows of a batch can use
 
 
 class Asked:

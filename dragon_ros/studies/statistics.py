@@ -14,8 +14,8 @@ from dragon_ros.studies.study import Study
 
 CONFIDENCE = 0.95
 _RESAMPLES = 999
-_NORMAL_FROM = 20       # fewest rows for which a standard deviation is estimated
-_MOST_TESTED = 5000     # most values that are tested: the test's p-values are inaccurate for more values
+_NORMAL_FROM = 20       # smallest number of rows for which a standard deviation is estimated
+_MOST_TESTED = 5000     # largest number of tested values: for more values, the test's p-values are inaccurate
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Indices:
 def indices(study: Study, values: Floats) -> list[Indices]:
     """Return the Sobol indices of an answer (rows,) in a study of design ``saltelli``, with bootstrapped intervals.
 
-    The estimators are those of Saltelli 2010. Raises FieldError for another design, or if an answer is missing, since
+    The estimators are those of Saltelli 2010. Raises FieldError for any other design, or if an answer is missing, since
     the indices need every row.
     """
     if study.design != 'saltelli':

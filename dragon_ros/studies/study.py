@@ -25,7 +25,7 @@ MOST_ROWS = 10**9
 MOST_DIMENSIONS = 10_000        # limit for Sobol sequences: saltelli needs twice as many, and scipy supports 21,201
 _KEYS = ('scene', 'set', 'vary', 'design', 'samples', 'seed', 'ask', 'budget_s', 'about')
 _MOST_STEPS = 100_000
-_MOST_DIGITS = 6        # most digits of a list index
+_MOST_DIGITS = 6        # largest number of digits in a list index
 _FAR = 1e300            # largest value, chosen so that differences stay finite
 Values = dict[str, Any]
 

@@ -163,7 +163,7 @@ class _Exact(ReadDataStream):
 
 
 def parse_fields(data: bytes, parse: Callable[[ReadDataStream], T]) -> T:
-    """Return the fields of a record's content. Raises ValueError if they extend beyond it."""
+    """Return the fields of a record's content. Raises ValueError if the fields extend beyond the content."""
     return parse(_Exact(data))
 
 
@@ -213,7 +213,7 @@ class OtherRecord(NamedTuple):
 
 
 def chunk_head(file: McapFile, place: Location) -> ChunkHead:
-    """Return the head of a chunk. Raises BagError if it contradicts the record's length."""
+    """Return the head of a chunk. Raises BagError if the head contradicts the record's length."""
     if place.length < _FIXED.size + 8:
         raise file.fault(place.offset, f'a chunk of {place.length} bytes')
     start_ns, end_ns, size, crc, name = _FIXED.unpack(file.read(place.content, _FIXED.size))

@@ -98,7 +98,7 @@ class BagReader:
 
     def messages(self, topics: list[str] | None = None, start_ns: int | None = None,
                  end_ns: int | None = None) -> Iterator[Message]:
-        """Yield messages with start_ns <= t < end_ns, in order of log time. Raises BagError on reaching damage."""
+        """Yield messages with start_ns <= t < end_ns, in order of log time. Raises BagError when it reaches damage."""
         wanted = None if topics is None else set(topics)
 
         def choose(batch: MessageBatch, row: StoredMessage) -> bool:

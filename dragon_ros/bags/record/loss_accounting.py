@@ -16,7 +16,7 @@ from dragon_ros.messages.channels import channel_of, live
 
 RECEIVED = 'dragon_ros.received'     # name of the metadata record that contains the account
 _MOST_STEPS = 1000
-_MOST_EARLY = 100_000       # most stamps that are kept until the scene is known
+_MOST_EARLY = 100_000       # largest number of stamps that are kept until the scene is known
 
 
 @dataclass

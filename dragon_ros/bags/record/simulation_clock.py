@@ -100,7 +100,7 @@ class SimulationClock:
     def _moment_of(self, topic: str, source_ns: int, sequence: int, exact: bool) -> _Moment:
         """Return the moment of a message without a stamp.
 
-        If the clock was set back, a topic's next message may reveal it before the next stamped message does.
+        If the clock was set back, a topic's next message may reveal this before the next stamped message does.
         """
         last = self._sent.get(topic)
         times = last.moment[0] if last else 0

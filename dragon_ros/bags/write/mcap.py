@@ -350,7 +350,7 @@ class McapWriter:
 
     def __init__(self, path: Path, overwrite: bool = False, compression: str = 'zstd', fsync: bool = False,
                  threaded: bool = True) -> None:
-        """Create the file. Raises MissingError if it cannot be written or would overwrite another."""
+        """Create the file. Raises MissingError if it cannot be written or would overwrite another file."""
         self.path = path
         self._compression = mcap_name(compression)
         self._compress = compressor(compression)
@@ -463,7 +463,7 @@ class McapWriter:
         self._check_there()
 
     def finish(self) -> None:
-        """Write the index and close the file. If the disk is full, remove the last chunks to make space for it.
+        """Write the index and close the file. If the disk is full, remove the last chunks to make space for the index.
 
         Raises DiskError if this loses messages; even then, the file is complete.
         """

@@ -87,7 +87,7 @@ class BagWriter:
 
     def __init__(self, path: Path, overwrite: bool = False, options: BagOptions | None = None,
                  threaded: bool = True) -> None:
-        """Create the bag. Raises MissingError if it cannot be written or would overwrite another.
+        """Create the bag. Raises MissingError if it cannot be written or would overwrite another bag.
 
         If ``threaded``, chunks are compressed and written on a thread while the caller continues.
         """
@@ -131,8 +131,8 @@ class BagWriter:
     def write(self, topic: str, data: bytes, t_ns: int, sequence: int, publish_ns: int | None = None) -> None:
         """Append one message with its simulation time and its publication time (``t_ns`` if None).
 
-        A message that is too large for any reader is left out and counted. Raises DiskError if it cannot be written, or
-        if the bag reaches its size limit.
+        A message that is too large for any reader is left out and counted. Raises DiskError if the message cannot be
+        written, or if the bag reaches its size limit.
         """
         if len(data) > MESSAGE_BYTES:
             self.left_out[topic] += 1
