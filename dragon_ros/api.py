@@ -170,7 +170,7 @@ class Simulated:
         """Return all handles at many times, several times faster than one call per time.
 
         ``out``, if given, is a pair of arrays (times, N+1, 2) for the handles and velocities, so that a loop can reuse
-        its memory. Raises FieldError if ``out`` has another form.
+        its memory. Raises FieldError if ``out`` has a different form.
         """
         times = _times(times_s)
         if out is not None and not (isinstance(out, (tuple, list)) and len(out) == 2

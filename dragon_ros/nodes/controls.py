@@ -145,7 +145,7 @@ class Player:
         self.done = True
 
     def set_speed(self, time_scale: float) -> None:
-        """Continue at another speed from the current time, without a jump."""
+        """Continue at a different speed from the current time, without a jump."""
         self.pacer.scale = time_scale
         self._wake()
 

@@ -65,7 +65,7 @@ class Publishers:
 
 
 def _distinct(there: dict[bytes, str]) -> list[str]:
-    """Return sorted names; equal names are extended with the GID that ``ros2 topic info --verbose`` shows."""
+    """Return the names, sorted; equal names are extended with the GID that ``ros2 topic info --verbose`` shows."""
     times = Counter(there.values())
     return sorted(name if times[name] == 1 else f'{name} ({gid.hex(".")})' for gid, name in there.items())
 

@@ -48,7 +48,7 @@ class BagFrame:
 
     @cached_property
     def clearance_m(self) -> float | None:
-        """Smallest signed gap (m) of non-adjacent benches; inf if there is no such pair, None if there are no benches."""
+        """Smallest signed gap (m) of non-adjacent benches; inf if there is no such pair, None without benches."""
         if self.benches is None:
             return None
         from dragon_ros.core.geometry.near_pairs import closeness  # imported lazily, because few readers need it

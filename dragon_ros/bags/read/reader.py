@@ -32,7 +32,7 @@ from dragon_ros.scenes.yaml import values_of
 __all__ = ['BagError', 'BagReader', 'Message', 'Topic']
 END_OF_TIME_NS = 2**64
 _SPAN_BYTES = 2**20     # smallest span, in bytes of the file: processed in tens of milliseconds
-_MOST_SPANS = 2000      # largest number of spans; it is limited, since reading each span searches all batches
+_MOST_SPANS = 2000      # largest number of spans: more would be slow, since each span searches all batches
 
 
 @dataclass(frozen=True)
