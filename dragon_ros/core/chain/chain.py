@@ -1,4 +1,4 @@
-"""The chain: the positions of all handles, from any solver, and the velocities of the handles.
+"""The chain: the positions of all handles, from any solver, and their velocities.
 
 Velocities follow from the rigid-link constraint v[i+1] cos(beta) = v[i] cos(alpha), where alpha and beta are the
 angles between a link and the track's tangents at the two handles of the link. The constraint states that both handles
@@ -33,7 +33,7 @@ class PlacedLinks(Protocol):
 
     @property
     def solver(self) -> str:
-        """The solver of these links: 'table', 'march' if the table did not cover them, or '' if none was requested."""
+        """The solver of these links: 'table', 'march' if no table covered them, or '' if no table was requested."""
         ...
 
     def velocities(self, chain: 'Chain', speed: Any, out: Floats) -> Any:
@@ -74,7 +74,7 @@ class Chain:
         return f'Chain({self.links_m.size + 1} handles, solver={self.solver!r})'
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
-        """Pickle the positions of the handles instead of the tables behind them, which are a hundred times larger.
+        """Pickle the positions of the handles instead of the tables, which are a hundred times larger.
 
         Velocities computed from the copy agree with the original to within rounding, but not bit for bit.
         """
@@ -117,7 +117,7 @@ class Chain:
 
     @property
     def tangents(self) -> Floats:
-        """Unit tangents against the head's direction (towards the tail), even for handles that move back for a time."""
+        """Unit tangents against the head's direction (towards the tail), even while a handle moves backwards."""
         return read_only(-self.headings)
 
     @cached_property
@@ -147,7 +147,7 @@ class Chain:
         return self.places[2]
 
     def slice_of(self, part: PlacedLinks) -> slice:
-        """Return the slice of the chain's handles that belong to a part."""
+        """Return the slice of the chain's handles that belongs to a part."""
         start = part.start if self.direction == BEHIND else self.links_m.size - part.start - part.links
         return slice(start, start + part.links + 1)
 
@@ -169,7 +169,7 @@ class Chain:
 def conditioning(chain: Chain) -> float:
     """Return the ratio of the fastest handle's speed to the leader's speed; the ratio is at least 1.
 
-    Close to a lock the ratio grows without bound, and so does the effect of the last bit of the head's position on
+    Close to a lock, the ratio grows without bound, and so does the effect of the last bit of the head's position on
     the handles. The promised error of positions (in metres) is proportional to this ratio, and the promised relative
     error of speeds to its square (1 / cos^2 beta).
     """
@@ -215,7 +215,7 @@ class MarchedLinks:
 
 
 class MarchedLink(NamedTuple):
-    """One link at one instant, like ``MarchedLinks`` in plain floats; ``near`` is the handle nearer to the leader."""
+    """One link at one instant: ``MarchedLinks`` in plain floats; ``near`` is the handle nearer to the leader."""
 
     start: int
     near: Place
@@ -224,7 +224,7 @@ class MarchedLink(NamedTuple):
 
     @property
     def links(self) -> int:
-        """One."""
+        """Number of links, which is always 1."""
         return 1
 
     def places(self) -> Places:
@@ -264,10 +264,10 @@ class MarchedLink(NamedTuple):
 
 
 def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Chain:
-    """Return the chain of a leader by forward placement; the leader is the head (``direction`` BEHIND) or the tail.
+    """Place the chain of a leader by forward placement; the leader is the head (``direction`` BEHIND) or the tail.
 
-    On a single spiral, all handles are solved ``together``; on other tracks, one after the other. Both take equally
-    long. Raises the same errors as ``forward``.
+    On a single spiral, all handles are solved ``together``; on other tracks, one after the other. Both methods take
+    equally long. Raises the same errors as ``forward``.
     """
     one = np.array([leader.segment]), np.array([leader.u.hi]), np.array([leader.u.lo])
     if len(track.segments) == 1 and (found := together(track, links_m[:, None], one, direction)):

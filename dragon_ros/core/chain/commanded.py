@@ -1,8 +1,8 @@
 """A leader that is commanded externally: its settings, its next allowed speed, and the law that it has followed.
 
-The leader's speed is linear between ticks. The speeds at the ticks are recorded. Like a profile with the same knots,
-these speeds determine the distance travelled at each tick exactly (in rational arithmetic). A recording of the speeds
-is therefore sufficient to reproduce every handle bit for bit.
+The leader's speed is linear between ticks. The speeds at the ticks are recorded. They determine the distance travelled
+at each tick exactly (in rational arithmetic), as a profile with the same knots would. A recording of the speeds is
+therefore sufficient to reproduce every handle bit for bit.
 """
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
@@ -20,7 +20,7 @@ from dragon_ros.core.checks import number, settle
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.exact_polynomial import ExactPolynomial
 
-SHORT_M = 0.01  # the leader stops at least this far before an end of the track or a lock, near which speeds diverge
+SHORT_M = 0.01  # minimum distance at which the leader stops before the track's end, or a lock (where speeds diverge)
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def next_speed_m_s(settings: Commanded, speed_m_s: float, wanted_m_s: float, ste
     ``left_m`` are the remaining distances in metres backwards and forwards. From the speed v at the next tick, the
     leader can stop in time if
 
-        (speed + v) / 2 step + v^2 / (2 a) <= left - SHORT_M - a step^2,
+        (speed + v) / 2 step + v^2 / (2 a) <= left - SHORT_M - a step^2.
 
     A leader that satisfies this condition at one tick can satisfy it at the next tick by braking alone. The last term
     allows for the final braking step, which is as long as the other steps.

@@ -9,11 +9,11 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats, read_only
 
 _MOST, _MOST_GROUPS = 1_000_000, 10_000
-LEAST_LINK = 2e-10      # relative to the longest bench: position errors obscure the direction of shorter links
+LEAST_LINK = 2e-10      # relative to the longest bench; position errors obscure the direction of shorter links
 
 
 class _Lengths(Settings):
-    """Quantities that follow from the lengths of the benches, which may or may not be equal."""
+    """Quantities derived from the lengths of the benches, which may or may not be equal."""
 
     width_m: float
     hole_inset_m: float
@@ -30,7 +30,7 @@ class _Lengths(Settings):
 
     @cached_property
     def classes(self) -> tuple[tuple[int, ...], ...]:
-        """The head, and the benches behind it grouped by identical remaining lengths, in order, without the last two.
+        """The head, and the other benches except the last two, grouped by identical remaining lengths, in order.
 
         The body is a single class if all its benches are equal.
         """
@@ -146,7 +146,7 @@ def is_even(lengths_m: Floats) -> bool:
 
 
 def has_same_links_behind(lengths_m: Floats, one: int, other: int) -> bool:
-    """Return whether the benches from ``other`` to the tail are as long as those from ``one`` <= ``other`` on."""
+    """Return whether the benches from ``other`` on have the same lengths as those from ``one`` <= ``other`` on."""
     rest = lengths_m[other:]
     return bool(rest[0] == lengths_m[one] and np.all(rest == lengths_m[one:one + rest.size]))
 

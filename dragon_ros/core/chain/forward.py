@@ -1,7 +1,7 @@
 """Place handles along a track from the leader on, in blocks of equal links, at one instant or at many.
 
-Each case has its own function, whose docstring gives the reason: ``forward`` for one instant and ``forward_many`` for
-many leaders. ``forward_many`` calls ``together`` for tens of chains on a spiral and ``by_segment`` for tracks of
+Each case has its own function, whose docstring explains why: ``forward`` for one instant and ``forward_many`` for many
+leaders. ``forward_many`` calls ``together`` for up to hundreds of chains on a spiral and ``by_segment`` for tracks of
 several segments.
 """
 from collections.abc import Callable
@@ -22,12 +22,12 @@ FEWEST_ROWS = 8        # smallest number of rows of handles that are placed simu
 _AT_ONCE = 2**14        # number of handles whose intermediate results fit in the cache
 _MOST_LEADERS = 512     # maximum number of leaders for simultaneous placement; for more, placing row by row is as fast
 _FAR_RAD = 2.0          # smallest polar angle for which the positions of all rows can be guessed
-_NEWTON_STEPS = 8       # largest number of Newton steps for all rows at once
+_NEWTON_STEPS = 8       # limit of Newton steps for all rows at once
 _STEEP = 0.05           # smallest slope from row to row; below it, a follower has almost turned back
 
 
 class Block(NamedTuple):
-    """Links ``start`` to ``stop`` from the leader on, all of equal length (for many chains, one length for each)."""
+    """Links ``start`` to ``stop``, counted from the leader, all of equal length (with many chains, one per chain)."""
 
     start: int
     stop: int
@@ -107,7 +107,7 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
     """Return the handles behind many leaders (M,) as arrays (links + 1, M), and the number of evaluations.
 
     With one array per row and 300 leaders, this takes 0.16 us per handle. Handles agree with ``forward`` except for
-    the last digits. Chains with different links are supported only outwards on a first segment that winds in from
+    the last digits. Chains with different links are supported only outwards, on a first segment that winds in from
     infinity. ``settle`` may adjust each row; if it is given, the result ends at the last row that fits on the track.
     Raises the same errors as ``forward``.
     """
@@ -153,7 +153,7 @@ def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
 
     On a track of several segments, the handles of a row are on many of these segments. For 500 leaders with 223 links
     on 50 lines and arcs, this takes a fifth of the time of ``row_by_row``. On a line or an arc, all links span the
-    same arc, so all handles there follow directly.
+    same arc, so all handles there are computed directly.
     """
     size, (first, stop) = leaders[1].size, (blocks[0].start, blocks[-1].stop) if blocks else (0, 0)
     rows: Places = np.empty((stop + 1, size), dtype=np.int64), *np.empty((2, stop + 1, size))    # from ``first`` on
@@ -170,7 +170,7 @@ def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
 
 
 def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
-    """Place the handles of leaders ``on`` a line or an arc, and the first handle beyond; return the evaluation count.
+    """Place handles of leaders ``on`` along a line or an arc, and the first one beyond; return the evaluation count.
 
     ``at`` (M,) holds the rows of the last handles placed so far and is updated.
     """
@@ -226,12 +226,12 @@ def _across(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
 
 
 def together(track: Track, links_m: Floats, leaders: Places, direction: int) -> tuple[Places, int] | None:
-    """Return the result of ``forward_many`` by a simultaneous solver; None if handles must be placed row by row.
+    """Return the result of ``forward_many``, solved simultaneously; None if handles must be placed row by row.
 
-    With few leaders of long chains, arrays of one row would be too short: 30 chains of 223 links take a fifth of the
-    time of ``row_by_row``, and a single chain takes as long as ``forward``. The solver supports leaders on a spiral
-    that winds in from infinity, unless handles almost turn back. Links are given from the leader on, with shape (N,
-    1) for all chains or (N, M) per chain.
+    With few leaders of long chains, arrays of one row are too short to be efficient: 30 chains of 223 links take a
+    fifth of the time of ``row_by_row``, and a single chain takes as long as with ``forward``. The solver supports
+    leaders on a spiral that winds in from infinity, unless handles almost turn back. Links are given from the leader
+    on, with shape (N, 1) for all chains or (N, M) per chain.
     """
     (number, begin, begin_lo), spiral = leaders, track.from_afar
     if direction != BEHIND or not spiral or np.any(number):
@@ -282,9 +282,9 @@ def _refined(spiral: SpiralSegment, u: Floats, lo: Floats, chords: Floats) -> tu
     """Refine guessed rows of handles (R+1, M) to chords (R, M) in units of b; return (hi, lo) and the evaluation count.
 
     A single row is too small for efficient array operations, so Newton's method is applied to all rows at once. If e
-    is the Newton step of a link and a the slope of the map from row to row, errors satisfy d' = a d + e; a cumulative
-    product and a cumulative sum solve this recurrence. The result is None if the method does not converge, leaves the
-    spiral, or does not find the nearest positions.
+    is the Newton step of a link and a is the slope of the map from row to row, errors satisfy d' = a d + e; this
+    recurrence is solved with a cumulative product and a cumulative sum. The result is None if the method does not
+    converge, leaves the spiral, or does not find the nearest positions.
     """
     low, high = min(spiral.first, spiral.last), max(spiral.first, spiral.last)
     for rounds in range(1, _NEWTON_STEPS):
@@ -350,7 +350,7 @@ def _next_on_one(track: Track, k: int, places: Places, chord_m: float, direction
 
 def _stepped(track: Track, k: int, places: Places, chord_m: float, direction: int,
              past: Past | None) -> tuple[tuple[Floats, Floats], Array, Floats, int]:
-    """Return next positions (hi, lo), which of them are on segment k, the predictor's state and the evaluation count.
+    """Return next positions (hi, lo), whether each is on segment k, the predictor's state, and the evaluation count.
 
     If there is no next position, the position itself is returned.
     """

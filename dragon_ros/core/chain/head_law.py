@@ -1,8 +1,8 @@
 """The head law: distance travelled and speed of the leading handle along the track as functions of time.
 
 Speeds are positive inwards, in the head's direction. If the tail leads, speeds are positive outwards: the dragon is
-wound up behind the start of the head, the tail moves out along the track, and each handle is placed at a link's
-length from the next handle towards the tail.
+wound up behind the start of the head, the tail moves out along the track, and each handle is placed one link ahead of
+the next handle towards the tail.
 """
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ class Head:
     lead: str = 'head'
 
     def __post_init__(self) -> None:
-        """Reject a speed that is not a number."""
+        """Reject an invalid speed or leader."""
         settle(self, speed_m_s=number('head.speed_m_s', self.speed_m_s, low=-1e9, high=1e9))
         check_lead(self.lead)
 
@@ -76,7 +76,7 @@ class Head:
 
 @dataclass(frozen=True)
 class Profile(Settings):
-    """Speed over time by ``knots`` (t_s, speed_m_s), with ``ramps`` between them; the last speed continues.
+    """Speed over time, given by ``knots`` (t_s, speed_m_s) with ``ramps`` between them; the last speed continues.
 
     A ramp is ``linear`` or ``smooth``. A smooth ramp is v0 + (v1 - v0) (3 x^2 - 2 x^3), with zero acceleration at
     both ends. Two knots at the same time define a jump. Distances are the exact integrals, computed in rational

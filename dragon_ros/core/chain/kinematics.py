@@ -9,7 +9,7 @@ leads from its rear handle r to its front handle f in the unit direction e, and 
 q_r|^2 = l^2. Differentiating this once and twice gives
 
     s_f (e . T_f) = s_r (e . T_r),
-    s_f' (e . T_f) + s_f^2 kappa_f (e . N_f) + |q_f' - q_r'|^2 / l = s_r' (e . T_r) + s_r^2 kappa_r (e . N_r),
+    s_f' (e . T_f) + s_f^2 kappa_f (e . N_f) + |q_f' - q_r'|^2 / l = s_r' (e . T_r) + s_r^2 kappa_r (e . N_r).
 
 These equations, one for s and one for s' per link, are solved link by link from the leader on. If e . T of a follower
 vanishes, the chain locks.
@@ -45,7 +45,7 @@ class RigidLinks:
 
     @cached_property
     def along_track(self) -> Array:
-        """Whether each link (..., N) is treated as lying along the track, so that both handles move alike.
+        """Whether each link (..., N) is treated as lying along the track, so that both handles move identically.
 
         This is exact for links of zero length. The direction of a link of length l has an error of ulp |p| / l, and
         the error of e . T, which is an even function of that angle, is at least its square. If the link is treated as

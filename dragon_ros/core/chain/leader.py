@@ -77,9 +77,9 @@ class Leader:
     def turning_m(self, low_m: float, high_m: float, links: int | None = None) -> list[float]:
         """Return the distances of the leader between two limits at which any handle turns back, in ascending order.
 
-        Between consecutive distances every handle moves in one direction. Handles turn back only near the centre of a
-        single spiral, where links may lock. If ``links`` is given, only the handles of the first ``links`` links
-        count.
+        Between consecutive distances, every handle moves in one direction. Handles turn back only near the centre of a
+        single spiral, where links may lock. If ``links`` is given, only the handles of the first ``links`` links are
+        considered.
         """
         spiral = self.track.from_afar
         if not (self.track.may_lock and spiral):
@@ -90,13 +90,16 @@ class Leader:
 
     @cached_property
     def range_m(self) -> tuple[float, float]:
-        """Smallest and largest distances that the leader can travel before a handle would leave the track."""
+        """Smallest and largest distances that the leader can travel before a handle leaves the track."""
         if self.direction == BEHIND:
             return self.least_m - self.start_m, self.track.end_m - self.start_m
         return 0.0, self._origin_m[0] - self.track.begin_m
 
     def size_m(self, extent_m: tuple[float, float]) -> float:
-        """Return a bound on the distance of handles from the origin while the leader moves between two distances."""
+        """Return an upper bound on any handle's distance from the origin while the leader's travel is in ``extent_m``.
+
+        Both ends of ``extent_m`` are distances travelled.
+        """
         spiral = self.track.from_afar
         if self.track.may_lock and spiral:  # r^2 grows by at most 2 b per metre of track
             curve, length_m = spiral.curve, float(np.sum(self.links_m))

@@ -11,7 +11,7 @@ from math import cos, inf, pi, sin, sqrt, ulp
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.tracks.spiral import chord_of, first_guess, first_peak, step
 
-# If the angle of its front handle exceeds its chord plus this, a link spans less than 60 degrees and never turns back.
+# A link whose front handle is at an angle above its chord plus this spans less than 60 degrees and never turns back.
 _NO_TURN = 4.0
 
 
@@ -29,9 +29,9 @@ def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
     """Return the head's polar angle at which an inward chain first locks, and the link; (0, 0) if it never locks.
 
     A link locks when its front handle reaches ``lock_angle``. For each link, from the head on, the front handle is
-    followed over the positions of the head at which the preceding links can be placed. Between consecutive
-    ``places``, this handle moves in one direction. Because handles lie at increasing radii, the search ends when even
-    the longest link can no longer lock.
+    tracked over the positions of the head at which the preceding links can be placed. Between consecutive ``places``,
+    this handle moves in one direction. Because handles lie at increasing radii, the search ends when even the longest
+    link can no longer lock.
     """
     angle, link, top = lock_angle(chords[0]), 0, lock_angle(max(chords[1:], default=0.0))
     places = sorted({angle, *(turn for turn in turns(chords[0]) if angle < turn < top), max(angle, top)}) if top else []
@@ -57,9 +57,9 @@ def _one_link_on(chords: Sequence[float], chord: float, places: list[float],
                  here: list[float]) -> tuple[list[float], list[float], list[float]]:
     """Return the head angles at which the rear handle of one more link turns back, and its ``places`` and ``here``.
 
-    At the head angles ``places``, the front handle of the link (behind ``chords``) has the polar angles ``here``, and
-    between them it moves in one direction. Its ``places`` are the head angles, in ascending order, between which the
-    rear handle moves in one direction; its ``here`` are the angles of the rear handle there.
+    At the head angles ``places``, the front handle of the link (behind ``chords``) has the polar angles ``here``;
+    between these head angles, it moves in one direction. The returned ``places`` are the head angles, in ascending
+    order, between which the rear handle moves in one direction; the returned ``here`` are its angles there.
     """
     turning = [illinois(lambda x, turn=turn: _handle(x, chords) - turn,  # type: ignore[misc]
                         places[n], places[n + 1], here[n] - turn, here[n + 1] - turn)
@@ -124,8 +124,8 @@ def _bisect(holds, low: float, high: float) -> float:  # type: ignore[no-untyped
 def turning_places(chords: Sequence[float], low: float, high: float) -> list[float]:
     """Return the head angles in (low, high), in ascending order, at which the rear handle of any link turns back.
 
-    Between consecutive angles, every handle moves in one direction. The links are followed from the head on until no
-    later link turns back. If all links behind the head's link are equal, the links behind the third handle only
+    Between consecutive angles, every handle moves in one direction. The links are examined from the head on until no
+    later link can turn back. If all links behind the head's link are equal, the links behind the third handle merely
     follow it (docs/contact.md, lemma 2), so two links suffice.
     """
     longest = [*accumulate(reversed(chords), max)][::-1]
