@@ -34,7 +34,7 @@ from dragon_ros.messages.encode import encoders
 
 _SCENE = Scene(run=Run(300, 303, 100))
 _STATES = 20_000
-_CACHED, _LARGE = 2**15, 2**27      # bytes that fit into a core's cache, and bytes that exceed all caches
+_CACHED, _LARGE = 2**15, 2**27      # size in bytes that fits into a core's cache, and size that exceeds all caches
 _NUMBER = 8                         # bytes
 _NAMES = {'none': 'not compressed', 'zstd': 'zstd'}
 _RATES = {'product': 'multiplications and additions in a product', 'cache': 'bytes copied within the cache',

@@ -40,7 +40,7 @@ class PlainChain(Chain):
         return 'plain'
 
     def velocities(self, head_speed_m_s: Any, out: Floats | None = None) -> Floats:
-        """Return the velocities as typical code does: link by link, from the angles of the link to both tangents."""
+        """Return the velocities as typical code does: link by link, using the angles between link and tangents."""
         speed, rows, points, before = float(head_speed_m_s), [], self.p.tolist(), (0.0, 0.0)
         for k, t in enumerate(self.theta):
             x, y = cos(t) - t * sin(t), sin(t) + t * cos(t)

@@ -50,7 +50,7 @@ class Row:
 
 
 def town(corners: int, way_m: float, benches: int) -> Scene:
-    """Return a dragon that walks a given distance through a town with a given number of corners."""
+    """Return a dragon that travels a given distance through a town with a given number of corners."""
     dragon = Dragon(benches)
     start_m = float(np.sum(dragon.link_lengths_m)) + 1.0
     half_m = 0.5 * (start_m + way_m)

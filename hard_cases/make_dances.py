@@ -31,7 +31,7 @@ BACK, AHEAD = -1, 1
 
 @dataclass
 class Straight:
-    """A line; u is metres from its start."""
+    """A line; u is the distance in metres from its start."""
 
     start: Number
     direction: Number
@@ -57,7 +57,7 @@ class Straight:
 
 @dataclass
 class Round:
-    """An arc; u is metres from its start; it turns left if ``side`` is 1."""
+    """An arc, which turns left if ``side`` is 1; u is the distance in metres from its start."""
 
     start: Number
     direction: Number

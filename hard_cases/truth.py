@@ -54,7 +54,7 @@ def _read(file: str) -> dict[str, Any]:
 
 @lru_cache(maxsize=64)
 def truth(problem: Problem) -> Truth:
-    """Return the reference of a hard case. Raises MissingError if the reference lacks its times or handles."""
+    """Return the reference of a hard case. Raises MissingError if the case's times or handles are missing."""
     row = _everything().get(problem.name)
     if row is None or tuple(row['times_s']) != problem.times_s or tuple(
             row['handles']) != problem.handles:

@@ -29,7 +29,7 @@ def cosine_rule(theta: float, outer: float, chord: float) -> float:
 
 
 def by_newton(tolerance: float, theta: float, chord: float) -> float:
-    """Return the next angle by Newton's method on the cosine rule, stopping at a step below ``tolerance`` rad."""
+    """Return the next angle, found by Newton's method on the cosine rule until a step is below ``tolerance`` rad."""
     outer = theta + chord / sqrt(1 + theta * theta)
     for _ in range(100):
         slope = 2 * outer - 2 * theta * cos(outer - theta) + 2 * theta * outer * sin(outer - theta)
@@ -41,7 +41,7 @@ def by_newton(tolerance: float, theta: float, chord: float) -> float:
 
 
 def by_bisection(tolerance: float, theta: float, chord: float) -> float:
-    """Return the next angle by bisection of half a turn, stopping at a bracket of ``tolerance`` rad."""
+    """Return the next angle, found by bisection of half a turn until the bracket is ``tolerance`` rad wide."""
     low, high = theta, theta + pi
     while high - low > tolerance:
         middle = 0.5 * (low + high)

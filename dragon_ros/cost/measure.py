@@ -25,7 +25,7 @@ class Timing:
 
     @property
     def cells(self) -> tuple[float, float, float, int]:
-        """The table cells under the column heads TIMES."""
+        """The table cells under the column headings TIMES."""
         return self.median_s, self.low_s, self.high_s, self.calls
 
     def shared_by(self, count: int) -> 'Timing':

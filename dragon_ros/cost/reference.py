@@ -1,4 +1,4 @@
-"""Reference positions and velocities of handles, which share no arithmetic, equations or searches with the solvers.
+"""Reference positions and velocities of handles, computed without arithmetic, equations or searches of the solvers.
 
 A reference is computed with 60 decimal digits and rounded once, to double-doubles. Its errors are below 1e-30 of a
 coordinate, unless a link is so close to locking that the last digit of the leader's distance has a larger effect. The
@@ -321,7 +321,7 @@ def _falling(excess: _Excess, x: Number) -> Number:
 
 
 def _root(function: _Excess, low: Number, high: Number, guess: Number | None) -> Number:
-    """Return the root of an increasing function, by Newton's method, or by bisection if a step leaves the bracket."""
+    """Return the root of an increasing function, found by Newton's method with bisection as a fallback."""
     x = guess if guess is not None and low < guess < high else low + (high - low) * _HALF
     for _ in range(_MOST_STEPS):
         value, slope = function(x)

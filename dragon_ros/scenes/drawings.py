@@ -1,4 +1,4 @@
-"""Read the line to be walked from a drawing (SVG, GeoJSON, WKT or CSV), as parts in metres with y upwards.
+"""Read the line that a dragon follows from a drawing (SVG, GeoJSON, WKT or CSV), as parts in metres, with y upwards.
 
 svgelements interprets SVG paths, shapes, transforms, units and viewBox. It receives only the chosen element and its
 groups, from a parser that rejects files that are too large, are nested too deeply or declare entities.
@@ -96,7 +96,7 @@ def chosen(path: Path, what: str, names: list[str], asked: str | None, option: s
     if asked is None and len(names) == 1:
         return 0
     if not names:
-        raise InputError(f'{path}: it contains no {what}; draw the line that the head walks', field='path')
+        raise InputError(f'{path}: it contains no {what}; draw the line that the head follows', field='path')
     listed = ', '.join(shown(name)[1:-1] for name in names[:_MOST_LISTED])
     listed += f' and {len(names) - _MOST_LISTED} more' if len(names) > _MOST_LISTED else ''
     if asked is None:

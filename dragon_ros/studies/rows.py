@@ -22,7 +22,7 @@ from dragon_ros.version import __version__
 OK, REFUSED, OVER_BUDGET, FAILED = 'ok', 'refused', 'over_budget', 'failed'
 STATUSES = (OK, REFUSED, OVER_BUDGET, FAILED)       # from best to worst; a row has the worst status of its answers
 _ABOUT: dict[str, type] = {'status': str, 'reason': str, 'cpu_s': float, 'version': str, 'scene_sha256': str}
-_MOST_SHOWN = 500       # largest number of characters of a reason
+_MOST_SHOWN = 500       # largest number of characters in a reason
 Row = dict[str, Any]
 
 

@@ -153,7 +153,7 @@ def messages_that_parse(file: McapFile) -> int:
 
 
 def _parsed_in(file: McapFile, place: Location) -> int:
-    """Count the messages of a chunk that parse, regardless of its CRC."""
+    """Count the messages of a chunk that can be parsed, even if the chunk's CRC is wrong."""
     found = 0
     with suppress(BagError, ValueError):
         for record in records_in(chunk_data(file, place, checked=False)):

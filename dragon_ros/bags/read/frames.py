@@ -117,7 +117,7 @@ class RecordedObstacles:
         return self._now is not None or self._next is not None
 
     def at(self, t_ns: int) -> Surroundings | None:
-        """Return the obstacles at a tick; calls must be in time order."""
+        """Return the obstacles at a tick; calls must be in chronological order."""
         while self._next is not None and _marker_stamp_ns(self._next) <= t_ns:
             self._take(self._next)
             self._next = next(self._left, None)

@@ -271,7 +271,7 @@ def packed(done: OpenChunk, compression: str, compress: Callable[[memoryview], _
 
 
 class Packer:
-    """Packs messages into the same chunks as a McapWriter would."""
+    """Packs messages into chunks in the same way as a McapWriter."""
 
     def __init__(self, compression: str) -> None:
         """``compression`` is a name from BagOptions."""
