@@ -83,7 +83,7 @@ def _every(size: int) -> tuple[Ints, Ints]:
 
 
 def _smallest_of(benches: Benches, i: Ints, j: Ints) -> tuple[int, float]:
-    """Return how many pairs were examined, and their smallest gap."""
+    """Return the number of examined pairs, and their smallest gap."""
     return i.size, float(np.min(gaps(benches, i, j), initial=np.inf))
 
 

@@ -91,7 +91,7 @@ def _alone(name: str, rows: int) -> Row:
 
 
 def _on_dask(name: str, workers: int, rows: int) -> Row:
-    """Time a study on workers that have already computed some rows, without their start-up."""
+    """Time a study on workers that have already computed some rows, so that their start-up is excluded."""
     with TemporaryDirectory() as folder, local_client(workers) as client:
         client.wait_for_workers(workers)
         _complete(client, Path(folder) / 'warm', _study(name, _WARM * workers))

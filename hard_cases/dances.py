@@ -66,8 +66,7 @@ def dances() -> tuple[Problem, ...]:
               replace(_TURNING, head=law), (3.0, 8.0, 59.0, 61.3, 64.1, 70.0, 85.0, 91.7, 100.0)),
         _like('unwinding', 'the tail leads, on one spiral', Scene(track=Spiral(0.55, 6.0), head=Head(1.0, 'tail')),
               (0.0, 0.1, 60.0, 300.0), 224),
-        _like('far-by-the-tail', 'the tail leads 55 km from the centre; rounding an angle there causes errors of
-        micrometres',
+        _like('far-by-the-tail', 'the tail leads 55 km from the centre; rounding angles there causes µm errors',
               Scene(dragon=Dragon(30), track=Spiral(0.55, 100000.1), head=Head(1.0, 'tail')), (0.0, 20.0)),
         _on('far-joined', 'a spiral 16 km from its centre, between a line and an arc',
             (Line(5.0), SpiralArc(0.55, 30000.3, 30000.2999), Arc(4.0, 700.0)), (3.0, 9.0, 20.0, 30.0)),

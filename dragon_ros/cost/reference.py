@@ -459,7 +459,7 @@ def _guessed(before: list[Number]) -> Number | None:
 
 
 def _followed(track: _DecimalTrack, leader: _Place, links: list[Number], way: int, speed: Number) -> Iterator[Point]:
-    """Yield the handles' positions and velocities from the leader on; along a link, both ends are equally fast."""
+    """Yield the handles' positions and velocities from the leader on; both ends of a link are equally fast along it."""
     before: tuple[Pair, Pair] | None = None
     for k, u in _places(track, leader, links, way):
         x, y, dx, dy = track.pieces[k].at(u)

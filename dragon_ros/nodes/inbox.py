@@ -17,8 +17,8 @@ _SLICE_S = 0.01     # longest time spent reading before new messages are taken
 class Inbox:
     """Takes messages as they arrive, so that the middleware drops none, and passes them on in order.
 
-    A node that falls behind skips whole ticks evenly. If the publisher waits for its readers, however, the node reads
-    all waiting messages instead of skipping any.
+    A node that falls behind skips whole ticks, evenly spaced. If the publisher waits for its readers, however, the node
+    reads all waiting messages instead of skipping any.
     """
 
     def __init__(self, node: DragonNode, sources: dict[str, Publishers], read: Callable[[str, bytes, Any], None],

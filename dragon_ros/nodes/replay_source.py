@@ -110,7 +110,7 @@ class ReplaySource:
         self._next = next(self._messages, None)
 
     def _take(self) -> list[Message]:
-        """Return the messages of the next log time, up to the budget for messages held at once."""
+        """Return the messages of the next log time, up to the budget for messages in memory."""
         assert self._next is not None
         frame, t_ns, size = [], self._next.t_ns, 0
         while self._next is not None and self._next.t_ns == t_ns and size <= REPLAYED_BYTES:

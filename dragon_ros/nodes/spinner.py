@@ -28,7 +28,7 @@ from dragon_ros.nodes import raw_subscription
 _WAIT_NS = 100_000_000      # longest delay until a signal is noticed
 _LOOK_S = 0.25              # longest delay until QoS events and new topics are noticed
 _AT_ONCE = 8                # largest number of callbacks that rclpy's executor runs before messages and timers
-_EMPTY_WAITS = 3            # empty waits before giving up; a single empty wait may have consumed a wake-up
+_EMPTY_WAITS = 3            # number of empty waits before giving up; a single one may have consumed a wake-up
 _OVERDUE_S = 0.2            # longest duration of a wait before it is ended
 _SET_BACK_S = 0.05          # change of the system clock after which the middleware is woken
 

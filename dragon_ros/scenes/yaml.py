@@ -198,5 +198,5 @@ def _collect_items(document: Document, node: yaml.SequenceNode, key: str) -> Non
 
 
 def plain_number(value: Any) -> Any:
-    """Return text such as 1e-9, which YAML 1.1 does not parse as a number, as a number; keep all other values."""
+    """Convert text such as 1e-9, which YAML 1.1 does not parse as a number; return other values unchanged."""
     return float(value) if isinstance(value, str) and _EXPONENT.fullmatch(value) else value

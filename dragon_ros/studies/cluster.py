@@ -197,7 +197,7 @@ def joined_client(scheduler: str) -> Iterator[Client]:
 
 
 def check_versions(client: Client) -> None:
-    """Raise InputError if the scheduler or a worker lacks dragon_ros, or its versions differ from those here."""
+    """Raise InputError if the scheduler or a worker lacks dragon_ros or has different versions of the software."""
     wanted = versions()
     found = {'the scheduler': _asked(lambda: client.run_on_scheduler(versions)),
              **{f'worker {address}': one for address, one in client.run(versions, on_error='return').items()}}
@@ -218,8 +218,8 @@ def _asked(call: Callable[[], Any]) -> Any:
 def run(data: DataSet, client: Client, stop: Event, tell: Callable[[StudyProgress], object]) -> StudyProgress:
     """Compute and write the missing rows of a data set until it is complete or ``stop`` is set.
 
-    ``tell`` is called after each batch. Raises DiskError if rows cannot be written, DragonError if the cluster is lost.
-    Written rows are kept, and the next run continues from them.
+    ``tell`` is called after each batch. Raises DiskError if rows cannot be written, and DragonError if the cluster is
+    lost. Written rows are kept, and the next run continues from them.
     """
     work = _StudyRun(data, client)
     tell(work.progress)

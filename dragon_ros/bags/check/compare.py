@@ -467,7 +467,7 @@ def _speed_m_s(frame: Frame, scene: Scene) -> float:
 
 
 def _off_of_others_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:
-    """Return the deviation in metres of a message by another version or kernel; inf if anything but numbers differs.
+    """Return the deviation in metres of a message from another version or kernel; inf if anything but numbers differs.
 
     Accelerations and tensions contain second derivatives of positions. These multiply a position error by (leader's
     speed)^2 / link^2, and by a further power of the conditioning per derivative. A tension is the sum of the forces on

@@ -61,7 +61,7 @@ class LastWord:
     def _is_done(self) -> bool:
         """Return whether the report on the last tick is complete.
 
-        A later report counts only for a fixed tick, because time may have jumped back.
+        A later report counts only for a fixed tick, because time may have jumped backwards.
         """
         if self._done_ns is None or self._due_ns is None:
             return False

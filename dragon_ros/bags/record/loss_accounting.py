@@ -159,7 +159,10 @@ class LossAccount:
         return {topic: count for topic, count in found.items() if count}
 
     def unheard(self) -> list[str]:
-        """Return the topics that should have a message per tick (due to the scene or a publisher) but have none."""
+        """Return the topics that should have one message per tick but have none.
+
+        The scene declares these topics, or they have a publisher.
+        """
         return sorted((self._each_tick | self._offered) - {topic for topic, row in self.topics.items() if row.received})
 
     def complete(self, ended: bool) -> bool:
