@@ -29,10 +29,10 @@ def tensions(chain: Chain, a: Floats) -> Floats:
     The model has equal masses at the handles, massless links, and a frictionless track that acts only along its normal;
     the leader is driven externally. Along the track, only the two adjacent links act on a handle:
 
-        a[i] . t[i] = T[i-1] e[i-1] . t[i] - T[i] e[i] . t[i],
+        a[i] . t[i] = T[i-1] e[i-1] . t[i] - T[i] e[i] . t[i].
 
-    which gives all tensions, starting at the free end: at the tail if the head leads, or at the head if the tail leads.
-    There is no link beyond the free end.
+    This determines all tensions, starting at the free end: at the tail if the head leads, or at the head if the tail
+    leads. There is no link beyond the free end.
     """
     links = _links(chain)
     front, rear = links.cosines

@@ -4,6 +4,6 @@ from dragon_ros.core.frame import Health
 
 
 def chain_health(chain: Chain, promise_m: float) -> Health:
-    """Return how accurately a chain keeps its link lengths, if each handle may have an error of ``promise_m``."""
+    """Return how accurately a chain preserves its link lengths; each handle may have an error of ``promise_m``."""
     off_m, link = chain.worst
     return Health(chain.solver, chain.evaluations, link, off_m, 2 * promise_m)

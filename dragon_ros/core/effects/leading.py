@@ -8,7 +8,7 @@ from dragon_ros.core.numerics.types import read_only
 def leader_motion(simulation: Simulation, t_s: float, chain: Chain) -> LeaderMotion:
     """Return the position of the leading handle, the direction of its motion, and its speed and turning rate.
 
-    A leading tail moves outwards, in the opposite direction to a leading head.
+    A leading tail moves outwards, opposite to the direction of a leading head.
     """
     model, at, speed = simulation.model, chain.leader, simulation.scene.head.speed_at_m_s(t_s)
     segment, u, _ = chain.places

@@ -16,7 +16,7 @@ from dragon_ros.core.scene import Scene
 if TYPE_CHECKING:
     from dragon_ros.core.geometry.near_obstacles import NearObstacles
 
-# The close pairs of a model's previous instant speed up the next search without changing a bit of its result.
+# The close pairs of a model's previous instant speed up the next search without changing a single bit of its result.
 _NEAR: WeakKeyDictionary[Model, NearPairs] = WeakKeyDictionary()
 _OBSTACLES: WeakKeyDictionary[Model, 'NearObstacles'] = WeakKeyDictionary()
 

@@ -18,15 +18,15 @@ from dragon_ros.core.numerics.types import Array, Floats, Ints
 
 _TOGETHER = 4   # number of steps whose boxes are queried together
 _AT_ONCE = 256
-_MOST_PAIRS = 1_000_000     # limit in total, unless the limit per bench allows more
-_MOST_EACH = 16             # per bench
-_MOST_TURNS = 8         # largest number of layers within reach of a bench; beyond it, boxes are faster
-_HAIR = 1e-9            # in rad, and relative to the size of the dragon: far above rounding errors
+_MOST_PAIRS = 1_000_000     # total limit, unless the limit per bench allows more
+_MOST_EACH = 16             # limit per bench
+_MOST_TURNS = 8         # maximum number of layers within reach of a bench; with more layers, boxes are faster
+_HAIR = 1e-9            # tolerance in rad, and relative to the size of the dragon; far above rounding errors
 
 
 @dataclass(frozen=True)
 class _Sectors:
-    """The sector about the origin in which each bench lies, as directions [low, high] and distances."""
+    """The sectors about the origin that contain the benches, as directions [low, high] and distances."""
 
     low: Floats
     high: Floats
@@ -106,7 +106,7 @@ def _spread(along: Floats, aside: Floats, half: Floats, side: Floats) -> tuple[F
     square = along * along + aside * aside
     cross = np.stack((along * side - aside * half, along * side + aside * half))
     dot = np.stack((along * half + aside * side, aside * side - along * half))
-    # Opposite corners lie at cross, dot and at their negatives.
+    # Opposite corners are at (cross, dot) and at the negatives of these values.
     angles = np.concatenate((np.arctan2(cross, square + dot), np.arctan2(-cross, square - dot)))
     return angles.min(axis=0), angles.max(axis=0)
 
@@ -140,7 +140,7 @@ def _polar_pairs(sectors: _Sectors) -> tuple[Ints, Ints] | None:
 
 
 def _spelt(start: Ints, size: Ints) -> tuple[Ints, Ints]:
-    """Return the pairs (i, j) that K windows of j for each i contain; ``start`` and ``size`` have shape (N, K)."""
+    """Return the pairs (i, j) for K windows of j per i, given as ``start`` and ``size`` of shape (N, K)."""
     i = np.repeat(np.arange(start.shape[0]), size.sum(axis=1))
     ends = np.cumsum(size)
     j = np.arange(i.size) + np.repeat(start.ravel() - ends + size.ravel(), size.ravel())
@@ -150,7 +150,7 @@ def _spelt(start: Ints, size: Ints) -> tuple[Ints, Ints]:
 def box_pairs(benches: Benches, reach_m: float = 0.0) -> tuple[Ints, Ints]:
     """Return every pair whose axis-aligned boxes come within ``reach_m``, for any layout (with shapely's STRtree).
 
-    Pairs with |i - j| = 2 or 3 are always included. Raises CrowdError if the pairs would fill the memory.
+    Pairs with |i - j| = 2 or 3 are always included. Raises CrowdError if there would be too many pairs.
     """
     return swept_pairs(benches.corners[None], reach_m)
 
@@ -169,7 +169,7 @@ def pairs_on_steps(low: Floats, high: Floats, reach_m: Floats) -> Iterator[tuple
     """Yield, for each of M steps, the pairs whose boxes come within ``reach_m`` (M,), as in ``swept_pairs``.
 
     ``low`` and ``high`` (M, N, 2) are the corners of the boxes. The boxes of several steps are queried together, unless
-    that would fill the memory.
+    this would yield too many pairs.
     """
     hair = (0.5 * reach_m + _HAIR * float(max(np.max(np.abs(low)), np.max(np.abs(high)))))[:, None, None]
     low, high = low - hair, high + hair

@@ -8,7 +8,7 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True)
 class Closeness:
-    """The smallest signed gap in metres of benches that are not neighbours, the pair with it, and all pairs that touch.
+    """The smallest signed gap in metres of benches that are not neighbours, its pair, and all pairs that touch.
 
     In a venue, obstacles are included; in a pair (i, j) they are numbered after the benches, in the order of the
     venue's names.
@@ -64,5 +64,5 @@ class Observation:
 
 
 def pair_words(pair: Pair, obstacle: str = '') -> str:
-    """Return a description of two benches or, if ``obstacle`` is a name, of a bench and this obstacle."""
+    """Return a description of two benches or, if ``obstacle`` is given, of a bench and that obstacle."""
     return f'bench {pair[0]} and obstacle {obstacle!r}' if obstacle else f'benches {pair[0]} and {pair[1]}'

@@ -1,4 +1,4 @@
-"""Find the closest and the touching pairs of benches and obstacles at successive samples from a list of near edges.
+"""Find the closest and the touching pairs of benches and obstacles at successive samples, using a list of near edges.
 
 ``with_obstacles`` searches from scratch. ``NearObstacles`` returns bit-identical results from the state of an earlier
 sample, which lists all pairs of a bench and an edge whose gaps were at most a given reach. Obstacles are at rest, so
@@ -25,8 +25,8 @@ from dragon_ros.core.geometry.signed_distance import PartedPairs, gap_of, parted
 from dragon_ros.core.geometry.venue import Surroundings
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 
-_SKIN = 0.3             # relative to the mean length of a bench: a longer list remains valid longer but takes more time
-_HAIR = 2.0**-40        # relative to coordinates and sizes: more than the rounding errors of gaps and displacements
+_SKIN = 0.3             # margin of lists, relative to the mean length; longer lists last longer but take more time
+_HAIR = 2.0**-40        # tolerance for rounding errors of gaps and displacements, relative to coordinates and sizes
 _FEW = 8                # up to this many pairs are computed one by one; more pairs are computed as arrays
 
 
@@ -42,7 +42,7 @@ def with_obstacles(around: Surroundings, found: Closeness, benches: Benches) -> 
 
 def _together(around: Surroundings, found: Closeness, benches: Benches, pairs: tuple[Ints, Ints], gap_m: Floats,
               misplaced: tuple[Ints, Ints]) -> Closeness:
-    """Add obstacles to a closeness, given the gaps of pairs that include the nearest and all touched edges."""
+    """Add obstacles to a ``Closeness``, given the gaps of pairs that include the nearest and all touched edges."""
     count, names = len(benches.half_length), len(around.names)
     key, index = np.unique(pairs[0] * names + around.owner[pairs[1]], return_inverse=True)
     least_m: Floats = np.full(key.size, inf)
@@ -94,7 +94,7 @@ class _Kept:
 
 
 class NearObstacles:
-    """Adds obstacles to the closeness of successive samples, which is faster if consecutive samples are similar."""
+    """Adds obstacles to the closeness of successive samples; this is faster if consecutive samples are similar."""
 
     def __init__(self, around: Surroundings) -> None:
         """Start without a state."""

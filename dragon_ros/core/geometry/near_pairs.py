@@ -1,4 +1,4 @@
-"""Find the closest two benches and all benches that touch at successive samples from a list of near pairs.
+"""Find the closest two benches and all benches that touch at successive samples, using a list of near pairs.
 
 ``closeness`` searches from scratch. ``NearPairs`` returns bit-identical results from the state of earlier samples: a
 list of near pairs (Verlet, Phys. Rev. 159, 98, 1967), and bounds on how much all gaps have changed since. This state
@@ -15,9 +15,9 @@ farthest-moving point. Therefore:
 2. The gap of a pair changes by at most the displacement of its points in any frame, including the frame of a third
    bench k. With centres c and turns w since the reference state (unit complex numbers), the points of a bench with
    half diagonal r move by at most m = |(c - c_k) conj(w_k) - (c' - c_k')| + r |w - w_k|, and a gap changes by at most
-   2 max m. If all benches move as one rigid body, m is 0. As long as the gaps of unlisted pairs were larger by that
-   amount, none of these pairs is the closest or touches.
-3. In a large dragon the inner layers turn much faster than the outer layers, so the dragon is split into parts. Each
+   2 max m. If all benches move as one rigid body, m is 0. If the gaps of unlisted pairs exceeded the current clearance
+   by more than that amount, none of these pairs is the closest or touches.
+3. In a large dragon, the inner layers turn much faster than the outer layers, so the dragon is split into parts. Each
    part has its own list and its own bench k; the list contains the pairs of the part's benches with each other and
    with the following benches up to an end. In all pairs across an end, the two benches differ in their distance from
    the origin. If each bench is turned back about the origin by its own turn, no point of the bench moves by more than
@@ -42,13 +42,13 @@ from dragon_ros.core.geometry.signed_distance import PartedPairs, gap_of, gaps, 
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 
 TOUCH_M = 1e-10         # a smaller gap counts as contact; positions are accurate to 2e-12 m
-_SKIN = 0.45            # relative to the mean half length: a longer list remains valid longer but takes more time
-_HAIR = 2.0**-40        # relative to coordinates and sizes
-_MOST_EACH = 32         # largest number of listed pairs per bench; with more, each sample is searched from scratch
+_SKIN = 0.45            # margin of lists, relative to the mean half length; longer lists last longer but take more time
+_HAIR = 2.0**-40        # tolerance for rounding, relative to coordinates and sizes
+_MOST_EACH = 32         # maximum number of listed pairs per bench; with more, each sample is searched from scratch
 _FEW = 8                # up to this many pairs are computed one by one; more pairs are computed as arrays
 _FIRST_PART = 512       # number of benches in the innermost part; each further part extends twice as far
-_OVERLAP = 2.5          # limit of the benches in all lists, per bench of the dragon; above it, there is no split
-_WORTH = 0.02           # relative to the skin: parts with a smaller margin are measured at each sample
+_OVERLAP = 2.5          # limit of the benches in all lists, per bench of the dragon; above it, the dragon is not split
+_WORTH = 0.02           # smallest margin, relative to the skin, at which a part need not be measured at each sample
 
 _NONE: Ints = np.empty(0, dtype=np.int64)
 _NOTHING = Closeness(inf, None, _NONE, _NONE, np.empty(0))
@@ -97,8 +97,8 @@ class _NearList:
 
     ``held`` is the reference bench, ``from_held`` are all centres (M,) relative to the reference bench, and
     ``turned_back`` are the conjugate axes (M,). When the list was built, pairs with gaps larger than ``beyond_m``
-    were left out. Between then and the reference state, gaps changed by at most ``spent_m``. At the reference state
-    no listed pair was closer than ``nearest_m``. When the list was last measured, ``close`` pairs had to be computed.
+    were omitted. Between then and the reference state, gaps changed by at most ``spent_m``. In the reference state, no
+    listed pair was closer than ``nearest_m``. When the list was last measured, ``close`` gaps had to be computed.
     """
 
     first: int
@@ -170,7 +170,7 @@ def _middle(bodies: _ComplexBenches, first: int, end: int) -> int:
 
 def _seen_part(part: _NearList, bodies: _ComplexBenches, p: Floats, benches: Benches, limit_m: float,
                skin_m: float) -> tuple[_NearList, Ints] | None:
-    """Return a part after one more sample, and the rows of pairs that may be within a limit; None if too many."""
+    """Return a part after another sample, and the rows of pairs possibly within a limit; None if there are too many."""
     change_m = part.change_m(bodies)
     if not part.beyond_m - part.spent_m - change_m > limit_m:
         listed = _listed(bodies, p, benches, (part.first, part.stop, part.end), max(limit_m, 0.0) + skin_m, limit_m)
@@ -189,7 +189,7 @@ def _seen_part(part: _NearList, bodies: _ComplexBenches, p: Floats, benches: Ben
 
 
 def _decided(benches: Benches, known: tuple[tuple[int, int], float], pairs: list[tuple[int, int]]) -> Closeness:
-    """Return the closeness, given pairs that include the closest pair and all that touch, and the gap of one pair."""
+    """Return the closeness, given one known gap, and pairs that include the closest pair and all pairs that touch."""
     if len(pairs) > _FEW:
         i, j = np.array(pairs).T
         return _of(i, j, gaps(benches, i, j))
@@ -203,7 +203,7 @@ def _decided(benches: Benches, known: tuple[tuple[int, int], float], pairs: list
 
 @dataclass(frozen=True, slots=True)
 class _Kept:
-    """The state kept from one sample to the next: the parts, the closest pair, and the ``sizes`` of the benches.
+    """The state stored between samples: the parts, the closest pair, and the ``sizes`` of the benches.
 
     Pairs across the ends of parts were at least ``apart_m`` apart when the benches had these centres (N,) and
     conjugate axes (N,).

@@ -80,7 +80,7 @@ def _merged(line: Ints, place: Ints, kind: Bools) -> tuple[Ints, Ints]:
 
 
 def _labels(first: Ints, last: Ints, width: int) -> tuple[Ints, int]:
-    """Return the connected part of each run, and the number of parts; parts are numbered by their first runs.
+    """Return the number of the connected part of each run, and the count of parts, which are ordered by first runs.
 
     Runs of cells extend from ``first`` to ``last``, as row * width + column. Runs that touch in consecutive rows are
     joined until nothing changes: each pass propagates the smallest number between touching runs, and then follows the

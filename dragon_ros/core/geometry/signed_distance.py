@@ -25,9 +25,9 @@ from dragon_ros.core.numerics.types import Array, Complexes, Floats, Index, Ints
 
 CORNERS = ('front left', 'rear left', 'rear right', 'front right')     # in the order of Benches.corners
 EDGES = ('front', 'rear', 'left', 'right')
-_ROUNDED = 2.0**-46 # relative to coordinates and sizes: the largest rounding error of a separation or gap
+_ROUNDED = 2.0**-46 # largest rounding error of a separation or gap, relative to coordinates and sizes
 _AT_ONCE = 4096     # number of pairs whose intermediate results fit in the cache
-_SAME = 1e-12       # relative to the sizes: smaller differences count as ties
+_SAME = 1e-12       # largest difference that counts as a tie, relative to the sizes
 _STRAIGHT_M = 1e-200    # avoids a division by zero
 _ALONG: Floats = np.array([[1.0], [-1], [-1], [1]])
 _ASIDE: Floats = np.array([[1.0], [1], [-1], [-1]])
@@ -61,7 +61,7 @@ class RelativePoses:
         return [self.x - along, -self.x - along, self.y - aside, -self.y - aside]
 
     def along_axes(self) -> list[Floats]:
-        """Return the four separations along both axes of A and both axes of B, each the larger of two sides."""
+        """Return the four separations along the axes of A and B, each the larger of the values on two sides."""
         pairs = (self, *self._extents), (other := self.mirrored(), *other._extents)
         return [each for one, along, aside in pairs for each in (np.abs(one.x) - along, np.abs(one.y) - aside)]
 
@@ -95,7 +95,7 @@ def rounding_m(far_m: Floats | float, half_m: float) -> Floats | float:
 
 
 def placement(benches: Benches, i: Index, j: Index, others: Benches | None = None) -> RelativePoses:
-    """Return the poses of benches j relative to benches i (indices along the second to last axis of ``centre``).
+    """Return the poses of benches j relative to benches i (indices along the second-to-last axis of ``centre``).
 
     If ``others`` are given, j are indices of ``others``.
     """
@@ -246,7 +246,7 @@ def _separation(x: float, y: float, cos: float, sin: float, a: tuple[float, floa
 
 
 def _at(array: Array, index: Index) -> Floats:
-    """Return ``array[index]``; for a single array of indices ``take`` is used, which is faster."""
+    """Return ``array[index]``; for a single array of indices, ``take`` is used, because it is faster."""
     out: Floats = array[index] if isinstance(index, tuple) else array.take(index, axis=0)
     return out
 

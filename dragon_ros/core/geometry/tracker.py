@@ -28,7 +28,7 @@ from dragon_ros.core.numerics.types import Floats, Ints
 
 NS = 10**9
 NEAR_M = 0.02           # a smaller clearance triggers a warning
-MOST_REPORTED = 32      # largest number of episodes reported at a time; the deepest are reported first
+MOST_REPORTED = 32      # maximum number of episodes reported at a time; the deepest are reported first
 _SHOWN = 8
 _UNEVEN = 4             # largest ratio between the time steps of ticks that are interpolated together
 
@@ -46,7 +46,7 @@ class Event:
 
     If the second member of the pair is an obstacle, ``obstacle`` is its name.
 
-    ``before_ns`` is None if the first observed tick already had the contact. ``gap_m`` is the signed gap at
+    ``before_ns`` is None if the contact already existed when it could first be observed. ``gap_m`` is the signed gap at
     ``after_ns``, which is negative for overlap. ``approach_m_s`` is the rate at which the gap shrank at the contact;
     nan if it is unknown.
     """
@@ -139,7 +139,7 @@ class ReorderBuffer(Generic[T]):
         self._late: list[T] = []
 
     def take(self, observation: T) -> tuple[bool, list[T]]:
-        """Return whether time restarts, and the observations that are to be examined now, in order.
+        """Return whether time restarts, and the observations that must be examined now, in order.
 
         Time restarts if the number of handles changes, or if an observation is older than the last few observations
         or more than a second late. It also restarts after several late observations in a row; these are then passed
@@ -170,7 +170,7 @@ class ReorderBuffer(Generic[T]):
 
 @dataclass(frozen=True)
 class Episodes:
-    """Pairs that touch, in order of ``key`` (M,): deepest gaps in m and their times in ns, and which were reported."""
+    """Pairs that touch, in order of ``key`` (M,): deepest gaps in m, times in ns, and whether they were reported."""
 
     key: Ints
     deepest_m: Floats
@@ -224,7 +224,7 @@ class ContactTracker:
     def surround(self, around: Surroundings | None) -> None:
         """Use these surroundings for later observations. Contacts with obstacles of previous surroundings end.
 
-        New surroundings with the same names count as the previous surroundings in a new position.
+        New surroundings with the same names are treated as the previous surroundings in a new position.
         """
         same = around and self.around and around.names == self.around.names
         if self._seen and self._open.key.size and not same:

@@ -58,7 +58,7 @@ class Surroundings:
         return next(iter(np.flatnonzero(self.side == WITHIN).tolist()), None)
 
     def moved(self, pose: PlanePose) -> 'Surroundings':
-        """Return the surroundings in another frame; ``pose`` is the pose of their present frame in that frame."""
+        """Return the surroundings in another frame; ``pose`` is the pose of their current frame in that frame."""
         shift, turn = pose
         return replace(self, start=_kept(shift + self.start * turn), stop=_kept(shift + self.stop * turn))
 
@@ -185,7 +185,7 @@ class Surroundings:
         return -gap_m if wrong else gap_m
 
     def touching(self, benches: Benches) -> tuple[Ints, Ints, Floats]:
-        """Return the benches that touch an obstacle, the index of the obstacle's name, and the smallest gaps, all (K,).
+        """Return the benches that touch obstacles, the indices of obstacle names, and the smallest gaps, all (K,).
 
         The pairs with the deepest contacts come first.
         """
@@ -200,7 +200,7 @@ class Surroundings:
         return int(number[0]) if number.size else None
 
     def misplaced_benches(self, benches: Benches, which: Ints) -> tuple[Ints, Ints]:
-        """Return the benches whose centres are in a polygon or outside the inside, and the indices of the names."""
+        """Return the benches with centres in a polygon or not in the venue's inside, and the indices of the names."""
         row, number = self.misplaced_points(benches.centre[which])
         return which[row], number
 

@@ -7,7 +7,7 @@ from numpy.polynomial import chebyshev
 from dragon_ros.core.numerics.types import Floats
 
 _ENOUGH = 1e-12        # size of a Newton step, relative to the interval, below which no further step is needed
-_NOTHING = 5e-16       # smallest coefficient that counts, relative to the interval: about the rounding error of values
+_NOTHING = 5e-16       # smallest coefficient that is used, relative to the interval: about the rounding error of values
 _NEWTON_STEPS = 6       # limit for steps; from a start within a tenth of the interval, three steps reach the last digit
 # The maximum number of multiplications per product. BLAS splits larger products among threads; on a busy machine,
 # synchronising these threads takes longer than computing on a single thread.

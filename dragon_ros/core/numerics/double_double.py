@@ -1,6 +1,6 @@
 """Double-double numbers: unevaluated sums of two floats (hi, lo), which lose no digits after many turns.
 
-``hi`` is the float nearest to the number and ``lo`` is the remainder. Near 1e9 rad the resolution of one float is 1e-7
+``hi`` is the float nearest to the number and ``lo`` is the remainder. Near 1e9 rad, the resolution of one float is 1e-7
 rad, and the resolution of the pair is 1e-23 rad. Trigonometry uses plain floats: cos(hi + lo) = cos(hi) - lo sin(hi) to
 the last digit.
 """

@@ -12,7 +12,7 @@ Index = Array | tuple[Array, ...]
 
 
 def read_only(array: Floats) -> Floats:
-    """Return the array as read-only, so that callers cannot change results of the core."""
+    """Make an array read-only and return it, so that callers cannot change results of the core."""
     array.flags.writeable = False
     return array
 

@@ -1,4 +1,4 @@
-"""Vectors of the plane as arrays (..., 2)."""
+"""Vectors in the plane as arrays (..., 2)."""
 import numpy as np
 
 from dragon_ros.core.numerics.types import Array, Floats
@@ -16,5 +16,5 @@ def dot(a: Floats, b: Floats) -> Floats:
 
 
 def complex_of(vectors: Floats) -> Array:
-    """Return a view of vectors, contiguous in memory, as complex numbers (...), which can be copied faster."""
+    """Return contiguous vectors as a view of complex numbers (...), which can be copied faster."""
     return vectors.view(np.complex128)[..., 0]

@@ -29,12 +29,12 @@ from dragon_ros.core.tracks.segments import BEHIND, reach_m
 # The number of nodes next to a joint, where series for a longer link converge more slowly than the block's series.
 _MORE_NODES = 36
 _NEWTON_STEPS = 12      # maximum number of Newton steps on an extended segment
-_SOLVED = 1e-14         # length of a final step, relative to the link, that leaves no error
+_SOLVED = 1e-14         # length of a Newton step, relative to the link, after which no further step is needed
 _SAME = 1e-9            # largest distance between equal solutions, relative to the link
 
 
 class Chart(NamedTuple):
-    """Charts (C,) that locate cells by the coordinates of positions in them; the foremost chart is the first.
+    """Charts (C,) that locate cells by the coordinates of positions in them; the foremost chart comes first.
 
     ``cell`` (C,) holds the numbers of the cells, counted by row (from row ``first`` on) and part; a cell may have
     several charts. ``middle`` (C, 3) holds the segment's coordinate in the middle of a cell as (hi, lo), and a scale,
@@ -86,7 +86,7 @@ class LeadIn:
 
 
 def towards_leader(track: Track, place: Place, link_m: float, direction: int) -> Place | None:
-    """Return the position of the leader whose follower, one link away in ``direction``, is at ``place``, or None."""
+    """Return the position of the leader whose follower in ``direction`` is at ``place``; None if there is no leader."""
     tame = track.without_locks(link_m)
     if tame is None or not _has_leader(tame, track.distance_of(place)[0], link_m, direction):
         return None
@@ -136,7 +136,7 @@ def _leaders(track: Track, followers: Places, cells: Ints, link_m: float, direct
 
 def _next_to_joints(track: Track, table: Table, rows: Ints, cells: Ints, links_m: tuple[float, float],
                     direction: int) -> list[LeadIn | None]:
-    """Return the charts of cells in which the leader passes a joint, one for each segment that the leader is on."""
+    """Return the charts and series of cells in which the leader passes a joint, one part per segment of the leader."""
     followers, p, motion = _followers(track, table, rows, _MORE_NODES)
     leaders = _leaders(track, followers, cells, links_m[0], direction)
     if leaders is None:
@@ -189,7 +189,7 @@ def _rows_on(track: Track, table: Table, stretch_m: tuple[float, float]) -> Ints
 
 
 def _followers(track: Track, table: Table, rows: Ints, nodes: int) -> tuple[Places, Floats, Floats]:
-    """Return the nodes of the cells of rows, rear first: positions (C, nodes), points (C, nodes, 2) and motions."""
+    """Return the nodes of the cells in rows, rear first: positions (C, nodes), points (C, nodes, 2) and motions."""
     count = table.nodes
     at: Floats = np.asarray(chebyshev.chebvander(transform(nodes)[0], count - 1), dtype=np.float64)     # (nodes, K)
     x = in_parts(at, table.coordinates[:, :, rows]).transpose(2, 0, 1)
@@ -204,7 +204,7 @@ def _followers(track: Track, table: Table, rows: Ints, nodes: int) -> tuple[Plac
 
 def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places, followers: tuple[Floats, Floats],
             longest_m: float) -> LeadIn | None:
-    """Fit the series of leaders to the nodes of cells, each on one segment; series that diverge are left out.
+    """Fit the series of leaders to the nodes of cells, each on one segment; omit series that do not converge.
 
     Series that do not converge to the accuracy of the table must at least converge to the accuracy of its tier.
     """
@@ -219,7 +219,7 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
         places, motions = map(series_of, (p, pace[..., None] * heading))
         half = np.hypot(places[:, 1, 0], places[:, 1, 1])
         # All speeds are relative to the leader's motion; a short link must not make this motion less accurate than
-        # others.
+        # the motions of other handles.
         size = np.maximum(np.abs(places), longest_m * np.abs(motions)).max(axis=2)
         (x,), (middle,), (scale,) = scaled(series_of(from_origin.T)[None])
         inverse = inverse_series(x)

@@ -73,7 +73,7 @@ class Segment(Protocol):
         ...
 
     def curvature(self, u: Any) -> Any:
-        """Return the curvature in 1/m, positive if the head turns left; monotone along the segment."""
+        """Return the curvature in 1/m, positive if the head turns left; it is monotone along the segment."""
         ...
 
     def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
@@ -114,7 +114,7 @@ class Segment(Protocol):
               edge: float) -> tuple[list[float], list[float], int]:
         """Return the coordinates (hi, lo) of the next handles, and the number of evaluations.
 
-        ``links`` = (count, chord_m) are the number of links and their length. The march stops before the first handle
+        ``links`` = (count, chord_m) holds the number of links and their length. The march stops before the first handle
         that is beyond ``edge`` or cannot be placed.
         """
         ...
@@ -291,7 +291,7 @@ class ArcSegment:
 
 
 def reach_m(bend: float, chord_m: float) -> float:
-    """Return the longest arc that a chord can span on a track whose curvature in 1/m is at most ``bend``.
+    """Return the longest arc that a chord can span on a track with a curvature of at most ``bend`` in 1/m.
 
     If the curvature times the chord is below 2, the chord from a fixed position grows along the track until the arc
     length is pi / bend. The tangents at two arc lengths sigma < s differ by an angle of at most bend (s - sigma), so
@@ -309,7 +309,7 @@ def arc_span(radius_m: float, chord_m: float) -> float:
 
 def _equal_shifts(u: DoubleDouble, count: int, shift: float, direction: int,
                   edge: float) -> tuple[list[float], list[float], int]:
-    """Return equally spaced coordinates (hi, lo) up to an edge, and their number."""
+    """Return equally spaced coordinates (hi, lo) up to an edge, and their count."""
     high, low, highs, lows = *u, list[float](), list[float]()
     for _ in range(count):
         high, low = plus(high, low, shift)
@@ -321,7 +321,7 @@ def _equal_shifts(u: DoubleDouble, count: int, shift: float, direction: int,
 
 
 def arc_from(start: complex, heading: complex, radius_m: float, side: int, angle_rad: float) -> ArcSegment:
-    """Return the arc that starts at a point with a heading and turns to one side."""
+    """Return the arc that starts at a point with a given heading and turns to one side."""
     spoke = -1j * side * radius_m * heading
     return ArcSegment(start - spoke, spoke, radius_m, side, 0.0, angle_rad)
 
