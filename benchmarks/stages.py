@@ -20,7 +20,7 @@ _LOOKS = 25     # number of ticks through which the contact check goes back and 
 
 
 def stages_of(scene: Scene, solver: str, t_s: float) -> dict[str, Callable[[], object]]:
-    """Return a call that runs each stage at one time; the results of earlier stages are computed in advance."""
+    """Return, for each stage, a call that runs it at the given time; earlier stages are computed in advance."""
     head = _head(scene, t_s)
     chain = CHAIN_SOLVERS[solver](scene, head)
     near, looks = NearPairs(), ticks_from(scene, t_s)

@@ -151,7 +151,7 @@ class Recorder(DragonNode):
         self._share_absolute()
 
     def _share_absolute(self) -> None:
-        """Note which of the absolute topics, which all nodes of the graph share, have several publishers."""
+        """Note the absolute topics, shared by all nodes of the graph, that have several publishers."""
         self.losses.share(topic for topic in self._names.values()
                           if topic in channels() and self.count_publishers(topic) > 1)
 

@@ -152,7 +152,7 @@ def span_of(bag: BagReader, choice: Choice) -> tuple[int, int]:
 
 
 def quantile(counts: Counter[int], part: float) -> int:
-    """Return the smallest value that is not exceeded by at least a fraction ``part`` of the counted values."""
+    """Return the smallest value that is at least as large as a fraction ``part`` of the counted values."""
     left = part * counts.total()
     for value in sorted(counts):
         left -= counts[value]

@@ -184,7 +184,7 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
     result = Comparison(None if made_by in (None, __version__) else made_by, other_kernel(made))
     encode = encoders(scene, frame_id)
     if scene.is_led:
-        most = 0 if bag.metadata(RECEIVED) else _MOST_LAST      # a recorder that is killed writes no RECEIVED
+        most = 0 if bag.metadata(RECEIVED) else _MOST_LAST      # a killed recorder writes no record RECEIVED
         _compare_led(result, scene, encode, _instants(bag, namespace, encode), most, progress)
     else:
         run = _PartOfRun(bag, scene, namespace, frame_id, contact_s, (result.other_version, result.other_kernel))
