@@ -254,7 +254,10 @@ class Bag:
 
     @cached_property
     def scene(self) -> Scene | None:
-        """The scene of the run, if the bag has one. Raises InputError if it is too large and not trusted."""
+        """The scene of the run, if the bag has one.
+
+        Raises InputError if the scene exceeds its budgets, unless ``trust`` lifts them.
+        """
         return scene_of_bag(self._reader, self.namespace, self._trust)
 
     @property

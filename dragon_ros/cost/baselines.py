@@ -41,7 +41,7 @@ def by_newton(tolerance: float, theta: float, chord: float) -> float:
 
 
 def by_bisection(tolerance: float, theta: float, chord: float) -> float:
-    """Return the next angle, found by bisection of half a turn until the bracket is ``tolerance`` rad wide."""
+    """Return the next angle, found by bisection of half a turn until the bracket is at most ``tolerance`` rad wide."""
     low, high = theta, theta + pi
     while high - low > tolerance:
         middle = 0.5 * (low + high)

@@ -1,4 +1,4 @@
-"""Reads bags (single MCAP files or rosbag2 folders) in time order and in bounded memory."""
+"""Reads bags (single MCAP files or rosbag2 folders) in chronological order and in bounded memory."""
 from array import array
 from bisect import bisect_left
 from collections import OrderedDict, deque
