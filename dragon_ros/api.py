@@ -254,10 +254,7 @@ class Bag:
 
     @cached_property
     def scene(self) -> Scene | None:
-        """The scene of the run, if the bag has one.
-
-        Raises InputError if the scene exceeds its budgets, unless ``trust`` lifts them.
-        """
+        """The scene of the run, if the bag has one. Raises InputError if it exceeds its budgets, unless trusted."""
         return scene_of_bag(self._reader, self.namespace, self._trust)
 
     @property
