@@ -20,7 +20,7 @@ from dragon_ros.core.checks import number, settle
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.exact_polynomial import ExactPolynomial
 
-SHORT_M = 0.01  # minimum distance at which the leader stops before the track's end, or a lock (where speeds diverge)
+SHORT_M = 0.01  # smallest distance that the leader keeps from an end of the track, or from a lock, where speeds diverge
 
 
 @dataclass(frozen=True)
@@ -179,10 +179,11 @@ def next_speed_m_s(settings: Commanded, speed_m_s: float, wanted_m_s: float, ste
 
 def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, float],
              keep_s: float = 0.0) -> tuple[Walked, int]:
-    """Return the law up to the next tick, and the end before which the leader brakes: -1 behind, 1 ahead, 0 none.
+    """Return the law up to the next tick, and the end before which the leader brakes.
 
-    ``ends_m`` are the limits of travel backwards and forwards, which are infinite if there is no limit. Knots older
-    than ``keep_s`` seconds are dropped.
+    The end is -1 behind the leader, 1 ahead of it, or 0 if the leader need not brake. ``ends_m`` are the limits of
+    travel backwards and forwards, which are infinite if there is no limit. Knots older than ``keep_s`` seconds are
+    dropped.
     """
     (before_s, speed), gone_m = law.knots[-1], float(law.reached_m[-1])
     step = law.settings, speed, wanted_m_s, t_s - before_s

@@ -1,7 +1,7 @@
 """Place handles along a track from the leader on, in blocks of equal links, at one instant or at many.
 
-Each case has its own function, whose docstring explains why: ``forward`` for one instant and ``forward_many`` for many
-leaders. ``forward_many`` calls ``together`` for up to hundreds of chains on a spiral and ``by_segment`` for tracks of
+One leader is handled by ``forward`` and many leaders by ``forward_many``; the docstrings explain why there are two
+functions. ``forward_many`` calls ``together`` for up to hundreds of chains on a spiral and ``by_segment`` for tracks of
 several segments.
 """
 from collections.abc import Callable
@@ -27,7 +27,7 @@ _STEEP = 0.05           # smallest slope from row to row; below it, a follower h
 
 
 class Block(NamedTuple):
-    """Links ``start`` to ``stop``, counted from the leader, all of equal length (with many chains, one per chain)."""
+    """Links ``start`` to ``stop``, counted from the leader, of equal length (for many chains, one length per chain)."""
 
     start: int
     stop: int

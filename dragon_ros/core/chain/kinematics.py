@@ -108,7 +108,7 @@ class RigidLinks:
         return read_only(tangential[..., None] * self.forward + bend[..., None] * side)
 
     def _forward(self, leader: float | Floats) -> Floats:
-        """Return a speed or acceleration of the leader with the sign that it has in the head's direction."""
+        """Convert a speed or acceleration of the leader so that it is positive in the head's direction."""
         rate = np.asarray(leader, dtype=np.float64)
         return rate if self.leader == 0 else -rate
 

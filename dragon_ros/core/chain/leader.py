@@ -1,4 +1,4 @@
-"""The leader of a chain: its position on the track after a distance travelled, and its range of travel."""
+"""The leader of a chain: its position on the track after it has travelled a distance, and its range of travel."""
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot, inf, sqrt
@@ -53,7 +53,7 @@ class Leader:
         return self.track.distance_of(_last(self.track, self.links_m, self.track.place_at(self.start_m), BEHIND))
 
     def place(self, gone_m: tuple[float, float]) -> Place:
-        """Return the position of the leader after ``gone_m`` = (hi, lo). Raises TrackEndError beyond either end."""
+        """Return the leader's position after travelling ``gone_m`` = (hi, lo). Raises TrackEndError beyond an end."""
         (origin, low), step = self._origin_m, -self.direction * gone_m[0]
         total = origin + step               # double_double.plus, inlined
         part = total - origin
@@ -61,7 +61,7 @@ class Leader:
         return self.track.place_at(total, low - self.direction * gone_m[1], origin)
 
     def places(self, gone_m: tuple[Floats, Floats]) -> Places:
-        """Return the positions of the leader after many distances."""
+        """Return the positions of the leader for many distances travelled."""
         high, low = plus(*self._origin_m, -self.direction * gone_m[0])
         return self.track.places_at(*plus(high, low, -self.direction * gone_m[1]))
 
@@ -75,7 +75,7 @@ class Leader:
         return self._origin_m[0] - self.direction * gone_m
 
     def turning_m(self, low_m: float, high_m: float, links: int | None = None) -> list[float]:
-        """Return the distances of the leader between two limits at which any handle turns back, in ascending order.
+        """Return the leader's distances travelled, between two limits, at which any handle turns back, in order.
 
         Between consecutive distances, every handle moves in one direction. Handles turn back only near the centre of a
         single spiral, where links may lock. If ``links`` is given, only the handles of the first ``links`` links are
@@ -96,10 +96,7 @@ class Leader:
         return 0.0, self._origin_m[0] - self.track.begin_m
 
     def size_m(self, extent_m: tuple[float, float]) -> float:
-        """Return an upper bound on any handle's distance from the origin while the leader's travel is in ``extent_m``.
-
-        Both ends of ``extent_m`` are distances travelled.
-        """
+        """Return an upper bound on the distance of any handle from the origin over a range of travel."""
         spiral = self.track.from_afar
         if self.track.may_lock and spiral:  # r^2 grows by at most 2 b per metre of track
             curve, length_m = spiral.curve, float(np.sum(self.links_m))
@@ -108,7 +105,7 @@ class Leader:
         return max(self.track.far_m(low_m, high_m), self.track.laid_from_m(high_m))
 
     def span_m(self, extent_m: tuple[float, float]) -> tuple[float, float]:
-        """Return the interval of the track that handles occupy while the leader moves between two distances.
+        """Return the interval of the track that the handles occupy over a range of travel.
 
         Every handle moves forward with the leader, so the tail is furthest back when the leader is furthest back.
         """

@@ -11,7 +11,8 @@ from math import cos, inf, pi, sin, sqrt, ulp
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.tracks.spiral import chord_of, first_guess, first_peak, step
 
-# A link whose front handle is at an angle above its chord plus this spans less than 60 degrees and never turns back.
+# If the angle of its front handle exceeds its chord by more than this, a link spans less than 60 degrees, so that its
+# rear handle never turns back.
 _NO_TURN = 4.0
 
 

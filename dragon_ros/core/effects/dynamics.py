@@ -1,4 +1,4 @@
-"""Accelerations of the handles, and the tensions in the links that follow from them."""
+"""Accelerations of the handles, and the resulting tensions in the links."""
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain

@@ -1,4 +1,4 @@
-"""The dragon as a robot: the angles between its benches."""
+"""The angles between consecutive benches, which are the joint angles of the dragon as a robot."""
 import numpy as np
 
 from dragon_ros.core.numerics.types import Floats, read_only

@@ -38,7 +38,7 @@ def closeness(simulation: Simulation, chain: Chain, benches: Benches) -> Closene
 
 
 def touching(simulation: Simulation, frame: Frame) -> list[tuple[int, int]]:
-    """Return the pairs that touch, the deepest first, regardless of the effects that are on."""
+    """Return the pairs that touch, the deepest first, regardless of which effects are on."""
     benches = frame.benches or benches_of(frame.chain, simulation.scene.dragon, frame.axis)
     found = frame.closeness or closeness(simulation, frame.chain, benches)
     return list(zip(found.i.tolist(), found.j.tolist(), strict=True))

@@ -45,7 +45,7 @@ def candidates(p: Floats, benches: Benches, reach_m: float | None = None) -> tup
 
     The search takes O(N) time if the handles wind outwards about the origin: the directions of the benches increase
     (or decrease) towards the tail, no bench turns back by more than half a turn, and few layers are within reach of
-    each other. If other layers or its own layer are within reach of a bench, its candidates include those layers. A
+    each other. If a bench is within reach of other layers or of its own layer, its candidates include those layers. A
     bench over the origin covers every direction. All these conditions are checked; if one of them fails, the
     candidates are found by ``box_pairs``, which is complete for any layout.
     """

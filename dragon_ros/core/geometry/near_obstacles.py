@@ -6,8 +6,8 @@ the gap of a bench with half diagonal r has since changed by at most m = |c - c'
 and w are orientations (unit complex numbers). The gaps of unlisted pairs are above the reach minus m. A listed pair
 can be excluded by its gap minus m, or by its separation along the axis that separated the pair best, as in
 ``near_pairs``: a bench that moves along a wall stays at the same distance from the wall. Gaps are computed only for
-pairs that may be closer than the closest two benches or than the nearest edge. The state affects only the time that a
-sample takes.
+pairs that may be closer than the closest two benches and the previously nearest edge. The state affects only the time
+that a sample takes.
 
 A bench on the wrong side of an obstacle's edges (``misplaced_benches``) touches the obstacle even if it meets none of
 the edges; its signed gap is then minus its distance from the nearest edge.
@@ -25,7 +25,7 @@ from dragon_ros.core.geometry.signed_distance import PartedPairs, gap_of, parted
 from dragon_ros.core.geometry.venue import Surroundings
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 
-_SKIN = 0.3             # margin of lists, relative to the mean length; longer lists last longer but take more time
+_SKIN = 0.3             # margin of lists, relative to the mean bench length; long lists last longer but take more time
 _HAIR = 2.0**-40        # tolerance for rounding errors of gaps and displacements, relative to coordinates and sizes
 _FEW = 8                # up to this many pairs are computed one by one; more pairs are computed as arrays
 

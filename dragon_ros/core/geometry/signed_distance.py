@@ -212,7 +212,7 @@ def gaps(benches: Benches, i: Index, j: Index, others: Benches | None = None) ->
 def gap_of(benches: Benches, i: int, j: int, others: Benches | None = None) -> float:
     """Return the signed gap of benches i and j in metres, bit-identical to ``gaps``, using the same float operations.
 
-    For a single pair, this takes a tenth of the time that arrays take. If ``others`` are given, j is an index of
+    For a single pair, this takes a tenth of the time of array operations. If ``others`` are given, j is an index of
     ``others``.
     """
     others = benches if others is None else others

@@ -1,4 +1,4 @@
-"""Track the contacts of a dragon tick by tick, each with its bracket; this is the monitor without its ROS part.
+"""Track the contacts of a dragon tick by tick, and bracket each in time: the monitor without its ROS part.
 
 A tracker receives only ticks. For each contact, the tracker reports the last tick without contact, the first tick
 with contact, and the time between them at which the signed gap, interpolated through the latest ticks, vanishes. Each

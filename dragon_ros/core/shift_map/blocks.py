@@ -188,7 +188,7 @@ class Placement:
                      for block, shift in self.blocks)
 
     def _step(self, k: int, link_m: float) -> _NextPlace:
-        """Return the step on a segment: its solver, and the range of coordinates that stay on the segment."""
+        """Return the step on a segment: its solver, and the range of coordinates on the segment."""
         segment = self.track.segments[k]
         edge = self.track.edge(k, link_m, self.direction)
         outwards = edge > (segment.last if self.direction == BEHIND else segment.first)

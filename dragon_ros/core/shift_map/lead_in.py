@@ -6,9 +6,9 @@ of the same u. The leader's coordinate, position and motion therefore have serie
 the coordinate's series gives u without solving for the first handle, and one product then gives the whole chain,
 including the leader.
 
-If the leader passes a joint while the handle is in one cell, no such series converges. However, lines, arcs and spirals
-can be extended beyond their ends, and on each extended segment the leader is again a smooth function of u. The cell
-therefore has a chart for each of these segments, which is used while the leader is on the segment itself.
+If the leader passes a joint while the handle is in one cell, no such series converges. Because lines, arcs and spirals
+can be extended beyond their ends, the leader is a smooth function of u on each extended segment. The cell therefore has
+a chart for each of these segments, which is used while the leader is on the segment itself.
 """
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -42,8 +42,8 @@ _BOUNDARIES = 1024          # number of stretch boundaries whose positions are c
 _MOST_CELLS = 64
 _MOST_BYTES = 512_000_000   # limit for the tiles of a shift map; the least recently used tiles are dropped first
 _MOST_TILES = 4096          # maximum number of tiles of a shift map, including tiles without a table
-# The minimum length of a tile, in links; a longer tile has the smallest power of two that is at least the length of its
-# blocks.
+# The minimum length of a tile, in links; the length of a longer tile is the smallest power of two that is at least the
+# length of its blocks.
 _FEWEST_LINKS = 512
 # The minimum length of a tile on a composite track, in links; a longer tile is at least half as long as its blocks.
 _FEWEST_JOINED = 64
@@ -68,7 +68,7 @@ class Product(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """One row of one part in the form that is fastest for single states: floats, and products by number of links.
+    """One row of one part, stored for fast evaluation of single states: as floats, with products by number of links.
 
     ``before`` holds the series (K, 2) of the leader's position and of its motion if the leader is one link before this
     row.

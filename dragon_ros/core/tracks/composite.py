@@ -359,7 +359,7 @@ class Track:
         return _vectors_of(out)
 
     def _flattened(self, segment: Ints, *values: Array) -> tuple[Array, ...]:
-        """Return arrays in which the axes of ``segment`` are flattened into one, as the indices of ``_groups`` need."""
+        """Return arrays with the axes of ``segment`` flattened into one, to match the indices of ``_groups``."""
         if len(self.segments) == 1:
             return values
         return tuple(np.ascontiguousarray(each).reshape(segment.size, *each.shape[segment.ndim:]) for each in values)

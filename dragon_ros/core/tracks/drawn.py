@@ -72,7 +72,7 @@ def _stretch(points: Complexes, headings: Complexes) -> SmoothPart:
 
 @dataclass(frozen=True)
 class Change:
-    """A deliberate deviation of a track from the drawing: position, smallest radius, and largest distance from it."""
+    """A bend at which a track deliberately leaves the drawing: position, smallest radius and largest deviation."""
 
     place_m: tuple[float, float]
     radius_m: float

@@ -208,7 +208,7 @@ def _checked_place(name: str, piece: Piece) -> tuple[tuple[float, float] | None,
 
 @dataclass(frozen=True)
 class Composite:
-    """A track of pieces in the head's direction; at t = 0 the head is ``start_m`` along the track.
+    """A track of pieces in the head's direction; at t = 0, the head is ``start_m`` along the track.
 
     The first piece is extended backwards as a line, a circle or an inward spiral, so that the whole dragon fits on
     the track. ``at_m`` and ``heading_deg`` set the start of the first piece (default: the origin, along x). In later
