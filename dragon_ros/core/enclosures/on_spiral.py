@@ -55,7 +55,7 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 ABOVE = 1 + 2.0**-40    # factor for bounds that covers more than eight thousand roundings of positive numbers
 _SETTLED = 0.5      # a first-order bound above this fraction of the gap is sufficient
-_SURE = 8           # multiple of the error of corners that exceeds any tolerance
+_SURE = 8           # multiple of the position error that exceeds any tolerance
 _STILL = 1e-9  # margin around the follower's turning position, where motion is below the position error
 _COMPLEX = np.array([1, 1j])
 _AT_ONCE = 512  # number of positions whose intermediate results fit into the cache
@@ -118,15 +118,15 @@ def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floa
 class Sizes:
     """The links (L, K), half lengths (L, K) and half width of sampled benches, and bounds on errors, in m.
 
-    ``error_m`` bounds the errors of handles, and ``corner_error_m`` those of the corners of any bench. There is one row
-    per leading bench or, after ``of``, per sample. ``longest_m`` (L, 1) is the longest of these links and all links
-    behind them, or 0 if all links behind the first are equal. If there are fewer than K benches, copies of the last
-    bench are added.
+    ``error_m`` bounds the errors of handles, and ``excess_m`` (L, K) the amount by which the error of a bench's corners
+    may exceed that of its handles. There is one row per leading bench or, after ``of``, per sample. ``longest_m`` (L,
+    1) is the longest of these links and all links behind them, or 0 if all links behind the first are equal. If there
+    are fewer than K benches, copies of the last bench are added.
     """
 
     b_m: float
     error_m: float
-    corner_error_m: float
+    excess_m: Floats
     links_m: Floats
     half_length_m: Floats
     half_width_m: float
@@ -136,9 +136,9 @@ class Sizes:
         """Return one row per sample; a single row applies to all samples."""
         if self.longest_m.size == 1:
             return self
-        rows = (each[lead] for each in (self.links_m, self.half_length_m, self.longest_m))
-        links_m, half_length_m, longest_m = rows
-        return replace(self, links_m=links_m, half_length_m=half_length_m, longest_m=longest_m)
+        rows = (each[lead] for each in (self.excess_m, self.links_m, self.half_length_m, self.longest_m))
+        excess_m, links_m, half_length_m, longest_m = rows
+        return replace(self, excess_m=excess_m, links_m=links_m, half_length_m=half_length_m, longest_m=longest_m)
 
     def angle_errors(self, theta: Floats) -> Floats:
         """Return the errors of polar angles (...); a handle at theta moves b sqrt(1 + theta^2) per radian.
@@ -194,9 +194,9 @@ class BenchSampler:
         sampled = np.minimum(np.array(self.leads)[:, None] + np.arange(self.follow), d.benches - 1)
         rest = [d.link_lengths_m[lead:] for lead in self.leads]
         longest_m = [[0.0 if is_even(each) else float(np.max(each))] for each in rest]
-        corner_error_m = self.error_m * float(np.max(corner_levers(d, self.track.bend)))
-        return Sizes(self.b_m, self.error_m, corner_error_m, d.link_lengths_m[sampled],
-                     0.5 * d.bench_lengths_m[sampled], 0.5 * d.width_m, np.array(longest_m))
+        excess_m = self.error_m * (corner_levers(d, self.track.bend)[sampled] - 1)
+        return Sizes(self.b_m, self.error_m, excess_m, d.link_lengths_m[sampled], 0.5 * d.bench_lengths_m[sampled],
+                     0.5 * d.width_m, np.array(longest_m))
 
     def reaching(self, theta: Floats, lead: Ints | None = None) -> 'BenchSampler':
         """Return a sampler that is limited to the followers within reach at given positions, if these are few."""
@@ -446,7 +446,8 @@ def _handles(slopes: _Slopes) -> tuple[Ball, Ball]:
 def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tuple[Floats, Floats]:
     """Return lower bounds (M,) on the gaps in intervals between samples a and b, and a factor for each interval.
 
-    An interval is cleared if its bound is positive. Otherwise it should be cut into parts whose length is at most its
+    The amounts by which the errors of corners exceed those of handles are subtracted. An interval is cleared if its
+    bound exceeds the position errors of two handles. Otherwise it should be cut into parts whose length is at most its
     own length times the factor, which is at most 1. Only the next ``behind`` (M,) benches count. A pair is not examined
     further if the bound from the benches' motion, or the bound from the circle, is not far below its gap.
     """
@@ -454,13 +455,14 @@ def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tupl
     circle, one, two = beyond(a, b, sizes), a.apart, b.apart
     off = sizes.rounding_m(np.maximum(a.theta[:, -1], b.theta[:, -1]))
     low = np.maximum(np.maximum(one, two) - _way(a, b, sizes), _straight(a, b, sizes)) - off[:, None]
-    low = np.maximum(low, circle)
+    excess = np.broadcast_to(sizes.excess_m[:, :1] + sizes.excess_m[:, 2:], low.shape)
+    low = np.maximum(low, circle) - excess
     there = np.arange(2, circle.shape[1] + 2) <= behind[:, None]
-    row, other = np.nonzero(there & (low < np.maximum(_SETTLED * np.minimum(one, two), _SURE * sizes.corner_error_m)))
+    row, other = np.nonzero(there & (low < np.maximum(_SETTLED * np.minimum(one, two), _SURE * sizes.error_m)))
     room = np.ones(behind.size)
     if row.size:
         bent, enough = _bent(a, b, sizes, row, other)
-        low[row, other] = np.maximum(low[row, other], bent - off[row])
+        low[row, other] = np.maximum(low[row, other], bent - off[row] - excess[row, other])
         np.minimum.at(room, row, enough)
     out: Floats = np.min(low, axis=1, where=there, initial=np.inf)
     unseen = (behind > circle.shape[1] + 1) & (further(a, b, sizes, circle)[:, -1] <= 0)

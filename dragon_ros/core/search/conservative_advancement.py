@@ -28,7 +28,7 @@ from dragon_ros.core.search.driver import Judgement, clear, parts_for
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
-_TOLERANCE = 2          # multiple of the error of a gap: the bounds follow from the gaps of two states
+_TOLERANCE = 4          # multiple of the position error, for two benches at two states
 # The spacing of the first states, in longest benches; pairs two benches apart could not be cleared with a larger
 # spacing.
 _SPACING = 0.3
@@ -83,7 +83,8 @@ class _ChainIntervals:
     def __init__(self, domain: SearchDomain, only_beyond: bool, heads_m: dict[float, float]) -> None:
         dragon = domain.dragon
         self._domain, self._only_beyond, self._heads_m = domain, only_beyond, heads_m
-        self.tolerance_m = _TOLERANCE * domain.gap_error_m
+        self.tolerance_m = _TOLERANCE * domain.error_m
+        self._excess_m = 2 * domain.error_m * (domain.levers - 1)      # errors of corners beyond those of handles
         self._half = 0.5 * dragon.bench_lengths_m, np.full(dragon.benches, 0.5 * dragon.width_m)
         overhang = np.hypot(0.5 * (dragon.bench_lengths_m - dragon.link_lengths_m), 0.5 * dragon.width_m)
         self._turning, self._far_m = 0.5 * domain.track.bend * overhang, _FAR * float(np.max(dragon.bench_lengths_m))
@@ -121,7 +122,7 @@ class _ChainIntervals:
         self._count = np.array([i.size for i, _ in found])
         self._first = np.cumsum(self._count) - self._count
         self._pairs = np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
-        self._others_m = reach_m - 2 * moved_m
+        self._others_m = reach_m - 2 * moved_m - 2 * np.max(self._excess_m)
 
     def _near(self, samples: ChainSamples, pairs: Ints, reach_m: Floats) -> Iterator[tuple[Ints, Ints]]:
         """Yield the pairs to examine on each root: all pairs within reach that no other part of the search covers."""
@@ -149,12 +150,14 @@ class _ChainIntervals:
         at = np.arange(row.size) - np.repeat(np.cumsum(size) - size, size) + np.repeat(self._first[group], size)
         i, j = self._pairs[0][at], self._pairs[1][at]
         gap_a, gap_b, moving_m = self._gaps(a, row, i, j), self._gaps(b, row, i, j), moved_m[row, i] + moved_m[row, j]
-        low_m = 0.5 * (gap_a + gap_b - moving_m) - self._rounding_m
+        excess_m = self._excess_m[i] + self._excess_m[j]
+        low_m = 0.5 * (gap_a + gap_b - moving_m) - self._rounding_m - excess_m
         room = (gap_a + gap_b) / np.maximum(moving_m, _STILL_M)
         left = np.flatnonzero(low_m <= self.tolerance_m)
         if left.size:
             bent_m, bent_room = self._bent(a, b, row[left], i[left], j[left])
-            low_m[left], room[left] = np.maximum(low_m[left], bent_m), np.maximum(room[left], bent_room)
+            low_m[left] = np.maximum(low_m[left], bent_m - excess_m[left])
+            room[left] = np.maximum(room[left], bent_room)
         bound_m, least = self._others_m[group], np.full(group.size, 1.0)
         np.minimum.at(bound_m, row, low_m)
         np.minimum.at(least, row, room)
@@ -219,7 +222,7 @@ class WholeChain:
 
     def __init__(self, domain: SearchDomain, only_beyond: bool) -> None:
         """Cover a domain; ``only_beyond`` limits it to pairs whose inner bench is beyond the track's first segment."""
-        self._domain, self._only_beyond, self.tolerance_m = domain, only_beyond, _TOLERANCE * domain.gap_error_m
+        self._domain, self._only_beyond, self.tolerance_m = domain, only_beyond, _TOLERANCE * domain.error_m
         longest_m = float(np.max(domain.dragon.bench_lengths_m))
         self._spacing_m, self._finest_m = _SPACING * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
         self._rows: list[tuple[float, float, float]] = []

@@ -20,6 +20,7 @@ from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.geometry.signed_distance import Witness, witness
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
+from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import Certificate, Contact, Interval, NoContact
 from dragon_ros.core.search.conservative_advancement import WholeChain
@@ -56,7 +57,7 @@ class BenchPairs(Protocol):
 
     @property
     def tolerance_m(self) -> float:
-        """The error that a bound must exceed."""
+        """The error that a bound must exceed if the corners of benches err like their handles."""
         ...
 
     def clear(self, stop_m: float) -> Bracket | None:
@@ -131,8 +132,8 @@ class _ContactSearch:
     def bracket(self) -> Bracket | None:
         """Return the first bracket that is not clear; this bracket is at the start if benches touch there."""
         domain = self._domain
-        least = 0.0 if domain.start_m != domain.stop_m else self._error_m
-        if np.min(domain.near(domain.start_m)[1], initial=inf) <= least:
+        pairs, gap = domain.near(domain.start_m)
+        if np.any(gap <= (0.0 if domain.start_m != domain.stop_m else self._errors_m(pairs))):
             return Bracket(domain.start_m, domain.start_m)
         return self._clear()
 
@@ -178,7 +179,7 @@ class _ContactSearch:
             return self._contact(earlier)       # the proof found an earlier contact
         self._complete = claim.grazes(cleared_m) if grazing_m else claim.touches(cleared_m, earlier is None)
         speed = claim.slope * domain.speed_m_s(claim.t_s)
-        error_m = domain.lever_of(pair) * EXACT.promise_for_m(domain.simulation.size_m)
+        error_m = float(domain.levers_of(np.array(pair))) * EXACT.promise_for_m(domain.simulation.size_m)
         unsure = error_m / speed if speed > 0 else inf
         times = {place: domain.time_s(place) for place, _ in later}
         met = [pair, *(other for place, other in later if times[place] - claim.t_s <= unsure)]
@@ -246,10 +247,11 @@ class _ContactSearch:
 
     def _grazing(self, bracket: Bracket) -> tuple[float, Pair, tuple[float, float]]:
         """Return the position from which contact of the closest pair is undecided, that pair, and bounds on its gap."""
-        domain, error = self._domain, self._error_m
+        domain = self._domain
         pairs, gap = domain.near(bracket.other_m)
-        closest = int(np.argmin(gap))
-        least, (i, j) = float(gap[closest]), pairs[closest].tolist()
+        errors = self._errors_m(pairs)
+        closest = int(np.argmin(gap - errors))
+        least, error, (i, j) = float(gap[closest]), float(errors[closest]), pairs[closest].tolist()
         at_clear, place = domain.gap((i, j), bracket.clear_m), bracket.other_m
         if at_clear <= max(least, error):
             place = bracket.clear_m
@@ -266,17 +268,17 @@ class _ContactSearch:
         zero, but at most ``most_m`` before the contact. Return the position up to which everything is clear, and the
         first bracket that is not clear.
         """
-        sense, slope = self._domain.sense, claim.slope
-        back = max(_BEFORE_M * self._domain.unit, _TOLD_APART * self._error_m / slope if slope > 0 else inf)
+        sense, slope, error_m = self._domain.sense, claim.slope, float(self._errors_m(np.array(claim.pair)))
+        back = max(_BEFORE_M * self._domain.unit, _TOLD_APART * error_m / slope if slope > 0 else inf)
         stop_m = sense * max(sense * clear_m, sense * claim.gone_m - min(back, most_m))
         hits = [hit for part in self._parts if (hit := part.prove(stop_m))]
         cleared_m = sense * min((sense * hit.clear_m for hit in hits), default=sense * stop_m)
         return cleared_m, min(hits, key=lambda hit: sense * hit.other_m, default=None)
 
-    @property
-    def _error_m(self) -> float:
-        """The error that bounds must exceed."""
-        return max(part.tolerance_m for part in self._parts)
+    def _errors_m(self, pairs: Ints) -> Floats:
+        """Return the errors that bounds on the gaps of pairs (..., 2) must exceed."""
+        out: Floats = 0.5 * max(part.tolerance_m for part in self._parts) * self._domain.levers_of(pairs)
+        return out
 
 
 @dataclass(frozen=True)
@@ -337,7 +339,7 @@ class _Claim:
     @cached_property
     def _steepest(self) -> float:
         """The largest decrease of the gap per metre, as the checker measures it; infinite at an end of the model."""
-        step_m, wide_m = _ASIDE * _BEFORE_M * self.domain.unit, self.domain.step_m
+        step_m, wide_m = _ASIDE * _BEFORE_M * self.domain.unit, self.domain.step_m(self.pair)
         steepest = self._closing(step_m)
         if wide_m <= step_m or steepest == inf:
             return steepest

@@ -141,8 +141,8 @@ class LeadingBenches:
 
     @property
     def tolerance_m(self) -> float:
-        """The error that a bound must exceed: the error of a gap between two benches."""
-        return self._domain.gap_error_m
+        """The error that a bound must exceed: the position errors of two handles."""
+        return 2 * self._domain.error_m
 
     @property
     def _single(self) -> bool:
@@ -286,7 +286,7 @@ class BodyBenches:
     def __init__(self, domain: SearchDomain, classes: list[LeadingBenches]) -> None:
         """Store the classes."""
         self._domain, self._classes = domain, classes
-        self.tolerance_m = domain.gap_error_m
+        self.tolerance_m = 2 * domain.error_m
 
     def clear(self, stop_m: float) -> Bracket | None:
         """Clear the pairs of all classes up to a leader position; return the first bracket that is not clear."""
@@ -355,7 +355,7 @@ def _apart(domain: SearchDomain, windows: list[_ClassWindow]) -> list[list[_Row]
     assert domain.track.from_afar
     gaps_m = Layers(domain.track.from_afar.curve.b_m, domain.dragon).gaps_m(np.concatenate(inner), lead)
     parts = np.split(gaps_m, np.cumsum([each.size for each in inner])[:-1])
-    return [window.outermost(part, domain.gap_error_m) for window, part in zip(windows, parts, strict=True)]
+    return [window.outermost(part, 2 * domain.error_m) for window, part in zip(windows, parts, strict=True)]
 
 
 def _searched(domain: SearchDomain, windows: list[_ClassWindow]) -> list[Cleared]:
@@ -366,7 +366,7 @@ def _searched(domain: SearchDomain, windows: list[_ClassWindow]) -> list[Cleared
     ends = np.array([(lead, places[0], places[-1]) for window in windows
                      for lead, places in [(leads.index(window.of.lead), window.places)]])
     sampler = _sampler(domain, leads).reaching(ends[:, 1:].reshape(-1), np.repeat(ends[:, 0].astype(np.int64), 2))
-    space = _SpiralIntervals(sampler, windows, domain.gap_error_m)
+    space = _SpiralIntervals(sampler, windows, 2 * domain.error_m)
     return clear(space, [window.places for window in windows], windows[0].of.finest_m)
 
 

@@ -369,12 +369,14 @@ def _at_reversals(scene: Scene, travel: RangeOfTravel, below_m: float) -> Iterat
         benches = domain.benches(gone_m)
         i, j = candidates(domain.chain(gone_m).p, benches, below_m)
         gap, before = gaps(benches, i, j), gaps(domain.benches(gone_m - sense * _CLOSING_M), i, j)
-        for n in np.flatnonzero((gap < below_m) & (before - gap > 2 * domain.gap_error_m)).tolist():
+        unsure = 2 * domain.error_m * (domain.levers[i] + domain.levers[j])
+        for n in np.flatnonzero((gap < below_m) & (before - gap > unsure)).tolist():
             yield NearMiss((int(i[n]), int(j[n])), t_s, float(gap[n]))
         if domain.around:
             bench, number, gap = domain.around.closest(benches, below_m)
             earlier = domain.benches(gone_m - sense * _CLOSING_M)
             before = np.array([domain.around.gap_to(earlier, *pair) for pair in zip(
                 bench.tolist(), number.tolist(), strict=True)])
-            for n in np.flatnonzero((gap < below_m) & (before - gap > 2 * domain.gap_error_m)).tolist():
+            unsure = 2 * domain.error_m * domain.levers[bench]
+            for n in np.flatnonzero((gap < below_m) & (before - gap > unsure)).tolist():
                 yield NearMiss((int(bench[n]),), t_s, float(gap[n]), domain.around.names[number[n]])

@@ -23,6 +23,7 @@ from dragon_ros.core.search.driver import Judgement, clear
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, corners_of
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 
+_TOLERANCE = 4          # multiple of the position error, for two states of benches whose corners err like their handles
 _SPACING = 0.5          # spacing of the first positions, in longest benches
 _MOST_PLACES = 50_000   # maximum number of first positions per window, to save memory
 _FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, times min(1 m, longest bench)
@@ -114,7 +115,7 @@ class Obstacles:
     def __init__(self, domain: SearchDomain) -> None:
         """Cover a domain whose scene has a venue."""
         assert domain.scene.venue
-        self._domain, self.tolerance_m = domain, domain.gap_error_m
+        self._domain, self.tolerance_m = domain, _TOLERANCE * domain.error_m
         self._around = surroundings_of(domain.scene.venue)
         self._longest_m = float(np.max(domain.dragon.bench_lengths_m))
         self._finest_m = tuple(one * min(1.0, self._longest_m) for one in _FINEST)
@@ -153,7 +154,8 @@ class Obstacles:
         if not windows:
             return None
         bounds = ObstacleBounds(bench, self._around, domain.error_m)
-        space = _SweptIntervals(bounds, self.tolerance_m, self._longest_m, domain.count)
+        tolerance_m = 0.5 * self.tolerance_m * float(domain.levers[benches[0]])
+        space = _SweptIntervals(bounds, tolerance_m, self._longest_m, domain.count)
         cleared = clear(space, [window.places for window in windows], finest_m)
         hits = [(window.bench, one.hit) for window, one in zip(windows, cleared, strict=True) if one.hit]
         return self._earliest(hits, phase)

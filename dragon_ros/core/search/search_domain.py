@@ -149,7 +149,6 @@ class SearchDomain:
         self.error_m = max(EXACT.promise_m * self.unit, self.rounding_m)    # tiny dragons have a smaller promise
         self.levers = corner_levers(self.dragon, self.track.bend)
         corner_m = float(np.max(self.levers)) * self.error_m
-        self.gap_error_m = 2 * corner_m     # the error of a gap between two benches
         if corner_m > _COARSEST * longest_m:
             raise InputError(f'track: {simulation.size_m:.3g} m from the origin, the errors of corners reach '
                              f'{corner_m:.2g} m, but benches can be distinguished only up to an error of '
@@ -267,9 +266,11 @@ class SearchDomain:
             return self.rounding_m
         return max(self.rounding_m, _FLOATS * float(np.abs((self.around.start[edge], self.around.stop[edge])).max()))
 
-    def lever_of(self, pair: tuple[int, int]) -> float:
-        """Return the largest error of a pair's gap, relative to the position error of handles."""
-        return float(np.sum(self.levers[[bench for bench in pair if bench < self.dragon.benches]]))
+    def levers_of(self, pairs: Ints) -> Floats:
+        """Return the largest errors of the gaps of pairs (..., 2), relative to the position error of handles."""
+        known = np.append(self.levers, 0.0)     # obstacles have no errors
+        out: Floats = known[np.minimum(pairs, self.dragon.benches)].sum(axis=-1)
+        return out
 
     def gap(self, pair: tuple[int, int], gone_m: float) -> float:
         """Return the gap of a pair at a leader position; only the handles from the leader to the pair are placed."""
@@ -296,19 +297,21 @@ class SearchDomain:
     def slope(self, pair: tuple[int, int], gone_m: float) -> float:
         """Return the decrease of a gap per metre of leader travel."""
         low, high = sorted((self.start_m, self.stop_m))
-        step_m = max(self.step_m, 2.0**10 * ulp(gone_m))
+        step_m = max(self.step_m(pair), 2.0**10 * ulp(gone_m))
         early, late = max(low, gone_m - step_m), min(high, gone_m + step_m)
         return self.sense * (self.gap(pair, early) - self.gap(pair, late)) / (late - early) if late > early else 0.0
 
-    @cached_property
-    def step_m(self) -> float:
-        """The step for slopes: 1 µm times the largest power of 2 up to half the longest link, or 1 µm without links.
+    def step_m(self, pair: tuple[int, int]) -> float:
+        """Return the step for slopes: 1 µm times the largest power of 2 up to half the longest link, or 1 µm.
 
-        If benches extend far beyond their links, the step is larger by a power of 2.
+        If a bench of the pair extends far beyond its link, the step is larger by a power of 2, but at most a millionth
+        of the longest bench.
         """
-        longest_m = float(np.max(self.simulation.model.links_m, initial=0.0))
-        longer = max(1.0, float(np.max(self.levers)) / _LONG)
-        return _SLOPE * 2.0 ** (floor(log2(longest_m)) - 1 + floor(log2(longer))) if longest_m else _SLOPE
+        link_m = float(np.max(self.simulation.model.links_m, initial=0.0))
+        if not link_m:
+            return _SLOPE
+        longer = max(1.0, 0.5 * float(self.levers_of(np.array(pair))) / _LONG)
+        return _SLOPE * 2.0 ** floor(log2(min(0.5 * link_m * longer, float(np.max(self.dragon.bench_lengths_m)))))
 
     def coarse(self, pair: tuple[int, int], gone_m: float) -> float:
         """Return the ratio of the float spacing at the head's start, or at a pair, to the spacing near the origin."""

@@ -40,10 +40,13 @@ class Straight:
     ends_m: tuple = (-1.0, 1.0)
     sense: int = 1
     unit: float = 1.0
-    step_m: float = 1e-9
+    wide_m: float = 1e-9
     onwards: float = inf
     dragon: Dragon = THREE
     levers: tuple = (1.0, 1.0, 1.0)
+
+    def step_m(self, pair):
+        return self.wide_m
 
     def gap(self, pair, gone_m):
         y = self.sense * gone_m
@@ -93,10 +96,10 @@ def test_within_a_step_of_either_end_of_the_model_the_closing_rate_is_unknown(en
 
 def test_where_the_step_is_small_against_errors_a_wider_one_tells_the_closing_rate():
     assert claim(rounding_m=1e-8)._steepest == pytest.approx(0.5 + 1e-8 / 1e-6)
-    wide = claim(rounding_m=1e-8, step_m=1e-3)._steepest
+    wide = claim(rounding_m=1e-8, wide_m=1e-3)._steepest
     assert wide == pytest.approx(0.5 + 1e-5 + 0.75e-5)
-    assert claim(rounding_m=1e-8, step_m=1e-3, ends_m=(-2e-3, 1.0))._steepest == pytest.approx(0.51)
-    assert claim(step_m=1e-3, ends_m=(-1e-7, 1.0))._steepest == inf
+    assert claim(rounding_m=1e-8, wide_m=1e-3, ends_m=(-2e-3, 1.0))._steepest == pytest.approx(0.51)
+    assert claim(wide_m=1e-3, ends_m=(-1e-7, 1.0))._steepest == inf
 
 
 @given(st.floats(0.01, 2), st.floats(0, 1e-10), st.floats(1e-10, 1e-7), st.sampled_from([1, -1]))
