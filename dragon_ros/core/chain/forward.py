@@ -356,7 +356,7 @@ def _stepped(track: Track, k: int, places: Places, chord_m: float, direction: in
     """
     segment, (_, u, lo), edge = track.segments[k], places, track.edge(k, chord_m, direction)
     shift, spent = segment.shifts(u, chord_m, direction, past)
-    if edge == inf:         # outwards on an unbounded segment, all positions stay on it
+    if edge == inf:         # no position leaves a segment that is unbounded outwards
         return plus(u, lo, shift), np.ones(u.shape, dtype=bool), segment.squares(u, shift), spent
     found = np.isfinite(shift)
     shift = np.where(found, shift, 0.0)

@@ -66,7 +66,7 @@ class Leader:
         return self.track.places_at(*plus(high, low, -self.direction * gone_m[1]))
 
     def gone_m(self, leader: Place) -> float:
-        """Return the distance travelled by the leader when it is at a position."""
+        """Return the distance that the leader has travelled when it is at a given position."""
         high, low = plus(*self.track.distance_of(leader), -self._origin_m[0])
         return float(-self.direction * (high + (low - self._origin_m[1])))
 

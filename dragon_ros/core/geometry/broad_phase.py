@@ -156,7 +156,7 @@ def box_pairs(benches: Benches, reach_m: float = 0.0) -> tuple[Ints, Ints]:
 
 
 def swept_pairs(corners: Floats, reach_m: float) -> tuple[Ints, Ints]:
-    """Return every pair whose boxes, each about all ``corners`` (M, N, 4, 2) of a bench, come within ``reach_m``.
+    """Return every pair whose boxes, each enclosing all ``corners`` (M, N, 4, 2) of a bench, come within ``reach_m``.
 
     The gaps of all other pairs exceed ``reach_m`` at each of the M states. In all other respects, this function
     behaves like ``box_pairs``.

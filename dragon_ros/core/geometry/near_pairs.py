@@ -16,7 +16,7 @@ farthest-moving point. Therefore:
    bench k. With centres c and turns w since the reference state (unit complex numbers), the points of a bench with
    half diagonal r move by at most m = |(c - c_k) conj(w_k) - (c' - c_k')| + r |w - w_k|, and a gap changes by at most
    2 max m. If all benches move as one rigid body, m is 0. If the gaps of unlisted pairs exceeded the current clearance
-   by more than that amount, none of these pairs is the closest or touches.
+   by more than that amount, none of these pairs touches or is the closest.
 3. In a large dragon, the inner layers turn much faster than the outer layers, so the dragon is split into parts. Each
    part has its own list and its own bench k; the list contains the pairs of the part's benches with each other and
    with the following benches up to an end. In all pairs across an end, the two benches differ in their distance from
@@ -300,7 +300,7 @@ class NearPairs:
     def _again(self, kept: _Kept, p: Floats, benches: Benches) -> Closeness | None:
         """Return the result for a sample, computed from the previous state; None if that state is no longer useful."""
         above_m, bodies = gap_of(benches, *kept.closest), _bodies(benches, kept.far)
-        size_m = sqrt(np.vdot(bodies.centre, bodies.centre).real)   # an upper bound on all coordinates in one call
+        size_m = sqrt(np.vdot(bodies.centre, bodies.centre).real)   # one call yields an upper bound on all coordinates
         limit_m = max(above_m, TOUCH_M) + _HAIR * (size_m + kept.skin_m)
         if not (above_m <= max(kept.clearance_m, 0.0) + kept.skin_m and kept.across_m(bodies) > limit_m):
             return None

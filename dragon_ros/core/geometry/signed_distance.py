@@ -112,7 +112,7 @@ def seen_from(centre: tuple[Complexes, Complexes], axis: tuple[Complexes, Comple
               b: tuple[Any, Any]) -> RelativePoses:
     """Return the poses of rectangles with half sizes ``b`` relative to rectangles with half sizes ``a``.
 
-    ``centre`` and ``axis`` hold the complex centres and axes of both.
+    ``centre`` and ``axis`` hold the centres and axes of both as complex numbers.
     """
     back = np.conj(axis[0])
     offset, turn = (centre[1] - centre[0]) * back, axis[1] * back
@@ -123,7 +123,7 @@ def parted_between(states: Sequence[RelativePoses], sag: tuple[Floats, Floats]) 
     """Return a lower bound on the separation of pairs between ``states``, and the largest ratio of separation to sag.
 
     Between the states, corners deviate by at most ``sag`` from the lines (or the bilinear surface) through their
-    positions at the states. ``sag`` has two members: for the corners of B relative to A, and for the corners of A
+    positions at the states. ``sag`` has two members, for the corners of B relative to A and for the corners of A
     relative to B. Along these lines, the separation from an edge is concave.
     """
     low, ratio = [], []

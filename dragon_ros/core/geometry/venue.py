@@ -89,7 +89,7 @@ class Surroundings:
         return together(benches.some(np.array([bench])), self.edges.some(np.array([edge])))
 
     def two(self, benches: Benches, pair: Pair) -> tuple[Benches, int, int]:
-        """Return the rectangles of a pair; an obstacle (numbered after benches) is given by its nearest edge."""
+        """Return the rectangles of a pair; an obstacle (numbered after benches) is represented by its nearest edge."""
         count = len(benches.half_length)
         if pair[1] < count:
             return benches, *pair
@@ -200,7 +200,7 @@ class Surroundings:
         return int(number[0]) if number.size else None
 
     def misplaced_benches(self, benches: Benches, which: Ints) -> tuple[Ints, Ints]:
-        """Return the benches with centres in a polygon or not in the venue's inside, and the indices of the names."""
+        """Return misplaced benches (centre in a polygon or outside the venue's inside), and the indices of names."""
         row, number = self.misplaced_points(benches.centre[which])
         return which[row], number
 

@@ -15,7 +15,7 @@ from dragon_ros.core.numerics.double_double import DoubleDouble, plus, product
 from dragon_ros.core.numerics.types import Array, Floats
 
 BEHIND, AHEAD = -1, 1         # against and along the head's direction
-LARGEST_BEND = 1.98     # limit of curvature times chord; roots are well conditioned 1 % below 2, where links may lock
+LARGEST_BEND = 1.98     # limit of curvature times chord: links may lock at 2, but roots are well conditioned 1 % below
 
 
 class Past(NamedTuple):

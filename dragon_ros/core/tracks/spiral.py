@@ -109,7 +109,7 @@ class SpiralCurve:
 
     def _corrected(self, turned: Any, distance_m: Any, distance_lo_m: Any, root: Any = sqrt,
                    asinh_of: Any = asinh) -> tuple[Any, Any]:
-        """Return the position after a turned angle, whose error of up to 1e-7 is corrected to the last digit.
+        """Return the position after turning by an angle, whose error of up to 1e-7 is corrected to the last digit.
 
         With 2 S = theta^2 + theta / (w + theta) + asinh theta and w^2 = 1 + theta^2, only the squares need extra
         digits.
