@@ -9,7 +9,8 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats, read_only
 
 _MOST, _MOST_GROUPS = 1_000_000, 10_000
-LEAST_LINK = 2e-10      # shortest link, relative to the longest bench; position errors obscure directions below it
+# The shortest link, relative to the longest bench; position errors obscure the direction of shorter links.
+LEAST_LINK = 2e-10
 
 
 class _Lengths(Settings):

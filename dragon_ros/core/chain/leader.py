@@ -75,7 +75,7 @@ class Leader:
         return self._origin_m[0] - self.direction * gone_m
 
     def turning_m(self, low_m: float, high_m: float, links: int | None = None) -> list[float]:
-        """Return the leader's distances travelled, between two limits, at which any handle turns back, in order.
+        """Return the travel distances between two limits at which any handle turns back, in ascending order.
 
         Between consecutive distances, every handle moves in one direction. Handles turn back only near the centre of a
         single spiral, where links may lock. If ``links`` is given, only the handles of the first ``links`` links are

@@ -87,7 +87,7 @@ class RelativePoses:
 
 
 def rounding_m(far_m: Floats | float, half_m: float) -> Floats | float:
-    """Return a bound on the error of separations and gaps for handles whose coordinates do not exceed ``far_m``.
+    """Return an upper bound on the error of separations and gaps for handles whose coordinates do not exceed ``far_m``.
 
     ``half_m`` is the largest sum of a bench's half length and half width.
     """

@@ -195,7 +195,7 @@ class Surroundings:
         return bench[order], number[order], gap_m[order]
 
     def misplaced(self, x: float, y: float) -> int | None:
-        """Return the index of the first polygon that covers a point, or of an inside that does not cover it."""
+        """Return the lowest index of a polygon that covers a point, or of an inside that does not cover it."""
         number = self.misplaced_points(np.array([[x, y]]))[1]
         return int(number[0]) if number.size else None
 

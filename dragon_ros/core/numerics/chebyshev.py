@@ -89,7 +89,7 @@ def _inverse(series: Floats) -> Floats:
 
 
 def _values(series: Floats, u: Floats) -> Floats:
-    """Return the values (N, M) of series (K, M), each at its own points (N, M), by Clenshaw's recurrence in place."""
+    """Return the values (N, M) of series (K, M) at their own points (N, M), using Clenshaw's recurrence in place."""
     if len(series) == 1:
         return np.broadcast_to(series[0], u.shape)
     twice = 2 * u

@@ -36,7 +36,7 @@ class ExactPolynomial:
         return high, (value * below - number * under) / (under * below)
 
     def _exactly(self, t: float | Fraction) -> tuple[int, int]:
-        """Return the numerator and the denominator of the value, by Horner's rule on numerators only."""
+        """Return the numerator and the denominator of the value, using Horner's rule on numerators only."""
         (number, below), (start, under) = t.as_integer_ratio(), self._origin
         unit = max(below, under)        # both are powers of two
         since = number * (unit // below) - start * (unit // under)
