@@ -306,7 +306,7 @@ class Track:
 
     @cached_property
     def bends(self) -> tuple[Floats, Floats]:
-        """Smallest and largest signed curvatures in 1/m from one segment to another, shape (P, P) each."""
+        """Smallest and largest signed curvatures in 1/m over two segments and all those between them, each (P, P)."""
         ends = np.array([segment.curvature(np.array([segment.first, segment.last])) for segment in self.segments])
         low, high = np.empty((2, len(ends), len(ends)))
         for k in range(len(ends)):
