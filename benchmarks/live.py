@@ -64,7 +64,7 @@ class Live:
 
 
 def run(benches: int, rate_hz: float, ticks: int, markers: str = 'cubes') -> Live:
-    """Run a number of ticks at a rate (0: as fast as the readers can follow) with a monitor and a recorder."""
+    """Run ``ticks`` ticks at ``rate_hz`` (0: as fast as the readers can follow) with a monitor and a recorder."""
     rate = rate_hz or 50.0
     stop_s = _START_S + (ticks - 1) / rate
     with TemporaryDirectory() as name, processes(Path(name)) as start:

@@ -61,7 +61,7 @@ class Recorded:
 
     @property
     def creeps_kb_min(self) -> float:
-        """Growth in kB per minute without the steps."""
+        """Growth in kB per minute, excluding the steps."""
         (first_s, first), (last_s, last) = self.settled[0], self.settled[-1]
         return 6e4 * (last - first - self.steps_mb) / (last_s - first_s)
 

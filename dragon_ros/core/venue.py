@@ -68,7 +68,7 @@ OBSTACLES: dict[str, type[Obstacle]] = {'polygon': PolygonObstacle, 'line': Line
 class Venue:
     """Obstacles, the corners of a polygon that benches must not leave, and the required gap in metres to all of these.
 
-    ``origin_deg`` is the longitude and latitude of the plane's origin, if it is a location on the earth.
+    ``origin_deg`` is the longitude and latitude of the plane's origin, if the plane is georeferenced.
     """
 
     obstacles: tuple[Obstacle, ...] = ()

@@ -120,7 +120,7 @@ def plan(given: Mapping[str, str]) -> LaunchPlan:
     if watching and source.seen is False:
         watching = False
         notes.append('no monitor is started, because no benches are published: '
-                     + ('the bag has none' if given['replay'] else "switch on the scene's effect benches"))
+                     + ('the bag has none' if given['replay'] else "add benches to the scene's effects"))
     readers = [_monitor(given)] if watching else []
     readers += [LaunchedNode('record', ['--output', given['record']])] if given['record'] else []
     started = [*readers, source.start]

@@ -132,7 +132,7 @@ class Monitor(DragonNode):
         self.get_logger().warning(f'message dropped ({self.dropped} so far): {why}', throttle_duration_sec=1.0)
 
     def _report(self, report: Report) -> None:
-        """Publish the result of one tick, on each topic only if its value changes or it has subscribers."""
+        """Publish the result of one tick on each topic that has subscribers or whose value has changed."""
         changed = self._changes.contact(report)
         self.seen += 1
         if self.topic_publishers[_STAMPED].get_subscription_count():    # first, since recorders get the tick from it

@@ -44,8 +44,8 @@ SIM = (
     Parameter('start_s', _AS_SCENE, 'Time of the first tick in seconds; negative: as in the scene', -1.0, LATEST_S),
     Parameter('stop_s', _AS_SCENE, 'Time of the end of the run in seconds; negative: as in the scene', -1.0, LATEST_S),
     Parameter('rate_hz', _AS_SCENE, 'Ticks per second of simulation; negative: as in the scene', -1.0, 1e6),
-    Parameter('time_scale', 1.0, 'Seconds of simulation per second of wall time; 0 (only from the start): as fast as '
-                                 'the readers can follow', 0.0, 1e6, live=True),
+    Parameter('time_scale', 1.0, 'Seconds of simulation per second of wall time; 0, which can only be set at the '
+                                 'start: as fast as the readers can follow', 0.0, 1e6, live=True),
     Parameter('wait_subscribers', [''], 'Start when topics have this many subscribers, for example [handles=2, '
               'velocities=1]'),
     _DISCOVERY,
@@ -60,8 +60,8 @@ SIM = (
     Parameter('frame_id', 'dragon', 'Frame of all messages'),
 )
 REPLAY = (
-    Parameter('time_scale', 1.0, 'Seconds of the bag per second of wall time; 0 (only from the start): as fast as the '
-                                 'readers can follow', 0.0, 1e6, live=True),
+    Parameter('time_scale', 1.0, 'Seconds of the bag per second of wall time; 0, which can only be set at the start: '
+                                 'as fast as the readers can follow', 0.0, 1e6, live=True),
     _DISCOVERY,
     *CONTROLS,
 )

@@ -29,7 +29,8 @@ _POINTS: Schema = {'anyOf': [{'type': 'array', 'minItems': 2, 'items': {
 _VENUE_FILE: Schema = {
     'file': {'description': 'GeoJSON or WKT file with the obstacles and the inside, relative to this file',
              'type': 'string', 'default': None},
-    'origin_deg': {'description': 'longitude and latitude of the origin (the centre of a file in degrees)',
+    'origin_deg': {'description': 'longitude and latitude of the origin (by default the centre, if the file is in '
+                                  'degrees)',
                    'type': ['array', 'null'], 'items': {'type': 'number'}, 'minItems': 2, 'maxItems': 2,
                    'default': None}}
 _PLUGIN: Schema = {

@@ -87,7 +87,7 @@ def test_no_monitor_is_started_that_could_see_nothing(changes):
     what = planned(**changes, record='run.mcap')
     assert [one.executable for one in what.readers] == ['record']
     assert 'handles=1' in what.source.parameters['wait_subscribers']
-    assert "switch on the scene's effect benches" in what.notes[0]
+    assert "add benches to the scene's effects" in what.notes[0]
     assert not planned(scene='winding').notes
 
 

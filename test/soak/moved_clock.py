@@ -29,7 +29,7 @@ def library(folder: Path) -> Path:
 
 
 class Moved:
-    """Processes in one domain, whose clock is moved."""
+    """Processes in one domain, whose common clock is set forwards and backwards."""
 
     def __init__(self, folder: Path, preloaded: Path, rng: random.Random) -> None:
         """Start to move the clock after a few seconds, perhaps while nodes discover each other."""

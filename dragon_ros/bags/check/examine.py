@@ -57,7 +57,7 @@ class TopicSeen:
 
 @dataclass
 class Contents:
-    """The contents of a bag's files; ``problems`` are faults, ``notes`` are harmless."""
+    """The contents of a bag's files; ``problems`` are faults; ``notes`` are harmless observations."""
 
     files: list[Path]
     size: int = 0

@@ -93,9 +93,9 @@ def _created(output: Path) -> Iterator[IO[bytes]]:
         with whole_or_none(output, overwrite=False) as out:
             yield out
     except FileExistsError:
-        raise MissingError(f'{output}: it already exists; give another --repair') from None
+        raise MissingError(f'{output}: it already exists; give another path to --repair') from None
     except OSError as error:
-        raise MissingError(f'{output}: cannot be written: {error.strerror}; give another --repair') from None
+        raise MissingError(f'{output}: cannot be written: {error.strerror}; give another path to --repair') from None
 
 
 def _save(done: Repaired, sink: _Sink, file: McapFile, progress: Callable[[int], object]) -> None:

@@ -541,7 +541,7 @@ class _Scan:
         return True
 
     def end(self, error: BagError | None) -> None:
-        """Note where the records end, and the damage there. Ignore damage to the summary, as it loses no messages."""
+        """Note where the records end, and any damage there. Ignore damage to the summary, as it loses no messages."""
         self._end_batch()
         index, file = self.index, self.index.file
         index.reach = file.size if error is None else error.fields.get('offset', file.size)

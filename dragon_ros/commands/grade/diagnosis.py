@@ -664,7 +664,7 @@ def _turn_euler(times_s: Floats, head: Floats, right: Floats) -> tuple[Finding, 
 
 _TURN_STARTS: dict[str, tuple[float, ...]] = {'shift': (0.0, 100.0, -100.0), 'speed': (1.0,), 'ratio': (2.0, 1.0, 3.0),
                                               'diameter': (9.0,), 'pitch': (1.7,)}
-_ALONE = Dragon(1, head_length_m=0.65)      # no radius of a turn is too small for a single head
+_ALONE = Dragon(1, head_length_m=0.65)      # no turn is too tight for a single head
 Turn = tuple[Finding, STurn | None, float, float]
 
 

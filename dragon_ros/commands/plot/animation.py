@@ -1,4 +1,4 @@
-"""Animations of a run: GIF, and films in MP4 with the clearance and the speeds beside the dragon."""
+"""Animations of a run: GIFs, and MP4 films that show the clearance and the speeds beside the dragon."""
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, replace

@@ -68,7 +68,7 @@ class Inset:
     """A small picture beside the axes: track and dragon as lines, and the axes' window as a frame."""
 
     def __init__(self, small: Axes, whole: Floats, track: Floats | None) -> None:
-        """Draw the track in small axes, in a window (2, 2) around everything."""
+        """Draw the track in the axes ``small``; the limits contain the box ``whole`` (2, 2)."""
         half = 0.5 * np.max(whole[1] - whole[0]) * np.ones(2)
         (left, bottom), (right, top) = (whole.mean(axis=0) + sign * half for sign in (-1, 1))
         small.grid(visible=False)

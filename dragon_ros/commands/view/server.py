@@ -98,7 +98,7 @@ class ViewServer(ThreadingHTTPServer):
             self._waiting.pop(connection, None)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Serve a connection, and then release its place for another connection."""
+        """Serve a connection, then free its slot."""
         self.wait_for(request)
         try:
             super().process_request_thread(request, client_address)

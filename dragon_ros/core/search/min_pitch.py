@@ -290,7 +290,7 @@ class _Descending:
         return boxes.some(left).cut(2, _divisible_axis(boxes, axis)[left])
 
     def _tiny(self, boxes: Boxes) -> Array:
-        """Return whether each box is so small that its gap is within errors and cutting cannot clear it.
+        """Return whether each box is so small that cutting cannot clear it, because its gap is within the error bounds.
 
         A box that floats cannot divide along either axis also counts as tiny.
         """

@@ -113,7 +113,7 @@ class ObstacleBounds:
         return out
 
     def _along_axes(self, corners: Complexes, edge: Ints) -> Complexes:
-        """For each pair, return the axis of bench or edge along which the two are furthest apart or overlap least."""
+        """For each pair, return the bench or edge axis along which the two are furthest apart or overlap least."""
         around, (_, axis) = self.around, self._seats(corners)
         across = 1j * around.axis[edge]
         ways = np.stack((across, -across, axis, -axis, 1j * axis, -1j * axis))
