@@ -18,7 +18,7 @@ import numpy as np
 from dragon_ros.core import paper
 from dragon_ros.core.chain.chain import Chain, marched
 from dragon_ros.core.chain.dragon import AnyDragon
-from dragon_ros.core.chain.forward import Block, blocks_of, forward, forward_many
+from dragon_ros.core.chain.forward import blocks_of, forward, forward_many
 from dragon_ros.core.chain.leader import Leader
 from dragon_ros.core.chain.lock import head_lock_angle
 from dragon_ros.core.checks import number
@@ -162,16 +162,20 @@ class Model:
 
         The position and the distance of the lock are rounded to floats, so the chain may already be beyond the lock.
         """
-        blocks, back = blocks_of(self.links_m[:link + 2], BEHIND), ulp(gone_m)
-        while 0 < gone_m < inf and not self._stands(gone_m, blocks):
+        back = ulp(gone_m)
+        while 0 < gone_m < inf and not self.stands((gone_m, 0.0), link):
             gone_m, back = max(0.0, gone_m - back), 2 * back
         return gone_m
 
-    def _stands(self, gone_m: float, blocks: tuple[Block, ...]) -> bool:
-        """Return whether all links can be placed at a distance, both one by one and in a batch."""
+    def stands(self, gone_m: tuple[float, float], link: int) -> bool:
+        """Return whether the links up to the one behind ``link`` can be placed, both one by one and in a batch.
+
+        ``gone_m`` is the distance travelled by the leader and its low-order part.
+        """
+        blocks, (high, low) = blocks_of(self.links_m[:link + 2], BEHIND), gone_m
         try:
-            forward(self.track, blocks, self.leader.place((gone_m, 0.0)), BEHIND)
-            forward_many(self.track, blocks, self.leader.places((np.array([gone_m]), np.zeros(1))), BEHIND)
+            forward(self.track, blocks, self.leader.place(gone_m), BEHIND)
+            forward_many(self.track, blocks, self.leader.places((np.array([high]), np.array([low]))), BEHIND)
         except ChainLockError:
             return False
         return True
@@ -222,14 +226,18 @@ class Simulation:
         if not ends:
             return None
         t_s, limit = min(ends, key=lambda end: end[0])
-        return End(self._before_s(t_s, limit.gone_m) if limit.reason == 'lock' else t_s, limit.reason, limit.link)
+        return End(self._before_s(t_s, limit) if limit.reason == 'lock' else t_s, limit.reason, limit.link)
 
-    def _before_s(self, t_s: float, gone_m: float) -> float:
-        """Return a time, or the last time before it at which the leader has not passed a distance."""
+    def _before_s(self, t_s: float, limit: TravelEnd) -> float:
+        """Return a time, or the last time before it at which the leader has not passed a lock.
+
+        The links must have places there, too: within rounding of a lock, a smaller angle may round to a larger one.
+        """
         back = ulp(t_s)
+        assert limit.link is not None
         while 0 < t_s < inf:
             high, low = self.scene.head.travelled_m(t_s)
-            if (high - gone_m) + low <= 0:
+            if (high - limit.gone_m) + low <= 0 and self.model.stands((high, low), limit.link):
                 break
             t_s, back = max(0.0, t_s - back), 2 * back
         return t_s

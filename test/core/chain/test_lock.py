@@ -68,6 +68,7 @@ def test_body_links_longer_than_the_heads_may_lock_first():
         model.march((compile_scene(scene).end.t_s + 1e-6, 0.0))
 
 
+@example(2, 2.0, 2.719840097428284, 0.6743265261586981, 2.0, Head(0.37), 'exact', 'table')
 @given(st.integers(2, 12), st.floats(0.6, 4), st.floats(0.6, 3.5), st.floats(0.3, 2), st.floats(2, 20),
        st.sampled_from([Head(1.0), Head(0.37), Profile(((0.0, 1.3), (3.0, 0.6)), 'smooth')]),
        st.sampled_from(['exact', 'preview']), st.sampled_from(['table', 'march']))
