@@ -15,14 +15,14 @@ Rows = Iterator[tuple[str, ...]]
 
 
 def rows(head: str, answers: Iterable[MistakenAnswer], form: Callable[[MistakenAnswer], str]) -> Rows:
-    """Yield the head of a table, then a row for each mistake with its answer."""
+    """Yield the header of a table, then a row for each mistake with its answer."""
     yield 'mistake', head
     for one in answers:
         yield sentence(one.key, one.parameters), form(one)
 
 
 def truth(dragon: dict[str, float]) -> str:
-    """Return the first contact as text, as ``contact`` finds it."""
+    """Return a string that states the first contact that ``contact`` finds."""
     found = dr.compile(dr.scene('winding', dragon=dragon)).contact()
     return f'{found.t_s:.6f} s, benches {found.benches[0]} and {found.benches[1]}'
 
@@ -48,7 +48,7 @@ QUESTIONS: dict[str, Callable[[], Rows]] = {
 
 
 def table(lines: Rows) -> str:
-    """Return rows as a Markdown table; the first row is its head."""
+    """Return rows as a Markdown table; the first row is the header."""
     out = [f'| {" | ".join(row)} |' for row in lines]
     return '\n'.join([out[0], '|---' * out[0].count(' | ') + '|---|', *out[1:]])
 

@@ -1,4 +1,4 @@
-"""A robot that follows the head of a dragon at 2 m and publishes its pose as a PoseStamped on `follower`."""
+"""A robot that follows a dragon's head at a distance of 2 m and publishes its pose (PoseStamped) on `follower`."""
 import contextlib
 from math import atan2, cos, hypot, sin
 

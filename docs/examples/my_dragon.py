@@ -1,4 +1,4 @@
-"""Monitor your own dragon: from its handles (PoseArray, head to tail), make the benches that the monitor reads.
+"""Monitor your own dragon: convert its handles (PoseArray, head to tail) into the benches that the monitor reads.
 
 Publish the handles on /mine/handles, then start this program and `./dragon monitor --ros-args -r __ns:=/mine`.
 """

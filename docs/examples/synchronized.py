@@ -1,4 +1,4 @@
-"""Use handles and benches of the same tick: print how far the head bench's centre is from the middle of its handles."""
+"""Pair the handles and benches of each tick: print how far the first bench's centre is from its handles' midpoint."""
 import contextlib
 
 import rclpy
@@ -8,7 +8,7 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from visualization_msgs.msg import MarkerArray
 
-KEEP = 100      # largest number of ticks of which only one message has arrived
+KEEP = 100      # maximum number of ticks for which only one message has arrived
 
 
 class Pairs(Node):
@@ -23,7 +23,7 @@ class Pairs(Node):
                                      QoSProfile(depth=1000))
 
     def take(self, name: str, message: PoseArray | MarkerArray) -> None:
-        """Keep a message until the other one of the same tick arrives, then use both."""
+        """Keep a message until the other message of the same tick arrives, then use both."""
         stamp = (message if name == 'handles' else message.markers[0]).header.stamp
         pair = self.waiting.setdefault((stamp.sec, stamp.nanosec), {})
         pair[name] = message
@@ -34,7 +34,7 @@ class Pairs(Node):
             del self.waiting[min(self.waiting)]
 
     def use(self, handles: PoseArray, benches: MarkerArray) -> None:
-        """Compare the centre of the first bench with the middle of its two handles."""
+        """Compare the centre of the first bench with the midpoint between its two handles."""
         one, two, middle = handles.poses[0].position, handles.poses[1].position, benches.markers[0].pose.position
         off = ((one.x + two.x) / 2 - middle.x) ** 2 + ((one.y + two.y) / 2 - middle.y) ** 2
         stamp = handles.header.stamp
