@@ -68,7 +68,7 @@ def table(head: str, rows: Iterable[Iterable[str]]) -> str:
 
 
 def executables() -> str:
-    """Return the executables with their purpose."""
+    """Return the executables and their purposes."""
     return table('name | what it does', ((f'`{name}`', one.help) for name, one in EXECUTABLES.items()))
 
 
@@ -136,7 +136,7 @@ def _key_rows(parts: dict[str, Any]) -> Iterable[tuple[str, str, str, str]]:
 
 
 def _parts(one: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
-    """Return the keys that contain lists of mappings, with the schema of the mappings."""
+    """Return the keys that contain lists of mappings, each with the schema of its mappings."""
     return [(key, row['items']) for key, row in one.get('properties', {}).items() if key in PARTS]
 
 
@@ -175,7 +175,7 @@ def tiers() -> str:
 def _tier_row(tier: Tier, size_m: float) -> tuple[str, str, str]:
     if tier.promise_m == inf:
         return f'`{tier.name}`', 'no promise: up to 14 m', _GONE
-    grows = ' up to 20 m from the centre, proportionally more beyond' if tier.name == 'exact' else ''
+    grows = ' up to 20 m from the centre; proportionally larger further out' if tier.name == 'exact' else ''
     return f'`{tier.name}`', f'{tier.promise_m:.0e} m{grows}', f'{tier.series_m(size_m):.1e} m'
 
 
@@ -189,7 +189,7 @@ def limits() -> str:
 
 
 def _amount(value: float, unit: str) -> str:
-    """Return a number with its unit; bytes in binary units if they are whole multiples."""
+    """Return a number with its unit; bytes are given in MiB or KiB if they are whole multiples of that unit."""
     if unit == 'bytes':
         power, name = next((power, name) for power, name in ((2**20, 'MiB'), (2**10, 'KiB'), (1, 'bytes'))
                            if not value % power)
@@ -249,7 +249,7 @@ def _class(name: str, one: type) -> str:
     bases = [base.__name__ for base in one.__bases__ if base.__name__ in dr.__all__]
     lines = [f'## `{name}`', _prose(one)]
     if bases:
-        lines.append(f'A kind of {", ".join(f"`dr.{base}`" for base in bases)}.')
+        lines.append(f'Subclass of {", ".join(f"`dr.{base}`" for base in bases)}.')
     if dataclasses.is_dataclass(one):
         fields = (f'`{field.name}` ({_bare(field.type)})' for field in dataclasses.fields(one)
                   if not field.name.startswith('_') and field.name != 'simulation')

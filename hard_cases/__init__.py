@@ -1,6 +1,6 @@
-"""The hard cases: named scenes in series that approach each singularity, shared by tests and benchmarks.
+"""The hard cases: series of named scenes that approach each singularity, shared by tests and benchmarks.
 
-The module ``truth`` reads a 50-digit reference for each case from JSON files that scripts in this package compute.
+The module ``truth`` reads a 50-digit reference for each case from JSON files that scripts in this package write.
 """
 from hard_cases.dances import dances
 from hard_cases.problems import Problem, problems

@@ -14,7 +14,7 @@ from hard_cases.problems import MIXED, Problem
 
 _TURNING = Scene(track=STurn(before_m=100.0), run=Run(0, 200))
 _SHORT = Dragon(12, 2.2, 2.2)
-_EXIT_S = 113.62124490682112        # the time at which the head of ``turning`` leaves the turn, as the nearest float
+_EXIT_S = 113.62124490682112        # the time (s) at which the head of ``turning`` leaves the turn
 _WIGGLE: tuple[Piece, ...] = (Line(2.0), *(Arc(1.6, (-1) ** k * 20.0) for k in range(12)), Line(0.25), Line(0.25),
                               Arc(1.6, 5.0), Line(9.0))
 
@@ -39,11 +39,12 @@ def dances() -> tuple[Problem, ...]:
                    (93.0, 1.0)), 'smooth')
     return (
         Problem('turning', _TURNING, (0.0, 50.0, 100.0, 100.5, 102.86, 109.0, _EXIT_S, 114.47997, 150.0, 200.0),
-                tuple(range(224)), "the contest's turn, all handles, also with the head at the ends of the turn"),
+                tuple(range(224)), "the contest's turn with all handles, also with the head at both ends of the turn"),
         _like('tight', 'the second arc almost too tight for the head link', replace(_TURNING, track=STurn(
             ratio=2.12, before_m=10.0)), (0.0, 20.0, 22.0, 23.62, 25.0, 26.0)),
         _like('equal-arcs', 'two arcs of equal radius', replace(_TURNING, track=STurn(ratio=1.0)), (3.0, 8.0, 14.0)),
-        *(_like(f'turn-{scale:g}', f'every length and the speed times {scale:g}', _scaled(scale), (0.0, 9.0, 20.0))
+        *(_like(f'turn-{scale:g}', f'every length and the speed multiplied by {scale:g}', _scaled(scale),
+                (0.0, 9.0, 20.0))
           for scale in (1e-3, 1e3)),
         _like('turn-joined-handles', 'links of zero length on a turn',
               replace(_TURNING, dragon=Dragon(8, 3.41, 0.55), track=STurn()), (1.0, 10.0, 15.0)),

@@ -25,13 +25,13 @@ from hard_cases.make_reference import AGREED, DIGITS, WRITTEN, Handle, Number, j
 from hard_cases.problems import Problem
 
 TARGET = Path(__file__).with_name('dances.json')
-GUARD, MORE = 15, 15            # additional digits of the first computation, and of the second
+GUARD, MORE = 15, 15            # additional digits in the first and in the second computation
 BACK, AHEAD = -1, 1
 
 
 @dataclass
 class Straight:
-    """A line; u is the distance in metres from its start."""
+    """A line; u is the distance (m) from its start."""
 
     start: Number
     direction: Number
@@ -51,13 +51,13 @@ class Straight:
         return metres
 
     def fastest(self, u: Number, gap: Number) -> Number:
-        """Return an upper bound on the metres per unit of u within ``gap`` metres of u."""
+        """Return an upper bound on the track length (m) per unit of u, up to ``gap`` metres from u."""
         return mp.one
 
 
 @dataclass
 class Round:
-    """An arc, which turns left if ``side`` is 1; u is the distance in metres from its start."""
+    """An arc, which turns left if ``side`` is 1; u is the distance (m) from its start."""
 
     start: Number
     direction: Number
@@ -112,13 +112,13 @@ class Winding:
 
 
 def arc(u: Number) -> Number:
-    """Return the arc length from a spiral's centre in units of b."""
+    """Return the arc length from a spiral's centre, in units of b."""
     return (u * mp.sqrt(1 + u * u) + mp.asinh(u)) / 2
 
 
 @dataclass
 class Track:
-    """Pieces, each with the distance along the track at its origin (u = anchor for a spiral)."""
+    """The pieces of a track, and the distance along the track of each piece's origin (u = anchor for a spiral)."""
 
     pieces: list[Any]
     origins: list[Number]

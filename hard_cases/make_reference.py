@@ -95,7 +95,7 @@ def head_angle(scene: Scene, b: Number, t_s: float) -> Number:
 
 
 def arc_length(theta: Number) -> Number:
-    """Return the arc length from the centre in units of b."""
+    """Return the arc length from the centre, in units of b."""
     return (theta * mp.sqrt(1 + theta * theta) + mp.asinh(theta)) / 2
 
 

@@ -34,7 +34,7 @@ def _some(benches: int) -> tuple[int, ...]:
 
 
 def _scaled(scale: float) -> Scene:
-    """Return the classic dragon with 40 benches, with every length times ``scale``."""
+    """Return the classic dragon with 40 benches, with every length multiplied by ``scale``."""
     d = Dragon(40)
     return Scene(dragon=Dragon(40, d.head_length_m * scale, d.body_length_m * scale, d.width_m * scale,
                                d.hole_inset_m * scale),

@@ -30,7 +30,7 @@ class Truth:
     low: Floats
 
     def distance(self, time: int, p: Floats) -> Floats:
-        """Return the Euclidean distances of positions (handles, 2) from the truth, in metres."""
+        """Return the Euclidean distances (m) between positions (handles, 2) and the truth."""
         off = (p - self.high[time, :, :2]) - self.low[time, :, :2]
         out: Floats = np.hypot(off[:, 0], off[:, 1])
         return out

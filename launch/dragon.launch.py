@@ -33,7 +33,7 @@ def actions(context: LaunchContext) -> list[Any]:
     given = {one.name: context.launch_configurations[one.name] for one in ARGUMENTS}
     what = plan(given)
     nodes = {start.executable: node(what.namespace, start) for start in (*what.readers, what.source)}
-    # A recorder ends by itself after the source has left and everything has been written.
+    # A recorder exits by itself once the source is gone and everything has been written.
     last = RegisterEventHandler(OnProcessExit(target_action=nodes[(what.recorder or what.source).executable], on_exit=[
         EmitEvent(event=Shutdown(reason='the run has ended'))]))
     faults = [RegisterEventHandler(OnProcessExit(target_action=one, on_exit=fail)) for one in nodes.values()]
