@@ -15,8 +15,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from benchmarks.stages import ticks_from
-from dragon_ros.bags.write.mcap import compressor
+from benchmarks.rates import LARGE, NUMBER, compression_rate, copy_rate, file_rate, limit, tick_rates
+from benchmarks.stages import needs_of, ticks_from
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import LINES, PAGE_IN, TEXT_PT
@@ -24,9 +24,7 @@ from dragon_ros.core.batches import batches, velocity_of
 from dragon_ros.core.geometry.near_pairs import NearPairs
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.numerics.chebyshev import columns_of
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.shift_map.blocks import TabulatedLinks
 from dragon_ros.core.step import state, tick
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 from dragon_ros.messages.channels import channels
@@ -34,8 +32,7 @@ from dragon_ros.messages.encode import encoders
 
 _SCENE = Scene(run=Run(300, 303, 100))
 _STATES = 20_000
-_CACHED, _LARGE = 2**15, 2**27      # size in bytes that fits into a core's cache, and size that exceeds all caches
-_NUMBER = 8                         # bytes
+_AT_S = 300.0
 _NAMES = {'none': 'not compressed', 'zstd': 'zstd'}
 _RATES = {'product': 'multiplications and additions in a product', 'cache': 'bytes copied within the cache',
           'memory': 'bytes copied through memory', 'zstd': "bytes of a tick's messages compressed by zstd alone",
@@ -52,7 +49,7 @@ class Stage:
 
     def limit(self, rates: dict[str, float]) -> tuple[float, str]:
         """Return the shortest possible time in seconds, and the rate that bounds it."""
-        return max((amount / rates[rate], rate) for rate, amount in self.needs.items())
+        return limit(self.needs, rates)
 
 
 @dataclass(frozen=True)
@@ -77,36 +74,23 @@ def measure(budget_s: float = 0.3) -> Measured:
 
 
 def _rates(messages: list[tuple[str, bytes, int, int]], folder: Path, budget_s: float) -> dict[str, float]:
-    a, b = np.ones((64, 64)), np.ones((64, columns_of(64 * 64)))
-    out = {'product': 2 * a.size * b.shape[1] / timed(lambda: a @ b, budget_s).median_s}
-    for name, size in (('cache', _CACHED), ('memory', _LARGE)):
-        source, target = np.ones(size // _NUMBER), np.ones(size // _NUMBER)
-        out[name] = size / timed(partial(np.copyto, target, source), budget_s).median_s
-    chunk = b''.join(data for _, data, _, _ in messages)[:2**20]
-    out['zstd'] = len(chunk) / timed(partial(compressor('zstd'), memoryview(chunk)), budget_s).median_s
-    block = bytes(2**24)
-    out['file'] = len(block) / timed(partial((folder / 'block').write_bytes, block), budget_s).median_s
-    return out
-
-
-def _products(t_s: float) -> int:
-    """Return the number of multiplications that place all handles at one time."""
-    chain = state(_SCENE, t_s)
-    return sum(product.terms * (product.stop - product.start)
-               for part in chain.parts if isinstance(part, TabulatedLinks) for product in part.products)
+    data = b''.join(data for _, data, _, _ in messages)
+    return tick_rates(budget_s) | {'memory': copy_rate(LARGE, budget_s),
+                                   'zstd': compression_rate('zstd', data, budget_s),
+                                   'file': file_rate(folder, budget_s)}
 
 
 def _place(budget_s: float) -> Stage:
     simulation = compile_scene(_SCENE)
     times = cycle((_SCENE.run.start_s + np.arange(100) / 100).tolist())
-    needs = {'product': 2.0 * _products(300.0), 'cache': _NUMBER * float(_products(300.0))}
-    return Stage('place all handles', timed(lambda: simulation.chain(next(times)), budget_s, most=2000), needs)
+    return Stage('place all handles', timed(lambda: simulation.chain(next(times)), budget_s, most=2000),
+                 needs_of(_SCENE, _AT_S)['chain'])
 
 
 def _velocities(budget_s: float) -> Stage:
-    chain = state(_SCENE, 300.0)
-    needs = {'product': 2.0 * _products(300.0), 'cache': _NUMBER * float(_products(300.0))}
-    return Stage('their velocities', timed(lambda: velocity_of(_SCENE, chain, 300.0), budget_s, most=2000), needs)
+    chain = state(_SCENE, _AT_S)
+    return Stage('their velocities', timed(lambda: velocity_of(_SCENE, chain, _AT_S), budget_s, most=2000),
+                 needs_of(_SCENE, _AT_S)['velocities'])
 
 
 def _many(budget_s: float) -> Stage:
@@ -118,28 +102,25 @@ def _many(budget_s: float) -> Stage:
             pass
     numbers = 4.0 * (scene.dragon.benches + 1)
     return Stage(f'both, per instant of {_STATES:,} at once', timed(all_of_them, budget_s, 3).shared_by(_STATES),
-                 {'product': 4.0 * _products(300.0), 'cache': _NUMBER * numbers})
+                 {'product': 2.0 * needs_of(_SCENE, _AT_S)['chain']['product'], 'cache': NUMBER * numbers})
 
 
 def _benches(budget_s: float) -> Stage:
-    chain, dragon = state(_SCENE, 300.0), _SCENE.dragon
-    numbers = 2.0 * (dragon.benches + 1) + 4.0 * dragon.benches
+    chain, dragon = state(_SCENE, _AT_S), _SCENE.dragon
     return Stage('bench rectangles', timed(lambda: benches_of(chain, dragon, axes_of(chain)), budget_s, most=2000),
-                 {'cache': _NUMBER * numbers})
+                 needs_of(_SCENE, _AT_S)['benches'])
 
 
 def _look(budget_s: float) -> Stage:
-    near, ticks = NearPairs(), ticks_from(_SCENE, 300.0)
-    numbers = 4.0 * _SCENE.dragon.benches
+    near, ticks = NearPairs(), ticks_from(_SCENE, _AT_S)
     return Stage("the monitor's check", timed(lambda: near.look(*next(ticks)), budget_s, most=2000),
-                 {'cache': _NUMBER * numbers})
+                 needs_of(_SCENE, _AT_S)['look'])
 
 
 def _messages(budget_s: float) -> Stage:
     encode, frame = [*encoders(_SCENE).values()], tick(_SCENE, 0)
-    size = sum(len(one(frame)) for one in encode)
     return Stage('messages of a tick', timed(lambda: [one(frame) for one in encode], budget_s, most=2000),
-                 {'cache': float(size)})
+                 needs_of(_SCENE, _AT_S)['encode'])
 
 
 def _bag(compression: str, messages: list[tuple[str, bytes, int, int]], folder: Path, budget_s: float) -> Stage:

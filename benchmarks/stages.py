@@ -3,13 +3,16 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import cycle
 
+from benchmarks.rates import NUMBER, Amounts
 from benchmarks.solvers import CHAIN_SOLVERS
 from dragon_ros.core.batches import velocity_of
+from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.geometry.near_pairs import NearPairs
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.shift_map.blocks import TabulatedLinks
 from dragon_ros.core.step import frame_of, state
 from dragon_ros.core.tracks.composite import Place
 from dragon_ros.messages.encode import encoders
@@ -31,6 +34,27 @@ def stages_of(scene: Scene, solver: str, t_s: float) -> dict[str, Callable[[], o
             'benches': lambda: benches_of(chain, scene.dragon, axes_of(chain)),
             'look': lambda: near.look(*next(looks)),
             'encode': lambda: [one(frame) for one in encode]}
+
+
+def needs_of(scene: Scene, t_s: float) -> dict[str, Amounts]:
+    """Return the amounts that each stage must process at the given time, by any method; the head needs almost nothing.
+
+    Handles and velocities are one product with a table, which is read once, or at least as many numbers as they have.
+    """
+    simulation, handles = compile_scene(scene), scene.dragon.benches + 1
+    chain, rectangles = simulation.chain(t_s), 4.0 * scene.dragon.benches
+    count = multiplications(chain)
+    placed = {'product': 2.0 * count, 'cache': NUMBER * max(count, 2.0 * handles)}
+    frame = frame_of(simulation, None, round(t_s * NS), chain)
+    return {'head': {}, 'chain': placed, 'velocities': placed,
+            'benches': {'cache': NUMBER * (2.0 * handles + rectangles)}, 'look': {'cache': NUMBER * rectangles},
+            'encode': {'cache': float(sum(len(one(frame)) for one in encoders(scene).values()))}}
+
+
+def multiplications(chain: Chain) -> int:
+    """Return the number of multiplications in the products that place a chain's handles."""
+    return sum(product.terms * (product.stop - product.start)
+               for part in chain.parts if isinstance(part, TabulatedLinks) for product in part.products)
 
 
 def ticks_from(scene: Scene, t_s: float) -> Iterator[tuple[Floats, Benches]]:

@@ -1,10 +1,14 @@
 """The page ``cost limits``: the stages of a tick are compared with the machine's own rates."""
 import pytest
 
-from benchmarks import command, limits
+from benchmarks import command, limits, rates
+from benchmarks.rates import times
+from benchmarks.stages import STAGES, multiplications, needs_of
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import state
+from dragon_ros.core.step import state, tick
 from dragon_ros.cost.measure import Timing
+from dragon_ros.messages.encode import encoders
 
 RATES = dict.fromkeys(limits._RATES, 1e9)
 
@@ -16,9 +20,36 @@ def test_a_limit_is_the_longest_of_what_its_amounts_take():
 
 
 def test_a_state_takes_a_product_of_its_terms_with_all_coordinates():
-    part, = state(Scene(), 300.0).parts
+    chain = state(Scene(), 300.0)
+    part, = chain.parts
     terms = max(product.terms for product in part.products)
-    assert limits._products(300.0) == terms * 2 * 224
+    assert multiplications(chain) == terms * 2 * 224
+    needs = needs_of(Scene(), 300.0)
+    assert tuple(needs) == STAGES
+    assert needs['chain'] == needs['velocities'] == {'product': 2 * terms * 448, 'cache': 8 * terms * 448}
+    assert needs['benches'] == {'cache': 8 * (2 * 224 + 4 * 223)}
+    assert needs['look'] == {'cache': 8 * 4 * 223}
+    assert needs['encode'] == {'cache': sum(len(one(tick(Scene(), 0))) for one in encoders(Scene()).values())}
+
+
+def test_without_a_table_a_state_takes_at_least_its_coordinates():
+    assert needs_of(Scene(dragon=Dragon(3)), 0.0)['chain'] == {'product': 0.0, 'cache': 8 * 2 * 4}
+
+
+@pytest.mark.parametrize(('value', 'least', 'shown'), [
+    (3.0, 2.0, '1.50'), (9.996, 1.0, '10'), (22.25, 1.0, '22.2'), (99.96, 1.0, '100'), (12_345.0, 10.0, '1,234'),
+    (1.0, 0.0, '-')])
+def test_a_ratio_has_three_digits_and_needs_a_limit(value, least, shown):
+    assert times(value, least) == shown
+
+
+def test_rates_are_amounts_over_the_time_that_is_measured(monkeypatch, tmp_path):
+    monkeypatch.setattr(rates, 'timed', lambda call, budget_s: Timing(*(3 * [0.5]), bool(call())))
+    assert rates.copy_rate(1e6, 0.0) == 2e6
+    assert rates.copy_rate(10, 0.0) == 2 * 2**15
+    assert rates.compression_rate('lz4', bytes(1000), 0.0) == 2000
+    assert rates.file_rate(tmp_path, 0.0) == 2 * (tmp_path / 'block').stat().st_size
+    assert rates.limit({}, {}) == (0.0, '')
 
 
 def test_the_page_is_written_as_table_csv_and_pictures(tmp_path):
