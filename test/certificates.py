@@ -16,7 +16,7 @@ def written(scene):
 
 
 def proved(values, effort=1.0):
-    """The sentence that a certificate proves."""
+    """The statement that a certificate proves."""
     return prove(claims_of(json.dumps(values).encode()), effort, lambda *told: None).sentence
 
 

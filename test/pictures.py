@@ -85,7 +85,7 @@ def _of_words(annotation):
 
 
 def outside(axes, points):
-    """The points (N, 2) in data coordinates that lie outside the axis limits."""
+    """The points that lie outside the axis limits, in data coordinates (shape (N, 2))."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     inside = np.all((points >= (left, bottom)) & (points <= (right, top)), axis=1)
     return points[~inside]

@@ -1,11 +1,11 @@
-"""Shared by property tests: the number of examples (fewer in the profile ``brief``), and random tracks."""
+"""Random tracks and the number of examples (fewer in the profile ``brief``), shared by property tests."""
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
-USUAL = 100         # default number of examples of a property, to which explicit numbers are relative
+USUAL = 100         # default number of examples of a property; explicit numbers are scaled with it
 PIECES = st.lists(st.one_of(
     st.builds(Line, st.floats(0.1, 9)),
     st.builds(lambda radius, angle, left: Arc(radius, angle if left else -angle), st.floats(1.8, 9), st.floats(5, 300),
@@ -25,5 +25,5 @@ def thinned(cases, kept):
 
 
 def examples(count: int) -> settings:
-    """Return the settings of a property with a given usual number of examples, at least two in any profile."""
+    """Return the settings of a property that usually has ``count`` examples and has at least two in any profile."""
     return settings(max_examples=max(2, count * settings().max_examples // USUAL))

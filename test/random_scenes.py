@@ -78,7 +78,7 @@ def figures(x: float) -> float:
 
 
 class Benches(NamedTuple):
-    """The properties of the benches that the other choices need, in metres."""
+    """The properties of the benches that affect the other choices, in metres."""
 
     section: dict[str, Any]
     lengths_m: list[float]
@@ -205,7 +205,7 @@ def _spiral(dice: Dice, pitch: float, turns: float) -> dict[str, Any]:
 
 
 def _outwards(dice: Dice, benches: Benches) -> Way:
-    """A single spiral that a head leaves by moving back, or a tail by pulling the others."""
+    """A single spiral that a head leaves by moving back, or a tail by pulling the other handles."""
     start_m = benches.longest_link_m * dice.between(0.8, 4)
     pitch = _pitch(dice, benches, start_m * dice.scaled(0.5, 1.2))
     radius_m = max(start_m, pitch * dice.between(0.5, 2))

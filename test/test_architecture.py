@@ -1,4 +1,4 @@
-"""Tests of the architecture: imports point down; executables, packaging, lint and types are also checked."""
+"""Architecture tests: a room imports only from rooms below it; executables, packaging, lint and types are checked."""
 import ast
 import os
 import runpy
@@ -154,7 +154,7 @@ PLANTED = ['import {}', 'from {} import anything', 'def later():\n    import {}'
 
 
 def not_found(folder, other, upward_of):
-    """Plant each form of importing a module in a file, and return the forms that are not detected."""
+    """Plant every form of import of a module in a file, and return the forms that are not detected."""
     files = {folder / f'planted_{number}.py': how.format(f'dragon_ros.{other}') for number, how in enumerate(PLANTED)}
     for path, code in files.items():
         path.write_text(code)

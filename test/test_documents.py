@@ -26,8 +26,8 @@ LONGEST_S = 50
 CONTEST_ROWS = {0: 'head', 1: 'section 1', 51: 'section 51', 101: 'section 101', 151: 'section 151', 201: 'section 201',
                 223: 'tail, rear'}
 
-# For the first words of a documented command: the command that runs instead (None if nothing runs), and the reason. The
-# longest match is used.
+# Maps the first words of a documented command to the command that runs instead (None if nothing runs) and the reason.
+# The longest match is used.
 SUBSTITUTES = {
     './dragon demo': (None, 'takes ten seconds and four processes; test/nodes/test_graph.py runs it'),
     './dragon python test/bags/crash.py': (None, 'takes twenty minutes; test/bags/test_crash.py kills a few writers'),
@@ -177,7 +177,7 @@ def test_every_command_of_a_document_runs_and_says_what_is_shown(path, tmp_path,
 
 
 def _steady(text):
-    """Return a text with its durations masked and single spaces between words."""
+    """Return a text with durations masked and with single spaces between words."""
     return re.sub(r'\s+', ' ', re.sub(r'in \d+\.\d+ s', 'in S', text))
 
 

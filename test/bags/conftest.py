@@ -1,4 +1,4 @@
-"""Bags with half a second of the model, shared by the tests of writers and readers."""
+"""Bags that contain half a second of the model; shared by the tests of writers and readers."""
 import pytest
 
 from dragon_ros.bags.write.writer import BagWriter

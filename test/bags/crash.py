@@ -1,8 +1,8 @@
 """A crash oracle: kill a bag writer at any moment, and compare the recovered messages with those written.
 
 A child process writes numbered messages through the recorder's writer thread and prints, after each flush, how many
-messages are in the file. After SIGKILL, ``--repair`` must save every flushed message of the bag and every later one
-that is complete in the files. It must save nothing else, nothing twice and nothing out of order. The library's own
+messages are in the file. After SIGKILL, ``--repair`` must save every flushed message of the bag and every later message
+that is complete in the files. It must save nothing else, nothing twice and nothing out of order. The mcap library's own
 stream reader is an independent check: all messages that it finds in the files must also be saved.
 
 To try any number of kills by hand, run ``./dragon python test/bags/crash.py --kills 1000``.
@@ -40,7 +40,7 @@ _BEGINS, _FLUSH_EVERY, _SIZES = 'begins', 7, (40, 1200, 70_000)
 
 
 class Kill(NamedTuple):
-    """The result of a kill: numbers of messages flushed, saved and found; number of files; whether all are complete."""
+    """The result of a kill: numbers of flushed, saved and found messages and of files, and whether all are complete."""
 
     flushed: int
     saved: int
@@ -69,7 +69,7 @@ def write_until_killed(path: Path, compression: str, parts: bool) -> None:
 
 
 def kill(folder: Path, form: str, compression: str, after_s: float) -> Kill:
-    """Kill a writer ``after_s`` seconds after its start, and compare the remaining bag with its output."""
+    """Kill a writer ``after_s`` seconds after it starts, and compare the bag that remains with the writer's output."""
     bag = folder / ('run.mcap' if form == 'file' else 'run')
     child = subprocess.Popen([sys.executable, __file__, '--write', str(bag), compression, form],
                              stdout=subprocess.PIPE, text=True)
@@ -96,7 +96,7 @@ def check(bag: Path, flushed: int, saved: Path) -> Kill:
     assert numbers == list(range(len(numbers))), 'the saved messages are not the first ones written'
     assert len(numbers) >= flushed, f'{flushed} messages were flushed, {len(numbers)} are saved'
     found = {n for file in files for n in streamed(file)}
-    assert found <= set(numbers), 'the library finds messages that are not saved'
+    assert found <= set(numbers), 'the mcap library finds messages that were not saved'
     assert not examine(saved).problems.count
     return Kill(flushed, len(numbers), len(found), len(files), whole)
 
@@ -119,7 +119,7 @@ def examined(bag: Path) -> int:
 
 
 def numbers_in(bag: Path) -> list[int]:
-    """Check each message in a bag to its last byte, and return the messages' numbers."""
+    """Check every byte of each message in a bag, and return the message numbers."""
     with BagReader(bag, damaged=True) as reader:
         rows = [(message.sequence, message.topic, message.data) for message in reader.messages()]
     for sequence, topic, data in rows:
@@ -128,7 +128,7 @@ def numbers_in(bag: Path) -> list[int]:
 
 
 def streamed(file: Path) -> list[int]:
-    """Return the numbers of the messages that the library's stream reader finds in a truncated file."""
+    """Return the numbers of the messages that the mcap library's stream reader finds in a truncated file."""
     out: list[int] = []
     with file.open('rb') as data, suppress(EndOfFile, McapError, ValueError, OSError, RuntimeError):
         out.extend(record.sequence - 1 for record in StreamReader(data).records if isinstance(record, Message))
@@ -136,14 +136,14 @@ def streamed(file: Path) -> list[int]:
 
 
 def main(argv: list[str]) -> int:
-    """Kill writers of every form and compression in turn, and print a table of the results."""
+    """Kill writers of all bag forms and compressions, cycling through them, and print a table of the results."""
     if argv[:1] == ['--write']:
         write_until_killed(Path(argv[1]), argv[2], argv[3] == 'parts')
         return 0
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
     options.add_argument('--kills', type=int, default=1000, help='number of writers to kill (1000)')
-    options.add_argument('--longest-s', type=float, default=0.5, help='latest moment of a kill (0.5)')
-    options.add_argument('--seed', type=int, default=1, help='seed of the moments (1)')
+    options.add_argument('--longest-s', type=float, default=0.5, help='latest time of a kill in s (0.5)')
+    options.add_argument('--seed', type=int, default=1, help='seed for the times of the kills (1)')
     arguments = options.parse_args(argv)
     moments, left = random.Random(arguments.seed), Counter[tuple[str, str, str]]()
     kinds = [(form, compression) for form in FORMS for compression in COMPRESSIONS]

@@ -90,13 +90,13 @@ def test_what_is_not_in_order_is_read_in_order():
     assert [t_ns for _, t_ns, _ in read(CORPUS['foreign_out_of_order'])] == [1, 2, 3]
 
 
-@pytest.mark.skipif(not Path('/proc/self/statm').exists(), reason='there is no /proc here')
+@pytest.mark.skipif(not Path('/proc/self/statm').exists(), reason='/proc is not available')
 def test_the_whole_corpus_is_read_in_little_memory(tmp_path):
     subprocess.run([sys.executable, '-c', _LIMITED, tmp_path, *CORPUS.values()], check=True)
 
 
 def use(path, out):
-    """Read a file in every way, which may raise only the package's own errors."""
+    """Read a file in every way; each may raise only the package's own errors."""
     for way in (read, examine, partial(repair, output=out)):
         with suppress(DragonError):
             way(path)
@@ -133,7 +133,7 @@ def test_a_bag_cut_at_any_byte_is_refused_and_all_before_the_cut_is_saved(tmp_pa
 @example('good_zstd', [(0.0, 0)], 1.0)
 def test_flipped_and_cut_bags_raise_nothing_but_clear_errors(tmp_path_factory, name, flips, keep):
     if name.startswith('bomb'):
-        return      # these would only cost time for garbage collection
+        return      # these would only slow down garbage collection
     folder, data = tmp_path_factory.mktemp('flip'), bytearray(CORPUS[name].read_bytes())
     for share, value in flips:
         if data:

@@ -1,4 +1,4 @@
-"""Bags in folders, out of order and with gaps; their frames; and untrusted YAML."""
+"""Bags in folders, bags with gaps or messages out of order, the frames of bags, and untrusted YAML."""
 from array import array
 from io import BytesIO
 
@@ -27,7 +27,7 @@ SCENE = Scene(run=Run(412, 412.5))
 
 
 def write(path, times, options=None, chunk=3):
-    """Write the handles of these ticks in this order, ``chunk`` of them per chunk; return (time, number) of each."""
+    """Write the handles of these ticks in this order, ``chunk`` ticks per chunk; return each tick's (time, number)."""
     encode, out = encoders(SCENE)['handles'], []
     with BagWriter(path, options=options) as bag:
         bag.add_channel('/dragon/handles', channels()['handles'])
@@ -85,7 +85,7 @@ def unlist_last(folder):
 def test_a_part_that_is_not_listed_belongs_to_the_bag_and_inspect_names_it(tmp_path, compression):
     written = write(tmp_path / 'run', range(26), BagOptions(compression, split_duration_s=0.1))
     last = unlist_last(tmp_path / 'run')
-    repair(tmp_path / 'run', tmp_path / 'run' / 'whole.mcap')       # in the folder, but not a part of the bag
+    repair(tmp_path / 'run', tmp_path / 'run' / 'whole.mcap')       # in the folder, but not part of the bag
     assert read(tmp_path / 'run') == read(tmp_path / 'run' / 'whole.mcap') == written
     (problem,) = examine(tmp_path / 'run').problems.lines
     assert problem.startswith(f'{last}: is not listed in metadata.yaml')

@@ -1,4 +1,4 @@
-"""Other software can read bags; they are overwritten only on request, and are complete even if the disk is full."""
+"""Other software can read bags, which are overwritten only on request and remain complete even if the disk fills up."""
 import shutil
 from contextlib import suppress
 
@@ -51,7 +51,7 @@ def read(path):
 
 
 def streamed(path):
-    """Return the messages of a file that is not finished yet."""
+    """Return the messages in a file that is still being written."""
     found = []
     with path.open('rb') as file, suppress(EndOfFile):
         for record in StreamReader(file).records:
@@ -273,7 +273,7 @@ def test_without_a_thread_a_chunk_that_is_lost_is_known_at_once(tmp_path):
 
 
 def begun_in_parts(folder, parts=3):
-    """Return a bag with several parts in its folder, each with one small message."""
+    """Return a bag whose folder contains several parts, each with one small message."""
     bag = BagWriter(folder, options=BagOptions('none', split_duration_s=1e-9))
     bag.add_channel('/x', channels()['clearance'])
     for k in range(parts):
@@ -283,7 +283,7 @@ def begun_in_parts(folder, parts=3):
 
 
 def ended(bag):
-    """Do what a recorder does after an error, and return the error texts."""
+    """Finish a bag as a recorder does after an error, and return the error messages."""
     errors = []
     for act in (lambda: bag.describe('account', {'complete': 'false'}), lambda: bag.attach('a', 'text/plain', b'a'),
                 bag.flush, bag.close, bag.close):

@@ -1,4 +1,4 @@
-"""A bag that exceeds a budget is rejected in one line that names the budget."""
+"""A bag that exceeds a budget is rejected with a one-line error that names the budget."""
 import numpy as np
 import pytest
 
@@ -21,7 +21,7 @@ SCENE = Scene(dragon=Dragon(3), run=Run(412, 412.2))
 
 
 def written(path, scene, name, frames, options=None):
-    """A bag with the messages of several frames on one topic."""
+    """A bag that contains the messages of several frames on one topic."""
     with BagWriter(path, True, options or BagOptions('none')) as writer:
         writer.add_channel(f'/dragon/{name}', channels()[name])
         for k, frame in enumerate(frames):

@@ -1,4 +1,4 @@
-"""A bag is compared with the model tick by tick, including the frame of the contact at which a run may end."""
+"""A bag is compared with the model tick by tick, including the contact frame with which a run may end."""
 from dataclasses import replace
 
 import numpy as np
@@ -93,7 +93,7 @@ def led_frames(count):
 
 
 def write_led(path, count, keep=lambda name, k: True, change=lambda name, k, data: data, account=False):
-    """Write a led run, optionally with messages omitted or changed, or with the account of a complete recording."""
+    """Write a led run, optionally with omitted or changed messages, or marked as completely received."""
     encode = encoders(LED)
     with BagWriter(path) as bag:
         for name in encode:

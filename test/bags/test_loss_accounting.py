@@ -1,4 +1,4 @@
-"""Reports of losses are based on the publisher's numbers and on the ticks of the run."""
+"""Loss reports are based on the publisher's message numbers and on the run's ticks."""
 import pytest
 
 from dragon_ros.bags.record.loss_accounting import LossAccount
@@ -46,7 +46,7 @@ def test_ticks_that_were_never_published_are_missing_but_not_lost():
     assert account.report(ended=True)['/d/handles lost'] == '0'
 
 
-@pytest.mark.parametrize('numbers', [range(11, 21), range(1, 11)])      # a sim without readers publishes nothing
+@pytest.mark.parametrize('numbers', [range(11, 21), range(1, 11)])      # a sim without subscribers publishes nothing
 def test_a_recorder_that_joins_late_says_so_and_misses_nothing_after(numbers):
     account = account_of(range(10, 20), numbers)
     assert account.missing(ended=True) == {}

@@ -76,7 +76,7 @@ class Recording:
         self.writer.write(topic, data, t_ns, sequence, source_ns)
 
     def go_on(self, ticks):
-        """Write a number of ticks, and return the bytes still in memory once the ticks are in the file."""
+        """Write a number of ticks, and return how many bytes are still in memory once the ticks are in the file."""
         for _ in range(ticks):
             self.tick += 1
             t_ns, source_ns = RUN.time_ns(self.tick - 1), 10**18 + self.tick * 10**7

@@ -6,7 +6,7 @@ from dragon_ros.messages.decode import Health
 
 
 def word_of(*events):
-    """Return a ``LastWord`` after events: ('tick', t), ('begins', t), ('fix',) or ('health', t, waiting, leaves)."""
+    """Return a ``LastWord`` after the events ('tick', t), ('begins', t), ('fix',) or ('health', t, waiting, leaves)."""
     word = LastWord()
 
     def health(t_ns, waiting=0, leaves=False):
@@ -22,7 +22,7 @@ TICKS = ('tick', 1), ('tick', 2)
 @pytest.mark.parametrize(('events', 'said'), [
     ([], False),                                            # no monitor, or one that is just being discovered
     (TICKS, False),
-    ([('health', None)], True),                             # a monitor without anything to examine
+    ([('health', None)], True),                             # a monitor that has nothing to examine
     ([*TICKS, ('health', 1)], False),
     ([*TICKS, ('health', 2)], True),
     ([*TICKS, ('begins', 1), ('health', 1)], False),

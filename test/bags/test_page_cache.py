@@ -15,7 +15,7 @@ MB = 2**20
 
 @pytest.fixture
 def asked(monkeypatch):
-    """The parts (start, end) of files whose page cache the system has been requested to release."""
+    """The file ranges (start, end) that the system has been asked to drop from its page cache."""
     parts = []
     monkeypatch.setattr(os, 'posix_fadvise', lambda _, start, size, what: parts.append((start, start + size))
                         if what == os.POSIX_FADV_DONTNEED else pytest.fail('other advice'))

@@ -32,7 +32,7 @@ def wall(name, x):
 
 @pytest.fixture
 def bag_of(tmp_path):
-    """A function that writes the run with messages of obstacles at given ticks, and opens the bag."""
+    """A function that writes the run with obstacle messages at given ticks, and opens the bag."""
     opened = []
 
     def write(*messages):

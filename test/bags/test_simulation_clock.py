@@ -117,7 +117,7 @@ PERIOD_NS = 20_000_000
 
 
 def published(ticks, set_back):
-    """Return a sim's messages in order: (topic, tick, source time); the clock jumps before those in ``set_back``."""
+    """Return a sim's messages as (topic, tick, source time); ``set_back`` maps (topic, tick) to jumps of the clock."""
     now, out = 10**18, []
     for k in range(ticks):
         for topic in ('handles', 'v'):

@@ -1,4 +1,4 @@
-"""Every picture that a test of a cost page saves must be readable."""
+"""Every picture saved by a test of a cost page must be readable."""
 import pictures
 import pytest
 

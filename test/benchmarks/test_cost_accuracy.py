@@ -1,4 +1,4 @@
-"""The page ``cost accuracy``: its rows for tiers, other solvers and integration, and its files."""
+"""The page ``cost accuracy`` has rows for tiers, other solvers and integration, and writes its files."""
 import numpy as np
 import pytest
 
@@ -10,7 +10,7 @@ CASES = {problem.name: problem for problem in hard_cases()}
 
 @pytest.fixture(scope='module')
 def workprec():
-    """The module, imported by the first test, because scipy is slow to import."""
+    """The module under test, imported only by the first test that needs it because scipy is slow to import."""
     from benchmarks import workprec
     return workprec
 

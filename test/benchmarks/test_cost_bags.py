@@ -1,4 +1,4 @@
-"""The page ``cost bag``: its figures follow from the measurements, and its bags are complete."""
+"""The figures on the page ``cost bag`` follow from the measurements, and the measured bags are complete."""
 import csv
 import io
 

@@ -1,4 +1,4 @@
-"""The page ``cost contact``: its verdicts, growth figures and files, from rows written by hand."""
+"""The page ``cost contact`` derives its verdicts, growth figures and files correctly from hand-written rows."""
 import numpy as np
 import pytest
 

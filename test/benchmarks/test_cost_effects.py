@@ -1,4 +1,4 @@
-"""The page ``cost effects``: the costs of effects and of whole ticks, and its files."""
+"""The page ``cost effects`` lists the costs of effects and of whole ticks, and writes its files."""
 import numpy as np
 
 from benchmarks import command, effects, wholes

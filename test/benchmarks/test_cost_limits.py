@@ -1,4 +1,4 @@
-"""The page ``cost limits``: the stages of a tick are compared with the machine's own rates."""
+"""The page ``cost limits`` compares the stages of a tick with the rates that the machine can reach."""
 import pytest
 
 from benchmarks import command, limits, rates

@@ -1,4 +1,4 @@
-"""The page ``cost memory``: its figures follow from the samples, and the recording that it measures is complete."""
+"""The figures on the page ``cost memory`` follow from the samples, and the measured recording is complete."""
 import csv
 import io
 from dataclasses import replace

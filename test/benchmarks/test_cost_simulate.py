@@ -1,4 +1,4 @@
-"""The page ``cost simulate``: each number of workers is measured, and so is a copy of the bag's bytes."""
+"""The page ``cost simulate`` measures every number of workers, and how long it takes to copy the bag's bytes."""
 from benchmarks import simulate
 from dragon_ros.cli.pool import workers_of
 

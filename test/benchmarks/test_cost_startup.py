@@ -1,4 +1,4 @@
-"""The page ``cost startup``: a line for each executable, valid arguments for each use, and its files."""
+"""The page ``cost startup`` has a line for every executable and valid arguments for every use, and writes its files."""
 import numpy as np
 import pytest
 

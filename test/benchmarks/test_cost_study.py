@@ -1,4 +1,4 @@
-"""The page ``cost study``: its figures follow from the measurements."""
+"""The figures on the page ``cost study`` follow from the measurements."""
 import csv
 import io
 from importlib.util import find_spec
@@ -12,7 +12,7 @@ pytestmark = pytest.mark.skipif(not find_spec('distributed'), reason='distribute
 
 @pytest.fixture(scope='module')
 def study():
-    """The module, imported by the first test, because Dask is slow to import."""
+    """The module under test, imported only by the first test that needs it because Dask is slow to import."""
     from benchmarks import study
     return study
 

@@ -1,4 +1,4 @@
-"""The pages ``cost tick``, ``cost first`` and ``cost scale``: their sums, exponents, verdicts and files."""
+"""The sums, exponents, verdicts and files of the pages ``cost tick``, ``cost first`` and ``cost scale`` are correct."""
 import numpy as np
 import pytest
 

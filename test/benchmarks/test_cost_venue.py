@@ -1,4 +1,4 @@
-"""The page ``cost venue``: its town has the stated number of corners and a free street, and each town has a line."""
+"""Towns on the page ``cost venue`` have the stated number of corners, a free street, and a line each in the table."""
 import numpy as np
 
 from benchmarks import command, venues

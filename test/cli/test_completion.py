@@ -10,7 +10,7 @@ from dragon_ros.executables import EXECUTABLES
 
 
 def completions(line, cwd):
-    """Return the completions that the tab key offers at the end of a line, and the ended process."""
+    """Return the completions that the tab key offers at the end of a line, and the finished process."""
     read, write = os.pipe()
     asked = {**os.environ, 'COMP_LINE': line, 'COMP_POINT': str(len(line)), '_ARGCOMPLETE': '1',
              '_ARGCOMPLETE_IFS': '\n', '_ARGCOMPLETE_SHELL': 'bash', 'COMP_TYPE': '9'}

@@ -23,7 +23,7 @@ def others_may_have_them():
 
 
 def chosen(times):
-    """Choose domains repeatedly without reserving them, and return which of the two were free."""
+    """Choose domains repeatedly without reserving them, and return which of the two domains were free."""
     out = set()
     for _ in range(times):
         out.add(free_domain([DOMAIN, OTHER]))

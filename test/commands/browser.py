@@ -1,6 +1,6 @@
-"""Headless Chromium, driven over the WebDriver protocol that chromedriver speaks.
+"""Headless Chromium, driven by chromedriver over the WebDriver protocol.
 
-``python3 test/commands/browser.py URL FILE [WIDTH HEIGHT [dark]]`` takes a screenshot of the page of ``view``.
+``python3 test/commands/browser.py URL FILE [WIDTH HEIGHT [dark]]`` takes a screenshot of a ``view`` page.
 """
 import base64
 import json
@@ -21,7 +21,7 @@ ABSENT = 'no chromium with chromedriver on this machine; on Debian: apt install 
 _FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-sync',
           '--disable-background-networking', '--disable-component-update', '--window-size=1400,860',
           '--use-angle=swiftshader', '--enable-unsafe-swiftshader',     # WebGL in software
-          # One process serves all pages, which are trusted: starting a process for each page would take as long as its
+          # All pages are trusted and share one process: starting a process for each page would take as long as its
           # test.
           '--renderer-process-limit=1', '--disable-site-isolation-trials', '--disable-features='
           'SpareRendererForSitePerProcess,BackForwardCache,ProactivelySwapBrowsingInstance,RenderDocument')
@@ -32,7 +32,7 @@ _KEYS = {'ArrowLeft': '\ue012', 'ArrowUp': '\ue013', 'ArrowRight': '\ue014', 'Ho
 
 
 class Browser:
-    """The page of a session."""
+    """The page of a WebDriver session."""
 
     def __init__(self, address, profile):
         options = {'binary': CHROMIUM, 'args': [*_FLAGS, f'--user-data-dir={profile}']}
@@ -80,14 +80,14 @@ class Browser:
         self.run(f'document.getElementById("{name}").click()')
 
     def look(self, width, height, dark=False):
-        """Give the page a size in pixels (a phone's if below 600) and a light or dark colour scheme."""
+        """Set the page's size in pixels (a phone's if less than 600 wide) and a light or dark colour scheme."""
         self._devtools('Emulation.setDeviceMetricsOverride', width=width, height=height, deviceScaleFactor=1,
                        mobile=width < 600)
         scheme = {'name': 'prefers-color-scheme', 'value': 'dark' if dark else 'light'}
         self._devtools('Emulation.setEmulatedMedia', features=[scheme])
 
     def press(self, key):
-        """Press and release a key, given by the name that the page receives (' ', 'Home')."""
+        """Press and release a key, given by the name that the page receives, such as ' ' or 'Home'."""
         keys = [{'type': kind, 'value': _KEYS.get(key, key)} for kind in ('keyDown', 'keyUp')]
         self._call('/actions', {'actions': [{'type': 'key', 'id': 'keyboard', 'actions': keys}]})
 
@@ -113,7 +113,7 @@ class Browser:
 
 @contextmanager
 def browser(folder):
-    """A browser with its profile and log in a folder."""
+    """A browser that keeps its profile and log in a folder."""
     with (folder / 'chromedriver.log').open('w+') as log:
         driver = subprocess.Popen([DRIVER, '--port=0'], stdout=log, stderr=subprocess.STDOUT)
         try:

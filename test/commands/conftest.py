@@ -49,7 +49,7 @@ def bag(tmp_path_factory, write_bag):
 
 @pytest.fixture(scope='session')
 def chromium(tmp_path_factory):
-    """The only browser of this process, since starting a browser takes seconds."""
+    """The one browser that all tests in this process share, since starting a browser takes seconds."""
     if not (browser.CHROMIUM and browser.DRIVER):
         pytest.skip(browser.ABSENT)
     with browser.browser(tmp_path_factory.mktemp('chromium')) as one:
@@ -65,6 +65,6 @@ def page(chromium):
 
 @pytest.fixture(scope='session')
 def axe():
-    """The script of axe, which checks the accessibility of a page."""
+    """The axe script, which checks the accessibility of a page."""
     library = pytest.importorskip('axe_core_python', reason='axe-core-python is not installed')
     return (Path(library.__file__).parent / 'axe.min.js').read_text(encoding='utf-8')

@@ -1,4 +1,4 @@
-"""Jobs for pools of processes, in a module that a new process imports quickly."""
+"""Jobs for process pools, in a module that a new process can import quickly."""
 import os
 import signal
 import time

@@ -1,4 +1,4 @@
-"""The commands inspect, export, simulate and table with bags: their output, files and exit codes."""
+"""The output, files and exit codes of the commands inspect, export, simulate and table for bags."""
 import csv
 import json
 import os
@@ -187,7 +187,7 @@ def test_the_dragon_of_a_bag_is_named_with_or_without_its_slash_and_one_that_is_
 
 
 def test_a_clearance_is_taken_from_the_bag_only_with_the_stamp_of_its_tick(capsys, tmp_path):
-    """The bag has wall times, as other recorders write, and a topic without stamps, logged late by an old version."""
+    """The bag has wall times, as from other recorders, and a topic without stamps that an old version logged late."""
     with BagWriter(tmp_path / 'a.mcap') as out:
         for name in ('handles', 'clearance', 'clearance/stamped'):
             out.add_channel(f'/dragon/{name}', channels()[name])
@@ -381,7 +381,7 @@ def test_a_scene_in_the_place_of_a_bag_is_told_how_to_be_given(capsys, command, 
 
 
 def stranger_s(path, text):
-    """A bag with an arbitrary text as its scene, and with one tick of handles."""
+    """A bag whose scene is an arbitrary string and which contains one tick of handles."""
     frame = tick(Scene(run=Run(412)), 0)
     with BagWriter(path) as bag:
         bag.describe('dragon_ros', {'scene': text})

@@ -1,4 +1,4 @@
-"""The contract of the offline commands: their output, their exit codes, and one clear line for bad input."""
+"""The offline commands keep their contract on output, exit codes and one-line errors for bad input."""
 import argparse
 import csv
 import io
@@ -244,7 +244,7 @@ def test_help_of_any_executable_imports_the_standard_library_alone():
 
 
 BAG = 'numpy yaml mcap zstandard lz4'
-# The HEAVY modules and rooms that the smallest use of a command may import, so that it starts quickly.
+# The HEAVY modules and the rooms that the simplest use of each command may import, so that it starts quickly.
 NEEDS = {
     'table --times 60 --handles 0': ('numpy yaml', ''),
     'contact --set run.stop_s=1': ('numpy yaml', 'core.enclosures core.search'),

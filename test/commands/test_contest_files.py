@@ -73,7 +73,7 @@ def test_books_have_the_same_numbers_under_the_same_names_as_the_text_files(fold
 
 
 def the_organisers_rows(name, sheet):
-    """The names in the organisers' empty result files are read from copies that teams published.
+    """Return the row names in the organisers' empty result files, taken from copies that teams published.
 
     The original files are in the repositories julymiaw/CUMCM2024A (all three) and zty2004/CUMCM2024 (result4, the same
     bytes); completed files are in Diraw/Code-for-the-2024-CUMCM-Problems-A and in walker4869/CUMCM-2024-Problem-A.

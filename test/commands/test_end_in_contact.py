@@ -32,7 +32,7 @@ def found_in(scene):
 
 @pytest.fixture(autouse=True)
 def unsearched(monkeypatch):
-    """Allow no search of scenes with twelve benches."""
+    """Prohibit the search for contacts in scenes with twelve benches."""
     monkeypatch.setattr(contacts_in_bag, 'SEARCHED_BENCHES', 11)
 
 

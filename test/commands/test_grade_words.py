@@ -10,7 +10,7 @@ FILES = [path for package in (grade, contest) for path in Path(package.__file__)
          if path.name != 'words.py']
 SOURCES = '\n'.join(path.read_text() for path in (
     *FILES, Path(__file__).parents[2] / 'docs/examples/common_mistakes.py'))
-MADE = ('turn_', 'short_')        # prefixes of keys that are composed
+MADE = ('turn_', 'short_')        # prefixes of keys that the code composes
 
 
 def parameters(text):

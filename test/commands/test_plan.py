@@ -24,7 +24,7 @@ def scene():
 
 @pytest.fixture(scope='module')
 def benches(scene):
-    """All benches at 2,000 times of the run, as polygons."""
+    """All benches at 2,000 times during the run, as polygons."""
     times = np.linspace(0, compile_scene(scene).end.t_s, 2000).tolist()
     chain = states(scene, times)
     return polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners.reshape(-1, 4, 2))

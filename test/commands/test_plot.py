@@ -1,4 +1,4 @@
-"""Every kind of picture, of a scene or a bag, has the same bytes each time, or there is a clear error."""
+"""Every kind of picture of a scene or a bag is byte-identical each time, or a clear error is reported."""
 import re
 import struct
 from pathlib import Path
@@ -40,7 +40,7 @@ from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.load import load_scene
 from dragon_ros.version import __version__
 
-# Boxes of ISO base media files that contain tracks.
+# The types of boxes that contain other boxes on the way to a track in an ISO base media file.
 PARENTS = (b'moov', b'trak', b'mdia', b'edts', b'minf', b'stbl')
 STARTS = {'.png': b'\x89PNG', '.svg': b'<?xml', '.pdf': b'%PDF', '.gif': b'GIF8', '.html': b'<!DOCTYPE html>'}
 
@@ -369,7 +369,7 @@ def test_benches_that_overlap_are_marked_where_they_do():
 
 
 def test_a_frame_is_what_a_whole_drawing_shows():
-    """Drawing the moving parts onto the static background results in the same pixels for dragon, inset and curves."""
+    """Drawing the moving parts onto the static background yields the same pixels for dragon, inset and curves."""
     source = SceneSource('winding', load_scene('winding', ['dragon.benches=20', 'run.start_s=405', 'run.stop_s=413',
                                                            'run.rate_hz=2']))
     times_s = np.array([405.0, 409.0, 412.9])

@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 BAG = ROOT / 'test' / 'data' / 'made_by_0_1_0.mcap'
-AS_OWNER = ('setpriv', '--bounding-set=-dac_override', '--inh-caps=-dac_override')     # enforces permissions for root
+AS_OWNER = ('setpriv', '--bounding-set=-dac_override', '--inh-caps=-dac_override')     # makes root obey permissions
 
 
 @pytest.mark.parametrize('command', [

@@ -76,7 +76,7 @@ def path_message(frame, points):
 
 @pytest.fixture
 def planned(tmp_path):
-    """A bag that contains a path in the frame map."""
+    """A bag that contains a path in the frame ``map``."""
     path = tmp_path / 'plan.mcap'
     with path.open('wb') as file:
         writer = Writer(file)

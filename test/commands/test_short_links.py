@@ -1,4 +1,4 @@
-"""All parts support links of almost zero length if these have a direction, and reject them otherwise."""
+"""All parts of the package support links of almost zero length if these have a direction, and reject them otherwise."""
 import json
 
 import numpy as np

@@ -24,7 +24,7 @@ CURVE = 'set: {dragon: {benches: 3}}\nvary: {track.pitch_m: {from: 0.4, to: 0.6,
 
 @pytest.fixture
 def computed(tmp_path, monkeypatch):
-    """A function that computes a study in this process, in the folder ``data``, and returns its folder."""
+    """A function that computes a study in this process, stores it in the folder ``data``, and returns that folder."""
     from dragon_ros.studies.dataset import part_of, writing
     from dragon_ros.studies.rows import rows_of
     from dragon_ros.studies.study import load_study

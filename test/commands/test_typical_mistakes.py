@@ -1,4 +1,4 @@
-"""The errors for typical mistakes of newcomers, students, teachers and Jupyter users name value, limit and cure."""
+"""Errors for typical mistakes of newcomers, students, teachers and Jupyter users name the value, limit and cure."""
 import re
 
 import pytest

@@ -1,4 +1,4 @@
-"""The web view: the server's answers, and a page that plays in a real browser and contacts no other host."""
+"""The web view's server answers correctly, and its page plays in a real browser and contacts no other host."""
 import contextlib
 import http.client
 import json
@@ -403,7 +403,7 @@ def test_many_benches_are_drawn_where_they_are_at_every_zoom(big, big_server, pa
     assert [said for level, said in page.log() if level != 'WARNING'] == []    # the warnings are about reading pixels
 
 
-# The difference between WebGL pictures and those of the canvas, drawn at the same place and one pixel to the right.
+# The difference between the canvas picture and WebGL pictures drawn at the same place and one pixel to the right.
 # Each value is the share of pixels that differ by more than an eighth of the range of shades, in the whole picture and
 # within 40 pixels of the first handle.
 APART = """const plot = document.getElementById('scene'), {range, _length} = plot._fullLayout.xaxis;

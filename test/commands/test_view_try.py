@@ -1,4 +1,4 @@
-"""``view --try``: fields for a scene, answers about its variants, and work that ends when the page stops waiting."""
+"""``view --try`` shows fields for a scene, answers questions, and stops work when the page stops waiting."""
 import contextlib
 import http.client
 import json
@@ -188,7 +188,7 @@ SET = """const field = document.getElementById(arguments[0]); field.value = argu
 ANSWERS = 'return [...document.querySelectorAll("#answers dd")].map((one) => one.textContent)'
 
 
-# Whether the title of the x axis lies within the picture of the dragon.
+# Return whether the title of the x axis lies within the picture of the dragon.
 FITS = """const box = document.getElementById('scene').getBoundingClientRect();
   return document.querySelector('#scene .xtitle').getBoundingClientRect().bottom <= box.bottom + 1"""
 

@@ -1,4 +1,4 @@
-"""Commands on several processes have the same output as on one; if a process or the disk fails, files stay valid."""
+"""Commands produce the same output on several processes as on one; files stay valid if a process or the disk fails."""
 import json
 import os
 import signal
@@ -70,7 +70,7 @@ for _ in range(3):
 
 
 def test_a_pool_closes_no_file_twice():
-    # one pool in sixty used to close a file twice if a process had ended just before the pool was shut down
+    # one pool in sixty used to close a file twice because a process had ended just before the pool was shut down
     done = subprocess.run([sys.executable, '-c', _SLOW_TO_CLOSE], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (0, '')
 
@@ -215,7 +215,7 @@ def long(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def whole(tmp_path_factory):
-    """The bag of a run of the whole dragon, on which commands work long enough to be interrupted."""
+    """The bag of a whole dragon's run, which commands process for long enough to be interrupted."""
     return simulated(tmp_path_factory.mktemp('whole') / 'whole.mcap')
 
 

@@ -1,4 +1,4 @@
-"""References for contacts: distances between benches computed by shapely, and the paper's candidates, corrected."""
+"""Reference values for contacts: distances between benches by shapely, and the paper's candidate rule, corrected."""
 import numpy as np
 import shapely
 
@@ -7,7 +7,7 @@ from dragon_ros.core.step import state
 
 
 def smallest(scene, t_s):
-    """Return the smallest distance of benches that are not neighbours: 0 if any overlap, infinite if there are none."""
+    """Return the smallest distance between non-neighbouring benches: 0 if any overlap, infinite if there are none."""
     chain = state(scene, t_s)
     shapes = shapely.polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners)
     i, j = np.triu_indices(len(shapes), 2)
@@ -15,9 +15,9 @@ def smallest(scene, t_s):
 
 
 def adjacent_layer_windows(angle):
-    """Return the first and last candidates (N,) in the next layer out, by the paper's rule, corrected.
+    """Return each bench's first and last candidate in the next layer out, by the paper's rule, corrected.
 
-    The rule uses the polar angles (N+1,) of the handles.
+    The rule uses the handles' polar angles ``angle``, of shape (N+1,); both results have the shape (N,).
     """
     count = angle.size - 1
     over = np.searchsorted(angle, angle + 2 * np.pi, side='right') - 1

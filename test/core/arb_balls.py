@@ -1,4 +1,4 @@
-"""The balls of ``ball_arithmetic`` in arb at 200 bits, as references for enclosures computed in floats.
+"""The balls of ``ball_arithmetic``, implemented in arb at 200 bits as references for enclosures computed in floats.
 
 An arb's radius is rounded outwards at each operation, so its enclosures are rigorous. The radius has 30 bits, so it
 exceeds the exact value by about a billionth, which is less than the amount that ``Ball`` adds for its own rounding.

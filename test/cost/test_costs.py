@@ -1,4 +1,4 @@
-"""``cost --scene``: its figures, its notes on parts that do not apply, its formats and its requirements."""
+"""The figures of ``cost --scene``, its notes on parts that do not apply, its formats and its requirements."""
 import json
 import pickle
 import subprocess

@@ -1,4 +1,4 @@
-"""The ROS domain for nodes that are fuzzed, chosen as in the tests of the nodes."""
+"""The ROS domain for nodes that are fuzzed, chosen as in the node tests."""
 import pytest
 
 from dragon_ros.cli.dds_domain import free_domain, local_environment

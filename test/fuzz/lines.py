@@ -132,7 +132,7 @@ def hold_check(path: Path, wanted: list[Row], ended: bool, model: dict[tuple[str
 
 
 def ticks_of(text: str) -> dict[int, list[tuple[float, float]]]:
-    """Return the positions of the handles in m by time in ns, from a CSV table."""
+    """Return the handle positions (m) in a CSV table, by time (ns)."""
     out: dict[int, list[tuple[float, float]]] = {}
     for row in csv.DictReader(io.StringIO(text)):
         places = out.setdefault(round(float(row['t_s']) * 1e9), [])
@@ -143,12 +143,12 @@ def ticks_of(text: str) -> dict[int, list[tuple[float, float]]]:
 
 
 def stamp_of(row: Row) -> int | None:
-    """Return the stamp of handles in ns, or None if the message is invalid."""
+    """Return the stamp (ns) of a message with handles, or None if the message is invalid."""
     with suppress(MessageError):
         return read_pose_array(row[2]).t_ns
     return None
 
 
 def places_of(data: bytes) -> list[tuple[float, float]]:
-    """Return the positions of handles in m."""
+    """Return the handle positions (m) in a message."""
     return [(x, y) for x, y in np.asarray(read_pose_array(data).poses)[:, :2].tolist()]

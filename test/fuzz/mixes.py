@@ -152,7 +152,7 @@ class Mix:
             self.put(number, t_ns, model()[f'/dragon/{name}', t_ns])
 
     def end_chunk(self, how: int) -> None:
-        """Write the open chunk, compressed as ``how`` selects, and its indexes, which one value in eight omits."""
+        """Write the open chunk, compressed as ``how`` selects, and its indexes (omitted for one value in eight)."""
         rows, self._inside = self._inside, None
         if not rows:
             return

@@ -69,7 +69,7 @@ def bag(folder: Path) -> Target:
 
 
 def read_in_every_way(path: Path, out: Path) -> None:
-    """Read a bag as every tool does, which may raise only the package's own errors."""
+    """Read a bag as every tool does; each way may raise only the package's own errors."""
     with suppress(DragonError):
         examine(path)
     with suppress(DragonError):
@@ -146,7 +146,7 @@ def folder_of_parts(folder: Path) -> Target:
 
 
 def scene(folder: Path) -> Target:
-    """Texts of scenes on the topic scene and in bags."""
+    """Texts of scenes, as on the topic ``scene`` and in bags."""
     def run(data: bytes) -> None:
         with suppress(DragonError):
             text = data.decode(errors='replace')
@@ -420,7 +420,7 @@ def drawing(folder: Path) -> Target:
 
 
 def command(folder: Path) -> Target:
-    """Commands on cmd_vel for a led dragon, with and without a stamp, each of which is valid for a tick."""
+    """Commands on cmd_vel for a led dragon, with and without a stamp; each command is valid for one tick."""
     import rclpy
     from geometry_msgs.msg import Twist, TwistStamped
     from rclpy.serialization import deserialize_message, serialize_message

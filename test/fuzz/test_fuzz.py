@@ -1,4 +1,4 @@
-"""Untrusted input raises only the package's own errors; by default the test is short and seeded.
+"""Untrusted input raises only the package's own errors; by default this test is short and its seed is fixed.
 
 ``./dragon test test/fuzz -n0 -s --minutes 60`` continues with new seeds, reports its progress, stores each input that
 raises another error in ``corpus/TARGET``, from which the next run starts, and prints a summary at the end.

@@ -76,7 +76,7 @@ def test_markers_with_strings_of_unequal_length_decode_to_the_same():
     from visualization_msgs.msg import MarkerArray
     data = frame_and_bytes(9)[1]['benches']
     message = serialization.deserialize_message(data, MarkerArray)
-    message.markers[3].text = 'a text that shifts all that follows'
+    message.markers[3].text = 'a text that shifts everything after it'
     message.markers[5].points.append(message.markers[5].pose.position)
     even, uneven = read_marker_array(data), read_marker_array(serialization.serialize_message(message))
     np.testing.assert_array_equal(even.poses, uneven.poses)

@@ -35,7 +35,7 @@ RANGES = {'b': (-128, 127), 'B': (0, 255), 'h': (-2**15, 2**15 - 1), 'H': (0, 2*
 
 
 def filled(message, rng):
-    """Fill a message object with random values; random lengths of texts and sequences make every alignment occur."""
+    """Fill a message object with random values; random lengths of strings and sequences make every alignment occur."""
     for name, kind in message.get_fields_and_field_types().items():
         setattr(message, name, random_value(kind, getattr(message, name), rng))
     return message
@@ -75,7 +75,7 @@ def plain(value):
 
 
 def flat(value):
-    """Return all numbers and texts of a value in order, regardless of its structure."""
+    """Return all numbers and strings in a value in order, regardless of its structure."""
     if isinstance(value, dict):
         return [one for part in value.values() for one in flat(part)]
     if isinstance(value, (list, np.ndarray)):
@@ -93,7 +93,7 @@ def test_any_message_of_the_real_serialiser_is_decoded(name):
 
 
 def encoded(fields, values, order, out):
-    """Append the values of fields in either byte order, as another machine may send them."""
+    """Append field values in either byte order, as another machine may send them."""
     def put(kind, value):
         size = struct.calcsize(kind)
         out.extend(b'\xee' * (-(len(out) - 4) % size))      # the rmw leaves padding bytes uninitialised

@@ -47,7 +47,7 @@ def by_rosbags(kind, data):
 
 @pytest.fixture(params=[by_mcap, by_rosbags], ids=['mcap_ros2', 'rosbags'])
 def read(request):
-    """A function that decodes a topic's message in a given style of markers."""
+    """A function that decodes a topic's message for a given marker style."""
     return lambda topic, style='cubes': request.param(channels()[topic].type, made(style)[1][topic])
 
 
@@ -57,14 +57,14 @@ def stamp_ns(header):
 
 
 def turned(orientation):
-    """Return the direction (2,) of the x axis of a pose that is rotated only about z."""
+    """Return the direction of the x axis of a pose that is rotated only about z."""
     assert (orientation.x, orientation.y) == (0.0, 0.0)
     angle = 2 * np.arctan2(orientation.z, orientation.w)
     return np.array([np.cos(angle), np.sin(angle)])
 
 
 def placed(poses):
-    """Return the positions (n, 2) and the directions (n, 2) of poses in the plane."""
+    """Return the positions and the directions of poses in the plane (both of shape (n, 2))."""
     assert all(one.position.z == 0.0 for one in poses)
     return (np.array([(one.position.x, one.position.y) for one in poses]),
             np.array([turned(one.orientation) for one in poses]))

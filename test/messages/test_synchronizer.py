@@ -141,7 +141,7 @@ def test_memory_that_names_and_layouts_take_counts_as_well():
 
 
 def interleaved(rng, rows):
-    """Mix the messages of several publishers at random, each publisher's in order; yield (publisher, number, stamp)."""
+    """Mix several publishers' messages at random, keeping each one's order; yield (publisher, number, stamp)."""
     left = {name: deque(messages) for name, messages in rows.items()}
     while any(left.values()):
         name = rng.choice([name for name, messages in left.items() if messages])

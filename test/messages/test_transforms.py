@@ -11,7 +11,7 @@ LEVEL = (0.0, 0.0)
 
 
 def message(*rows):
-    """Return a TFMessage of rows (parent, child, (x, y, z), yaw, (roll and pitch parts of the quaternion))."""
+    """Return a TFMessage with the rows (parent, child, (x, y, z), yaw, (roll and pitch parts of the quaternion))."""
     writer = Writer()
     writer.put('I', len(rows))
     for parent, child, place, yaw, tilt in rows:

@@ -1,4 +1,4 @@
-"""Forward kinematics on the dragon's URDF, with the angles from joint_states, reproduce its benches."""
+"""Forward kinematics on the URDF, with the angles from ``joint_states``, reproduces the dragon's benches."""
 from dataclasses import replace
 from xml.etree import ElementTree
 

@@ -57,8 +57,8 @@ ROOMS = {
                  'test/nodes/test_monitor_topics.py', 'test/nodes/test_overload.py',
                  'test/messages/test_monitor_markers.py']),
 }
-# Replacements of operators that resemble a slip of a programmer. Other replacements, such as a shift instead of a sum,
-# are found by any test.
+# Operator replacements that resemble a programmer's slip. Any test would find other replacements, such as a shift
+# instead of a sum.
 _SLIPS = {'Add_Sub', 'Sub_Add', 'Mul_Div', 'Div_Mul', 'FloorDiv_Mul', 'Mod_FloorDiv', 'Pow_Mul', 'BitAnd_BitOr',
           'BitOr_BitAnd'}
 _IGNORED = ('core/VariableInserter', 'core/VariableReplacer', 'core/NoOp', 'core/RemoveDecorator', 'core/AddNot',

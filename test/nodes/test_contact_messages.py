@@ -128,7 +128,7 @@ def test_the_pace_counts_ticks_that_were_skipped_or_never_arrived_once(skipped, 
 
 @given(st.lists(st.tuples(st.integers(1, 5), st.integers(1, 4)), min_size=1, max_size=10), st.integers(1, 5))
 def test_the_pace_adds_up_the_numbers_that_are_missing(rows, first):
-    """The reference counts the numbers that never came, and measures the longest time over such a hole."""
+    """The reference counts the missing numbers and measures the longest time across a gap in the numbers."""
     pace, seen, t_ns, number, steps = messages.Pace(), [first], 0, first, [0]
     pace.see(t_ns, number, 0.0)
     for step_ns, more in rows:

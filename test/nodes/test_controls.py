@@ -272,7 +272,7 @@ def test_sim_and_monitor_share_an_executor_of_somebody_else(domain, kind, scale,
             executor.add_node(one)
         found, end = [], threading.Event()
         nodes[0].get_logger().error = lambda text: (found.append(text), end.set())
-        # ``spin_once`` may return at once, so the limit is a time rather than a number of calls.
+        # ``spin_once`` may return immediately, so the limit is a time rather than a number of calls.
         until = time.monotonic() + 60
         while time.monotonic() < until and not (end.is_set() and nodes[1].player.done):
             executor.spin_once(timeout_sec=0.01)

@@ -1,4 +1,4 @@
-"""The frames of a run: the first one is computed in advance, and this changes no frame."""
+"""The first frame of a run is computed in advance, which changes no frame."""
 import sys
 from dataclasses import replace
 from threading import Event

@@ -1,4 +1,4 @@
-"""All nodes run together, and each does its part."""
+"""All nodes run together, and each of them works as documented."""
 import os
 import shutil
 import signal

@@ -25,7 +25,7 @@ def held(start, node):
     maps = node.create_publisher(OccupancyGrid, '/map', qos.profile('reliable', 'transient_local', 1))
     venues = node.create_publisher(MarkerArray, 'venue', qos.of_channel(channels()['venue']))
     venues.publish(b'\0\1\0\0\7\0\0\0')
-    monitor.wait_for('venue: not used')     # publishers are discovered in order, so that of the map is known too
+    monitor.wait_for('venue: not used')     # publishers are discovered in order, so the map's is known too
     return monitor, maps
 
 
@@ -84,7 +84,7 @@ def test_a_monitor_that_is_stopped_during_a_run_has_said_its_last_word(start, tm
     assert monitor.stop() == 0, monitor.text
     assert sim.stop() == 0, sim.text
     assert record.end() == 0, record.text
-    assert events_of(bag)[0].values['phase'] == 'begin'     # on a busy machine the contact may end before the monitor
+    assert events_of(bag)[0].values['phase'] == 'begin'     # on a busy machine, the contact may end first
     assert MISSING not in record.text
     assert WAITS not in record.text
 

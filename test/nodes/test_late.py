@@ -19,7 +19,7 @@ EACH_TICK = 'handles', 'benches', 'velocities'
 
 @pytest.fixture
 def launched_as(launched, tmp_path):
-    """Start at a given rate the nodes, except the monitor, that launch starts for a sim, a replay or a led dragon."""
+    """Start the nodes, except the monitor, that launch starts for a sim, a replay or a led dragon, at a given rate."""
     def run(form, rate):
         given = {'sim': SIM, 'led': LED, 'replay': {'replay': str(tmp_path / 'bag.mcap')}}[form]
         if form == 'replay':

@@ -1,4 +1,4 @@
-"""dragon.launch.py with the launch package of ROS 2, which has no wheel: these tests need a ROS 2 install."""
+"""``dragon.launch.py`` works with the ROS 2 launch package, which has no wheel: these tests need a ROS 2 install."""
 import os
 import sys
 from pathlib import Path

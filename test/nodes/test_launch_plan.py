@@ -1,4 +1,4 @@
-"""The processes that dragon.launch.py starts, with and without the launch library; they are real processes."""
+"""``dragon.launch.py`` starts the right processes, with and without the launch library; the processes are real."""
 import struct
 
 import pytest
@@ -51,7 +51,7 @@ def test_a_replayed_bag_moves_to_the_namespace_waits_for_the_monitor_and_leads_t
     assert (what.frame_id, what.namespace) == ('sea', '/red')
     ran = launched(what)
     node.until(lambda: node.count_publishers('/red/handles') == node.count_publishers('/red/clearance') == 1)
-    node.until(lambda: times[-1:] == [SCENE.run.time_ns(25)])       # the sim holds, and repeats the time
+    node.until(lambda: times[-1:] == [SCENE.run.time_ns(25)])       # at its end, the replay repeats the time
     assert node.count_publishers('/red/clearance') == 1
     assert node.count_publishers('/dragon/handles') == 0
     assert ran['replay'].stop() == 0, ran['replay'].text
@@ -160,7 +160,7 @@ def said(path, dragon):
 
 
 def test_at_any_rate_every_recorded_value_stands_at_the_time_of_its_tick(launched, watched, tmp_path):
-    """A monitor lags behind a source that publishes as fast as possible, but reports what it would in real time."""
+    """A monitor lags behind a source that publishes as fast as possible, but its reports equal those in real time."""
     short, ran = {'start_s': '412.2', 'stop_s': '412.7'}, {}
     for dragon, given in {'one': short, 'two': {'time_scale': '0.0', **short},
                           'six': {'time_scale': '0.0', 'replay': str(watched)}}.items():

@@ -1,4 +1,4 @@
-"""A dragon that is led by commands on cmd_vel, and what its bag can be used for afterwards."""
+"""A dragon is led by commands on ``cmd_vel``, and its bag can then be checked, searched and plotted."""
 import itertools
 import json
 import signal
@@ -60,7 +60,7 @@ def test_a_led_dragon_walks_as_commanded_and_its_bag_is_recomputed_bit_for_bit(s
     sim.wait_for('command dropped')
     leader.keep_saying(9.0, lambda: leader.speeds[-1] == 1.5)       # the largest speed that the scene allows
     leader.keep_saying(-0.25, lambda: leader.speeds[-1] == -0.25)
-    node.until(lambda: leader.speeds[-1] == 0.0)                    # no command is still valid
+    node.until(lambda: leader.speeds[-1] == 0.0)                    # the last command has expired
     assert sim.stop() == 0, sim.text
     assert record.end() == 0, record.text
     assert '3 not finite, 2 stale' in sim.text

@@ -30,7 +30,7 @@ def plan(frame_id, points):
 
 
 def routed(start, node, quality, message, *options):
-    """Run ``route`` while a path is published (only once if it is latched), and return the ended process."""
+    """Run ``route`` while a path is published (only once if it is latched), and return the finished process."""
     # The default callbacks would print warnings about readers that request a higher QoS.
     silent = PublisherEventCallbacks(use_default_callbacks=False)
     publisher = node.create_publisher(Path, '/plan', QUALITY[quality], event_callbacks=silent)
@@ -45,7 +45,7 @@ def routed(start, node, quality, message, *options):
 
 
 def ends_of(path):
-    """Return the two ends of a drawn track, the start first, and the radii of its pieces."""
+    """Return the start and the end of a drawn track, and the radii of its pieces."""
     scene = load_scene(str(path))
     line = compile_scene(scene).track_line(1e-3)
     return line[[-1, 0]], [getattr(piece, 'radius_m', None) for piece in scene.track.pieces]

@@ -1,4 +1,4 @@
-"""The nodes' log: a message names the line that logs it as the caller, not a line of the package's logger."""
+"""A message in a node's log names the line that logs it as its caller, not a line of the package's logger."""
 from pathlib import Path
 
 from dragon_ros.nodes.logs import logger

@@ -124,7 +124,7 @@ def test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_a
 
 
 class Map:
-    """A map server in the test's node that publishes latched grids, as the map server of Nav2 does."""
+    """A map server in the test's node that publishes latched grids, like the map server of Nav2."""
 
     def __init__(self, node, topic='/map'):
         from nav_msgs.msg import OccupancyGrid
@@ -134,7 +134,7 @@ class Map:
             depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
 
     def show(self, cells, resolution_m, corner, degrees, frame='map'):
-        """Publish cells (rows, columns) whose outer corner is at a position; ``degrees`` turns the rows about it."""
+        """Publish rows of cells whose outer corner is at a position, turned about this corner by ``degrees``."""
         grid = self._kind()
         grid.header.frame_id = frame
         grid.info.height, grid.info.width = cells.shape

@@ -1,4 +1,4 @@
-"""The topics of the monitor, and a sim that acts on a contact, with real nodes over real DDS."""
+"""The monitor's topics and a sim's reaction to a contact are tested with real nodes over real DDS."""
 from importlib.util import find_spec
 
 import numpy as np
@@ -31,7 +31,7 @@ class Listener:
 
 
 class Publisher:
-    """A node that publishes single frames of the classic dragon or of another one, as any publisher would."""
+    """A node that publishes single frames of the classic or another dragon, as any publisher would."""
 
     def __init__(self, node, start_s=412.0, *overrides):
         from dragon_ros.nodes import qos
@@ -71,7 +71,7 @@ def test_a_contact_is_reported_from_start_to_end_on_every_topic(start, node):
     assert {(round(m.color.r, 2), round(m.color.g, 2), m.color.b) for m in touched} == {(0.84, 0.37, 0.0)}
     assert (dot.type, label.type) == (Marker.SPHERE, Marker.TEXT_VIEW_FACING)
     assert label.text == '0 x 8: -0.16 mm'
-    # The marker is deleted at once.
+    # The marker is deleted immediately.
     node.until(lambda: [m.action for m in heard.got['clearance/marker']] == [Marker.ADD, Marker.DELETE])
     source.show(413.76, 415.0, 415.02)
     node.until(lambda: len(heard.statuses()) == 2 and len(heard.got['clearance']) == 6)
@@ -164,7 +164,7 @@ def test_of_two_dragons_on_one_topic_the_monitor_keeps_the_one_it_knows_and_name
     assert warned.level == b'\x01'
     assert values(warned) == dict.fromkeys(('/dragon/handles', '/dragon/benches'), '/dragon/observer, /dragon/stranger')
     assert len(heard.got['clearance']) == 22        # nothing from the second publisher
-    # The monitor never began again.
+    # The monitor has never started again.
     assert [values(status)['phase'] for status in heard.statuses()] == ['begin']
     for out in known.out.values():
         node.destroy_publisher(out)
@@ -175,7 +175,7 @@ def test_of_two_dragons_on_one_topic_the_monitor_keeps_the_one_it_knows_and_name
     def taken():
         second.show(430 + 0.02 * next(shown))
         return len(heard.got['clearance']) > before
-    node.until(taken)       # the known publisher has left, and the other publisher has become the known one
+    node.until(taken)       # the known publisher has left, and the other publisher has taken its place
     assert 'several publishers on one topic: /dragon/handles: /dragon/observer and /dragon/stranger' in monitor.text
 
 
@@ -279,7 +279,7 @@ def test_a_recorder_keeps_every_topic_at_simulation_time(start, tmp_path):
     assert counts['/dragon/clearance'] >= 1
     assert (counts['/dragon/collision'], counts['/dragon/collision/point']) == (1, 1)
     assert counts['/dragon/collision/active'] == 2   # the latched message from before the run is included
-    # There is one message per tick in contact, and only the last one is kept for late readers.
+    # There is one message per tick in contact, and only the last one is kept for late subscribers.
     assert 1 <= counts['/dragon/collision/markers'] <= 27
 
 

@@ -21,7 +21,7 @@ RUN = 'run.start_s=412.2', 'run.stop_s=412.7', 'run.rate_hz=1000'
 
 @pytest.fixture(scope='module')
 def messages():
-    """The messages of a run that passes its contact, as (topic, bytes, stamp, number) in order of publication."""
+    """The messages of a run that passes its contact, in order of publication, as (topic, bytes, stamp, number)."""
     scene = load_scene('first_contact', [*RUN, 'effects=[benches]'])
     encode = encoders(scene)
     frames = [tick(scene, k) for k in range(501)]
@@ -68,7 +68,7 @@ def test_a_monitor_that_cannot_follow_skips_whole_ticks_and_says_so_and_what_it_
                            if name in ('/diagnostics', 'collision')))
     for n, (name, data, _, number) in enumerate(messages):
         monitor._inbox.put(name, channels()[name].type, data, info(number))
-        if monitor._inbox.skipped == 1 and name == 'handles':      # reported at once, before anything has been read
+        if monitor._inbox.skipped == 1 and name == 'handles':      # reported immediately, before anything is read
             node.until(lambda: any('pace' in row.name for message in health for row in message.status))
         if n % 6 == 0 and n > 60:
             # Meanwhile the monitor reads a sixth of the messages.
@@ -117,7 +117,7 @@ def test_ticks_that_are_not_seen_are_known_by_the_numbers_of_their_handles():
     assert pace.before == 6
     assert not pace.see(20, 8, 0.0)
     assert pace.text() == ''
-    assert pace.see(50, 11, 0.0)        # reported at once
+    assert pace.see(50, 11, 0.0)        # reported immediately
     assert not pace.see(80, 14, 0.5)        # and reported every second afterwards
     assert pace.see(90, 16, 1.6)
     assert not pace.see(5, 17, 9.9)     # a restarted run

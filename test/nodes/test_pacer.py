@@ -24,7 +24,7 @@ class Clock:
 
 
 def played(monkeypatch, work_ms, count=1000, scale=1.0, tick_ms=20):
-    """Return the start times in ms of ticks that take ``work_ms(k)`` each, and the pacer."""
+    """Return the start times (ms) of ticks whose work takes ``work_ms(k)``, and the pacer."""
     clock, paced = Clock(monkeypatch), Pacer(scale)
     started = []
     for k in range(count):

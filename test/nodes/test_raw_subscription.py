@@ -1,4 +1,4 @@
-"""A busy reader takes each message that has arrived once and in order, over real DDS."""
+"""A busy subscriber takes every message that has arrived exactly once and in order, over real DDS."""
 import pytest
 
 pytest.importorskip('rclpy')

@@ -33,7 +33,7 @@ def sim(start, *pairs, speed=1.0, readers=1, anew=False):
 
 
 def streamed(path):
-    """Return all messages as (topic, log time, data) that the library's stream reader finds in a truncated file."""
+    """Return all messages (topic, log time, data) that the mcap library's stream reader finds in a truncated file."""
     found, names = [], {}
     try:
         with path.open('rb') as file:
@@ -80,7 +80,7 @@ def test_recorders_killed_at_random_moments_lose_at_most_the_flush_interval_and_
 
 
 def check_killed(bag, heard_ns):
-    """Check that the library's stream reader can read every tick from the first to ``heard_ns``."""
+    """Check that the mcap library's stream reader can read every tick from the first to ``heard_ns``."""
     found = streamed(bag)
     for name in ('handles', 'benches', 'velocities'):
         times = [t_ns for topic, t_ns, _ in found if topic == f'/dragon/{name}']

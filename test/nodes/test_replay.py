@@ -35,7 +35,7 @@ def recorded(tmp_path_factory):
 
 @pytest.fixture
 def stamps(node):
-    """The stamps of the received handles in tenths of a second."""
+    """The stamps of the received handles, in tenths of a second."""
     from geometry_msgs.msg import PoseArray
     out = []
     node.create_subscription(PoseArray, 'handles',

@@ -34,6 +34,6 @@ def test_the_scene_recorded_live_and_simulated_offline_give_equal_messages(start
         (live,), (offline,) = recorded[f'/dragon/{name}'], simulated[f'/dragon/{name}']
         assert live[:2] == offline[:2]
         # Serialised messages have their sender's padding, so fields are compared instead of bytes. The scene recorded
-        # live also contains settings of sim.
+        # live also contains sim's settings.
         told, expected = (deserialize_message(row[2], kind) for row in (live, offline))
         assert name == 'scene' or told == expected

@@ -67,7 +67,7 @@ class Simulator:
             Vector3(x=float(x), y=float(y), z=float(z)) for x, y, z in points])
 
     def steps(self, count, heard=None, cancel_after=None):
-        """Simulate steps by the action; return its feedback (at least ``heard`` messages), status and result."""
+        """Simulate steps via the action; return its feedback (at least ``heard`` messages), status and result."""
         from rclpy.action import ActionClient
         from rclpy.qos import QoSProfile
         client, told = ActionClient(self.node, self.action.SimulateSteps, f'{self.name}/simulate_steps',

@@ -1,4 +1,4 @@
-"""Drawings in SVG (with groups, transforms and units), CSV and GeoJSON; their budgets and errors."""
+"""Drawings can be read from SVG (with groups, transforms and units), CSV and GeoJSON, within budgets."""
 import json
 from math import radians
 
@@ -21,7 +21,7 @@ def svg(tmp_path, body, head=HEAD):
 
 
 def on_paper(x, y):
-    """Return the position of a point in viewBox units of half a millimetre, at 1:200, from the lower left corner."""
+    """Return a point's position from the lower left corner, given in viewBox units of half a millimetre at 1:200."""
     return 200 * 0.0005 * complex(x, 200 - y)
 
 
@@ -65,7 +65,7 @@ def test_an_arc_keeps_its_ends_and_its_side_under_any_transform(tmp_path, flags,
     assert isinstance(arc, EllipseArc)
     points = arc.stretch(1e-4).points
     close(points[-1], line[0])
-    # The ellipse's half axes in the drawing's coordinates, whether the arc is the longer one, and the arc's side.
+    # The ellipse's semi-axes in the drawing's coordinates, whether the arc is the longer one, and the arc's side.
     move = {'': np.eye(2), 'rotate(30)': _turn(30), 'scale(-1,1)': np.diag((-1.0, 1.0)),
             'skewX(25)': np.array(((1, np.tan(radians(25))), (0, 1)))}.get(transform, np.array(((1, -0.5), (2, 1.5))))
     moved = points / 0.1 - 200j - (3 - 4j) * transform.startswith('matrix')

@@ -2,7 +2,7 @@
 
 Start this program by hand: ``./dragon python test/soak/backlog.py``. While a sim runs at 100 Hz, the recorder is
 stopped for increasing durations, several times each, and then runs for three minutes. ``in use`` is the memory that
-malloc has allocated to Python and the middleware; ``free`` is the memory that malloc keeps.
+malloc has allocated to Python and the middleware; ``free`` is the memory that malloc keeps for later use.
 """
 import argparse
 import ctypes
@@ -64,9 +64,9 @@ def grow(folder: Path, rest_s: float, stop: threading.Event) -> int:
 
 
 def main(argv: list[str]) -> int:
-    """Run a sim and a recorder."""
+    """Run a sim and a recorder, stop the recorder repeatedly, and print its memory."""
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
-    options.add_argument('--rest', type=float, default=180.0, metavar='S', help='seconds without a stall at the end')
+    options.add_argument('--rest', type=float, default=180.0, metavar='S', help='seconds without a stop at the end')
     arguments = options.parse_args(argv)
     os.environ.update(local_environment(free_domain()))
     sim = subprocess.Popen([sys.executable, '-m', 'dragon_ros', 'sim', '--scene', 'unwinding', '--set',

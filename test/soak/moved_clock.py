@@ -1,8 +1,8 @@
 """Record, monitor and replay a run while the system clock of its processes is set forwards and back by hours.
 
-Start this program by hand: ``./dragon python test/soak/moved_clock.py --times 8``. No real clock is set: a preloaded
-library, which a C compiler builds from ``moved_clock.c``, moves the clock of these processes and any waits that depend
-on it. In each run both bags must equal the model, and all processes must end; otherwise the exit code is 1.
+Start this program by hand: ``./dragon python test/soak/moved_clock.py --times 8``. The real clock is not changed: a
+preloaded library, which a C compiler builds from ``moved_clock.c``, moves the clock of these processes and any waits
+that depend on it. In each run both bags must equal the model, and all processes must end; otherwise the exit code is 1.
 """
 import argparse
 import os
@@ -17,7 +17,7 @@ from pathlib import Path
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 
 _PATIENCE_S = 180
-_MOVES_S = (3600, -3600, 0, -7200)      # the offsets to which the clock is set in turn
+_MOVES_S = (3600, -3600, 0, -7200)      # the offsets to which the clock is set, one after another
 _MILLION = 1_000_000
 
 
@@ -32,7 +32,7 @@ class Moved:
     """Processes in one domain, whose common clock is set forwards and backwards."""
 
     def __init__(self, folder: Path, preloaded: Path, rng: random.Random) -> None:
-        """Start to move the clock after a few seconds, perhaps while nodes discover each other."""
+        """Start moving the clock after a few seconds, possibly while nodes discover each other."""
         self._file, self._over = folder / 'moved', threading.Event()
         self._file.unlink(missing_ok=True)
         self._environment = {**local_environment(free_domain()), 'LD_PRELOAD': str(preloaded),
@@ -98,7 +98,7 @@ def main(argv: list[str]) -> int:
     """Run several times and print the faults."""
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
     options.add_argument('--times', type=int, default=8, help='runs (8)')
-    options.add_argument('--seed', type=int, default=1, help='seed of the moments at which the clock is set (1)')
+    options.add_argument('--seed', type=int, default=1, help='seed for the times at which the clock is set (1)')
     arguments = options.parse_args(argv)
     rng, failed = random.Random(arguments.seed), 0
     with tempfile.TemporaryDirectory() as folder:

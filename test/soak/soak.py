@@ -94,7 +94,7 @@ def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
     stop_s = 60 * minutes
     sim = run.start('sim', *set_of(minutes, controls_s), '--ros-args', '-p',
                     'wait_subscribers:=[handles=3,benches=3,scene=2]')
-    if controls_s and not waited_for(folder / 'extra_0.mcap'):     # subscribers do not receive a step before the start
+    if controls_s and not waited_for(folder / 'extra_0.mcap'):     # subscribers would miss an earlier step
         run.faults.append('the run did not start')
     controls = controls_s and run.run('controls', [str(Path(__file__).parents[1] / 'nodes/controls.py'), '--harmless',
                                                    '--each-s', str(controls_s), '--seed', str(seed)])
@@ -251,7 +251,7 @@ def main(argv: list[str]) -> int:
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
     options.add_argument('--minutes', type=float, default=60.0, help='how long (60)')
     options.add_argument('--folder', type=Path, default=Path('soak'), help='new folder for bags and logs')
-    options.add_argument('--seed', type=int, default=1, help='seed of the stalls and of the controls (1)')
+    options.add_argument('--seed', type=int, default=1, help='seed for the stalls and the controls (1)')
     options.add_argument('--controls', type=float, default=0.0, metavar='S',
                          help='seconds between two controls of the sim (0: none)')
     arguments = options.parse_args(argv)

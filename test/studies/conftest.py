@@ -11,7 +11,7 @@ from slow_study import QUICK
 
 @pytest.fixture(scope='session')
 def study():
-    """A function that reads a study from a text."""
+    """A function that reads a study from a string."""
     from dragon_ros.scenes.yaml import parse_document
     from dragon_ros.studies.study import study_of
 

@@ -19,7 +19,7 @@ _CHANGES = ('os.rename', 'os.remove', 'os.mkdir')
 
 
 def write(folder: Path) -> None:
-    """Write the missing rows in batches that do not match blocks."""
+    """Write the missing rows in batches of three rows, which do not match the blocks."""
     study = study_of(parse_document('f.yaml', QUICK), Path())
     with dataset.writing(folder, study) as data:
         for first, last in data.missing:
@@ -46,7 +46,7 @@ def kill_at(number: int, folder: Path) -> None:
 
 
 def went_on(folder: Path) -> None:
-    """Continue the study, and compare all rows with those of an undisturbed one."""
+    """Continue the study, and compare all rows with those of an uninterrupted study."""
     write(folder)
     data = dataset.open_set(folder)
     found = [{**row, 'cpu_s': 0} for row in data.table().to_pylist()]

@@ -72,7 +72,7 @@ def dask_cluster(folder, *options, count=1, scheduler=(), **environment):
 
 @pytest.fixture(scope='module')
 def cluster():
-    """The module, imported by the first test, because Dask is slow to import."""
+    """The module under test, imported only by the first test that needs it because Dask is slow to import."""
     from dragon_ros.studies import cluster
     return cluster
 

@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def fill(monkeypatch):
-    """A function that writes the rows of ranges, with blocks of 8 rows."""
+    """A function that writes the rows of the given ranges of indices, with blocks of 8 rows."""
     monkeypatch.setattr(dataset, 'BLOCK', 8)
 
     def write(data, *ranges):
@@ -133,7 +133,7 @@ def test_a_part_that_is_none_is_named(study, fill, tmp_path):
         with pytest.raises(InputError, match='part-0000000003-0000000006.parquet: cannot be read as rows'):
             open_set(tmp_path).table()
     path.write_bytes(next(iter(sorted((tmp_path / 'rows').iterdir()))).read_bytes())
-    assert len(open_set(tmp_path).table()) == 6, 'three rows are three rows'
+    assert len(open_set(tmp_path).table()) == 6, 'a part with three rows counts as three rows'
 
 
 def test_a_folder_without_a_study_is_no_data_set(tmp_path):

@@ -1,4 +1,4 @@
-"""A row has the searches' answers, or the reason why one is missing; it is the same alone and in any batch."""
+"""A row has the searches' answers or the reasons why they are missing, and is the same alone and in any batch."""
 import pytest
 
 from dragon_ros.core.chain.dragon import Dragon

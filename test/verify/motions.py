@@ -50,7 +50,7 @@ def plain(dragon):
 
 
 def compiled(dragon, track, tail_leads=False):
-    """Return the checker's track and benches and the largest curvature, which is None for a spiral to its centre."""
+    """Return the checker's track, benches, and largest curvature (None for a spiral to its centre)."""
     scene = plain(dragon)
     values = scene_values(Scene(dragon=Dragon(1, 0.2, 0.2, 0.1, 0.0), track=track))
     shape = reading._kind('scene.track', values['track'], reading._TRACKS)
@@ -111,7 +111,7 @@ def interval(made_of, start, stop):
 
 
 def around(track, benches, metres, by_metres):
-    """Return the dragon one step before a position, at it, and one step after it.
+    """Return the dragon at three positions: one step before a position, at the position, and one step after it.
 
     The step is in metres or in the coordinate of the leading handle.
     """

@@ -1,4 +1,4 @@
-"""The slack in a contact's position does not permit a wrong time: only the leader's first arrival is proved."""
+"""The slack in a contact's position cannot hide a wrong time: only the leader's first arrival is proved."""
 from dataclasses import replace
 from functools import cache
 
@@ -48,9 +48,9 @@ def claim(head, t_s=None, stop_s=None, start_s=0.0, grazing=False):
 
 
 def there_and_back(beyond_m):
-    """Return a head law and the times of its turn and of its second arrival at the contact.
+    """Return a head law, the time at which it turns back, and the time of its second arrival at the contact.
 
-    The head turns back this far beyond the contact, rests for an hour and returns.
+    The head turns back ``beyond_m`` beyond the contact, rests for an hour and returns.
     """
     turn_s = there_m() + beyond_m
     back_s = turn_s + BACK_S

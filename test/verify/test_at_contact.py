@@ -36,7 +36,7 @@ def contacts(seeds):
 
 
 def around(scene, t_s):
-    """Return a contact's time, and times one float, one nanometre and one micrometre of the leader's travel away."""
+    """Return a contact's time, and times that differ by one float or by 1 nm or 1 µm of the leader's travel."""
     unit = min(1.0, float(max(scene.dragon.bench_lengths_m))) / (abs(scene.head.speed_at_m_s(t_s)) or 1.0)
     return [t_s, nextafter(t_s, inf), nextafter(t_s, -inf), *(t_s + way * unit for way in (1e-9, -1e-9, 1e-6, -1e-6))]
 

@@ -1,4 +1,4 @@
-"""The checker's bounds hold on whole intervals: no corner deviates by more, and none moves further."""
+"""On whole intervals, no corner deviates or moves further than the checker's bounds allow."""
 from contextlib import suppress
 
 import pytest

@@ -1,4 +1,4 @@
-"""Each enclosure of the checker holds, and in tight cases a missing or swapped term would fail the test."""
+"""Each enclosure of the checker holds; in tight cases, a missing or swapped term would make a test fail."""
 from fractions import Fraction
 from functools import partial, reduce
 from itertools import pairwise

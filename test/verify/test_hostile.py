@@ -96,7 +96,7 @@ def test_what_is_no_json_is_refused(text):
 
 
 def hostile(**sections):
-    """Return a claim of no contact in a scene that takes long to check."""
+    """Return a claim of no contact in a scene that takes a long time to check."""
     scene = {'dragon': {'kind': 'equal', 'benches': 223, 'head_length_m': 3.41, 'body_length_m': 2.2, 'width_m': 0.01,
                         'hole_inset_m': 0.275},
              'track': {'kind': 'spiral', 'pitch_m': 0.55, 'start_turns': 16.0},

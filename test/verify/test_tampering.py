@@ -1,4 +1,4 @@
-"""Every change that makes a certificate false is rejected with an error of its own."""
+"""Every change that makes a certificate false is rejected with its own error."""
 import copy
 import re
 from math import inf, nan

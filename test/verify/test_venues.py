@@ -1,4 +1,4 @@
-"""Obstacles in the checker: claims that it accepts and rejects, and bounds that hold inside intervals."""
+"""The checker accepts true claims about obstacles and rejects false ones, and its bounds hold inside intervals."""
 import copy
 import json
 import re
@@ -98,7 +98,7 @@ TAMPERED = {
     'none, with an obstacle': (AHEAD, lambda values, venue: values.update(contact={'t_s': None, 'obstacle': 'wall'}),
                                'without a contact there'),
     'a corner in the way': (CLEAR, corner(0, [40.0, -1.0]), "overlaps 'tent'|'tent' could not be proved to be apart"),
-    'a corner that is a hair in the way': (CLEAR, corner(0, [40.0, 0.149999]), "'tent'"),
+    'a corner that is barely in the way': (CLEAR, corner(0, [40.0, 0.149999]), "'tent'"),
     'the wall moved': (AHEAD, corner(0, [60.5, -2.0]), 'do not overlap'),
     'the wall away': (AHEAD, lambda values, venue: venue['obstacles'].pop(0), "'wall' is not in the venue"),
     'the wall renamed': (AHEAD, listed(name='door'), "'wall' is not in the venue"),

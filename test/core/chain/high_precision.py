@@ -1,4 +1,4 @@
-"""Velocities and accelerations of short chains by finite differences with 40 digits, as a reference for kinematics."""
+"""Velocities and accelerations of short chains, computed as a reference by finite differences with 40 digits."""
 import mpmath
 import numpy as np
 from mpmath import mp, mpc, mpf
@@ -64,7 +64,7 @@ def handles(chain, segments, links, forward_m):
 
 
 class Guess:
-    """Initial guesses for the roots, from a chain of the package, with each handle on the requested segment."""
+    """Initial guesses for the roots, taken from a chain of the package, with each handle on the requested segment."""
 
     def __init__(self, chain, segments):
         self.track, self.leader = chain.track, chain.leader
@@ -76,7 +76,7 @@ class Guess:
 
 
 def rates(scene, t_s, segments=None):
-    """Return velocities and accelerations (N+1, 2) of a scene's handles, on given segments or on their actual ones."""
+    """Return the velocities and accelerations of a scene's handles, on the given segments or on their actual ones."""
     with mp.workdps(DIGITS):
         model = compile_scene(scene).model
         chain = model.march(scene.head.travelled_m(t_s))

@@ -123,7 +123,7 @@ def test_a_led_tick_has_the_bits_of_a_profile_of_what_was_walked(lead):
     wishes = np.repeat([0.0, 1.2, 0.4, -0.9, 2.0, 0.0], 40).tolist()
     rows, laws = walk(scene, wishes)
     offline = replace(scene, head=profile_of(scene.head, rows), run=replace(scene.run, stop_s=rows[-1][0]))
-    assert len(offline.head.knots) < len(rows)      # a period of constant speed takes only two knots
+    assert len(offline.head.knots) < len(rows)      # a period of constant speed needs only two knots
     for k, law in [*enumerate(laws)][::3]:
         led, other = led_tick(compile_scene(scene), law, k), tick(offline, k)
         assert led.chain.p.tobytes() == other.chain.p.tobytes()

@@ -1,4 +1,4 @@
-"""Forward placement: handle by handle, at one instant or at many."""
+"""Forward placement places a chain handle by handle, at one instant or at many."""
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Accelerations of all handles on every track, under every law, with either end leading, against 40 digits."""
+"""Accelerations of all handles agree with 40 digits on every track, under every law, with either end leading."""
 from dataclasses import replace
 
 import numpy as np
@@ -35,9 +35,9 @@ def accelerations(scene, t_s):
 
 
 def allowed(v, a, scene):
-    """Return the allowed error of accelerations: position errors turn a link by their sum divided by its length.
+    """Return the allowed error of accelerations: two position errors turn a link by their sum divided by its length.
 
-    Position errors are at most 2e-12 m. They add up along the chain and, near a lock, grow as speeds do.
+    Position errors are at most 2e-12 m. They add up along the chain and grow in proportion to speeds near a lock.
     """
     links = scene.dragon.link_lengths_m
     angle = 4e-12 / np.min(links[links > 0], initial=1.0)
@@ -98,7 +98,7 @@ def test_accelerations_agree_with_40_digits_anywhere(dragon, track, law, t_s):
     except DragonError:
         assume(False)
     speeds = state(scene, t_s).velocities(1.0)
-    assume(np.max(np.hypot(*speeds.T)) < 50)            # nearer to a lock, the reference finds no roots
+    assume(np.max(np.hypot(*speeds.T)) < 50)            # closer to a lock, the reference's root finder fails
     along, joints = chain.track.distances(chain.segment, chain.u), np.array(chain.track.joints_m)
     assume(not joints.size or np.min(np.abs(along[:, None] - joints)) > 1e-6)       # joints have tests of their own
     v, a = rates(scene, t_s)

@@ -129,7 +129,8 @@ def broken_link(head, chords):
     return None
 
 
-# A link about one pitch (2 pi) longer than the link before it locks where the rear handle of that link turns back.
+# If a link is about one pitch (2 pi) longer than the previous link, it locks where the previous link's rear handle
+# turns back.
 LINKS = st.one_of(st.lists(st.floats(0.5, 25), min_size=1, max_size=5),
                   st.tuples(st.floats(5, 20), st.floats(5.5, 7.5), st.floats(-3, 7)).map(
                       lambda row: [row[0], row[0] + row[1], row[0] + row[1] + row[2]]))
@@ -165,7 +166,7 @@ def test_a_float_below_the_lock_the_rear_handle_continues_from_where_it_was_abov
 
 @given(st.floats(1, 9), st.floats(0.01, 4), st.floats(0.01, 4), st.sampled_from([0.2, 1.0, 3.0]))
 def test_the_first_float_at_which_a_function_is_not_negative_takes_few_evaluations(root, below, above, power):
-    asked = []      # angles of a lock exceed a radian; next to 0, where floats are dense, bisection takes more
+    asked = []      # lock angles exceed 1 rad; near 0, where floats are dense, bisection needs more steps
 
     def value(x):
         asked.append(x)

@@ -1,4 +1,4 @@
-"""Mixed benches: a list of the classic benches equals the classic dragon, and the promises hold for all lists."""
+"""A mixed dragon listing the classic benches equals the classic dragon, and the promises hold for all lists."""
 from dataclasses import replace
 from math import inf
 

@@ -1,4 +1,4 @@
-"""Effects: absent if off, correct if on, and independent of each other."""
+"""Effects are absent if off, correct if on, and independent of each other."""
 import json
 import pickle
 import subprocess

@@ -17,7 +17,7 @@ STEP = 2e-3     # relative to the variable: errors of differences are STEP^4 (tr
 
 
 def placed(links, theta):
-    """Return the polar angles (K+1,) of handles and the directions (K,) of links, both without jumps of 2 pi."""
+    """Return the polar angles of the K+1 handles and the directions of the K links, both without jumps of 2 pi."""
     chain = marched(UNIT, links, Place(0, DoubleDouble(theta, 0.0)), BEHIND)
     z = chain.p @ [1, 1j]
     return chain.u, np.unwrap(np.angle(z[:-1] - z[1:]))

@@ -7,7 +7,7 @@ from properties import examples
 
 from dragon_ros.core.enclosures.gradients import Graded, Vector, polar, variables
 
-# Each formula for boxes and for plain numbers; complex steps yield its derivatives without cancellation.
+# Each formula twice, for boxes and for plain numbers; complex steps yield its derivatives without cancellation.
 FORMULAS = {
     'sum': (lambda x, y: x + y, lambda x, y: x + y),
     'difference': (lambda x, y: x - y, lambda x, y: x - y),

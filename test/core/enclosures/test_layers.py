@@ -1,4 +1,4 @@
-"""No bench comes closer to a bench behind it than the bound from layers of the spiral, and the bound is not loose."""
+"""No bench comes closer to a bench behind it than the bound derived from layers, and this bound is tight."""
 import numpy as np
 import pytest
 from flint import arb, ctx
@@ -19,7 +19,7 @@ CLASSIC_M = 0.55
 
 
 def wound(dragon, pitch_m, radii_m):
-    """Return the benches of a dragon (M, N) with its head's front handle at radii (M,)."""
+    """Return the N benches of a dragon at M positions, with the head's front handle at the given M radii."""
     theta = np.asarray(radii_m) * 2 * np.pi / pitch_m
     leaders = np.zeros(theta.size, dtype=np.int64), theta, np.zeros_like(theta)
     chain = marched_many(track_of(Spiral(pitch_m, 1.0), BEHIND), dragon.link_lengths_m, leaders, BEHIND)
@@ -29,13 +29,13 @@ def wound(dragon, pitch_m, radii_m):
 
 
 def gaps_from(dragon, pitch_m, radii_m, bench=0):
-    """Return the gaps (M, N - bench - 2) of one bench to all benches behind it except the next one."""
+    """Return the gaps (shape (M, N - bench - 2)) between one bench and all benches behind it except the next one."""
     row, other = np.arange(np.size(radii_m))[:, None], np.arange(bench + 2, dragon.benches)[None]
     return gaps(wound(dragon, pitch_m, radii_m), (row, np.full_like(other, bench)), (row, other))
 
 
 def bound(dragon, pitch_m, radius_m, bench=0):
-    """Return the bound on the gaps behind a bench whose front handle is at a radius or further out."""
+    """Return the bound on the gaps behind a bench whose front handle is at the given radius or further out."""
     layers = Layers(pitch_m / (2 * np.pi), dragon)
     return float(layers.gaps_m(np.array([radius_m * 2 * np.pi / pitch_m]), np.array([bench]))[0])
 
@@ -121,7 +121,7 @@ def test_nothing_is_proved_where_layers_overlap_or_no_link_separates_benches(dra
 
 
 def in_arb(dragon, pitch_m, theta, bench):
-    """Return lemma 11 of docs/contact.md in balls, for exact inputs."""
+    """Evaluate lemma 11 of docs/contact.md in balls, for exact inputs."""
     b, pitch, links = arb(pitch_m / (2 * np.pi)), 2 * arb.pi() * arb(pitch_m / (2 * np.pi)), dragon.link_lengths_m
     own, between, longest = arb(links[bench]), arb(links[bench + 1]), arb(np.max(links[bench + 2:]))
     h, a, r = arb(dragon.width_m) / 2, arb(dragon.hole_inset_m), b * arb(theta)

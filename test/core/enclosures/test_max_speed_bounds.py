@@ -33,14 +33,14 @@ def chain_at(leader, gone_m):
 
 
 def tops(leader, low_m, high_m):
-    """Return bounds (N, handles) on the logs of all handles' speeds between the positions of N pairs."""
+    """Return bounds on the logarithms of all handles' speeds between the two positions of each of N pairs."""
     count, none = low_m.size, np.zeros(low_m.size)
     seen, row = states(leader, np.concatenate((low_m, high_m))), np.arange(low_m.size)
     return bounds(seen.rows(row), seen.rows(count + row), LawBetween(none, none, Ball(none, none)))
 
 
 def logs_between(leader, low_m, high_m):
-    """Return the logs of the speeds (15, N, handles) at 15 positions from the first to the last of each pair."""
+    """Return the logarithms of the speeds at 15 positions between those of each pair (shape (15, N, handles))."""
     places = np.linspace(low_m, high_m, 15)
     return states(leader, places.ravel()).log.reshape(*places.shape, -1)
 

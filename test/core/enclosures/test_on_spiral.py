@@ -37,7 +37,7 @@ def placed(dragon, theta):
 
 
 def corners(dragon, theta):
-    """Return the corners of benches 2 onwards in bench 0's frame, and of bench 0 in theirs, for a pitch of 2 pi."""
+    """Return the corners of benches 2 onwards in bench 0's frame, and vice versa, for a pitch of 2 pi."""
     chain = placed(dragon, theta)
     z = chain.p @ [1, 1j]
     angle = chain.u[:-1]
@@ -62,7 +62,7 @@ def bound(dragon, start, stop):
 
 
 def largest(dragon, start, stop, count=7):
-    """Return the largest second differences (benches, 2) of any corner."""
+    """Return the largest second differences of any corner (shape (benches, 2))."""
     h = 1e-3
     found = []
     for theta in np.linspace(start, stop, count):
@@ -155,7 +155,7 @@ def test_mixed_benches_and_all_behind_them_are_further_out_than_told_by_less_tha
 
 
 def outline(view, sizes, row, bench):
-    """Return points (n,) along the outline of a bench, in metres."""
+    """Return points along the outline of a bench as complex numbers, in metres."""
     half, side = sizes.half_length_m[0, bench], sizes.half_width_m
     corner = half * np.array([1, -1, -1, 1]) + 1j * side * np.array([1, 1, -1, -1])
     share = np.linspace(0, 1, 40)[:, None]
@@ -177,7 +177,7 @@ def test_of_some_pairs_the_bounds_are_those_of_all(first):
 
 
 def gone(dragon, moved):
-    """Return how far each bench's farthest-moving handle and corner travel; ``moved`` maps points of the plane."""
+    """Return the largest travel of a handle and of a corner of each bench if ``moved`` maps the points of the plane."""
     half, side, link = 0.5 * dragon.bench_lengths_m, 0.5 * dragon.width_m, dragon.link_lengths_m
     handle = 0.5 * link[:, None] * np.array([1, -1])
     corner = half[:, None] * np.array([1, -1, -1, 1]) + 1j * side * np.array([1, 1, -1, -1])
@@ -200,7 +200,7 @@ def test_the_lever_is_not_a_hundredth_more_than_a_turn_about_the_middle_of_a_lin
 def test_pairs_that_hardly_move_are_cleared_without_bounds_on_their_second_derivatives(monkeypatch):
     watch = sampler(Dragon(60), 0)      # more than a turn of benches
     view = watch.sample(np.array([90.0, 90.0 + 1e-6]))
-    monkeypatch.setattr(on_spiral, '_bent', lambda *_: pytest.fail('a pair was examined further'))
+    monkeypatch.setattr(on_spiral, '_bent', lambda *_: pytest.fail('a pair was examined in more detail'))
     low, room = bounds(*(view.rows(np.array([n])) for n in range(2)), watch.sizes, np.array([59]))
     assert 0.1 < low[0] < 0.5
     assert room.tolist() == [1.0]
@@ -233,7 +233,7 @@ def test_balls_hold_every_result(a, b, c, d, one, two):
 
 
 def nearly_straight(at_rad, links_rad, head, width, inset, length_rad):
-    """Return bounds (benches,) on how far benches stay behind the first one along its axis, and the sampled minima."""
+    """Return bounds on how far benches stay behind the first along its axis, the sampled minima, and the link."""
     link = links_rad * np.hypot(1, at_rad)
     dragon = Dragon(9, (head + 2 * inset) * link, (1 + 2 * inset) * link, width * link, inset * link)
     watch = BenchSampler(track_of(Spiral(2 * np.pi)), dragon, (0,), 9, lambda states: None, 0.0)
@@ -261,7 +261,7 @@ def test_the_links_of_a_nearly_straight_chain_are_all_that_its_bound_loses(out):
     bound, true, link = nearly_straight(10**out, 1e-4, 1.4, 0.01, 0.2, 0.0)
     assert np.all(true - bound < 2e-5 * link)
     bound, true, link = nearly_straight(10**out, 0.05, 1.4, 1.0, 0.2, 0.0)
-    counts = np.arange(1, 8)        # numbers of links in between; each link adds a twentieth of a radian
+    counts = np.arange(1, 8)        # numbers of links in between; each link adds 0.05 rad
     turn = 2 * 0.05 * (counts + 2.6)
     assert np.all(np.isfinite(bound) == (turn <= 1.0)[:len(bound)])
     lost = link * (counts * (1 - np.cos(turn)) + 0.5 * turn)

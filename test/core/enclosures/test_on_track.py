@@ -1,4 +1,4 @@
-"""Enclosures from two states of a chain hold for all states in between, on any track, with either end leading."""
+"""Enclosures from two states of a chain hold for all states in between on any track, with either end leading."""
 import numpy as np
 import pytest
 
@@ -43,7 +43,7 @@ def sampled(leader, gone_m, links_m=LINKS):
 
 
 def holds(ball, values, off):
-    """Return whether values (positions, M, K) are all in a ball (M, K) or within ``off`` of it."""
+    """Return whether the values at all positions are in the balls (shape (M, K)) or within ``off`` of them."""
     with np.errstate(invalid='ignore'):
         return bool(np.all(~(np.abs(values - ball.mid) > ball.rad + off)))
 
@@ -85,7 +85,7 @@ def test_on_a_short_way_a_tenth_of_the_enclosures_are_within_a_stated_factor_of_
     for factor, ball, seen, least in ((v, moving.v, speed, 1e-6), (w, moving.w, np.diff(yaw, axis=0) / step, 1e-6),
                                       (a, moving.a, np.diff(speed, axis=0) / step, 1e-4),
                                       (w_rate, moving.w_rate, np.diff(yaw, 2, axis=0) / step**2, 1e-4)):
-        occurs = np.ptp(seen, axis=0) * (COUNT - 1) / (seen.shape[0] - 1)       # means cover only part of the range
+        occurs = np.ptp(seen, axis=0) * (COUNT - 1) / (seen.shape[0] - 1)       # mean rates cover only part
         told = (occurs > least) & np.isfinite(ball.rad)
         assert np.count_nonzero(told) > 300
         assert np.percentile(2 * ball.rad[told] / occurs[told], 10) <= factor
@@ -154,7 +154,7 @@ def test_before_any_pass_an_angle_is_known_to_what_link_and_track_turn_and_to_sc
     leader = Leader(track_of(Composite((Arc(4.0, 700.0),))), np.array([1.65, 1.65]), 20.0, BEHIND)
     _, states, _ = sampled(leader, np.array([0.0, way_m]), leader.links_m)
     moving = enclosed(states.rows([0]), states.rows([1]), leader.links_m, leader.track.bends, passes=0)
-    for sin, cos in (moving.near, moving.far):      # a ball of angles with that radius about asin(l / 2 R)
+    for sin, cos in (moving.near, moving.far):      # a ball of angles around asin(l / 2 R) with this radius
         assert sin.rad == pytest.approx(np.cos(np.arcsin(1.65 / 8)) * most_rad + most_rad**2 / 2, rel=1e-3)
         assert cos.rad == pytest.approx(1.65 / 8 * most_rad + most_rad**2 / 2, rel=1e-3)
 
@@ -213,7 +213,7 @@ def test_a_link_turns_by_no_more_than_its_error_if_both_ends_are_off_and_by_near
 
 
 def seen_at(middle):
-    """Return the view of one pair whose second bench has its middle at a point, given as a complex number."""
+    """Return the view of one pair whose second bench is centred at a point, given as a complex number."""
     return Views((np.array([middle.real]), np.array([middle.imag])), np.zeros((1, 4, 2)))
 
 

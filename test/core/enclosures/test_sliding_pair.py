@@ -1,4 +1,4 @@
-"""The gap of two benches that slide along a spiral is enclosed: no sample in a box contradicts the bounds."""
+"""The gap between two benches that slide along a spiral is enclosed: no sample in a box contradicts the bounds."""
 import numpy as np
 import pytest
 import shapely
@@ -24,7 +24,7 @@ sizes = st.sampled_from([1e-3, 1e-2, 0.1])
 
 
 def box_of(theta, ahead, size, width):
-    """Return a box (5, 1) around a pair of benches of the classic size."""
+    """Return the lower and upper limits of a box around a pair of classic benches (both of shape (5, 1))."""
     middle = np.array([theta, ahead, 11.42, 2.86, 1.65])
     wide = np.array([size * width[0], 0.1 * size * width[1], 0.02 * width[2], 0.005 * width[3], 0.005 * width[4]])
     return (middle - wide)[:, None], (middle + wide)[:, None]

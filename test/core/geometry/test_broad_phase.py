@@ -21,7 +21,7 @@ from dragon_ros.core.tracks.spec import Spiral
 
 
 def placed(scene, share=None, t_s=0.0):
-    """Return the handles (N+1, 2) and benches of a scene at a time or at a share of its run, if the chain exists."""
+    """Return a scene's handles and benches at a time or a share of its run; reject the example if there is no chain."""
     try:
         chain = state(scene, t_s if share is None else share * compile_scene(scene).end.t_s * (1 - 1e-9))
     except DragonError:
@@ -30,7 +30,7 @@ def placed(scene, share=None, t_s=0.0):
 
 
 def chained(p, width, overhang):
-    """Return benches between handles (N+1, 2)."""
+    """Return the N benches between N+1 handles."""
     link = p[:-1] - p[1:]
     length = np.hypot(*link.T)
     return Benches(0.5 * (p[1:] + p[:-1]), link / length[:, None], 0.5 * length + overhang,

@@ -106,7 +106,7 @@ def test_a_bench_that_is_wholly_inside_an_obstacle_or_outside_the_inside_is_in_c
 
 
 def test_few_pairs_are_computed_while_a_dragon_walks_along_a_wall(monkeypatch):
-    """A wall at a constant distance is not computed pair by pair: its separation does not change."""
+    """Distances to a wall are not computed pair by pair while they do not change."""
     wall = LineObstacle('wall', tuple((float(x), 1.0) for x in range(400)))
     around, computed = surroundings_of(Venue((wall,))), []
     near, real = NearObstacles(around), near_obstacles.gap_of

@@ -30,7 +30,7 @@ def of_all_pairs(benches):
 
 
 def told(found):
-    """Return a closeness in the form that ``of_all_pairs`` returns."""
+    """Return a closeness in the form returned by ``of_all_pairs``."""
     return found.clearance_m, found.closest, list(zip(found.i, found.j, strict=True)), found.gap_m.tolist()
 
 

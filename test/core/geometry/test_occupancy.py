@@ -1,4 +1,4 @@
-"""Boundaries of occupied cells, against the union of these cells by shapely."""
+"""The boundaries of occupied cells equal those of shapely's union of these cells."""
 import numpy as np
 import pytest
 import shapely

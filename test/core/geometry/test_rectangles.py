@@ -1,4 +1,4 @@
-"""The errors of corners that follow from the errors of handles, against displaced handles."""
+"""The errors of corners that follow from errors of handles, compared with the effect of displaced handles."""
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,12 +8,12 @@ from properties import examples
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.geometry.rectangles import corner_levers
 
-SMALL = 1e-6        # error of a handle relative to the link: the remainder of second order is below this fraction
+SMALL = 1e-6        # error of a handle relative to the link; the second-order remainder is below this fraction
 TURNS = np.exp(1j * np.linspace(0, 2 * np.pi, 121))
 
 
 def corner_errors(length_m, link_m, width_m, front, rear):
-    """Return the largest errors of a bench's corners for errors of its handles at 0 and ``link_m`` (front)."""
+    """Return a bench's largest corner errors, given the errors of its handles at 0 (rear) and ``link_m`` (front)."""
     corners = np.array([1j * width_m + length_m, 1j * width_m - length_m]) / 2
     axis = link_m + front - rear
     moved = 0.5 * (link_m + front + rear)[..., None] + corners * (axis / np.abs(axis))[..., None]

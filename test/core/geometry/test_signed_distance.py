@@ -1,4 +1,4 @@
-"""The signed gap and its witnesses, against shapely and against results derived by hand."""
+"""The signed gap and its witnesses agree with shapely and with results derived by hand."""
 import tracemalloc
 
 import numpy as np

@@ -175,7 +175,7 @@ def test_ticks_before_a_step_of_less_than_a_quarter_of_the_next_are_left_out_of_
 
 
 def two_pairs(t_ns, first_m, second_m):
-    """Return benches with the given gaps between 0 and 3 and between 1 and 4; all other pairs are far apart."""
+    """Return benches with the given gaps between benches 0 and 3 and between 1 and 4; all other pairs are far apart."""
     centre = np.array([(0.0, 0.0), (50.0, 0.0), (100.0, 0.0), (0.0, 1 + first_m), (50.0, 1 + second_m)])
     half, axis, p = np.full(5, 0.5), np.tile([1.0, 0.0], (5, 1)), np.array([(n, (-1.0) ** n) for n in range(6)])
     return Observation(t_ns, p, Benches(centre, axis, half, half))

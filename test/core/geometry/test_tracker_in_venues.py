@@ -1,4 +1,4 @@
-"""The tracker in a venue: contacts with obstacles begin, end and are named like those between benches."""
+"""In a venue, the tracker begins, ends and names contacts with obstacles like those between benches."""
 from dataclasses import replace
 
 import numpy as np

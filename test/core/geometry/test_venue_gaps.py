@@ -1,4 +1,4 @@
-"""Gaps between benches and the edges of a venue, against shapely."""
+"""Gaps between benches and the edges of a venue agree with shapely."""
 import gc
 from weakref import ref
 

@@ -23,7 +23,7 @@ def test_the_illinois_variant_beats_linear_and_its_bracketed_newton_is_quadratic
 
 def test_illinois_has_order_1_44():
     with mpmath.workdps(600):
-        # The cycle of three steps multiplies the number of digits by 3 (Dowell & Jarratt 1971), which is 3^(1/3) per
+        # A cycle of three steps multiplies the number of digits by 3 (Dowell & Jarratt 1971), which is 3^(1/3) per
         # step.
         seen, a, b = [], mpmath.mpf(0), mpmath.mpf(1)
         fa, fb = mpmath.exp(a) - 2, mpmath.exp(b) - 2

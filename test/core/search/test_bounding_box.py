@@ -1,4 +1,4 @@
-"""The space that a run requires, on any track and by any law: its bounds meet, and no corner leaves it."""
+"""On any track and by any law, the bounds on the space that a run requires meet, and no corner leaves this space."""
 from dataclasses import replace
 
 import numpy as np
@@ -38,7 +38,7 @@ def corners(scene, times):
 
 
 def values(points):
-    """Return the coordinates of points (..., 2) in the direction of each of the four sides."""
+    """Return the coordinates of points in the direction of each of the four sides."""
     return dict(zip(SIDES, (points[..., 0], -points[..., 0], points[..., 1], -points[..., 1]), strict=True))
 
 

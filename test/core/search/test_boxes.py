@@ -1,4 +1,4 @@
-"""Boxes of a search: the parts of a box cover it exactly."""
+"""The parts into which a search divides a box cover it exactly."""
 import numpy as np
 import pytest
 

@@ -135,7 +135,7 @@ def test_a_gap_within_what_positions_may_err_is_grazing_with_both_bounds(wanted,
     if grazes:
         assert isinstance(found, Contact)
         assert found.benches == (0, 11)
-        # The bound is the gap plus the error of a gap. Each is at most 2 x 1.54 (lever of the corners) x 2e-12 m.
+        # The bound is the sum of the gap and its error, each at most 2 x 1.54 (lever of the corners) x 2e-12 m.
         assert found.grazing_m[0] < 0 < found.grazing_m[1] < 2 * (2 * 1.54 * 2e-12)
         assert found.t_s == pytest.approx(nearest(width).t_s, abs=1e-4)
     else:

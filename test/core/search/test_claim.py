@@ -1,4 +1,4 @@
-"""The claim of a search about a contact: the rate at which the gap closes."""
+"""The claim that a search makes about a contact contains the rate at which the gap closes."""
 from dataclasses import dataclass
 from math import inf
 
@@ -32,7 +32,7 @@ THREE = Dragon(3)
 
 @dataclass(frozen=True)
 class Straight:
-    """A stand-in for a domain: at ``gone_m`` 0 the gap vanishes, and it changes by ``rate`` and ``bend`` from there."""
+    """A stand-in for a domain: the gap is 0 at ``gone_m`` 0, with the derivatives ``rate`` and ``bend`` there."""
 
     rate: float = 0.5
     bend: float = 0.0

@@ -1,4 +1,4 @@
-"""On composite tracks a valid bound clears every step of the search, and the checker rejects every forgery."""
+"""On composite tracks every step of the search has a valid bound, and the checker rejects every forgery."""
 import copy
 from dataclasses import replace
 from itertools import pairwise
@@ -190,7 +190,7 @@ def test_what_cannot_be_told_from_a_contact_is_grazing_with_bounds():
     found = first_contact(scene)
     assert isinstance(found, Contact)
     assert found.benches == miss.benches
-    # The bound is the gap plus the tolerance. Each is at most 4 x 1.6 (lever of the corners) x 2e-12 m.
+    # The bound is the sum of the gap and the tolerance, each at most 4 x 1.6 (lever of the corners) x 2e-12 m.
     assert found.grazing_m[0] < miss.gap_m < found.grazing_m[1] < 2 * (4 * 1.6 * 2e-12)
     assert found.t_s == pytest.approx(miss.t_s, abs=1e-3)
     assert found.certificate.complete
@@ -275,7 +275,7 @@ def bounds_of(domain, gone_m, way_m, i, j):
 
 
 def seen(domain, gone_m, i, j):
-    """Return corners (2, 2, K, 4), along and across, of second benches in first benches' frames and vice versa."""
+    """Return the corners of second benches in first benches' frames and vice versa, along and across (2, 2, K, 4)."""
     benches = domain.benches(gone_m)
     out = []
     for one, two in ((i, j), (j, i)):

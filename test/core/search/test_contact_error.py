@@ -1,4 +1,4 @@
-"""The stated uncertainty of a contact against 50 digits, for benches that extend far beyond their links."""
+"""The stated uncertainty of a contact covers the 50-digit result for benches that extend far beyond their links."""
 import mpmath
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ LENGTH_M, RADIUS_M, MET_S = 5.0, 7.0, 5.3
 
 
 def on_a_circle(links, seed):
-    """Return two benches, each ``links`` links long, and a triangle that meets a corner with its tip at ``MET_S``."""
+    """Return two benches, each ``links`` links long, and a triangle whose tip meets a corner at ``MET_S``."""
     rng = np.random.default_rng(seed)
     dragon = Dragon(2, LENGTH_M, LENGTH_M, 0.3, 0.5 * (LENGTH_M - LENGTH_M / links))
     scene = Scene(dragon, Composite((Arc(RADIUS_M, 340.0),), 4.0), run=Run(stop_s=8.0))

@@ -1,4 +1,4 @@
-"""The first contact in a venue and its time, against shapely at many positions of the leader."""
+"""The first contact in a venue and its time agree with shapely at many positions of the leader."""
 import json
 import subprocess
 import sys

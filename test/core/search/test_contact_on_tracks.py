@@ -1,4 +1,4 @@
-"""Contact on composite tracks and under head laws: candidates, and the classic contact followed in time."""
+"""Contacts on composite tracks and under head laws: the candidates, and the classic contact followed over time."""
 from dataclasses import replace
 
 import numpy as np

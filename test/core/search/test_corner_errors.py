@@ -26,7 +26,7 @@ def test_a_bound_on_a_spiral_falls_by_the_excess_errors_of_both_benches():
     assert none - more == pytest.approx(2 * MORE_M, rel=1e-4)
 
 
-@pytest.mark.parametrize('step_m', [0.01, 1.0])      # cleared by motion, and by curvature
+@pytest.mark.parametrize('step_m', [0.01, 1.0])      # cleared by the bound on motion, and on curvature
 def test_a_bound_of_the_whole_chain_falls_by_the_excess_errors_of_both_benches(step_m):
     scene = Scene(Dragon(12), Composite((Arc(4.0, 300.0),), 6.0), run=Run(stop_s=5.0))
     domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 5.0), 1, lambda states: None)
@@ -36,7 +36,7 @@ def test_a_bound_of_the_whole_chain_falls_by_the_excess_errors_of_both_benches(s
     for each in (0.0, MORE_M):
         space._excess_m = np.full(12, each)
         space.begin(samples, np.array([[0], [1]]), group)
-        others_m, space._others_m = space._others_m, np.full(1, np.inf)     # judge the pairs within reach alone
+        others_m, space._others_m = space._others_m, np.full(1, np.inf)     # judge only the pairs within reach
         near_m = space.judge(samples.rows(np.array([0])), samples.rows(np.array([1])), group).bound_m
         found.append((float(others_m[0]), float(near_m[0])))
     assert np.subtract(*found) == pytest.approx([2 * MORE_M, 2 * MORE_M], rel=1e-4)

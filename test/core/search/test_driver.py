@@ -1,4 +1,4 @@
-"""The loop of all searches, on gaps that are known functions of position: the rows that it clears, and its stops."""
+"""The loop shared by all searches clears valid rows and stops correctly if gaps are known functions of position."""
 from dataclasses import dataclass
 from math import ceil, inf, log2
 
@@ -91,7 +91,7 @@ def cleared(drawn, finest):
 
 
 def check_rows(space, windows, found):
-    """Check that each window's rows join, have valid bounds and end at the bracket, which starts by the first stop."""
+    """Check that each window's rows adjoin, have valid bounds, and end at a bracket that starts by the first stop."""
     for n, (window, one) in enumerate(zip(windows, found, strict=True)):
         sign, at = (1.0 if window[-1] >= window[0] else -1.0), window[0]
         for start, stop, bound in one.rows:
@@ -198,7 +198,7 @@ def test_intervals_are_divisible_down_to_rounding_of_their_ends(scale):
 
 
 class Highest(InOrder):
-    """A search for the largest value of a known function that records the cells it judges."""
+    """A search that looks for the largest value of a known function and records the cells that it judges."""
 
     def __init__(self, at_once):
         self.at_once, self.judged, self.best = at_once, [], -inf

@@ -1,4 +1,4 @@
-"""First contacts of dragons of every kind, against a dense scan with shapely, and special cases."""
+"""First contacts of dragons of every kind agree with a dense scan by shapely, and special cases are handled."""
 from dataclasses import replace
 
 import numpy as np
@@ -91,7 +91,7 @@ def meeting_time(head_length_m, pair):
 
 
 def test_two_pairs_that_meet_at_the_same_time_are_one_set():
-    """With a short head the body touches first, and with a longer head the head; in between, both touch at once."""
+    """With a short head the body touches first, with a longer head the head; in between, both touch simultaneously."""
     def lead(head_length_m):
         return meeting_time(head_length_m, (0, 7)) - meeting_time(head_length_m, (1, 8))
     length = illinois(lead, 1.8, 1.9, lead(1.8), lead(1.9))

@@ -1,4 +1,4 @@
-"""Where layers are provably apart, intervals are cleared without samples; they join, and their bounds hold."""
+"""If layers are provably apart, intervals are cleared without samples; they adjoin, and their bounds hold."""
 from itertools import pairwise
 
 import numpy as np

@@ -71,7 +71,7 @@ def fastest_seen(scene, count):
 
 
 def check(scene, found, count=200):
-    """Compare an answer with many states: no handle is faster, and at the named time the named handle is that fast."""
+    """Compare an answer with many states: no handle is faster, and the named handle has that speed then."""
     seen, leader = fastest_seen(scene, count)
     top = _top(scene) or 1.0
     assert seen <= found.bound * top * (1 + 1e-9)       # batched states are accurate but not bit-identical

@@ -47,7 +47,7 @@ def pairs_near(benches, below_m):
 
 
 def gaps_at(benches, times, i, j):
-    """Return the gaps (times, pairs) of pairs of benches at the times with these indices."""
+    """Return the gaps of pairs of benches at the times with these indices (shape (times, pairs))."""
     count = benches.centre.shape[1]
     every = type(benches)(benches.centre[times].reshape(-1, 2), benches.axis[times].reshape(-1, 2),
                           np.tile(benches.half_length, times.size), np.tile(benches.half_width, times.size))

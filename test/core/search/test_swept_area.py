@@ -1,4 +1,4 @@
-"""The space that benches occupy beside a track, against the exact values for a straight line and a circle."""
+"""The space that benches occupy beside a track equals the exact values for a straight line and a circle."""
 from math import hypot, sqrt
 
 import numpy as np

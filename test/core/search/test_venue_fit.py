@@ -1,4 +1,4 @@
-"""The smallest gaps of a run to the obstacles of a venue, against shapely at many instants."""
+"""The smallest gaps between a run and the obstacles of a venue agree with shapely at many instants."""
 from dataclasses import replace
 
 import numpy as np
@@ -23,7 +23,7 @@ STEP_S = 0.02
 
 
 def sampled(scene, step_s):
-    """Return the corners (T, N, 4, 2) of all benches at many instants."""
+    """Return the corners of all benches at many instants (shape (T, N, 4, 2))."""
     end_s = compile_scene(scene).end.t_s
     return corners_at(scene, np.linspace(scene.run.start_s, end_s, 2 + int((end_s - scene.run.start_s) / step_s)))
 

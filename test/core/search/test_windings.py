@@ -31,7 +31,7 @@ def descending(first, dragon=DRAGONS[0]):
 
 
 def bounds(radii, scales, dragon, first):
-    """Return bounds (K-2, 2) on the second derivatives with respect to radius and scale in a cell, in units of b."""
+    """Return bounds on the second derivatives with respect to radius and to scale in a cell, in units of b."""
     (low, high), (small, large) = radii, scales
     ends = winding([low, low, high, high], [small, large, small, large], dragon, first)
     theta, delta = between(ends.theta[:1], ends.theta[3:]), between(ends.delta[1:2], ends.delta[2:3])
@@ -42,7 +42,7 @@ def bounds(radii, scales, dragon, first):
 
 
 def corners(radius_m, scale, dragon, first):
-    """Return corners (M, K-2, 2, 4) of benches 2 onwards in the leading bench's frame, and of that bench in theirs."""
+    """Return the corners of benches 2 onwards in the leading bench's frame, and of that bench in their frames."""
     chain, scale = winding(radius_m, scale, dragon, first), np.broadcast_to(scale, np.shape(radius_m))
     middle, axis = chain.centre, chain.axis
     half = 0.5 * dragon.bench_lengths_m[first:first + COUNT] * scale[:, None]
@@ -53,7 +53,7 @@ def corners(radius_m, scale, dragon, first):
 
 
 def second_differences(radius_m, scale, dragon, first):
-    """Return the largest second derivatives (K-2, 2) of corners with respect to radius and scale at one position."""
+    """Return the largest second derivatives of corners with respect to radius and to scale at one position."""
     h, k = 3e-3, 3e-4 * scale
     found = corners(radius_m + h * np.array([-1, 0, 1, 0, 0]), scale + k * np.array([0.0, 0, 0, -1, 1]), dragon, first)
     return (np.max(np.abs(found[0] - 2 * found[1] + found[2]), axis=-1) / h**2,
@@ -231,7 +231,7 @@ def test_the_smallest_pitch_is_found_although_scales_come_down_to_two_adjacent_f
 @pytest.mark.parametrize('first', [0, 1])
 def test_benches_further_behind_are_left_unexamined_only_if_their_lines_keep_the_tolerance_and_hardly_more(first):
     def spare(width_m):
-        """Return by how much the last link's line clears the benches, in tolerances, and whether this is accepted."""
+        """Return the distance of the last link's line from the benches, in tolerances, and whether it is accepted."""
         dragon = Dragon(width_m=width_m)
         search, cell = descending(first, dragon), np.array([[5.0], [5.0], [2 * np.pi], [2 * np.pi]])
         placed = windings(dragon, first, 20, cell[0], cell[2])
@@ -265,7 +265,7 @@ def test_a_setting_at_its_limit_is_accepted_and_the_next_one_beyond_is_refused(n
 
 
 def test_the_error_of_an_angle_is_that_of_a_position_by_the_way_of_a_handle_for_a_radian():
-    """A handle moves sqrt(1 + theta^2) / scale metres for a radian, which the larger of theta and 1 stands for."""
+    """A handle moves sqrt(1 + theta^2) / scale metres per radian; the root is replaced by the larger of theta and 1."""
     theta = np.linspace(0.0, 60.0, 241)
     error = _Descending._angle_errors(SimpleNamespace(_error_m=0.5e-9), theta, 3.0)
     exact = 3.0 * 1e-9 / np.hypot(1.0, theta)

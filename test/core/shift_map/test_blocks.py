@@ -43,7 +43,7 @@ tracks = st.lists(lines | arcs | winds, min_size=1, max_size=7)
 
 
 def placement(track, links, direction):
-    """Return a placement with shift maps of its own that have no tiles yet."""
+    """Return a placement that has its own shift maps, which have no tiles yet."""
     maps = {link_m: ShiftMap(track, link_m, count, direction, EXACT)
             for link_m, count in lengths_with_maps(links).items()}
     return Placement(track, links, direction, maps)

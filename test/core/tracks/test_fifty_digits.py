@@ -68,7 +68,7 @@ def test_on_any_joined_track_every_handle_is_where_sixty_digits_put_it(walk, par
             with walk.mp.workdps(60):
                 try:
                     points = [point for point, _ in walk.chain_at(scene, t_s)]
-                except (AssertionError, IndexError):      # unsupported: ends of tracks, double roots
+                except (AssertionError, IndexError):      # ends of tracks and double roots are not supported
                     continue
                 off_m = [float(abs(walk.mpc(*p.tolist()) - point)) for handles in (state(scene, t_s).p, at_once)
                          for p, point in zip(handles, points, strict=True)]
