@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, Phase, settings
 
 def pytest_addoption(parser):
     parser.addoption('--minutes', type=float, help='minutes of fuzzing (test/fuzz) instead of a few seconds')
-    parser.addoption('--first-seed', type=int, default=1, help='first seed of a fuzz with --minutes')
+    parser.addoption('--first-seed', type=int, default=1, help='first seed for fuzzing with --minutes')
     parser.addoption('--long', action='store_true', help='also run the tests marked as long: more cases, clusters')
 
 
@@ -52,7 +52,7 @@ def pytest_configure():
 
 
 def pytest_make_parametrize_id(val):
-    """Shorten test ids that are long texts: ``colcon test`` stops at lines longer than 64 kB."""
+    """Shorten test ids that are long strings, because ``colcon test`` stops at lines longer than 64 kB."""
     return f'{val[:40]!a} of {len(val)}' if isinstance(val, str | bytes) and len(val) > 1000 else None
 
 
@@ -75,7 +75,8 @@ def pytest_collection_finish():
     """Collect garbage less often, because thousands of tests and the libraries stay in memory until the end.
 
     These objects do not stay frozen, because Hypothesis searches for the referrers of random generators and would not
-    find them among frozen objects. Freezing and unfreezing moves them to the oldest generation without visiting each.
+    find them among frozen objects. Freezing and unfreezing move them to the oldest generation without visiting each of
+    them.
     """
     gc.freeze()
     gc.unfreeze()

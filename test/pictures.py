@@ -30,7 +30,7 @@ class Picture:
         return [(self._texts[one][0], self._texts[other][0]) for one, other in pairs if one < other]
 
     def small(self):
-        """The texts below the minimum size, on a page that scales wider figures down to its width."""
+        """The texts that are below the minimum size on a page that scales wider figures down to its width."""
         shown = min(1.0, PAGE_IN / self._figure.get_figwidth())
         return [text.get_text() for text in _drawn(self._figure) if text.get_fontsize() * shown < TEXT_PT - 1e-9]
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
-USUAL = 100         # default number of examples of a property; explicit numbers are scaled with it
+USUAL = 100         # default number of examples of a property; explicit numbers are relative to it
 PIECES = st.lists(st.one_of(
     st.builds(Line, st.floats(0.1, 9)),
     st.builds(lambda radius, angle, left: Arc(radius, angle if left else -angle), st.floats(1.8, 9), st.floats(5, 300),
@@ -25,5 +25,5 @@ def thinned(cases, kept):
 
 
 def examples(count: int) -> settings:
-    """Return the settings of a property that usually has ``count`` examples and has at least two in any profile."""
+    """Return the settings of a property with ``count`` examples, scaled by the profile to two or more."""
     return settings(max_examples=max(2, count * settings().max_examples // USUAL))

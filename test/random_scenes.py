@@ -11,11 +11,10 @@ The parts of a scene are drawn in this order:
 1. the benches: 1 to 300; all equal, with a longer or shorter head, or mixed; with insets from zero to half a bench,
    which leaves links of zero length; occasionally wide, or long for their track;
 2. the track: a single spiral (walked inwards, outwards, or far out, up to 1e5 turns), an S-turn, a circle, or a
-   composite of lines, arcs and spirals. Pitches and radii are drawn for these benches, from less than what they need to
-   several times that, so that about half of the runs have a contact, some lock and some reach the end of the track;
-3. the leader: head or tail, forwards or backwards, at a constant speed or by a profile with ramps, jumps, rests and
-   reversals;
-4. the run, the accuracy, the effects and their settings.
+   composite of lines, arcs and spirals. Pitches and radii are drawn for these benches, from less than they need to
+   several times as much, so that about half of the runs have a contact, some lock and some reach the end of the track;
+   3. the leader: head or tail, forwards or backwards, at a constant speed or by a profile with ramps, jumps, rests and
+   reversals; 4. the run, the accuracy, the effects and their settings.
 
 One scene in ten has all lengths, and therefore its speed, in another unit: 1e-6 m to 1e6 m.
 
@@ -358,7 +357,7 @@ def _run(dice: Dice, arrives: bool, stop_s: float) -> dict[str, Any]:
 
 
 def _ways_to_compute(dice: Dice) -> dict[str, Any]:
-    """Draw accuracy, solver and display of benches; defaults are omitted more often than not."""
+    """Draw the accuracy, the solver and the display of benches; defaults are omitted more often than not."""
     values: dict[str, Any] = {}
     if dice.chance(50):
         values['accuracy'] = dice.one_by_parts({'exact': 30, 'fine': 20, 'standard': 20, 'preview': 15,

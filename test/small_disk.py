@@ -1,4 +1,4 @@
-"""A simulated full disk, on which no file can grow further."""
+"""A simulated full disk, on which no file can grow any further."""
 import resource
 from contextlib import contextmanager
 

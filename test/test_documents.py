@@ -183,7 +183,7 @@ def _steady(text):
 
 @pytest.fixture(scope='module')
 def venue_page(tmp_path_factory):
-    """The folder in which the venue page's commands that make scenes from drawings have run."""
+    """The folder in which the venue page's commands that create scenes from drawings have been run."""
     folder, page = tmp_path_factory.mktemp('venue'), ROOT / 'docs' / 'venue.md'
     write_files(page, folder)
     with pytest.MonkeyPatch.context() as patch:

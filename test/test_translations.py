@@ -14,7 +14,7 @@ _FIGURE = re.compile(r'(?<![A-Za-z0-9_.])\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?')
 
 
 def code(text):
-    """Return the lines of code and of shown output, without comments, which are translated."""
+    """Return the lines of code and of shown output, without the comments, because these are translated."""
     lines = (line.partition('#')[0].rstrip() for block in _CODE.findall(_MADE.sub('', text)) for line in
              block.splitlines())
     return [line for line in lines if line.strip()]

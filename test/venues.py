@@ -17,7 +17,7 @@ STREET = Composite((Line(12.0), Arc(4.0, 90.0), Line(6.0), Arc(4.0, -90.0), Line
 MIXED = Mixed((Group(3.41), Group(2.2, 3), Group(1.5, 2)))
 SCENES = {
     'street': Scene(Dragon(8), STREET, run=Run(stop_s=20.0)),
-    'mixed street by the tail': Scene(MIXED, STREET, Head(1.0, 'tail'), Run(stop_s=9.0)),
+    'mixed street led by the tail': Scene(MIXED, STREET, Head(1.0, 'tail'), Run(stop_s=9.0)),
     'back and forth': Scene(Dragon(6), STREET, Profile(((0.0, 2.0), (8.0, -1.0), (16.0, 1.0))), Run(2.0, 18.0)),
     'turn': Scene(Dragon(10), STurn(before_m=3.0), run=Run(stop_s=18.0)),
     'spiral': Scene(Dragon(12), Spiral(0.55, 5.0), run=Run(stop_s=60.0)),
@@ -27,9 +27,9 @@ MORE = {
     'coils': Scene(Dragon(7), Composite((Line(6.0), SpiralArc(1.5, 3.0, 2.0, 'left'), Line(4.0)), 3.0),
                    run=Run(stop_s=25.0)),
     'a link of no length': Scene(Dragon(2, 0.6, 0.5, 0.2, 0.25), STREET, run=Run(stop_s=16.0)),
-    'spiral by the tail, back and on': Scene(Dragon(9), Spiral(1.2, 4.0), Profile(
+    'spiral led by the tail, back and on': Scene(Dragon(9), Spiral(1.2, 4.0), Profile(
         ((0.0, 1.0), (8.0, 1.0), (10.0, -1.0), (13.0, -1.0), (15.0, 1.0), (30.0, 1.0)), lead='tail'), Run(stop_s=30.0)),
-    'turn by the tail': Scene(Dragon(8), STurn(before_m=12.0), Head(1.0, 'tail'), Run(stop_s=10.0))}
+    'turn led by the tail': Scene(Dragon(8), STurn(before_m=12.0), Head(1.0, 'tail'), Run(stop_s=10.0))}
 AROUND = ((-60.0, -60.0), (60.0, -60.0), (60.0, 60.0), (-60.0, 60.0))
 
 
@@ -50,7 +50,7 @@ def random_venue(scene, seed, largest_m=2.0):
 
 
 def corners_at(scene, times_s):
-    """Return the corners of all benches (T, N, 4, 2) at the given times."""
+    """Return the corners of all benches at the given times (shape (T, N, 4, 2))."""
     chain = states(scene, list(times_s))
     return benches_of(chain, scene.dragon, axes_of(chain)).corners
 

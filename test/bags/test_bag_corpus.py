@@ -96,7 +96,7 @@ def test_the_whole_corpus_is_read_in_little_memory(tmp_path):
 
 
 def use(path, out):
-    """Read a file in every way; each may raise only the package's own errors."""
+    """Read a file with every reader; only the package's own errors may be raised."""
     for way in (read, examine, partial(repair, output=out)):
         with suppress(DragonError):
             way(path)

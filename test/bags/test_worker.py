@@ -1,4 +1,4 @@
-"""Jobs run in order on a thread, with at most one pending, and an error is raised once."""
+"""Jobs run in order on a thread, with at most one pending, and each error is raised once."""
 import threading
 
 import pytest

@@ -1,4 +1,4 @@
-"""Towns on the page ``cost venue`` have the stated number of corners, a free street, and a line each in the table."""
+"""Each town on the page ``cost venue`` has the stated number of corners, a free street, and a line in the table."""
 import numpy as np
 
 from benchmarks import command, venues

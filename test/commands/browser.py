@@ -119,7 +119,7 @@ def browser(folder):
         try:
             end = time.monotonic() + _LONGEST_S
             while not (port := re.search(r'successfully on port (\d+)', (folder / 'chromedriver.log').read_text())):
-                assert time.monotonic() < end, 'chromedriver says no port'
+                assert time.monotonic() < end, 'chromedriver printed no port'
                 time.sleep(0.05)
             page = Browser(f'http://127.0.0.1:{port[1]}', folder / 'profile')
             try:

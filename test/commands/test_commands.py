@@ -271,7 +271,7 @@ def test_a_command_imports_what_it_needs_and_no_more(tmp_path, line):
             'from dragon_ros.__main__ import main\n'
             f'with contextlib.redirect_stdout(None): assert main({words}) == 0\nprint(*set(sys.modules) - before)')
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
-    brought, new = (set(line.split()) for line in done.stdout.splitlines())     # numpy 1 imports numpy.ma on its own
+    brought, new = (set(line.split()) for line in done.stdout.splitlines())     # numpy 1 itself imports numpy.ma
     parts = {name.removeprefix('dragon_ros.').rpartition('.')[0] for name in new if name.startswith('dragon_ros.')}
     libraries, rooms = NEEDS[line]
     assert new & HEAVY - brought == set(libraries.split()) - brought

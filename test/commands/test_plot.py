@@ -40,7 +40,7 @@ from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.load import load_scene
 from dragon_ros.version import __version__
 
-# The types of boxes that contain other boxes on the way to a track in an ISO base media file.
+# The types of boxes in an ISO base media file that contain other boxes.
 PARENTS = (b'moov', b'trak', b'mdia', b'edts', b'minf', b'stbl')
 STARTS = {'.png': b'\x89PNG', '.svg': b'<?xml', '.pdf': b'%PDF', '.gif': b'GIF8', '.html': b'<!DOCTYPE html>'}
 

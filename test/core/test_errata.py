@@ -1,4 +1,4 @@
-"""The rows of docs/errata.md: the printed form fails, and the corrected form holds."""
+"""In every row of docs/errata.md, the printed form fails, and the corrected form holds."""
 from math import cos, hypot, pi, sin, sqrt
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Budgets for untrusted input: all in one table, all used, and all documented."""
+"""All budgets for untrusted input are in one table, used and documented."""
 from pathlib import Path
 
 from dragon_ros.core import limits

@@ -1,4 +1,4 @@
-"""Scenes contain only settings: frozen, normalised, equal if equivalent, small when pickled, and without a solver."""
+"""Scenes contain settings but no solver, and are frozen, normalised, equal if equivalent, and small when pickled."""
 import json
 import pickle
 import subprocess

@@ -1,4 +1,4 @@
-"""Ticks and states: a run has the right limits, and a frame depends only on the scene and the tick."""
+"""A run has the right limits, and a frame depends only on the scene and the tick."""
 import numpy as np
 import pytest
 

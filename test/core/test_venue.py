@@ -1,4 +1,4 @@
-"""Venues are settings: frozen, equal if equivalent, and rejected if invalid."""
+"""Venues are settings that are frozen, equal if equivalent, and rejected if invalid."""
 import pickle
 from math import nan
 

@@ -65,7 +65,7 @@ def hold_lines(path: Path, folder: Path, wanted: list[Row], ended: bool, model: 
         told = said('inspect', path)
     assert (told.code == 0) == (_WHOLE in told.lines), 'the exit code contradicts the last line'
     if ended:
-        assert topics_in(told.lines) == Counter(topic for topic, _, _ in wanted), 'inspect prints other counts'
+        assert topics_in(told.lines) == Counter(topic for topic, _, _ in wanted), 'inspect prints different counts'
     hold_saved(path, folder / 'printed.mcap', wanted)
     others = [hold_ticks(path, folder, wanted, ended, model), *hold_check(path, wanted, ended, model)]
     if told.code == 0:

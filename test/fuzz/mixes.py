@@ -199,7 +199,7 @@ def built(data: bytes) -> bytes:
 
 
 def streamed(path: Path) -> tuple[list[Row], bool]:
-    """Return the messages that the library's stream reader finds on declared topics, and whether it reached the end."""
+    """Return the messages that the mcap stream reader finds on declared topics, and whether it reached the end."""
     found, names = list[Row](), dict[int, str]()
     try:
         with path.open('rb') as file:
@@ -215,7 +215,7 @@ def streamed(path: Path) -> tuple[list[Row], bool]:
 
 
 def hold(path: Path, folder: Path) -> None:
-    """Compare all ways to read a bag with each other and with the library's stream reader. Raises AssertionError."""
+    """Compare all ways to read a bag with each other and with the mcap stream reader. Raises AssertionError."""
     wanted, ended = streamed(path)
     told = hold_lines(path, folder, wanted, ended, model())
     read = None

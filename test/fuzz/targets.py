@@ -164,7 +164,7 @@ _YAML = (b'[', b'{', b'? ', b'- ', b'!!int ""', b'!!binary x', b'&a ', b'*a', b'
 
 
 def override(folder: Path) -> Target:
-    """Texts of the option --set and of the parameter ``set``, one per line."""
+    """Values of the option ``--set`` and of the parameter ``set``, one per line."""
     def run(data: bytes) -> None:
         with suppress(DragonError):
             load_scene('winding', data.decode(errors='replace').split('\n')[:8])
@@ -458,7 +458,7 @@ def command(folder: Path) -> Target:
 
 
 def filters(folder: Path) -> Target:
-    """Filters of entities: a byte that selects the bounds, the number of points, the points, and an expression."""
+    """Entity filters: a byte that selects the bounds, the number of points, the points, and an expression."""
     import numpy as np
 
     from dragon_ros.nodes.entities import bodies_of_frame, box, chosen, convex_hull, sphere

@@ -27,7 +27,7 @@ class StuckError(Exception):
 
 
 def mutated(target: Target) -> st.SearchStrategy[bytes]:
-    """Return a strategy for inputs, each of which is a seed with a few changes."""
+    """Return a strategy for inputs that are seeds with a few changes."""
     words = st.one_of(st.binary(min_size=1, max_size=9), st.sampled_from(target.words or (b'\0',)))
     kinds = st.sampled_from(['replace', 'insert', 'delete', 'repeat', 'cut', 'swap'])
     change = st.tuples(kinds, st.floats(0, 1), words)

@@ -252,7 +252,7 @@ def test_markers_that_change_their_layout_without_end_are_refused():
         return MarkerArray(markers=[Marker(ns='bench', text='x' * (n % 2 * 9)) for n in range(count)])
 
     def message(count):
-        """Return the bytes of ``count`` markers: eight, repeated, in which neighbours never share a layout."""
+        """Return the bytes of ``count`` markers that repeat a group of eight; neighbours never have the same layout."""
         one, two = (serialization.serialize_message(markers(8 * times)) for times in (1, 2))
         return one[:4] + struct.pack('<I', count) + one[8:] + (count // 8 - 1) * two[len(one):]
 

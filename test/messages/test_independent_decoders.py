@@ -193,7 +193,7 @@ def test_every_marker_has_a_colour_a_size_and_a_place_that_can_be_seen(read, top
         colours = [one.color, *one.colors]
         assert {colour.a for colour in colours} == {1.0}
         assert all(0 <= part <= 1 for colour in colours for part in (colour.r, colour.g, colour.b))
-        width_m = 0.3       # of a bench: lines must be thinner, points must fit on it, and text must be legible
+        width_m = 0.3       # a bench's width; lines must be thinner, points must fit on it, and text must be legible
         assert one.scale.x > 0 or one.type == 9
         if one.type in (4, 5):
             assert one.scale.x < 0.2 * width_m

@@ -71,7 +71,7 @@ _LOADED = ('numpy', 'shapely', 'hypothesis.extra.numpy', 'mpmath', 'flint', 'sci
            'matplotlib.figure', 'coverage')
 _UNUSED = ('xdist', 'cov', 'cacheprovider', 'stepwise', 'launch_testing', 'launch_pytest', 'ament_copyright')
 # A test may take _SLACK times its processor time without a mutant, plus _EXTRA_S. Beyond that, the mutant is considered
-# to loop forever, and counts as found. _WAITED is the multiple in wall time for all tests, after which a mutant is
+# to loop forever, and counts as found. _WAITED is the multiple of the wall time of all tests after which a mutant is
 # considered to wait forever.
 _SLACK = 4.0
 _EXTRA_S = 3.0
@@ -81,7 +81,7 @@ _ALIVE = ('survived', 'unreached')
 
 
 class Swapped(Operator):
-    """Replace a name by its counterpart, such as the other side, sense or end."""
+    """Replace a name with its counterpart, such as the other side, sense or end."""
 
     def mutation_positions(self, node):
         if isinstance(node, parso.python.tree.Name) and node.value in _OTHER and not node.is_definition():
@@ -236,7 +236,7 @@ class Lines:
 
 
 def forked(tree: Path, work: Callable[[], object], seconds: float = 1000.0) -> tuple[bool, object]:
-    """Do work in a fork of this process that uses the package of a tree; return whether it ended, and its answer."""
+    """Do work in a fork of this process that uses a tree's package; return whether the fork ended, and its answer."""
     answer = tree / 'answer.json'
     answer.unlink(missing_ok=True)
     child = os.fork()
@@ -313,7 +313,7 @@ def in_functions(source: str) -> set[int]:
 
 
 def lines_of(tree: Path, file: str, sources: list[Path]) -> tuple[dict[str, dict[int, list[str]]], dict[str, float]]:
-    """Return the tests of a file by the source lines that they run, and the processor time of each test."""
+    """Return a file's tests by the source lines that they run, and each test's processor time."""
     def work() -> object:
         plugin = Lines(sources)
         code = run([file], plugin)
@@ -413,7 +413,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--seed', type=int, default=1, metavar='S', help='seed of the sample (%(default)s)')
     options.add_argument('--list', action='store_true', help='list the sample without trying it')
     options.add_argument('--most', type=float, default=60.0, metavar='SECONDS',
-                         help='most seconds for all tests of a mutant, measured without it (%(default)s)')
+                         help='maximum time in s for all tests of a mutant, measured without it (%(default)s)')
     options.add_argument('--again', action='store_true', help='try the survivors again')
     arguments = options.parse_args(argv)
     known, folder = operators(), ROOT / '.venv' / 'mutants'

@@ -1,4 +1,4 @@
-"""The tool that mutates a room: the mutants that it makes, and the tests that it runs for each of them."""
+"""The tool that mutates a room makes the right mutants, and runs the right tests for each of them."""
 import pytest
 
 pytest.importorskip('cosmic_ray')

@@ -13,7 +13,7 @@ def name_of(argument):
 
 
 def replaced(code):
-    """Yield the names that a test module replaces by any call of ``monkeypatch`` or ``patch``."""
+    """Yield the names that a test module replaces in any call of ``monkeypatch`` or ``patch``."""
     for node in ast.walk(ast.parse(code)):
         if (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in REPLACING
                 and len(node.args) > 1):

@@ -1,7 +1,7 @@
 """Calls to a running sim, drawn from a seed: services, and live parameters with valid and invalid values.
 
 Each answer is compared with the table of parameters. A value is accepted if it has the right type, is within the limits
-and is one of the choices; otherwise the sim answers with a reason of one line and keeps the old value. To call a sim by
+and is one of the choices; otherwise the sim answers with a one-line reason and keeps the old value. To call a sim by
 hand, start one that does not end, and then, in the same ROS domain, run
 ``./dragon python test/nodes/controls.py --calls 10000``. The soak test runs this program in the background, and makes
 only calls that skip no tick.
@@ -169,10 +169,10 @@ class Caller:
 def main(argv: list[str]) -> int:
     """Call a sim and print the results as JSON; the exit code is 1 if an answer was wrong."""
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
-    options.add_argument('--calls', type=int, default=10_000, help='least number of requests to send (10000)')
+    options.add_argument('--calls', type=int, default=10_000, help='minimum number of requests to send (10000)')
     options.add_argument('--harmless', action='store_true', help='make only calls that skip no tick, until SIGINT')
     options.add_argument('--each-s', type=float, default=0.0, help='seconds between two calls (0)')
-    options.add_argument('--seed', type=int, default=1, help='seed of the calls (1)')
+    options.add_argument('--seed', type=int, default=1, help='seed for the calls (1)')
     arguments = options.parse_args(argv)
     ended: list[int] = []
     signal.signal(signal.SIGINT, lambda number, _: ended.append(number))

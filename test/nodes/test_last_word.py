@@ -1,4 +1,4 @@
-"""A recorder ends only after the monitor's last word on a run, or reports in one line that it is missing."""
+"""A recorder ends only after the monitor's last report on a run, or states in one line that this report is missing."""
 import signal
 from contextlib import contextmanager
 

@@ -31,7 +31,7 @@ def plan(frame_id, points):
 
 def routed(start, node, quality, message, *options):
     """Run ``route`` while a path is published (only once if it is latched), and return the finished process."""
-    # The default callbacks would print warnings about readers that request a higher QoS.
+    # The default callbacks would print warnings about subscribers that request a higher QoS.
     silent = PublisherEventCallbacks(use_default_callbacks=False)
     publisher = node.create_publisher(Path, '/plan', QUALITY[quality], event_callbacks=silent)
     publisher.publish(message)

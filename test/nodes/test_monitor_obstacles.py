@@ -1,4 +1,4 @@
-"""The monitor over real DDS, with obstacles from the topic venue, from files and from maps in several frames."""
+"""The monitor over real DDS, with obstacles from the topic ``venue``, from files and from maps in several frames."""
 from dataclasses import replace
 
 import numpy as np

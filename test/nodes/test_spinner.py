@@ -157,7 +157,7 @@ def test_a_cancelled_timer_rests_until_it_is_reset_with_another_period(served):
 
 
 def test_a_wait_that_lasts_for_hours_because_the_system_clock_was_set_back_is_ended(domain, monkeypatch):
-    monkeypatch.setattr(spinner_module, '_WAIT_NS', 7200 * 10**9)      # the time for which the middleware then waits
+    monkeypatch.setattr(spinner_module, '_WAIT_NS', 7200 * 10**9)      # how long the middleware then waits
     rclpy.init()
     node, late = rclpy.create_node('waiting'), []
     with closing(Spinner(node)) as spinner:

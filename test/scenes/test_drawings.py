@@ -1,4 +1,4 @@
-"""Drawings can be read from SVG (with groups, transforms and units), CSV and GeoJSON, within budgets."""
+"""Drawings in SVG (with groups, transforms and units), CSV and GeoJSON are read, or rejected with a clear error."""
 import json
 from math import radians
 
@@ -21,7 +21,7 @@ def svg(tmp_path, body, head=HEAD):
 
 
 def on_paper(x, y):
-    """Return a point's position from the lower left corner, given in viewBox units of half a millimetre at 1:200."""
+    """Return the position from the lower left corner of a point in viewBox units (0.5 mm) at a scale of 1:200."""
     return 200 * 0.0005 * complex(x, 200 - y)
 
 

@@ -40,7 +40,7 @@ def told() -> str:
 
 
 def grow(folder: Path, rest_s: float, stop: threading.Event) -> int:
-    """Record, stop repeatedly for a while, and print the memory after each stop."""
+    """Record, stop repeatedly for a while, and print the memory use after each stop."""
     node = Recorder(BagWriter(folder / 'bag'))
     waiting = [*((stall_s, _REST_S) for stall_s in _STALLS_S), (0.0, rest_s)]
     said, due_s = 'at the beginning', time.monotonic() + 6 * _REST_S
@@ -64,7 +64,7 @@ def grow(folder: Path, rest_s: float, stop: threading.Event) -> int:
 
 
 def main(argv: list[str]) -> int:
-    """Run a sim and a recorder, stop the recorder repeatedly, and print its memory."""
+    """Run a sim and a recorder, stop the recorder repeatedly, and print its memory use."""
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
     options.add_argument('--rest', type=float, default=180.0, metavar='S', help='seconds without a stop at the end')
     arguments = options.parse_args(argv)

@@ -26,7 +26,7 @@ from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.load import load_scene
 
 RATE_HZ = 100
-_EVERY_S = 5.0          # time between two actions, each of which follows a check of the memory
+_EVERY_S = 5.0          # time between two actions; memory use is recorded before each action
 _SETTLED_S = 120.0      # time from which the growth of memory is measured
 _BEGUN_S = 60.0         # time by which a recorder must have data on the disk
 _BEGUN_BYTES = 200_000  # size of that data in bytes
@@ -194,7 +194,7 @@ def killed(run: Soak, bag: Path) -> None:
 
 
 def stamps_in(bag: BagReader) -> Stamps:
-    """Return the log times of the handles in a bag, in ns, in order of publication; the dragon may go back."""
+    """Return the log times (ns) of a bag's handles in order of publication; they decrease if the dragon goes back."""
     rows = sorted((message.publish_ns, message.t_ns) for message in bag.messages(['/dragon/handles']))
     return np.array([t_ns for _, t_ns in rows], dtype=np.int64)
 

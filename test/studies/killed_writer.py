@@ -1,4 +1,4 @@
-"""For every n: kill a writer of a study just before its n-th change to a file, and continue in another process.
+"""Kill a writer of a study just before its n-th change to a file, for every n, and continue in another process.
 
 ``python killed_writer.py FOLDER STEP`` uses every STEP-th n. It prints the number of changes and ends with an error if
 a row is lost or duplicated.

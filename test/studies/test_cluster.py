@@ -1,6 +1,6 @@
 """Studies on a real Dask scheduler and workers on loopback, which are killed, interrupted or run out of disk space.
 
-Each study ends with the data set of an undisturbed run, which this process computes by itself.
+Each study ends with the same data set as an uninterrupted run, which this process computes on its own.
 """
 import json
 import os

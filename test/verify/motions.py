@@ -86,7 +86,7 @@ def reach_m(track, benches):
 
 
 def made_with_reach(kind, dragon):
-    """Return ``made(...)`` and the head's range; reject examples with an empty range or with bends too tight."""
+    """Return ``made(...)`` and the head's range; reject examples with an empty range or bends that are too tight."""
     made_of = made(kind, dragon)
     track, benches, bend = made_of
     assume(bend is None or bend * max(benches.longest_links) < 1.98)

@@ -81,9 +81,9 @@ def test_a_run_that_stops_at_its_contact_says_when_it_was(stop_s):
     (21000137, Run(9.56032, 32.07482011430297)), (12000169, Run(0.0)),
     (12000169, Run(26.925952148231573, 26.925952148231573)), (21000258, Run(0.529637, 36.56210626332454)),
     (22000833, Run(0.0))],
-    ids=['a slow contact at the start', 'of small benches', 'a slow grazing', 'of smaller benches',
-         'of benches of 48 um', 'of benches of 1,377 km', 'a grazing of these', 'cleared far beyond the slack',
-         'a slow one of large benches'])
+    ids=['slow contact at the start', 'small benches', 'slow grazing contact', 'smaller benches', 'benches of 48 um',
+         'benches of 1,377 km', 'grazing benches of 1,377 km', 'cleared far beyond the slack',
+         'slow contact of large benches'])
 def test_a_result_that_the_checker_proves_says_it_is_complete(seed, run):
     scene = replace(scene_of(Document('scene', random_scene(seed))), run=run)
     found = first_contact(scene)

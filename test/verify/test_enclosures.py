@@ -45,7 +45,7 @@ from dragon_ros.verify.segments import HALF, Link, Locked, SpiralSegment, rises
 from dragon_ros.verify.track import Place
 
 THIN = Dragon(BENCHES, 1.9, 1.7, 2e-4, 1e-4)
-HALVES = 150        # halvings of an interval of a radian: enough to find a turning point to the last bit
+HALVES = 150        # bisections of an interval of 1 rad; enough to find a turning point to the last bit
 
 
 def turning(segment, low, high, link):

@@ -81,7 +81,7 @@ def tail_lead(patch):
 
 
 def order_of_groups(patch):
-    """Groups that are read from the tail."""
+    """Groups of benches that are read starting from the tail."""
     def lengths(self):
         rows = [group.length_m for group in reversed(self.groups) for _ in range(group.count)]
         return dragon_module.read_only(np.array(rows))

@@ -102,7 +102,7 @@ TAMPERED = {
     'the wall moved': (AHEAD, corner(0, [60.5, -2.0]), 'do not overlap'),
     'the wall away': (AHEAD, lambda values, venue: venue['obstacles'].pop(0), "'wall' is not in the venue"),
     'the wall renamed': (AHEAD, listed(name='door'), "'wall' is not in the venue"),
-    'two of one name': (AHEAD, listed(name='tent'), 'two obstacles with the same name'),
+    'two with the same name': (AHEAD, listed(name='tent'), 'two obstacles with the same name'),
     'no name': (AHEAD, listed(name=''), 'is not a valid name for an obstacle'),
     'a name that is taken': (AHEAD, listed(name='inside'), 'is not a valid name for an obstacle'),
     'an outline that is crossed': (CLEAR, put(inside=[[-5, -4], [48.0, -4.0], [48.0, 4.0], [-5.0, 4.0]]), "'inside'"),
@@ -156,7 +156,7 @@ def test_a_solver_that_misses_the_wall_is_refused(monkeypatch):
 
 
 def swept(scene, lead, low, high):
-    """Return an interval of the checker, and a function from a share of the leader's travel in it to the pose."""
+    """Return an interval of the checker, and a function that maps a share of the leader's travel in it to the pose."""
     told = claims_of(json.dumps(written(scene)).encode()).scene
     track, dragon = track_of(told), Checked(told)
     ends = [Posture(track, dragon, lead, track.place_at(arb(place))) for place in (low, high)]

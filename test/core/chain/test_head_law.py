@@ -1,4 +1,4 @@
-"""Head laws: exact distances, speeds and first passages."""
+"""Head laws have exact distances, speeds and first passages."""
 from fractions import Fraction
 from itertools import pairwise
 

@@ -46,19 +46,20 @@ def allowed(v, a, scene):
 
 
 SCENES = {
-    'in on a spiral': (Scene(SHORT), (0.0, 100.0, 430.0, 432.8)),
-    'out on a spiral': (Scene(SHORT, head=Head(-1.5), run=Run(stop_s=60.0)), (0.0, 40.0)),
-    'on a spiral by a law': (Scene(SHORT, head=LAW, run=Run(stop_s=60.0)), (3.0, 15.0, 24.5, 29.0, 45.0)),
+    'inwards on a spiral': (Scene(SHORT), (0.0, 100.0, 430.0, 432.8)),
+    'outwards on a spiral': (Scene(SHORT, head=Head(-1.5), run=Run(stop_s=60.0)), (0.0, 40.0)),
+    'on a spiral by a profile': (Scene(SHORT, head=LAW, run=Run(stop_s=60.0)), (3.0, 15.0, 24.5, 29.0, 45.0)),
     'mixed on a spiral': (Scene(MIXED), (50.0, 400.0)),
     'unwinding behind the tail': (Scene(SHORT, Spiral(0.55, 4.0), replace(LAW, lead='tail'), Run(stop_s=60.0)),
                                   (0.0, 3.0, 25.0, 40.0)),
     'through the turn': (Scene(SHORT, STurn(before_m=5.0), run=Run(stop_s=40.0)), (0.0, 7.0, 12.0, 19.0, 30.0)),
-    'through the turn by a law': (Scene(MIXED, STurn(before_m=5.0), LINEAR, Run(stop_s=60.0)), (4.0, 12.0, 25.0, 50.0)),
+    'through the turn by a profile': (Scene(MIXED, STurn(before_m=5.0), LINEAR, Run(stop_s=60.0)),
+                                      (4.0, 12.0, 25.0, 50.0)),
     'back through the turn behind the tail': (Scene(SHORT, STurn(before_m=-20.0), replace(LAW, lead='tail'),
                                                     Run(stop_s=60.0)), (2.0, 12.0, 23.0)),
     'lines, arcs and a spiral': (Scene(SHORT, BENDY, run=Run(stop_s=30.0)), (1.0, 5.0, 9.3, 15.0, 22.0)),
-    'the same behind a mixed tail': (Scene(MIXED, replace(BENDY, start_m=50.0), Head(1.0, 'tail'), Run(stop_s=20.0)),
-                                     (1.0, 9.0, 17.0)),
+    'lines, arcs and a spiral behind a mixed tail': (
+        Scene(MIXED, replace(BENDY, start_m=50.0), Head(1.0, 'tail'), Run(stop_s=20.0)), (1.0, 9.0, 17.0)),
 }
 
 
@@ -100,7 +101,7 @@ def test_accelerations_agree_with_40_digits_anywhere(dragon, track, law, t_s):
     speeds = state(scene, t_s).velocities(1.0)
     assume(np.max(np.hypot(*speeds.T)) < 50)            # closer to a lock, the reference's root finder fails
     along, joints = chain.track.distances(chain.segment, chain.u), np.array(chain.track.joints_m)
-    assume(not joints.size or np.min(np.abs(along[:, None] - joints)) > 1e-6)       # joints have tests of their own
+    assume(not joints.size or np.min(np.abs(along[:, None] - joints)) > 1e-6)       # joints have their own tests
     v, a = rates(scene, t_s)
     assert np.max(np.abs(accelerations(scene, t_s) - a)) <= allowed(v, a, scene)
 

@@ -121,7 +121,7 @@ def test_a_handle_turns_back_three_times_if_the_handle_before_it_reverses_just_b
 
 
 def broken_link(head, chords):
-    """Return the number of the first link that cannot be placed with the head at an angle, or None if all can be."""
+    """Return the first link that cannot be placed with the head at the given angle, or None if all can be placed."""
     for k, chord in enumerate(chords):
         head = follower(head, chord)
         if head == inf:

@@ -40,7 +40,7 @@ def tops(leader, low_m, high_m):
 
 
 def logs_between(leader, low_m, high_m):
-    """Return the logarithms of the speeds at 15 positions between those of each pair (shape (15, N, handles))."""
+    """Return the logarithms of the speeds at 15 positions from the first to the last of each of N pairs."""
     places = np.linspace(low_m, high_m, 15)
     return states(leader, places.ravel()).log.reshape(*places.shape, -1)
 

@@ -233,7 +233,7 @@ def test_balls_hold_every_result(a, b, c, d, one, two):
 
 
 def nearly_straight(at_rad, links_rad, head, width, inset, length_rad):
-    """Return bounds on how far benches stay behind the first along its axis, the sampled minima, and the link."""
+    """Return bounds on how far benches stay behind the first along its axis, sampled minima, and the link length."""
     link = links_rad * np.hypot(1, at_rad)
     dragon = Dragon(9, (head + 2 * inset) * link, (1 + 2 * inset) * link, width * link, inset * link)
     watch = BenchSampler(track_of(Spiral(2 * np.pi)), dragon, (0,), 9, lambda states: None, 0.0)

@@ -35,7 +35,7 @@ COUNT = 9       # number of positions in each interval, including its ends
 
 
 def sampled(leader, gone_m, links_m=LINKS):
-    """Return chains, the states of their links, and the handles' distances along the track at leader positions."""
+    """Return chains at leader positions, the states of their links, and the handles' distances along the track."""
     places = leader.places((gone_m, np.zeros_like(gone_m)))
     chain = marched_many(leader.track, links_m, places, leader.direction)
     along_m, bend = leader.track.distances(chain.segment, chain.u), leader.track.curvatures(chain.segment, chain.u)

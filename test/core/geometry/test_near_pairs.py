@@ -19,7 +19,7 @@ from hard_cases.problems import MIXED
 
 
 def of_all_pairs(benches):
-    """Return clearance, closest pair, and touching pairs with their gaps, from all pairs, by independent code."""
+    """Return the clearance, the closest pair, and touching pairs with their gaps, by independent code for all pairs."""
     i, j = np.triu_indices(benches.half_length.size, 2)
     if not i.size:
         return np.inf, None, [], []
@@ -54,7 +54,7 @@ def poses(centre, yaw_rad, half_length, half_width):
 
 @st.composite
 def layouts(draw):
-    """Draw sequences of layouts: benches shaken, moved together, moved singly, moved elsewhere, or replaced."""
+    """Draw sequences of layouts in which benches are shaken, moved together, moved singly, moved away, or replaced."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     spread = draw(st.sampled_from([0.3, 3.0, 10.0, 40.0]))      # from deep overlaps to a few close pairs
 
@@ -180,7 +180,7 @@ def test_gaps_are_taken_to_change_by_both_steps_and_no_more(step):
 
 
 def in_a_row(step, end=None):
-    """Return a row of benches; the first four have moved a step forwards, and those from ``end`` on a step back."""
+    """Return a row of benches, with the first four moved a step forwards and those from ``end`` onwards a step back."""
     n = np.arange(24)
     return lying(0.5 + 0.11 * n + step * np.where(n < 4, 1, np.where(n >= (end or 24), -1, 0)) + 0j, 0.1, 0.001)
 

@@ -1,4 +1,4 @@
-"""On any track and by any law, the bounds on the space that a run requires meet, and no corner leaves this space."""
+"""For any track and law, the upper and lower bounds of a run's bounding box agree, and no corner leaves the box."""
 from dataclasses import replace
 
 import numpy as np

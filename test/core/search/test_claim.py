@@ -32,7 +32,7 @@ THREE = Dragon(3)
 
 @dataclass(frozen=True)
 class Straight:
-    """A stand-in for a domain: the gap is 0 at ``gone_m`` 0, with the derivatives ``rate`` and ``bend`` there."""
+    """A stand-in for a domain whose gap is ``-rate y - bend y^2`` after a travel of ``y`` in the search's sense."""
 
     rate: float = 0.5
     bend: float = 0.0

@@ -275,7 +275,7 @@ def bounds_of(domain, gone_m, way_m, i, j):
 
 
 def seen(domain, gone_m, i, j):
-    """Return the corners of second benches in first benches' frames and vice versa, along and across (2, 2, K, 4)."""
+    """Return second benches' corners in first benches' frames, and vice versa, with coordinates along and across."""
     benches = domain.benches(gone_m)
     out = []
     for one, two in ((i, j), (j, i)):

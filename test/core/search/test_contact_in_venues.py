@@ -27,7 +27,7 @@ from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.spec import Composite, Line
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
 
-TELL = 1e-9         # in s; shapely may find a touch this long before a contact
+TELL = 1e-9         # in s: shapely may report a touch this long before the contact
 ALONG = Scene(Dragon(5), Composite((Line(200.0),), 20.0), run=Run(stop_s=60.0))
 TENT = PolygonObstacle('tent', ((-9.0, -9.0), (99.0, -9.0), (99.0, 9.0), (-9.0, 9.0)))
 TRACK = 'track={kind: joined, pieces: [{kind: line, length_m: 200}], start_m: 20}'
@@ -128,7 +128,7 @@ def test_a_slow_kiss_of_an_arc_and_a_wall_grazes_or_touches_as_its_gap_says():
 
 @pytest.mark.parametrize('name', SCENES)
 def test_windows_hold_every_place_of_every_bench_once(name):
-    """In each phase, the windows of a bench length contain exactly the positions that its front handles pass."""
+    """In each phase, the windows for a bench length contain exactly the positions that their front handles pass."""
     scene = with_venue(SCENES[name], 1)
     travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
     for sense in travel.senses:
@@ -146,7 +146,7 @@ def test_windows_hold_every_place_of_every_bench_once(name):
 
 
 def test_bounds_leave_room_for_what_positions_and_roundings_may_err():
-    """Bounds that allow for displaced benches never rise, and one of them falls by more than a tenth of the error."""
+    """Allowing for displaced benches raises no bound, and lowers one bound by more than a tenth of the error."""
     scene = with_venue(SCENES['street'], 3)
     domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 20.0), 1, lambda states: None)
     bench, edge = swept_bench(domain, 1), np.arange(domain.around.owner.size)

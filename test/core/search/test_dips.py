@@ -1,4 +1,4 @@
-"""Dips of known functions are bracketed and found, and positions along a track lead to the leader and back."""
+"""Dips of known functions are bracketed and found, and positions along a track convert to leader travel and back."""
 from itertools import pairwise
 
 import numpy as np

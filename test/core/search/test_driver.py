@@ -1,4 +1,4 @@
-"""The loop shared by all searches clears valid rows and stops correctly if gaps are known functions of position."""
+"""For gaps that are known functions of position, the loop of all searches clears valid rows and stops correctly."""
 from dataclasses import dataclass
 from math import ceil, inf, log2
 
@@ -66,7 +66,7 @@ class Valleys:
 
 
 def first_stop(space, window, n):
-    """Return the progress to the first position whose gap does not exceed the tolerance; inf if there is none."""
+    """Return the progress to the first position whose gap does not exceed the tolerance, or inf if there is none."""
     sign = 1.0 if window[-1] >= window[0] else -1.0
     begin, end = sign * window[0], sign * window[-1]
     found = [inf]
@@ -91,7 +91,7 @@ def cleared(drawn, finest):
 
 
 def check_rows(space, windows, found):
-    """Check that each window's rows adjoin, have valid bounds, and end at a bracket that starts by the first stop."""
+    """Check that a window's rows adjoin, have valid bounds, and end at a bracket that starts no later than the stop."""
     for n, (window, one) in enumerate(zip(windows, found, strict=True)):
         sign, at = (1.0 if window[-1] >= window[0] else -1.0), window[0]
         for start, stop, bound in one.rows:

@@ -1,4 +1,4 @@
-"""A search in any valid scene, however extreme, ends after few states with an answer or a one-line error."""
+"""A search in any valid scene, however extreme, ends with an answer or a one-line error and computes few states."""
 from contextlib import suppress
 
 import pytest

@@ -183,6 +183,6 @@ def test_the_first_boxes_hold_all_scales_and_links_of_a_family_and_places_withou
     start = 2 * np.pi * LATE.track.start_turns
     assert head.low[THETA, 0] < start - 20.0 * family.scale[0] / start
     assert start <= head.high[THETA, -1] < start + 1e-9
-    # All links lie on the arc behind the head, whose length is about half the difference of the squares.
+    # All links lie on the arc behind the head, whose length is about half the difference of the squared polar angles.
     lengths_m = family.head_link_m[1] + family.benches * family.body_link_m[1]
     assert body.high[THETA, -1] >= np.sqrt(start**2 + 2 * family.scale[0] * lengths_m)

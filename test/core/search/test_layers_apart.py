@@ -1,4 +1,4 @@
-"""If layers are provably apart, intervals are cleared without samples; they adjoin, and their bounds hold."""
+"""If layers are provably apart, intervals are cleared without samples, adjoin each other, and have valid bounds."""
 from itertools import pairwise
 
 import numpy as np

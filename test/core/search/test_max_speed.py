@@ -1,4 +1,4 @@
-"""The largest speed of any handle, and the resulting limit on the leader's, for every track, law and leader."""
+"""The largest speed of any handle, and the resulting limit on the leader's speed, for every track, law and leader."""
 from dataclasses import replace
 from itertools import pairwise
 from math import inf, nextafter
@@ -110,20 +110,20 @@ def _when(scene, gone_m):
 MIXED = Mixed((Group(0.9, 5), Group(2.2, 3), Group(1.3, 4), Group(3.0), Group(0.55), Group(2.2, 3)))
 LAW = Profile(((0.0, 0.2), (6.0, 1.5), (20.0, 1.5), (24.0, -0.7), (30.0, -0.7), (30.0, 1.1), (40.0, 0.9)), 'smooth')
 SCENES = {
-    'in, far from the lock': Scene(run=Run(0, 300)),
-    'in, next to the lock': Scene(Dragon(20), run=Run(400, 432.917)),
-    'in, mixed, next to the lock of a long link behind': Scene(Mixed((Group(1.1, 3), Group(3.9), Group(1.6, 6)), 0.02),
-                                                              run=Run(400, 430.609)),
-    'in to the centre': Scene(Dragon(4, 0.8, 0.8), Spiral(1.0, 3.0)),
+    'inwards, far from the lock': Scene(run=Run(0, 300)),
+    'inwards, next to the lock': Scene(Dragon(20), run=Run(400, 432.917)),
+    'inwards, mixed, next to the lock of a long link': Scene(Mixed((Group(1.1, 3), Group(3.9), Group(1.6, 6)), 0.02),
+                                                             run=Run(400, 430.609)),
+    'inwards to the centre': Scene(Dragon(4, 0.8, 0.8), Spiral(1.0, 3.0)),
     'out': Scene(Dragon(40), head=Head(-1.5), run=Run(0, 60)),
-    'in and out by a law': Scene(Dragon(40), Spiral(0.55, 5.3), LAW, Run(0, 45)),
+    'in and out by a profile': Scene(Dragon(40), Spiral(0.55, 5.3), LAW, Run(0, 45)),
     'unwinding behind the tail': Scene(Dragon(40), Spiral(0.55, 4.0), Head(1.0, 'tail'), Run(0, 30)),
-    'the same by a law': Scene(MIXED, Spiral(0.55, 4.0), replace(LAW, lead='tail', ramps='linear'), Run(0, 45)),
-    'turning by a law': Scene(Dragon(40), STurn(before_m=10.0), LAW, Run(0, 45)),
-    'turning by a linear law': Scene(MIXED, STurn(before_m=10.0), replace(LAW, ramps='linear'), Run(3, 45)),
+    'unwinding by a profile': Scene(MIXED, Spiral(0.55, 4.0), replace(LAW, lead='tail', ramps='linear'), Run(0, 45)),
+    'turning by a profile': Scene(Dragon(40), STurn(before_m=10.0), LAW, Run(0, 45)),
+    'turning by a linear profile': Scene(MIXED, STurn(before_m=10.0), replace(LAW, ramps='linear'), Run(3, 45)),
     'back through the turn': Scene(MIXED, STurn(before_m=-25.0), replace(LAW, lead='tail'), Run(0, 45)),
-    'a law on lines and arcs': Scene(Dragon(40), Composite((Line(5.0), Arc(2.0, 170.0), Line(1.0), Arc(1.5, -100.0),
-                                                         Line(60.0))), LAW, Run(0, 45)),
+    'a profile on lines and arcs': Scene(Dragon(40), Composite((Line(5.0), Arc(2.0, 170.0), Line(1.0), Arc(1.5, -100.0),
+                                                                Line(60.0))), LAW, Run(0, 45)),
 }
 
 
@@ -136,11 +136,11 @@ def test_no_handle_is_faster_on_any_track_under_any_law_behind_head_or_tail(name
 
 
 def test_far_from_the_lock_and_on_the_way_out_the_head_is_the_fastest():
-    for name in ('in, far from the lock', 'out'):
+    for name in ('inwards, far from the lock', 'out'):
         found = max_speed(SCENES[name])
         assert (found.ratio, found.handle) == (1.0, 0)
-    assert max_speed(SCENES['in, next to the lock']).ratio > 10
-    assert max_speed(SCENES['in, mixed, next to the lock of a long link behind']).handle == 4
+    assert max_speed(SCENES['inwards, next to the lock']).ratio > 10
+    assert max_speed(SCENES['inwards, mixed, next to the lock of a long link']).handle == 4
 
 
 def test_a_tail_that_leads_out_of_a_spiral_is_slower_than_its_head_and_most_at_the_start():
@@ -149,7 +149,7 @@ def test_a_tail_that_leads_out_of_a_spiral_is_slower_than_its_head_and_most_at_t
     assert found.ratio > 1
 
 
-@pytest.mark.parametrize('name', ['turning by a law', 'turning by a linear law', 'back through the turn'])
+@pytest.mark.parametrize('name', ['turning by a profile', 'turning by a linear profile', 'back through the turn'])
 def test_a_profile_is_scaled_as_a_whole_until_a_handle_reaches_the_limit(name):
     scene, limit = SCENES[name], 2.0
     found = max_speed(scene)

@@ -110,7 +110,7 @@ def test_nothing_touches_before_the_first_contact_of_a_mixed_dragon(dragon, pitc
      (0, 9)),
     (Scene(dragon=Mixed((Group(1.2, 4), Group(2.0), Group(1.2, 9))), track=Spiral(0.6, 2.5), head=Head(-1.0),
            run=Run(0, 40)), None)],
-    ids=['a long tail', 'a long bench in the middle', 'two lengths by turns', 'winding out'])
+    ids=['a long tail', 'a long bench in the middle', 'two alternating lengths', 'winding out'])
 def test_mixed_dragons_have_certificates_that_the_checker_accepts(scene, pair):
     found = first_contact(scene)
     assert found.certificate.complete

@@ -1,4 +1,4 @@
-"""Design questions about mixed benches: rejected input, and answers that hold for every sample of the run."""
+"""Design questions about mixed benches reject invalid input, and their answers hold for every sample of the run."""
 from dataclasses import replace
 
 import numpy as np

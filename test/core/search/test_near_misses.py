@@ -117,7 +117,7 @@ def test_a_long_list_is_cut_to_the_nearest_and_says_so(monkeypatch):
     assert few.nearest[0] == every.nearest[0]
 
 
-@pytest.mark.parametrize('name', ['spiral', 'mixed spiral', 'spiral by the tail, back and on'])
+@pytest.mark.parametrize('name', ['spiral', 'mixed spiral', 'spiral led by the tail, back and on'])
 def test_near_misses_of_obstacles_are_the_local_minima_that_shapely_sees(name):
     below_m, step_m = 0.2, 0.01
     scene = venues.with_venue((venues.SCENES | venues.MORE)[name], 12 if name == 'spiral' else 11)

@@ -55,7 +55,7 @@ def test_gaps_are_those_of_shapely_in_many_venues(request):
 
 
 def test_bounds_hold_between_the_ends_of_cells():
-    """Each bound is below all sampled gaps in between; computed with half of the corners' travel, it would not be."""
+    """Each bound is below all sampled gaps in between, but would not be if it used only half of the corners' travel."""
     for name, scene in SCENES.items():
         around, ranges = surroundings_of(random_venue(scene, 3)), HandleRanges(scene)
         for benches in by_length(scene.dragon.bench_lengths_m):
@@ -85,7 +85,7 @@ def least_of(d, start, stop, middle, radius, h, way_m=np.inf):
 
 @pytest.mark.parametrize('d', [1, 1j, -1, -1j])
 def test_a_corner_that_turns_back_as_sharply_as_its_slopes_allow_is_at_its_least_coordinate(d):
-    """The corner moves against the direction at full speed, then along it; for a ball about 0 the bound is attained."""
+    """The corner moves against the direction at full speed, then along it; the bound is exact for a ball around 0."""
     start, radius, h = 2.0 - 1.0j, 1.5, 0.3
     for middle in (0.0, 0.4, -0.7, -2.5):
         met = start + d * (middle - radius) * h / 2

@@ -68,7 +68,7 @@ def dance(pieces, lead):
 
 
 def agree(scene, t_s):
-    """Compare the chain and its velocities, alone and in a batch, with the march, within the promise."""
+    """Check that the chain and its velocities, alone and in a batch, agree with the march within the promise."""
     one, other, many = state(scene, t_s), state(march(scene), t_s), states(scene, [t_s, t_s])
     atol = 0.5 * compile_scene(scene).promise_m        # the error of either may be a quarter of the promise
     v = velocity_of(march(scene), other, t_s)

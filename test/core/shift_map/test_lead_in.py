@@ -19,7 +19,7 @@ LINKS_M = np.array([2.86] + [1.65] * 222)
 
 
 def hold(model, gone_m):
-    """Compare a model's chain with the march; return its parts."""
+    """Compare a model's chain with the march, and return the chain's parts."""
     chain, other = model.place((gone_m, 0.0)), model.march((gone_m, 0.0))
     np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=1e-13)
     np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=2e-13)

@@ -259,7 +259,7 @@ def test_of_a_dragon_so_long_that_its_product_takes_longer_a_coarser_tier_has_fe
 
 
 def kept(scene):
-    """Return the number of cells that are cached with their series for single states of a scene."""
+    """Return how many cells, with their series, are cached for single states of a scene."""
     return sum(len(entrance._cells) for shift in compile_scene(scene).model.placement.maps.values()
                for tile in shift.tiles for entrance in (tile.entrance, *filter(None, tile.entrances.values())))
 
@@ -292,7 +292,7 @@ def test_many_places_are_on_the_stretches_where_each_is_to_the_last_bit(name):
         segment, u, lo = (np.array(values) for values in zip(*((k, *u) for k, u in places), strict=True))
         assert begins
         assert shift._numbers((segment, u, lo)).tolist() == [shift._number(place) for place in places]
-        for place in places:        # its stretch begins before the place and ends behind it
+        for place in places:        # each place lies within its stretch
             number = shift._number(place)
             assert not shift._is_behind(place, number, 0.0)
             assert shift._is_behind(place, number + 1, 0.0)

@@ -1,4 +1,4 @@
-"""The chord equation of a spiral: stable, solved for the smallest root, and as fast as Newton's method."""
+"""The chord equation of a spiral is solved stably, for the smallest root, and as fast as by Newton's method."""
 from math import inf
 
 import mpmath

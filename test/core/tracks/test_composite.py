@@ -1,4 +1,4 @@
-"""Composite tracks: links across joints, the first position at a link's length, and rejected input."""
+"""On composite tracks, links cross joints and end at the first position at their length; invalid input is rejected."""
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise

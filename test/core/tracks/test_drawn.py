@@ -34,7 +34,7 @@ def laid(route):
 
 
 def apart_m(route, drawn):
-    """Return the Hausdorff distance between a track and a drawing, both cut into short parts."""
+    """Return the Hausdorff distance between a track and a drawing, both divided into short parts."""
     return hausdorff_distance(segmentize(laid(route), 0.02),
                               segmentize(LineString(np.stack((drawn.real, drawn.imag), axis=1)), 0.02))
 

@@ -1,4 +1,4 @@
-"""Random composite tracks, long and short, near and far, against the code of the reference data at 60 digits."""
+"""Random composite tracks, long and short, near and far, agree with the code of the reference data at 60 digits."""
 import importlib
 from dataclasses import replace
 from math import exp, log

@@ -1,4 +1,4 @@
-"""Many positions on a track of many segments have the same bits as on each segment alone; curvatures between them."""
+"""Positions on a track of many segments have the same bits as on single segments; curvature ranges are complete."""
 import numpy as np
 import pytest
 
@@ -12,7 +12,7 @@ ONE = track_of(Spiral(0.55, 16.0))
 
 
 def positions(track, shape, more=(), occurring=None):
-    """Return random segments of a shape, and coordinates (hi, lo) on them, with further axes ``more``."""
+    """Return an array of random segments, and coordinates (hi, lo) on them with the additional axes ``more``."""
     rng = np.random.default_rng(3)
     segment = rng.choice(occurring or range(len(track.segments)), shape)
     first, last = (np.array([getattr(one, end) for one in track.segments]) for end in ('first', 'last'))

@@ -1,4 +1,4 @@
-"""The polyline that represents the track in drawings."""
+"""The polyline that represents the track in drawings passes close to every handle."""
 import numpy as np
 import pytest
 import shapely

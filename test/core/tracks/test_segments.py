@@ -1,4 +1,4 @@
-"""Segments in the plane: the effect of a coordinate's low part far from the origin."""
+"""Segments in the plane take the low part of a coordinate into account far from the origin."""
 from math import inf
 
 import mpmath

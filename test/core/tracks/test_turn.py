@@ -1,4 +1,4 @@
-"""The contest's design questions about the turn: figures to 9 digits or more, and related claims."""
+"""The contest's design questions about the turn are answered to 9 digits or more, and related claims hold."""
 from math import degrees
 
 import numpy as np
