@@ -28,6 +28,7 @@ if TYPE_CHECKING:       # imported lazily, because a picture of a scene needs at
     from dragon_ros.bags.read.frames import BagFrame, RecordedObstacles
     from dragon_ros.bags.read.reader import BagReader
     from dragon_ros.core.geometry.contacts import Observation
+    from dragon_ros.core.geometry.near_obstacles import NearObstacles
     from dragon_ros.core.geometry.signed_distance import Witness
     from dragon_ros.core.geometry.tracker import Event
     from dragon_ros.core.geometry.venue import Surroundings
@@ -101,8 +102,15 @@ class Source(Protocol):
     def moments(self, times_s: Floats) -> Iterator[Moment]:
         """Yield the dragon at increasing times; a source with only recorded ticks yields the nearest ticks."""
 
+    @property
+    def has_obstacles(self) -> bool:
+        """Whether gaps to obstacles count, too."""
+
     def gaps(self, times_s: Floats) -> Iterator[tuple[float, float]]:
-        """Yield the time in s and the smallest signed gap of benches in m, at the same times as ``moments``."""
+        """Yield the time in s and the smallest signed gap in m between benches, or between a bench and an obstacle.
+
+        The times are those of ``moments``.
+        """
 
     def first_touch(self, progress: Progress) -> Touch | None:
         """Return the first contact, or None."""
@@ -131,6 +139,11 @@ class SceneSource:
     def venue(self) -> Venue | None:
         """The scene's venue."""
         return self.scene.venue
+
+    @property
+    def has_obstacles(self) -> bool:
+        """Whether the scene has a venue."""
+        return self.scene.venue is not None
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
         """Return the times in s of at most ``most`` evenly spaced ticks of the run between two times."""
@@ -180,10 +193,39 @@ def moments_of(scene: Scene, group: list[float]) -> Iterator[Moment]:
         yield Moment(t_s, chain.p[n], one, speed[n])
 
 
+class SmallestGap:
+    """Finds the smallest signed gap at successive moments: between benches, or between a bench and an obstacle."""
+
+    def __init__(self, around: 'Surroundings | None' = None) -> None:
+        """Start without a state; ``around`` holds the obstacles."""
+        from dragon_ros.core.geometry.near_pairs import NearPairs  # imported lazily, because few pictures need gaps
+        self._near = NearPairs()
+        self._obstacles: NearObstacles | None = None
+        self.surround(around)
+
+    def surround(self, around: 'Surroundings | None') -> None:
+        """Replace the obstacles, if they differ."""
+        if around is not (self._obstacles and self._obstacles.around):
+            from dragon_ros.core.geometry.near_obstacles import NearObstacles
+            self._obstacles = NearObstacles(around) if around else None
+
+    def at_m(self, p: Floats, benches: Benches) -> float:
+        """Return the gap in m, which is inf if no two parts are close."""
+        found = self._near.look(p, benches)
+        return (self._obstacles.look(found, benches) if self._obstacles else found).clearance_m
+
+
+def smallest_gap(venue: Venue | None) -> SmallestGap:
+    """Return an object that finds smallest gaps in a venue."""
+    if venue is None:
+        return SmallestGap()
+    from dragon_ros.core.geometry.venue import surroundings_of
+    return SmallestGap(surroundings_of(venue))
+
+
 def _gaps_of(scene: Scene, group: list[float]) -> list[tuple[float, float]]:
-    from dragon_ros.core.geometry.near_pairs import NearPairs  # imported lazily, because few pictures need this class
-    near = NearPairs()
-    return [(one.t_s, near.look(one.p, one.benches).clearance_m) for one in moments_of(scene, group)]
+    gap = smallest_gap(scene.venue)
+    return [(one.t_s, gap.at_m(one.p, one.benches)) for one in moments_of(scene, group)]
 
 
 def moment(source: Source, t_s: float) -> Moment:
@@ -228,7 +270,7 @@ def check_times(source: Source, times_s: Iterable[float]) -> None:
 
 
 def clearances(source: Source, times_s: Floats, progress: Progress) -> tuple[Floats, Floats]:
-    """Return times (T,) in s and smallest signed gaps (T,) in m; a gap is nan if no two benches are close."""
+    """Return times (T,) in s and smallest signed gaps (T,) in m; a gap is nan if nothing is close."""
     rows = np.array(list(progress(source.gaps(times_s)))).reshape(-1, 2)
     return rows[:, 0], np.where(np.isfinite(rows[:, 1]), rows[:, 1], np.nan)
 
@@ -349,12 +391,9 @@ class BagSource:
         and the last ticks before this part, because earlier ticks do not affect the result. If time goes backwards or
         the dragon changes, the tracker observes all ticks of the bag.
         """
-        from dragon_ros.bags.read.frames import RecordedObstacles
         from dragon_ros.bags.read.parts import in_parts
         first_ns, last_ns = self._ticks[0][1], self._ticks[-1][1]
-        first = next(self._observations(first_ns, last_ns), None)
-        obstacles = first and RecordedObstacles(self.bag, self.namespace, first[0].frame_id)
-        if obstacles and obstacles.some:
+        if obstacles := self._obstacles():
             yield from self._tracked((one for one, _ in self._observations(first_ns, last_ns)), obstacles)
             return
         kept = deque['Observation'](maxlen=_REMEMBERED)
@@ -369,6 +408,18 @@ class BagSource:
         else:
             return
         yield from self._tracked(one for one, _ in self._observations(first_ns, last_ns))
+
+    def _obstacles(self) -> 'RecordedObstacles | None':
+        """Return the obstacles in the bag from the first tick on, or None if there are none."""
+        from dragon_ros.bags.read.frames import RecordedObstacles
+        first = next(self._observations(self._ticks[0][1], self._ticks[-1][1]), None)
+        obstacles = first and RecordedObstacles(self.bag, self.namespace, first[0].frame_id)
+        return obstacles if obstacles and obstacles.some else None
+
+    @cached_property
+    def has_obstacles(self) -> bool:
+        """Whether the bag contains obstacles, including those that the monitor read from a file or a map."""
+        return self._obstacles() is not None
 
     def _tracked(self, observations: Iterable['Observation'],
                  obstacles: 'RecordedObstacles | None' = None) -> Iterator[Touch | None]:
@@ -389,6 +440,13 @@ class BagSource:
         rows = self._nearest(times_s)
         wanted = frozenset(self._ticks[row][0] for row in rows.tolist())
         first_ns, last_ns = (self._ticks[row][1] for row in (int(rows[0]), int(rows[-1])))
+        if obstacles := self._obstacles():
+            gap = SmallestGap()
+            for one, _ in self._observations(first_ns, last_ns):
+                if one.t_ns in wanted:
+                    gap.surround(obstacles.at(one.t_ns))
+                    yield one.t_ns / NS, gap.at_m(one.p, one.benches)
+            return
         yield from joined.from_iterable(in_parts(self.bag, self.namespace, partial(_gaps_in, wanted),
                                                  self.pool.in_order, first_ns, last_ns + 1))
 
@@ -409,10 +467,9 @@ def _observed(frame: 'BagFrame') -> 'Observation':
 
 def _gaps_in(wanted: frozenset[int], frames: 'Iterator[BagFrame]') -> list[tuple[float, float]]:
     """Return the stamps in s and the gaps in m of the ticks whose stamps in ns are in ``wanted``."""
-    from dragon_ros.core.geometry.near_pairs import NearPairs
-    near = NearPairs()
-    return [(frame.t_ns / NS, near.look(frame.handles_m, frame.benches).clearance_m)
-            for frame in frames if frame.benches is not None and frame.t_ns in wanted]
+    gap = SmallestGap()
+    return [(frame.t_ns / NS, gap.at_m(frame.handles_m, frame.benches)) for frame in frames
+            if frame.benches is not None and frame.t_ns in wanted]
 
 
 class _Searched(NamedTuple):

@@ -24,11 +24,11 @@ from dragon_ros.commands.sources import (
     check_times,
     clearances,
     moment,
+    smallest_gap,
     thinned,
     window,
 )
 from dragon_ros.core.errors import FieldError, InputError
-from dragon_ros.core.geometry.near_pairs import NearPairs
 from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.version import __version__
 
@@ -94,7 +94,7 @@ class AnimatedFigure:
         """Lay out the figure and draw the first moment; ``film`` is the frame size of a film in pixels."""
         first = moment(source, float(times_s[0]))
         self._name, self._zoom, self._follow = source.name, zoom, follow
-        self._point_m, self._near = contact_of(zoom, source), NearPairs()
+        self._point_m, self._gap = contact_of(zoom, source), smallest_gap(source.venue)
         self._touch = source.first_touch(progress) if source.venue is not None else None     # by obstacles
         samples = source.moments(times_s[thinned(0, len(times_s) - 1, _SAMPLES)])
         self._whole = window(source.track, samples)
@@ -150,7 +150,8 @@ class AnimatedFigure:
 
     def _heading(self, one: Moment, clearance_m: float) -> str:
         """Return the title: the name and the time, followed by the clearance and the largest speed."""
-        gap = f'clearance {1e3 * clearance_m:.1f} mm' if np.isfinite(clearance_m) else 'no benches that could touch'
+        rounded_mm = round(1e3 * clearance_m, 1) + 0.0     # without the sign of a zero
+        gap = f'clearance {rounded_mm:.1f} mm' if np.isfinite(clearance_m) else 'no benches that could touch'
         if one.speed_m_s is not None:
             gap = figures.joined(f'{gap},', f'fastest handle {np.max(one.speed_m_s):.3f} m/s', ' ', self._width_in)
         return f'{figures.titled(self._name, f"{one.t_s:.2f} s", self._width_in)}\n{gap}'
@@ -194,8 +195,8 @@ class AnimatedFigure:
 
     def _show(self, one: Moment) -> None:
         """Show the dragon and all other moving parts at a moment."""
-        near = self._near.look(one.p, one.benches)
-        self._dragon.show(one, self._touching(one, near.clearance_m))
+        clearance_m = self._gap.at_m(one.p, one.benches)
+        self._dragon.show(one, self._touching(one, clearance_m))
         if self._follow:
             assert self._zoom is not None
             self._seen = self._zoom.window(one, self._point_m).mean(axis=0) + self._reach
@@ -205,9 +206,9 @@ class AnimatedFigure:
             self.axes.set_xlabel(f'lines on the ground every {step_m:g} m')
         if self._inset is not None:
             self._inset.show(one, self._seen)
-        self._title.set_text(self._heading(one, near.clearance_m))
+        self._title.set_text(self._heading(one, clearance_m))
         if self._beside is not None:
-            self._beside.show(one, near.clearance_m)
+            self._beside.show(one, clearance_m)
 
 
 def _ground_lines(seen: Floats) -> tuple[Floats, float]:
@@ -232,7 +233,8 @@ class _Beside:
         some = times_s[thinned(0, len(times_s) - 1, _CURVE)]
         at_s, gaps_m = clearances(source, some, progress)
         gap.plot(at_s, 1e3 * gaps_m, color=LINES[0], linewidth=1.6)
-        gap.set(title='smallest gap of all benches (mm)', xlabel='time (s)', xlim=(times_s[0], times_s[-1]))
+        which = ', also to obstacles' if source.has_obstacles else ' of all benches'
+        gap.set(title=f'smallest gap{which} (mm)', xlabel='time (s)', xlim=(times_s[0], times_s[-1]))
         gap.axhline(0.0, color=QUIET, linewidth=0.8)
         self._now = gap.axvline(times_s[0], color=QUIET, linewidth=1.0)
         self._gap, = gap.plot([], [], marker='o', markersize=8, color=HEAD, linestyle='none', clip_on=False)

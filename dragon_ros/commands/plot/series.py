@@ -29,11 +29,16 @@ def clearance_picture(source: Source, progress: Progress) -> Figure:
         axes.plot(times_s, 1e3 * gaps_m, color=LINES[0], linewidth=1.2)
         _shade_overlap(axes, touch is not None)
         axes.set(xlabel='time (s)', ylabel='clearance (mm)', xlim=span)
-        whole = figures.titled(source.name, 'smallest gap between benches', _NARROW_IN if len(spans) > 1 else _WIDE_IN)
+        whole = figures.titled(source.name, gap_title(source), _NARROW_IN if len(spans) > 1 else _WIDE_IN)
         axes.set_title(whole if span == spans[0] else f'the last {_CLOSE_S:g} s before the contact')
         if touch is not None:
             _mark(axes, touch, len(spans) == 1 or span != spans[0])
     return figure
+
+
+def gap_title(source: Source) -> str:
+    """Return the name of the curve of ``clearances``."""
+    return 'smallest gap between benches' + (' or to obstacles' if source.has_obstacles else '')
 
 
 def _shade_overlap(axes: Axes, touching: bool) -> None:

@@ -56,7 +56,7 @@ class ViewData:
         return {'name': self._source.name, 'benches': len(self._first.benches.centre), 'drawn': self._drawn,
                 'placed': self._placed, 'sizes': _sizes(self._first), 'handles': self._handles.tolist(),
                 'frames_each': self.frames_each, 'times_s': self.times_s.tolist(), 'track': shown,
-                'walls': _walls(self._source.venue),
+                'walls': _walls(self._source.venue), 'obstacles': self._source.has_obstacles,
                 'speeds': self._first.speed_m_s is not None, 'note': self._note(),
                 'window_m': window(track, seen).tolist(),
                 'length_m': 2 * float(np.median(self._first.benches.half_length)),

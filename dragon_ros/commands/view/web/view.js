@@ -445,6 +445,7 @@ function describe() {
   element('facts').textContent = say('facts', {benches: run.benches, first: first.toFixed(2), last: last.toFixed(2)});
   element('note').textContent = run.note;
   element('speeds-title').textContent = say(run.speeds ? 'speeds' : 'no_speeds');
+  element('gap-title').textContent = say(run.obstacles ? 'smallest_gap_obstacles' : 'smallest_gap');
   element('scrub').max = run.times_s.length - 1;
 }
 

@@ -3,7 +3,8 @@
 
 const WORDS = {
   loading: ['loading', '正在加载'], above: ['The dragon from above', '俯视图'],
-  smallest_gap: ['Smallest gap between benches', '板凳间的最小间隙'], clearance_label: ['clearance over time', '间隙随时间的变化'],
+  smallest_gap: ['Smallest gap between benches', '板凳间的最小间隙'],
+  smallest_gap_obstacles: ['Smallest gap between benches or to obstacles', '板凳间及板凳与障碍物间的最小间隙'], clearance_label: ['clearance over time', '间隙随时间的变化'],
   speeds: ['Speed along the chain', '各把手的速度'], no_speeds: ['This bag has no velocities', '此 bag 中没有速度'],
   play: ['Play', '播放'], pause: ['Pause', '暂停'], back: ['−1 tick', '−1 步'], forward: ['+1 tick', '+1 步'],
   space: ['space', '空格键'], left: ['arrow left', '左方向键'], right: ['arrow right', '右方向键'],
