@@ -23,7 +23,8 @@ _MOST_TIMES = 8         # largest number of times named in a caption
 _KINDS = {      # description and example of each kind
     'dragon': ('the dragon at one time, or up to six side by side', '--times 60,240 --output dragon.png'),
     'contact': ('the first contact, with a close-up', '--bag run.mcap --output contact.svg'),
-    'clearance': ('the smallest gap between benches over time', '--output clearance.png --output clearance.svg'),
+    'clearance': ('the smallest gap between benches, or to an obstacle, over time',
+                  '--output clearance.png --output clearance.svg'),
     'speeds': ('the speed of each handle along the chain, at several times', '--times 0,60,120,180,240,300'),
     'animation': ('the run as an animation: .gif, .mp4 (a film with clearance and speeds), .html (the web view in one '
                   'file)', '--start 400 --stop 413 --pace 2 --around head --follow --output run.mp4'),
