@@ -1,4 +1,4 @@
-"""Many ticks or instants per call, because numpy's overhead would dominate a call for a single instant."""
+"""Compute many ticks or instants per call, because numpy's overhead would dominate a call for a single instant."""
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -15,12 +15,12 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of
 from dragon_ros.core.tiers import PAPER
 
-_BATCH_HANDLES = 2**18      # handles per batch (8 MB with velocities); in smaller batches, the cost of calls dominates
-_TICK_HANDLES = 2**12       # number of handles per group of consecutive ticks, whose frames stay in the cache
+_BATCH_HANDLES = 2**18      # handles per batch (8 MB with velocities); the cost of the calls dominates smaller batches
+_TICK_HANDLES = 2**12       # handles per group of consecutive ticks, few enough for their frames to stay in the cache
 
 
 def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
-    """Yield the frames of ticks ``first`` to ``stop`` - 1 in order, each bit-identical to that of ``tick``.
+    """Yield the frames of ticks ``first`` to ``stop`` - 1 in order, each bit-identical to the result of ``tick``.
 
     Axes and rectangles are computed for several ticks at once.
     """
@@ -32,7 +32,7 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
     for begin in range(first, stop, size):
         times_ns = [scene.run.time_ns(k) for k in range(begin, min(begin + size, stop))]
         chains = [simulation.chain(t_ns / NS) for t_ns in times_ns]
-        if size == 1:       # only the chain itself can compute the directions of links of zero length
+        if size == 1:       # only the chain itself can compute the directions of zero-length links
             yield frame_of(simulation, begin, times_ns[0], chains[0])
             continue
         together = replace(chains[0], p=np.stack([chain.p for chain in chains]))
@@ -44,9 +44,9 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
 
 
 def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) -> Chain:
-    """Return the chains at many instants (S,) as one Chain with a leading axis, equal to single chains within the tier.
+    """Return the chains at S instants as one Chain with a leading axis; it equals single chains to within the tier.
 
-    ``out`` (S, N+1, 2), if given, receives the handles. Raises FieldError if ``out`` does not fit.
+    If given, ``out`` (shape (S, N+1, 2)) receives the handle positions. Raises FieldError if ``out`` does not fit.
     """
     simulation = compile_scene(scene)
     if out is not None:
@@ -63,9 +63,9 @@ def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) ->
 
 
 def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float], out: Floats | None = None) -> Floats:
-    """Return the velocities of all handles in m/s, shape (..., N+1, 2), for one chain at one time or for many.
+    """Return the velocities of all handles (m/s, shape (..., N+1, 2)), either at one time or at many times.
 
-    ``out``, if given, is an array of the same shape that receives the velocities. Raises FieldError if ``out`` does not
+    If given, ``out`` is an array of the same shape that receives the velocities. Raises FieldError if ``out`` does not
     fit.
     """
     if out is not None:
@@ -76,7 +76,7 @@ def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float], out: F
 
 
 class Batch(NamedTuple):
-    """Several instants: times (S,), all handles (S, N+1, 2) in m and velocities (S, N+1, 2) in m/s, read-only."""
+    """S instants: their times (s), and the positions (m) and velocities (m/s) of all handles, shape (S, N+1, 2)."""
 
     t_s: Floats
     handles_m: Floats
@@ -86,7 +86,7 @@ class Batch(NamedTuple):
 def batches(scene: Scene, times_s: Sequence[float], size: int | None = None) -> Iterator[Batch]:
     """Yield many instants, ``size`` at a time, in memory that the next batch reuses: copy what you want to keep.
 
-    Allocating new memory would take as long as the computation. By default a batch is about as large as a cache.
+    Allocating new memory would take as long as the computation. By default, a batch is about as large as a CPU cache.
     """
     size = size or max(1, _BATCH_HANDLES // (scene.dragon.benches + 1))
     room: Floats = np.empty((2, min(size, len(times_s)), scene.dragon.benches + 1, 2))

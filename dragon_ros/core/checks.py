@@ -39,7 +39,7 @@ def whole(field: str, value: Any, *, low: int, high: int) -> int:
 
 
 def plane_pose(field: str, text: str) -> tuple[complex, complex]:
-    """Return the position in m and the x axis of a pose X,Y,DEGREES, both as complex numbers. Raises FieldError."""
+    """Return the position (m) and the x axis of a pose X,Y,DEGREES as complex numbers. Raises FieldError."""
     try:
         x, y, degrees = map(float, text.split(','))
     except ValueError:
@@ -59,18 +59,19 @@ def choice(field: str, value: Any, choices: tuple[str, ...]) -> str:
 def settle(settings: object, **values: Any) -> None:
     """Assign checked and normalised values to a frozen dataclass; call it only from ``__post_init__``.
 
-    Equivalent settings then compare equal, hash alike and are written identically: 1 becomes 1.0, and -0.0 becomes 0.0.
+    Equivalent settings then compare equal, have equal hashes and are written identically: 1 becomes 1.0, and -0.0
+    becomes 0.0.
     """
     for name, value in values.items():
         object.__setattr__(settings, name, value)
 
 
 class Settings:
-    """A frozen dataclass that pickles its fields only, without cached properties."""
+    """A frozen dataclass that pickles only its fields, not its cached properties."""
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Return the class and its fields in order."""
-        from dataclasses import fields  # importing dataclasses takes a sixth of the time of --help
+        from dataclasses import fields  # importing dataclasses takes a sixth of the time that --help takes
         return type(self), tuple(getattr(self, one.name) for one in fields(self))      # type: ignore[arg-type]
 
 
@@ -82,12 +83,12 @@ def _is_finite(value: float) -> bool:
 
 
 def _kind(value: Any) -> str:
-    """Return the type of a value in the terms of a scene file."""
+    """Return the type of a value, named as in a scene file."""
     return _KINDS.get(type(value), f'a {type(value).__name__}')
 
 
 def _unquoted(value: Any) -> str | None:
-    """Return the suggestion for a number in quotes, or None for other values."""
+    """Return a suggestion if the value is a number in quotes, otherwise None."""
     if not isinstance(value, str):
         return None
     try:

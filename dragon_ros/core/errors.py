@@ -1,13 +1,13 @@
-"""Errors with a cure: each states the value, the limit and what to do, and stores them as fields."""
+"""Errors with a cure: each states the value, the limit and the cure, and also stores them as fields."""
 from collections.abc import Iterable
 from typing import Any
 
-_MOST_SHOWN = 100       # maximum number of characters of a value in an error
-_NEAR = 0.65            # difflib ratio: pich_m is close to pitch_m (0.92), obstacles is not close to trails (0.53)
+_MOST_SHOWN = 100       # maximum length, in characters, of a value in an error
+_NEAR = 0.65            # minimum difflib ratio: pich_m is close to pitch_m (0.92), obstacles not close to trails (0.53)
 
 
 def shown(value: object) -> str:
-    """Return the text of a value for an error message: its ``repr``, abbreviated if it is long."""
+    """Return a value as text for an error message: its ``repr``, abbreviated if it is long."""
     try:
         text = repr(value)
     except (ValueError, RecursionError):        # an integer with thousands of digits, or endless nesting
@@ -16,7 +16,7 @@ def shown(value: object) -> str:
 
 
 def did_you_mean(word: object, known: Iterable[str], otherwise: str, alike: float = _NEAR) -> str:
-    """Return a question about the known name most similar to a word, or ``otherwise`` if no ratio reaches ``alike``."""
+    """Return a question suggesting the known name most similar to a word, or ``otherwise`` if none is ``alike``."""
     from difflib import get_close_matches  # rarely needed
     names = {name.lower(): name for name in known}
     near = get_close_matches(str(word).lower(), names, n=1, cutoff=alike)
@@ -24,9 +24,9 @@ def did_you_mean(word: object, known: Iterable[str], otherwise: str, alike: floa
 
 
 class DragonError(Exception):
-    """Root of all errors that dragon_ros raises deliberately.
+    """Base class of all errors that dragon_ros raises deliberately.
 
-    ``fields`` holds the values of the message, for programs.
+    ``fields`` holds the values in the message, for use by programs.
     """
 
     def __init__(self, message: str, **fields: Any) -> None:

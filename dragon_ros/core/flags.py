@@ -10,7 +10,7 @@ from dragon_ros.core.errors import FieldError, did_you_mean
 
 
 class Effect(Flag):
-    """Switches of the effects; the handles are always computed."""
+    """Switches for the effects; the handles are always computed."""
 
     NONE = 0
     VELOCITY = auto()
@@ -31,7 +31,7 @@ class Effect(Flag):
 
     @property
     def names(self) -> list[str]:
-        """The names as written in a scene file."""
+        """The names of these effects as written in a scene file."""
         return [name for name, effect in known().items() if effect in self]
 
 
@@ -47,10 +47,10 @@ MEANINGS = {
     Effect.MARKERS: 'markers of the benches that touch',
     Effect.ACCELERATIONS: 'accelerations of all handles',
     Effect.FORCES: 'tensions of all links, for equal masses at the handles and a track without friction',
-    Effect.NOISE: 'handles as measured by a noisy sensor; the scene section noise sets the noise',
-    Effect.TRAILS: 'the recent path of the head; the scene section trails sets its duration',
+    Effect.NOISE: 'handles as measured by a noisy sensor; the noise section of the scene configures it',
+    Effect.TRAILS: 'the recent path of the head; the trails section of the scene sets its duration',
     Effect.CLOCK: '/clock, the simulation time for other nodes',
-    Effect.DIAGNOSTICS: 'how well each tick was solved',
+    Effect.DIAGNOSTICS: 'how accurately each tick was solved',
     Effect.LEADER: 'position, heading and speed of the leading handle; always on if the head law is commanded',
     Effect.CLOUD: 'the handles with their velocities as one stamped point cloud, which viewers can colour by speed',
     Effect.JOINTS: 'the angles between benches and the pose of the head bench: the dragon as a robot',
@@ -81,13 +81,13 @@ def check_needs(effects: Effect) -> None:
 
 
 def known() -> dict[str, Effect]:
-    """Return every effect by name (Python 3.10 also iterates over zero)."""
+    """Return every effect except NONE by name (Python 3.10 also iterates over NONE)."""
     return {str(effect.name).lower(): effect for effect in Effect if effect.value}
 
 
 @lru_cache(maxsize=256)
 def switches(effects: Effect) -> SimpleNamespace:
-    """Return whether each effect is on, by name; every tick queries all effects, for which a Flag is too slow."""
+    """Return whether each effect is on, by name; every tick queries all effects, and a Flag is too slow for that."""
     return SimpleNamespace(**{name: effect in effects for name, effect in known().items()})
 
 
@@ -108,7 +108,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Trails:
-    """The duration of a trail in seconds, and its number of points."""
+    """The duration of a trail, in seconds, and its number of points."""
 
     seconds: float = 10.0
     points: int = 32

@@ -9,7 +9,7 @@ from dragon_ros.core.numerics.types import Floats
 
 @dataclass(frozen=True)
 class NoisyHandles:
-    """Noisy handles (N+1, 2) in metres and noisy unit directions of the links (N, 2)."""
+    """Noisy handle positions (m, shape (N+1, 2)) and noisy unit directions of the links (shape (N, 2))."""
 
     p: Floats
     axis: Floats
@@ -17,7 +17,10 @@ class NoisyHandles:
 
 @dataclass(frozen=True)
 class Health:
-    """The solver that placed the handles, its evaluation count, the worst link, its error, and the allowed error."""
+    """The solver that placed the handles, its evaluation count, the link with the largest error, and two errors.
+
+    ``off_m`` is the error of this link, and ``allowed_m`` is the allowed error.
+    """
 
     solver: str
     evaluations: int
@@ -33,7 +36,7 @@ class Health:
 
 @dataclass(frozen=True)
 class LeaderMotion:
-    """The leading handle: its position (2,) in metres, the unit direction (2,) of its motion, and its speed.
+    """The leading handle: its position (m) and the unit direction of its motion, each of shape (2,), and its speed.
 
     ``turn_rad_s`` is the rate at which this direction turns, positive to the left.
     """
@@ -46,7 +49,7 @@ class LeaderMotion:
 
 @dataclass(frozen=True)
 class Frame:
-    """All results of the core at one instant; arrays are read-only, and fields of effects that are off are None."""
+    """All results of the core at one instant; arrays are read-only, and the field of an effect that is off is None."""
 
     k: int | None
     t_ns: int
@@ -65,6 +68,6 @@ class Frame:
     joint_rad: Floats | None = None
 
     def __repr__(self) -> str:
-        """Name the tick and the fields that are set, without their long arrays."""
+        """Name the tick and the fields that are set, but omit their long arrays."""
         there = [one.name for one in fields(self)[2:] if getattr(self, one.name) is not None]
         return f'Frame(k={self.k}, t_ns={self.t_ns}, with {", ".join(there)})'

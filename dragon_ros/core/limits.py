@@ -1,7 +1,7 @@
 """Budgets: upper limits for all external input. ``docs/limits.md`` is generated from this table.
 
 An *untrusted* scene comes from a bag or a topic. Input that exceeds a budget is rejected with a one-line error that
-names the budget. The checker of certificates shares nothing with the other packages, so it has its own budgets
+names the budget. The certificate checker shares no code with the other packages, so it has its own budgets
 (``verify/reading.py``).
 """
 from typing import NamedTuple
@@ -74,7 +74,7 @@ GRADED_BOOKS = 10_000
 
 
 class Limit(NamedTuple):
-    """One budget: the name of its constant, the quantity it bounds, its unit, and what happens beyond it."""
+    """One budget: the name of its constant, the quantity that it bounds, its unit, and the effect of exceeding it."""
 
     name: str
     bounds: str
@@ -97,7 +97,7 @@ LIMITS = (
     Limit('PROOF_S', 'the time of the checker for the certificate in a bag', 'seconds',
           'the checker is stopped; without `--trust`, a run that ends in a contact is then not checked'),
     Limit('VENUE_CORNERS', 'the obstacles and the inside of a venue', 'corners', 'rejected'),
-    Limit('VENUE_BYTES', 'the file of a venue, and the lines with its corners in the text of an untrusted scene',
+    Limit('VENUE_BYTES', 'a venue file, and the lines with the corners of the venue in the text of an untrusted scene',
           'bytes', 'rejected'),
     Limit('DRAWING_BYTES', 'a drawing that `route` reads', 'bytes', 'rejected'),
     Limit('DRAWING_POINTS', 'the line that `route` follows, or its path in SVG', 'points or pieces', 'rejected'),
@@ -112,9 +112,9 @@ LIMITS = (
     Limit('FOLDER_BYTES', 'the `metadata.yaml` of a bag', 'bytes', 'rejected'),
     Limit('FOLDER_FILES', 'the files of a bag', 'files', 'rejected'),
     Limit('QOS_CHARACTERS', 'the QoS profile of a recorded topic', 'characters', 'the default profile is used'),
-    Limit('WAITING_TICKS', 'recorded handles that wait for their benches', 'ticks',
+    Limit('WAITING_TICKS', 'recorded handles whose benches have not been read yet', 'ticks',
           'the oldest handles are read without benches'),
-    Limit('CHECKED_TIMES', 'messages whose times `inspect` keeps to find gaps', 'messages',
+    Limit('CHECKED_TIMES', 'messages whose times `inspect` stores to find gaps', 'messages',
           'further messages are only counted'),
     Limit('PICTURE_TICKS', 'the ticks of a bag for `plot` and `view`', 'ticks', 'rejected'),
     Limit('LED_TICKS', 'the ticks of a led dragon whose walk is read back from a bag', 'ticks', 'rejected'),
@@ -123,7 +123,7 @@ LIMITS = (
     Limit('MONITOR_BYTES', 'messages that the monitor holds until their counterparts arrive', 'bytes',
           'the oldest message is dropped, with a warning'),
     Limit('INBOX_BYTES', 'messages in the inbox of the monitor', 'bytes',
-          'above half of this, whole ticks are skipped evenly, and `/diagnostics` reports it at once'),
+          'above half of this, whole ticks are skipped evenly, and `/diagnostics` reports it immediately'),
     Limit('INBOX_MESSAGES', 'messages in the inbox of the monitor', 'messages', 'likewise'),
     Limit('HELD_BYTES', 'messages without a stamp that the recorder holds until a tick arrives', 'bytes',
           'the oldest message is omitted and counted'),
@@ -146,7 +146,7 @@ LIMITS = (
     Limit('VIEW_ANSWER_S', 'the time that `view` may spend on an answer', 'seconds', 'rejected, with a suggestion'),
     Limit('VIEW_TICKS', 'ticks that `view` shows', 'ticks', 'thinned out evenly, with a note'),
     Limit('BOOK_BYTES', 'a workbook that `grade` reads', 'bytes', 'rejected'),
-    Limit('BOOK_UNPACKED_BYTES', 'the sheets and texts of a workbook, unpacked', 'bytes', 'rejected'),
+    Limit('BOOK_UNPACKED_BYTES', 'the sheets and texts of a workbook after decompression', 'bytes', 'rejected'),
     Limit('BOOK_PARTS', 'the files in a workbook', 'files', 'rejected'),
     Limit('BOOK_SHEETS', 'the sheets of a workbook', 'sheets', 'rejected'),
     Limit('BOOK_ROWS', 'the rows of a sheet', 'rows', 'rejected'),

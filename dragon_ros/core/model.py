@@ -1,9 +1,9 @@
-"""The model that is compiled from a scene, in metres, and the simulation that maps times to metres.
+"""The model that is compiled from a scene, and the simulation that maps times to the distances that the model uses.
 
-A ``Model`` depends only on dragon, track, leader, solver and accuracy. The model provides the positions of all handles
-at each distance travelled by the leader, and the leader's range of travel. A ``Simulation`` adds the law and the run,
-which only map a tick to a distance. Positions are therefore bit-identical across runs and processes, and scenes that
-differ in law, run or effects share one model.
+A ``Model`` depends only on the scene's dragon, track, leader, solver and accuracy. It provides the positions of all
+handles at each distance travelled by the leader, and the leader's range of travel. A ``Simulation`` adds the head law
+and the run, which only determine the distance at each tick. Positions are therefore bit-identical across runs and
+processes, and scenes that differ only in head law, run or effects share one model.
 """
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ from dragon_ros.core.tracks.polyline import SAG_M, polyline
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import STurn, TrackSpec
 
-_LAST_FLOAT = 1.7976931348623157e308    # the largest float, which means that there is no end
+_LAST_FLOAT = 1.7976931348623157e308    # the largest float, used as the time if there is no end
 _MOST_SIMULATIONS = 64              # maximum number of cached simulations
 _MOST_BYTES_AHEAD = 256_000_000     # memory limit for the shift maps of a model that are built in advance
 # The memory limit for the shift maps of all cached models; the least recently used models are dropped first.
@@ -43,7 +43,7 @@ _MOST_BYTES = 1_000_000_000
 
 @dataclass(frozen=True)
 class TravelEnd:
-    """An end of the leader's range: its distance in metres, its reason ('lock' or 'track'), and the link that locks."""
+    """An end of the leader's range: its distance (m), its reason ('lock' or 'track'), and the link that locks."""
 
     gone_m: float
     reason: str
@@ -52,7 +52,7 @@ class TravelEnd:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A function from the distance that the leader has travelled to the positions of all handles, at one tier."""
+    """A function that maps the distance travelled by the leader to the positions of all handles, at one tier."""
 
     dragon: AnyDragon
     spec: TrackSpec
@@ -72,12 +72,12 @@ class Model:
 
     @cached_property
     def links_m(self) -> Floats:
-        """The distance in m between the two handles of each bench, shape (N,)."""
+        """The distance between the two handles of each bench (m, shape (N,))."""
         return self.dragon.link_lengths_m
 
     @cached_property
     def length_m(self) -> float:
-        """The length of the whole chain in m, from the first handle to the last."""
+        """The length of the whole chain from the first handle to the last, in metres."""
         return float(np.sum(self.links_m))
 
     @cached_property
@@ -91,10 +91,10 @@ class Model:
     def placement(self) -> Placement:
         """The solver that places the handles: shift maps for blocks of equal links, or the march.
 
-        At every tier links are solved to the last digit, which takes at most one more Newton step. Tiers differ only in
-        the series of the maps: coarser series are used if the series of ``exact`` do not converge or take longer. On a
-        spiral all tiers use the same series, because these are short and because any error grows along the chain close
-        to a lock.
+        At every tier, links are solved to the last digit, which takes at most one additional Newton step. Tiers differ
+        only in the series of the maps: coarser series are used if those of ``exact`` do not converge or take longer to
+        evaluate. On a spiral, all tiers use the same series, because these are short and because any error grows along
+        the chain close to a lock.
         """
         lengths = {} if self.solver == 'march' else lengths_with_maps(self.links_m)
         tier = EXACT if self.track.may_lock else self.tier
@@ -104,18 +104,18 @@ class Model:
 
     @property
     def memory_bytes(self) -> int:
-        """The memory of the shift maps built so far."""
+        """The memory used by the shift maps built so far, in bytes."""
         return sum(shift.memory_bytes for shift in self.placement.maps.values())
 
     def place(self, gone_m: tuple[float, float]) -> Chain:
-        """Return the chain when the leader has travelled (hi, lo) metres. Raises ModelEnd if there is no chain."""
+        """Return the chain after the leader has travelled hi + lo metres. Raises ModelEnd if there is no chain."""
         return self.placement.place(self.leader.place(gone_m))
 
     def place_many(self, gone_m: tuple[Floats, Floats], out: Floats | None = None) -> Chain:
-        """Return the chains at many distances (S,) as one Chain.
+        """Return the chains at S distances as one Chain.
 
-        Within the tier, the chains equal chains that are placed one by one, but not bit for bit. ``out`` (S, N+1, 2),
-        if given, receives the handles.
+        The chains equal chains that are placed one by one to within the tier, but not bit for bit. If given, ``out``
+        (shape (S, N+1, 2)) receives the handle positions.
         """
         return self.placement.place_many(self.leader.places(gone_m), out)
 
@@ -124,12 +124,12 @@ class Model:
         return marched(self.track, self.links_m, self.leader.place(gone_m), self.direction)
 
     def size_m(self, extent_m: tuple[float, float]) -> float:
-        """Return a bound on the handles' distance from the origin while the leader moves between two distances."""
+        """Return a bound (m) on the handles' distance from the origin while the leader is within ``extent_m``."""
         return self.leader.size_m(extent_m)
 
     @cached_property
     def sure_m(self) -> float:
-        """A distance that the leader can certainly travel, found without a search for the lock; negative if unknown.
+        """A distance (m) that the leader can certainly travel, found without a lock search; negative if unknown.
 
         Handles lie at increasing radii, and no link locks at a radius above half its chord (``lock.lock_angle``).
         """
@@ -158,7 +158,7 @@ class Model:
         return None, TravelEnd(self._last_stand_m(curve.distance_to(angle), link), 'lock', link)
 
     def _last_stand_m(self, gone_m: float, link: int) -> float:
-        """Return the distance of a lock, or the last distance just before it at which all links can be placed.
+        """Return the distance of a lock, or a distance just before it if links cannot be placed at the lock itself.
 
         The position and the distance of the lock are rounded to floats, so the chain may already be beyond the lock.
         """
@@ -170,7 +170,7 @@ class Model:
     def stands(self, gone_m: tuple[float, float], link: int) -> bool:
         """Return whether the links up to the one behind ``link`` can be placed, both one by one and in a batch.
 
-        ``gone_m`` is the distance travelled by the leader and its low-order part.
+        ``gone_m`` is the distance travelled by the leader, as the sum of two floats.
         """
         blocks, (high, low) = blocks_of(self.links_m[:link + 2], BEHIND), gone_m
         try:
@@ -192,34 +192,34 @@ class End:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """A scene with its model: the end of its run, and the distance travelled by the leader at a time."""
+    """A scene with its model; it determines the end of the run, and the chain at any time."""
 
     scene: Scene
     model: Model
 
     @cached_property
     def on(self) -> SimpleNamespace:
-        """Whether each effect is on, by its name."""
+        """Whether each effect is on, by name."""
         return switches(self.scene.effects)
 
     @cached_property
     def size_m(self) -> float:
-        """A bound in metres on the distance of any handle from the origin in this run."""
+        """A bound on the distance of every handle from the origin in this run, in metres."""
         return self.model.size_m(self.scene.head.extent_m(self.scene.run.stop_s or 0.0))
 
     @cached_property
     def tier(self) -> Tier:
-        """The tier of the scene's accuracy."""
+        """The tier that provides the scene's accuracy."""
         return self.model.tier
 
     @cached_property
     def promise_m(self) -> float:
-        """The largest position error that is allowed in this scene."""
+        """The largest position error allowed in this scene, in metres."""
         return self.tier.promise_for_m(self.size_m)
 
     @cached_property
     def limit(self) -> End | None:
-        """The end of the model, where the chain locks or a handle reaches the end of the track, or None."""
+        """The end of the model, at which the chain locks or a handle reaches the end of the track; None if endless."""
         law = self.scene.head
         ends = [(t_s, limit) for limit, sense in zip(self.model.limits, (-1, 1), strict=True)
                 if limit and (t_s := law.passage_s(limit.gone_m, sense)) is not None]
@@ -229,9 +229,9 @@ class Simulation:
         return End(self._before_s(t_s, limit) if limit.reason == 'lock' else t_s, limit.reason, limit.link)
 
     def _before_s(self, t_s: float, limit: TravelEnd) -> float:
-        """Return a time, or the last time before it at which the leader has not passed a lock.
+        """Return a time, or a time just before it if the leader has already passed a lock.
 
-        The links must have places there, too: within rounding of a lock, a smaller angle may round to a larger one.
+        It must also be possible to place the links at this time: close to a lock, rounding can increase an angle.
         """
         back = ulp(t_s)
         assert limit.link is not None
@@ -327,7 +327,7 @@ class Simulation:
 
     @cached_property
     def span_m(self) -> tuple[float, float]:
-        """The interval of the track, in m, that the handles occupy during the run."""
+        """The interval of the track that the handles occupy during the run, in metres."""
         if self.tier is not PAPER:
             return self.model.leader.span_m(self.extent_m)
         chains = map(self.chain, (self.scene.run.start_s, self.end.t_s))
@@ -335,7 +335,7 @@ class Simulation:
         return float(np.min(ends)), float(np.max(ends))
 
     def build_tables(self) -> None:
-        """Build the shift maps of the run from its start until the memory limit is reached.
+        """Build the shift maps of the run in order, until they are complete or the memory limit is reached.
 
         Another thread may place chains meanwhile. Tiles that do not exist yet are built when the leader reaches them;
         positions are bit-identical either way.
@@ -359,14 +359,14 @@ class Simulation:
                     break
 
     def track_line(self, sag_m: float = SAG_M) -> Floats:
-        """Return points (n, 2) in metres along the track that the handles cover in the run, from the front to the rear.
+        """Return points (m, shape (n, 2)) on the track that the handles cover in the run, from the front to the rear.
 
         The polyline deviates from the track by at most ``sag_m``.
         """
         return read_only(polyline(self.model.track, *self.span_m, sag_m)[::-1].copy())
 
     def chain(self, t_s: float) -> Chain:
-        """Return all handles at any instant. Raises ModelEnd beyond the end of the model."""
+        """Return the chain at any instant. Raises ModelEnd beyond the end of the model."""
         if not 0.0 <= t_s <= self._sure_s:
             self.check_time(t_s)
         if self.tier is PAPER:
@@ -383,10 +383,11 @@ class Simulation:
 
 
 class _Compiled:
-    """A cache of simulations and models, the most recently used last, limited in number and bytes."""
+    """A cache of simulations and models, ordered by their last use and limited in number and bytes."""
 
     def __init__(self) -> None:
-        self._simulations: OrderedDict[int, Simulation] = OrderedDict()     # each stores its scene, so ids stay unique
+        # The keys are ids of scenes. Each simulation stores its scene, so these ids stay unique.
+        self._simulations: OrderedDict[int, Simulation] = OrderedDict()
         self._models: OrderedDict[tuple[AnyDragon, TrackSpec, str, str, Tier], Model] = OrderedDict()
         self._latest: Simulation | None = None
         self._lock = Lock()
@@ -407,7 +408,7 @@ class _Compiled:
     def _compiled(self, scene: Scene) -> Simulation:
         """Return a new simulation, with the cached model if there is one."""
         simulation = self._at(scene, tier_for(scene.accuracy))
-        tier = tier_for(scene.accuracy, simulation.size_m)      # the tier may differ if the accuracy is in metres
+        tier = tier_for(scene.accuracy, simulation.size_m)      # may differ if the accuracy is given in metres
         return simulation if tier is simulation.tier else self._at(scene, tier)
 
     def _at(self, scene: Scene, tier: Tier) -> Simulation:
@@ -415,7 +416,7 @@ class _Compiled:
         return Simulation(scene, self._models.get(key) or Model(*key))
 
     def _use(self, simulation: Simulation) -> None:
-        """Store a simulation and its model as the most recently used."""
+        """Store a simulation and its model, and mark them as the most recently used."""
         scene, key = simulation.scene, _key_of(simulation.scene, simulation.tier)
         self._simulations[id(scene)] = self._latest = simulation
         self._simulations.move_to_end(id(scene))
@@ -423,7 +424,7 @@ class _Compiled:
         self._models.move_to_end(key)
 
     def _bound(self) -> None:
-        """Drop the least recently used entries."""
+        """Drop the least recently used entries if the cache exceeds its limits."""
         while len(self._models) > 1 and (len(self._models) > _MOST_SIMULATIONS or sum(
                 model.memory_bytes for model in self._models.values()) > _MOST_BYTES):
             _, model = self._models.popitem(last=False)

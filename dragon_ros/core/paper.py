@@ -1,9 +1,9 @@
-"""A reconstruction of the paper's method, which reproduces every printed digit and every error.
+"""A reconstruction of the paper's method that reproduces every printed digit and every error.
 
-The head moves in explicit Euler steps of 0.01 s, without the radial term; the printed point has the radius before the
-last step and the angle after it. For each link, the angle grows in steps of 0.01 rad until the chord is within 0.1 m of
-the link; the last link has the length of the head link. Speeds are v[i+1] = v[i] (rho[i] / rho[i+1])^0.02. This method
-is not correct: position errors reach 14 m.
+The head moves in explicit Euler steps of 0.01 s, without the radial term; the printed point combines the radius before
+the last step with the angle after it. For each link, the angle grows in steps of 0.01 rad until the chord is within 0.1
+m of the link's length; the last link has the length of the head link. Speeds are v[i+1] = v[i] (rho[i] /
+rho[i+1])^0.02. This method is not correct: position errors reach 14 m.
 """
 from math import cos, pi, sqrt
 
@@ -28,7 +28,7 @@ class PaperChain(Chain):
         return 'paper'
 
     def velocities(self, leader_speed_m_s: float | Floats, out: Floats | None = None) -> Floats:
-        """Return velocities (..., N+1, 2) with the paper's speeds in the directions of the track's tangents."""
+        """Return velocities (m/s, shape (..., N+1, 2)) with the paper's speeds, along the tangents of the track."""
         rho = np.hypot(self.p[..., 0], self.p[..., 1])
         speed = np.asarray(leader_speed_m_s)[..., None] * (rho[..., :1] / rho) ** EXPONENT
         return read_only(np.multiply(-speed[..., None], tangents(self.u), out=out).view())
@@ -65,7 +65,7 @@ def place(track: Track, links_m: Floats, speed_m_s: float, t_s: float) -> PaperC
 
 
 def _head(spiral: SpiralCurve, speed_m_s: float, steps: int) -> tuple[float, float]:
-    """Return the angle and the lagged radius of the head after a number of Euler steps."""
+    """Return the angle of the head after a number of Euler steps, and its radius before the last of these steps."""
     theta = spiral.start.hi
     rho = spiral.b_m * theta
     for _ in range(steps):
@@ -83,7 +83,7 @@ def _links(links_m: Floats) -> list[float]:
 
 
 def _turn(b_m: float, theta: float, rho: float, length_m: float) -> int | None:
-    """Return the smallest number of steps after which the chord (paper, equation 15) is close to the link's length."""
+    """Return the smallest number of steps that brings the chord (equation 15) close to the link's length, or None."""
     for k in range(1, int(2 * pi / STEP_RAD)):
         delta = k * STEP_RAD
         outer = b_m * (theta + delta)

@@ -54,7 +54,7 @@ class Run:
 
 @lru_cache(maxsize=1024)
 def _period(rate_hz: float) -> tuple[int, int]:
-    """Return the time between two ticks in nanoseconds, as a fraction."""
+    """Return the time between two ticks in nanoseconds, as a numerator and a denominator."""
     period = NS / Fraction(repr(rate_hz))
     return period.numerator, period.denominator
 
@@ -63,9 +63,9 @@ def _period(rate_hz: float) -> tuple[int, int]:
 class Scene:
     """A dragon on a track, led by its head or its tail, with an accuracy, effects, a run and optionally a venue.
 
-    All fields are settings, and equivalent scenes compare equal. ``markers`` selects how benches are shown: 'cubes',
-    one per bench, or 'triangles', all in one list. Faults that appear only when the track is laid out in the plane (at
-    joints, in bends, at a lock) are reported when the scene is compiled.
+    All fields are settings, and equivalent scenes compare equal. ``markers`` selects how benches are shown: as 'cubes'
+    (one marker per bench) or as 'triangles' (one list for all benches). Faults that appear only when the track is laid
+    out in the plane (at joints, in bends, at a lock) are reported when the scene is compiled.
     """
 
     dragon: AnyDragon = field(default_factory=Dragon)
@@ -81,7 +81,7 @@ class Scene:
     venue: Venue | None = None
 
     def __post_init__(self) -> None:
-        """Reject invalid settings, effects whose requirements are off, and scenes that ``paper`` does not support.
+        """Reject invalid settings, effects without the effects they need, and scenes that ``paper`` does not support.
 
         Every run of a commanded dragon includes the effect ``leader``.
         """

@@ -1,6 +1,6 @@
 """One tick, from the scene to the frame: start reading here.
 
-A scene consists of settings; ``compile_scene`` makes a simulation from it. The simulation maps a time to the distance
+A scene consists of settings; ``compile_scene`` turns it into a simulation. The simulation maps a time to the distance
 travelled by the leader, its model maps that distance to the chain of all handles, and each effect that the scene
 requests adds its field to the frame. A frame is a function of (scene, k) alone: ticks can be computed in any order,
 repeatedly or in parallel, with bit-identical results. ``batches`` computes many instants at once.
@@ -18,7 +18,7 @@ from dragon_ros.core.scene import NS, Scene
 
 
 def tick(scene: Scene, k: int) -> Frame:
-    """Return the frame of tick k, at the nanosecond ``scene.run.time_ns(k)``. Raises FieldError outside the run."""
+    """Return the frame of tick k, at the time ``scene.run.time_ns(k)``. Raises FieldError if there is no such tick."""
     simulation = compile_scene(scene)
     t_ns = simulation.time_ns(k)
     return frame_of(simulation, k, t_ns, simulation.chain(t_ns / NS))
@@ -28,8 +28,8 @@ def frame_of(simulation: Simulation, k: int | None, t_ns: int, chain: Chain, axi
              benches: Benches | None = None) -> Frame:
     """Return the frame of a chain at tick k or at a time between ticks; an effect is computed only if it is on.
 
-    Each effect receives its inputs by name; the field of an effect that is off is None. Link directions ``axis`` and
-    ``benches`` that are given are not computed again.
+    Each effect receives its inputs by name; the field of an effect that is off is None. If the link directions ``axis``
+    or the ``benches`` are given, they are not computed again.
     """
     axis = axes_of(chain) if axis is None else axis
     on, t_s, scene = simulation.on, t_ns / NS, simulation.scene
@@ -49,7 +49,7 @@ def frame_of(simulation: Simulation, k: int | None, t_ns: int, chain: Chain, axi
 
 
 def state(scene: Scene, t_s: float) -> Chain:
-    """Return all handles at any instant. Raises ModelEnd beyond the end of the model."""
+    """Return the chain at any instant. Raises ModelEnd beyond the end of the model."""
     return compile_scene(scene).chain(t_s)
 
 
@@ -67,6 +67,6 @@ def contact_frame(scene: Scene, t_s: float) -> Frame:
 
 
 def ticks_before(scene: Scene, t_s: float) -> int:
-    """Return the number of ticks before the stamp of a contact; a run that ends there has one more frame."""
+    """Return the number of ticks before the stamp of a contact; a run that ends with the contact has one more frame."""
     t_ns = round(t_s * NS)
     return scene.run.tick_at(t_ns - 1) + 1 if t_ns > scene.run.start_ns else 0

@@ -1,9 +1,9 @@
-"""Accuracy as a promise in metres, and the errors of shift maps that keep this promise.
+"""Accuracy as a promise in metres, and the errors allowed in shift maps to keep this promise.
 
 A tier promises an upper bound on the position errors of all handles at all times of a scene. Close to a lock, a change
 in the last bit of the head's position moves the other handles C times as far (C is ``chain.conditioning``); there the
 promise grows by (C - 1) times the resolution of floats. The promised error of a speed, relative to that speed, is C^2
-times the position promise divided by the mean link length. All promises are measured against a 50-digit reference on
+times the position promise divided by the mean link length. All promises are tested against a 50-digit reference in
 every case of ``hard_cases``.
 """
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError, did_you_mean
 from dragon_ros.core.numerics.types import Floats
 
-_FLOAT_SIZE_M = 20.0     # beyond this size floats cannot resolve 2e-12 m, and the promise of the exact tier grows
+_FLOAT_SIZE_M = 20.0     # beyond this size, floats cannot resolve 2e-12 m, and the promise of the exact tier grows
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def position_promise_m(tier: Tier, size_m: float, condition: float) -> float:
 
 
 def speed_promise_m_s(tier: Tier, size_m: float, mean_link_m: float, condition: float, head_speed_m_s: float) -> float:
-    """Return the promised error of any handle's speed."""
+    """Return the promised bound on the error of any handle's speed."""
     relative = tier.promise_for_m(size_m) / max(mean_link_m, 1e-300)
     return relative * condition**3 * abs(head_speed_m_s)
 
@@ -57,12 +57,12 @@ TIERS = {tier.name: tier for tier in (PAPER, Tier('preview', 1e-3), Tier('standa
 
 
 def best_m(size_m: float) -> float:
-    """Return the smallest promise that floats can keep for coordinates up to ``size_m``."""
+    """Return the smallest promise that can be kept with floats for coordinates up to ``size_m``."""
     return EXACT.promise_m * max(1.0, size_m / _FLOAT_SIZE_M)
 
 
 def tier_for(accuracy: Any, size_m: float = 0.0) -> Tier:
-    """Return the named tier, or the cheapest tier that promises an accuracy in m for coordinates up to ``size_m``.
+    """Return the named tier, or the cheapest tier that promises an accuracy (m) for coordinates up to ``size_m``.
 
     Raises FieldError, with the possible values, if floats cannot provide this accuracy. The tier ``paper`` must be
     requested by name.

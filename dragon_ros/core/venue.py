@@ -12,7 +12,7 @@ from dragon_ros.core.checks import number, settle
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.limits import VENUE_CORNERS
 
-INSIDE = 'inside'       # the name of the boundary, among the names of obstacles
+INSIDE = 'inside'       # the name of the boundary, which no obstacle may have
 FARTHEST_M = 1e9
 _LONGEST = 100          # maximum number of characters of a name
 _AROUND = 'list its corners in order around the polygon'
@@ -66,7 +66,7 @@ OBSTACLES: dict[str, type[Obstacle]] = {'polygon': PolygonObstacle, 'line': Line
 
 @dataclass(frozen=True)
 class Venue:
-    """Obstacles, the corners of a polygon that benches must not leave, and the required gap in metres to all of these.
+    """Obstacles, the corners of a polygon that benches must not leave, and the required gap (m) to all of these.
 
     ``origin_deg`` is the longitude and latitude of the plane's origin, if the plane is georeferenced.
     """
@@ -104,7 +104,7 @@ class Venue:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the obstacles, followed by the name of the inside if the venue has one."""
+        """The names of the obstacles, followed by the name of the boundary if the venue has one."""
         return (*(one.name for one in self.obstacles), *([INSIDE] if self.inside is not None else []))
 
     def __repr__(self) -> str:

@@ -37,7 +37,7 @@ class PlacedLinks(Protocol):
         ...
 
     def velocities(self, chain: 'Chain', speed: Any, out: Floats) -> Any:
-        """Fill in velocities from the first handle's speed towards the head; return the last handle's speed.
+        """Fill in velocities, given the first handle's speed in the head's direction; return the last handle's speed.
 
         ``out`` has shape (S, N+1, 2); for one instant, it is a flat array of 2 N + 2 numbers. A part may leave the
         velocity of its last handle to the next part.
@@ -49,7 +49,7 @@ class PlacedLinks(Protocol):
         ...
 
     def places(self) -> Places:
-        """Return the positions (..., links + 1) of these handles; the handle nearest to the leader is first."""
+        """Return the positions (..., links + 1) of these handles, starting with the handle nearest to the leader."""
         ...
 
 
@@ -57,9 +57,10 @@ class PlacedLinks(Protocol):
 class Chain:
     """All handles of a chain at one instant, or at many instants in arrays with a leading axis.
 
-    ``p`` (..., N+1, 2) are coordinates in metres, ``links_m`` (N,) is the spacing of the handles from head to tail,
-    and ``evaluations`` is the number of evaluated equations. If ``direction`` is BEHIND, the leader is the head and
-    its followers are behind it; otherwise the leader is the tail. ``parts`` are ordered from the leader on.
+    ``p`` holds the handle positions (m, shape (..., N+1, 2)), ``links_m`` holds the link lengths from head to tail (m,
+    shape (N,)), and ``evaluations`` is the number of evaluated equations. If ``direction`` is BEHIND, the leader is the
+    head and its followers are behind it; otherwise, the leader is the tail. The first of the ``parts`` contains the
+    leader.
     """
 
     p: Floats
@@ -117,12 +118,12 @@ class Chain:
 
     @property
     def tangents(self) -> Floats:
-        """Unit tangents against the head's direction (towards the tail), even while a handle moves backwards."""
+        """Unit tangents opposite to the head's direction (towards the tail), even while a handle moves backwards."""
         return read_only(-self.headings)
 
     @cached_property
     def places(self) -> Places:
-        """Positions of the handles from head to tail: segments and coordinates (hi, lo), each (..., N+1)."""
+        """Positions of the handles from head to tail: segments and coordinates (hi, lo), each of shape (..., N+1)."""
         shape = self.p.shape[:-1]
         segment, u, lo = np.empty(shape, dtype=np.int64), np.empty(shape), np.empty(shape)
         for part in self.parts:
@@ -152,7 +153,7 @@ class Chain:
         return slice(start, start + part.links + 1)
 
     def velocities(self, leader_speed_m_s: Any, out: Floats | None = None) -> Floats:
-        """Return velocity vectors in m/s, shape (..., N+1, 2); they are written into ``out`` if it is given.
+        """Return the velocities (m/s, shape (..., N+1, 2)), and write them into ``out`` if it is given.
 
         ``leader_speed_m_s`` is a single value or one value per instant. It is positive in the leader's own direction:
         outwards if the tail leads.
@@ -179,7 +180,7 @@ def conditioning(chain: Chain) -> float:
 
 @dataclass(frozen=True, eq=False)
 class MarchedLinks:
-    """Links whose ``handles`` (..., links + 1), ordered from the leader on, were placed by forward placement."""
+    """Links placed by forward placement; ``handles`` (..., links + 1) are in order from the leader."""
 
     start: int
     handles: Places
@@ -200,7 +201,7 @@ class MarchedLinks:
         rows[..., chain.slice_of(self), :] = chain.track.headings(*self.handles)[..., ::-chain.direction, :]
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
-        """Fill in velocities; the handles of a link of zero length have the same speed."""
+        """Fill in velocities; both handles of a zero-length link have the same speed."""
         some, order = chain.slice_of(self), slice(None, None, -chain.direction)
         heading = chain.track.headings(*self.handles)
         p = chain.p[..., some, :][..., order, :]
@@ -215,7 +216,7 @@ class MarchedLinks:
 
 
 class MarchedLink(NamedTuple):
-    """One link at one instant: ``MarchedLinks`` in plain floats; ``near`` is the handle nearer to the leader."""
+    """One link at one instant, as in ``MarchedLinks`` but in plain floats; ``near`` is the handle nearer the leader."""
 
     start: int
     near: Place
@@ -246,7 +247,7 @@ class MarchedLink(NamedTuple):
             out[at], out[at + 1] = heading.real, heading.imag
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
-        """Fill in velocities; the handles of a link of zero length have the same speed."""
+        """Fill in velocities; both handles of a zero-length link have the same speed."""
         at, following = self._numbers(chain)
         segments, (k, u), (k_2, u_2) = chain.track.segments, self.near, self.far
         one = segments[k].heading(*u)
@@ -266,8 +267,8 @@ class MarchedLink(NamedTuple):
 def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Chain:
     """Place the chain of a leader by forward placement; the leader is the head (``direction`` BEHIND) or the tail.
 
-    On a single spiral, all handles are solved ``together``; on other tracks, one after the other. Both methods take
-    equally long. Raises the same errors as ``forward``.
+    On a single spiral, all handles are solved simultaneously (``together``); on other tracks, one after the other. Both
+    methods take the same time. Raises the same errors as ``forward``.
     """
     one = np.array([leader.segment]), np.array([leader.u.hi]), np.array([leader.u.lo])
     if len(track.segments) == 1 and (found := together(track, links_m[:, None], one, direction)):
@@ -278,10 +279,10 @@ def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Cha
 
 
 def marched_many(track: Track, links_m: Floats, leaders: Places, direction: int) -> Chain:
-    """Return the chains of many leaders as one chain, which agrees with ``marched`` except for the last digits.
+    """Return the chains of many leaders as one chain, which agrees with ``marched`` except in the last digits.
 
-    ``links_m`` are common to all leaders (N,) or, if ``forward_many`` supports this, have one row for each leader (M,
-    N).
+    ``links_m`` has shape (N,) if all chains have the same links, or, if ``forward_many`` supports this, shape (M, N)
+    with one row for each leader.
     """
     if links_m.ndim == 1:
         rows, spent = forward_many(track, blocks_of(links_m, direction), leaders, direction)
@@ -292,7 +293,7 @@ def marched_many(track: Track, links_m: Floats, leaders: Places, direction: int)
 
 
 def chain_of(track: Track, links_m: Floats, direction: int, handles: Places, evaluations: int) -> Chain:
-    """Return the chain with the given handles (..., N+1), which are ordered from the leader on."""
+    """Return the chain with the given handles (..., N+1), which are in order from the leader."""
     p = track.points(*handles)[..., ::-direction, :]
     if not np.all(links_m):
         p = p.copy()
@@ -301,7 +302,7 @@ def chain_of(track: Track, links_m: Floats, direction: int, handles: Places, eva
 
 
 def join(p: Floats, links_m: Floats, direction: int) -> None:
-    """Move both handles of each link of zero length to the same point, because solvers may round them differently."""
+    """Move both handles of each zero-length link to the same point, because solvers may round them differently."""
     for link in np.flatnonzero(links_m == 0)[::-direction].tolist():
         near, far = (link, link + 1) if direction == BEHIND else (link + 1, link)
         p[..., far, :] = p[..., near, :]
@@ -314,7 +315,7 @@ def arrays_of(handles: Handles) -> Places:
 
 
 def stack(chains: Sequence[Chain], count: int | None = None) -> Chain:
-    """Stack chains of one dragon (all or the first ``count``) into one chain with a leading axis, possibly empty."""
+    """Stack all or the first ``count`` chains of one dragon into one chain with a leading axis, which may be empty."""
     first = chains[0]
     segment, u, lo = (np.stack(values)[:count, ..., ::-first.direction]
                       for values in zip(*(one.places for one in chains), strict=True))

@@ -27,8 +27,8 @@ SHORT_M = 0.01  # smallest distance that the leader keeps from an end of the tra
 class Commanded:
     """Speed commanded externally on `cmd_vel`, within limits; the leader stops `timeout_s` after the last command.
 
-    The leader starts at rest. The distance that it travels is known only from a recording: the topic `leader` of a
-    bag.
+    The leader starts at rest. The distance that it travels is known only from a recording (the topic `leader` in a
+    bag).
     """
 
     lead: str = 'head'
@@ -81,9 +81,9 @@ def _unknown() -> NoReturn:
 
 @dataclass(frozen=True)
 class Walked:
-    """The law of a commanded leader up to the last tick; ``knots`` are the most recent pairs (t_s, speed_m_s).
+    """The law of a commanded leader up to the last tick; ``knots`` holds the most recent pairs (t_s, speed_m_s).
 
-    ``reached_m`` are the exact distances travelled at the knots. The leader is at rest before the first knot.
+    ``reached_m`` holds the exact distance travelled at each knot. The leader is at rest before the first knot.
     """
 
     settings: Commanded
@@ -92,7 +92,7 @@ class Walked:
 
     @property
     def lead(self) -> str:
-        """The end that leads."""
+        """The end of the dragon that leads: 'head' or 'tail'."""
         return self.settings.lead
 
     @property
@@ -108,7 +108,7 @@ class Walked:
         return Walked(self.settings, (*self.knots[first:], new), (*self.reached_m[first:], reached_m))
 
     def _ramp_at(self, t_s: float) -> tuple[ExactPolynomial, ...]:
-        """Return distance, speed and acceleration on the ramp at ``t_s`` as polynomials in time."""
+        """Return distance, speed and acceleration on the ramp that contains ``t_s``, as polynomials in time."""
         n = max(0, bisect_right(self.knots, (t_s, inf)) - 1)
         return ramp(self.knots[n:n + 2], self.reached_m[n]) if n + 1 < len(self.knots) else self._from_the_last_on
 
@@ -117,7 +117,7 @@ class Walked:
         return ramp(self.knots[-1:], self.reached_m[-1])
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Return the arc length travelled by the leader at ``t_s`` (one time or many), as (hi, lo)."""
+        """Return the arc length that the leader has travelled by ``t_s`` (one time or many), as (hi, lo)."""
         if isinstance(t_s, np.ndarray):
             gone = np.array([self.travelled_m(t) for t in t_s.tolist()], dtype=np.float64).reshape(-1, 2)
             return gone[:, 0], gone[:, 1]
@@ -128,7 +128,7 @@ class Walked:
         return self._ramp_at(t_s)[1].at(t_s)
 
     def acceleration_at_m_s2(self, t_s: float) -> float:
-        """Return the rate of change of the leader's speed in m/s^2; at a tick, the rate just before the tick."""
+        """Return the rate of change (m/s^2) of the leader's speed; at a tick, the rate just before the tick."""
         n = max(1, next((n for n, (at_s, _) in enumerate(self.knots) if at_s >= t_s), len(self.knots)))
         return _rate(self.knots[n - 1:n + 1])
 
@@ -158,8 +158,8 @@ def next_speed_m_s(settings: Commanded, speed_m_s: float, wanted_m_s: float, ste
                    left_m: tuple[float, float]) -> float:
     """Return the speed at the next tick: as close to the commanded speed as the limits and the stopping distance allow.
 
-    ``left_m`` are the remaining distances in metres backwards and forwards. From the speed v at the next tick, the
-    leader can stop in time if
+    ``left_m`` holds the distances that remain behind and ahead of the leader, in metres. From the speed v at the next
+    tick, the leader can stop in time if
 
         (speed + v) / 2 step + v^2 / (2 a) <= left - SHORT_M - a step^2.
 
@@ -181,9 +181,9 @@ def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, fl
              keep_s: float = 0.0) -> tuple[Walked, int]:
     """Return the law up to the next tick, and the end before which the leader brakes.
 
-    The end is -1 behind the leader, 1 ahead of it, or 0 if the leader need not brake. ``ends_m`` are the limits of
-    travel backwards and forwards, which are infinite if there is no limit. Knots older than ``keep_s`` seconds are
-    dropped.
+    The end is -1 (behind the leader), 1 (ahead of it), or 0 if the leader need not brake. ``ends_m`` holds the limits
+    of travel backwards and forwards in metres, which are infinite if there is no limit. Knots older than ``keep_s``
+    seconds are dropped.
     """
     (before_s, speed), gone_m = law.knots[-1], float(law.reached_m[-1])
     step = law.settings, speed, wanted_m_s, t_s - before_s
@@ -192,9 +192,9 @@ def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, fl
 
 
 def profile_of(settings: Commanded, walked: Iterable[tuple[float, float]]) -> Profile:
-    """Return a profile with the pairs (t_s, speed_m_s) of the ticks; its distances are identical to the last bit.
+    """Return a profile with the pairs (t_s, speed_m_s) of the ticks; its distances are bit-identical to those walked.
 
-    A knot between two knots of the same speed is redundant and is omitted. Raises FieldError if too many knots
+    A knot with the same speed as both its neighbours is redundant and is omitted. Raises FieldError if too many knots
     remain.
     """
     knots = [(0.0, 0.0)]

@@ -31,9 +31,10 @@ class _Lengths(Settings):
 
     @cached_property
     def classes(self) -> tuple[tuple[int, ...], ...]:
-        """The head, and the other benches except the last two, grouped by identical remaining lengths, in order.
+        """Classes of benches: the head alone, and all others but the last two, grouped by the lengths that follow.
 
-        The body is a single class if all its benches are equal.
+        Two benches are in the same class if the lengths of the benches from each one backwards agree, as far as both
+        sequences go. The body is a single class if all its benches are equal.
         """
         lengths, found = self.bench_lengths_m, dict[float, list[list[int]]]()
         for bench, length in enumerate(lengths[1:-2].tolist(), 1):
@@ -47,14 +48,14 @@ class _Lengths(Settings):
 
     @cached_property
     def half_sizes_m(self) -> tuple[Floats, Floats]:
-        """Half the length and half the width of each bench, shape (benches,) each."""
+        """Half the length and half the width of each bench, each of shape (benches,)."""
         return (read_only(0.5 * self.bench_lengths_m),
                 read_only(np.full(self.bench_lengths_m.shape, 0.5 * self.width_m)))
 
 
 @dataclass(frozen=True)
 class Dragon(_Lengths):
-    """A head bench and ``benches - 1`` equal body benches, joined at ``benches + 1`` handles.
+    """A head bench and ``benches - 1`` equal body benches, with ``benches + 1`` handles in all.
 
     All lengths are in metres. The defaults are the values of the contest problem behind the paper (CUMCM 2024 A).
     """
@@ -119,7 +120,7 @@ class Mixed(_Lengths):
         return Group(_length(f'dragon.groups.{n}.length_m', group.length_m, self.hole_inset_m), count)
 
     def __hash__(self) -> int:
-        """Return the hash of the fields, which is used to look up models; a dragon may have thousands of groups."""
+        """Return the cached hash of the fields: models are looked up by it, and there may be thousands of groups."""
         return self._hash
 
     @cached_property
@@ -147,7 +148,7 @@ def is_even(lengths_m: Floats) -> bool:
 
 
 def has_same_links_behind(lengths_m: Floats, one: int, other: int) -> bool:
-    """Return whether the benches from ``other`` on have the same lengths as those from ``one`` <= ``other`` on."""
+    """Return whether the benches from ``other`` on have the same lengths as those from ``one`` (<= ``other``) on."""
     rest = lengths_m[other:]
     return bool(rest[0] == lengths_m[one] and np.all(rest == lengths_m[one:one + rest.size]))
 

@@ -1,6 +1,6 @@
-"""Place handles along a track from the leader on, in blocks of equal links, at one instant or at many.
+"""Place handles along a track, starting at the leader, in blocks of equal links, at one instant or at many.
 
-One leader is handled by ``forward`` and many leaders by ``forward_many``; the docstrings explain why there are two
+``forward`` handles one leader and ``forward_many`` handles many leaders; their docstrings explain why there are two
 functions. ``forward_many`` calls ``together`` for up to hundreds of chains on a spiral and ``by_segment`` for tracks of
 several segments.
 """
@@ -18,16 +18,16 @@ from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Past
 from dragon_ros.core.tracks.spiral import TIGHT, SpiralSegment, corrections
 
-FEWEST_ROWS = 8        # smallest number of rows of handles that are placed simultaneously
+FEWEST_ROWS = 8        # minimum number of rows of handles for simultaneous placement
 _AT_ONCE = 2**14        # number of handles whose intermediate results fit in the cache
-_MOST_LEADERS = 512     # maximum number of leaders for simultaneous placement; for more, placing row by row is as fast
+_MOST_LEADERS = 512     # maximum number of leaders for simultaneous placement; with more, placing row by row is as fast
 _FAR_RAD = 2.0          # smallest polar angle for which the positions of all rows can be guessed
-_NEWTON_STEPS = 8       # limit of Newton steps for all rows at once
-_STEEP = 0.05           # smallest slope from row to row; below it, a follower has almost turned back
+_NEWTON_STEPS = 8       # limit on the number of Newton steps for all rows at once
+_STEEP = 0.05           # smallest slope of the map from row to row; below it, a follower has almost turned back
 
 
 class Block(NamedTuple):
-    """Links ``start`` to ``stop``, counted from the leader, of equal length (for many chains, one length per chain)."""
+    """Links ``start`` to ``stop - 1`` from the leader, of equal length (for many chains, one length per chain)."""
 
     start: int
     stop: int
@@ -35,7 +35,7 @@ class Block(NamedTuple):
 
 
 class Handles(NamedTuple):
-    """The handles from a leader on at one instant: segments, coordinates (hi, lo), and the number of evaluations."""
+    """Handles at one instant, in order from the leader: segments, coordinates (hi, lo) and the evaluation count."""
 
     segment: list[int]
     u: list[float]
@@ -48,7 +48,7 @@ class Handles(NamedTuple):
 
 
 def blocks_of(links_m: Floats, direction: int) -> tuple[Block, ...]:
-    """Return the blocks of equal links, from the leader on; links (N,) or (M, N) are given from head to tail."""
+    """Return the blocks of equal links in order from the leader; links (N,) or (M, N) are given from head to tail."""
     links = links_m.T if direction == BEHIND else links_m.T[::-1]
     if not links.size:
         return ()
@@ -106,10 +106,10 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
                  settle: Callable[[Places], Places] | None = None) -> tuple[Places, int]:
     """Return the handles behind many leaders (M,) as arrays (links + 1, M), and the number of evaluations.
 
-    With one array per row and 300 leaders, this takes 0.16 us per handle. Handles agree with ``forward`` except for
-    the last digits. Chains with different links are supported only outwards, on a first segment that winds in from
-    infinity. ``settle`` may adjust each row; if it is given, the result ends at the last row that fits on the track.
-    Raises the same errors as ``forward``.
+    With one array per row and 300 leaders, this takes 0.16 us per handle. The handles agree with ``forward`` except in
+    the last digits. Chains with different links are supported only if they are placed outwards on a first segment that
+    winds in from infinity. ``settle`` may adjust each row; if it is given, the result ends at the last row that fits on
+    the track. Raises the same errors as ``forward``.
     """
     if not settle and blocks and (found := together(track, _links_of(blocks), leaders, direction)):
         return found
@@ -119,7 +119,7 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
 
 
 def _links_of(blocks: tuple[Block, ...]) -> Floats:
-    """Return the link lengths of blocks from the leader on, (N, 1) or (N, M)."""
+    """Return the link lengths of the blocks in order from the leader, with shape (N, 1) or (N, M)."""
     return np.concatenate([np.broadcast_to(block.link_m, (block.stop - block.start, np.size(block.link_m)))
                            for block in blocks])
 
@@ -152,8 +152,8 @@ def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
     """Return the result of ``forward_many``, computed segment by segment for all handles of a block at once.
 
     On a track of several segments, the handles of a row are on many of these segments. For 500 leaders with 223 links
-    on 50 lines and arcs, this takes a fifth of the time of ``row_by_row``. On a line or an arc, all links span the
-    same arc, so all handles there are computed directly.
+    on 50 lines and arcs, this takes a fifth of the time of ``row_by_row``. On a line or an arc, equal links span equal
+    lengths of the track, so all handles there are computed directly.
     """
     size, (first, stop) = leaders[1].size, (blocks[0].start, blocks[-1].stop) if blocks else (0, 0)
     rows: Places = np.empty((stop + 1, size), dtype=np.int64), *np.empty((2, stop + 1, size))    # from ``first`` on
@@ -170,7 +170,7 @@ def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
 
 
 def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
-    """Place handles of leaders ``on`` along a line or an arc, and the first one beyond; return the evaluation count.
+    """Place the handles of leaders ``on`` on a line or an arc and the first handle beyond; return the evaluation count.
 
     ``at`` (M,) holds the rows of the last handles placed so far and is updated.
     """
@@ -195,7 +195,7 @@ def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
 
 
 def _on_curve(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
-    """Place handles on a spiral link by link (``_evenly`` places the handles on lines and arcs at once)."""
+    """Place handles on a spiral, link by link (``_evenly`` places all handles on a line or an arc together)."""
     spent, past = 0, list[Floats]()
     while on.size:
         here = rows[0][at[on], on], rows[1][at[on], on], rows[2][at[on], on]
@@ -226,12 +226,12 @@ def _across(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
 
 
 def together(track: Track, links_m: Floats, leaders: Places, direction: int) -> tuple[Places, int] | None:
-    """Return the result of ``forward_many``, solved simultaneously; None if handles must be placed row by row.
+    """Return the result of ``forward_many``, solved simultaneously, or None if handles must be placed row by row.
 
     With few leaders of long chains, arrays of one row are too short to be efficient: 30 chains of 223 links take a
     fifth of the time of ``row_by_row``, and a single chain takes as long as with ``forward``. The solver supports
-    leaders on a spiral that winds in from infinity, unless handles almost turn back. Links are given from the leader
-    on, with shape (N, 1) for all chains or (N, M) per chain.
+    leaders on a spiral that winds in from infinity, unless handles almost turn back. Links are given in order from the
+    leader, with shape (N, 1) if all chains have the same links, and shape (N, M) otherwise.
     """
     (number, begin, begin_lo), spiral = leaders, track.from_afar
     if direction != BEHIND or not spiral or np.any(number):
@@ -279,12 +279,12 @@ def _guessed(begin: Floats, begin_lo: Floats, chords: Floats, sign: float) -> tu
 
 
 def _refined(spiral: SpiralSegment, u: Floats, lo: Floats, chords: Floats) -> tuple[Floats, Floats, int] | None:
-    """Refine guessed rows of handles (R+1, M) to chords (R, M) in units of b; return (hi, lo) and the evaluation count.
+    """Refine guessed rows of handles (R+1, M) so that they are ``chords`` apart; return (hi, lo) and evaluation count.
 
-    A single row is too small for efficient array operations, so Newton's method is applied to all rows at once. If e
-    is the Newton step of a link and a is the slope of the map from row to row, errors satisfy d' = a d + e; this
-    recurrence is solved with a cumulative product and a cumulative sum. The result is None if the method does not
-    converge, leaves the spiral, or does not find the nearest positions.
+    The chords (R, M) are in units of b. A single row is too small for efficient array operations, so Newton's method is
+    applied to all rows at once. If e is the Newton step of a link and a is the slope of the map from row to row, errors
+    satisfy d' = a d + e; this recurrence is solved with a cumulative product and a cumulative sum. The result is None
+    if the method does not converge, leaves the spiral, or does not find the nearest positions.
     """
     low, high = min(spiral.first, spiral.last), max(spiral.first, spiral.last)
     for rounds in range(1, _NEWTON_STEPS):
@@ -338,7 +338,7 @@ def next_places(track: Track, places: Places, chord_m: float, direction: int,
 
 def _next_on_one(track: Track, k: int, places: Places, chord_m: float, direction: int,
                  past: Past | None) -> tuple[Places, Floats | None, int]:
-    """Return ``next_places`` for positions on one segment."""
+    """Return the result of ``next_places`` for positions that are all on one segment."""
     number, u, lo = places
     (high, low), stays, square, spent = _stepped(track, k, places, chord_m, direction, past)
     if np.all(stays):
@@ -350,7 +350,7 @@ def _next_on_one(track: Track, k: int, places: Places, chord_m: float, direction
 
 def _stepped(track: Track, k: int, places: Places, chord_m: float, direction: int,
              past: Past | None) -> tuple[tuple[Floats, Floats], Array, Floats, int]:
-    """Return next positions (hi, lo), whether each is on segment k, the predictor's state, and the evaluation count.
+    """Return the next positions (hi, lo), whether each is on segment k, the predictor's state and the evaluation count.
 
     If there is no next position, the position itself is returned.
     """

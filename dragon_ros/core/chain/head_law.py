@@ -1,8 +1,8 @@
-"""The head law: distance travelled and speed of the leading handle along the track as functions of time.
+"""The head law: the leading handle's speed and distance travelled along the track, as functions of time.
 
 Speeds are positive inwards, in the head's direction. If the tail leads, speeds are positive outwards: the dragon is
-wound up behind the start of the head, the tail moves out along the track, and each handle is placed one link ahead of
-the next handle towards the tail.
+wound up behind the head's initial position, the tail moves out along the track, and each handle is placed one link
+ahead of the next handle towards the tail.
 """
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ Knot = tuple[float, float]      # (time in s, speed in m/s)
 
 @dataclass(frozen=True)
 class Head:
-    """Constant speed; the leader has travelled the arc length ``speed_m_s * t`` at time t (paper, eq. 4)."""
+    """Constant speed; the leader has travelled the arc length ``speed_m_s * t`` at time t (the paper's eq. 4)."""
 
     speed_m_s: float = 1.0
     lead: str = 'head'
@@ -46,7 +46,7 @@ class Head:
         return []
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Return the arc length travelled by the leader at ``t_s`` (one time or many), as (hi, lo)."""
+        """Return the arc length that the leader has travelled by ``t_s`` (one time or many), as (hi, lo)."""
         return product(self.speed_m_s, t_s)
 
     def speed_at_m_s(self, t_s: float) -> float:
@@ -64,7 +64,7 @@ class Head:
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
         """Return the first time at which the leader has travelled ``distance_m``; None if it never does.
 
-        ``sense`` is 1 forwards and -1 backwards; the distance must have the sign of the sense, or be 0.
+        ``sense`` is 1 forwards and -1 backwards; ``distance_m`` must have the same sign, or be 0.
         """
         return distance_m / self.speed_m_s if sense * self.speed_m_s > 0 else None
 
@@ -114,7 +114,7 @@ class Profile(Settings):
         return bisect_right(self._times, t_s) - 1
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Return the arc length travelled by the leader at ``t_s`` (one time or many), as (hi, lo)."""
+        """Return the arc length that the leader has travelled by ``t_s`` (one time or many), as (hi, lo)."""
         if isinstance(t_s, np.ndarray):
             gone = np.array([self._gone(t) for t in t_s.tolist()], dtype=np.float64).reshape(-1, 2)
             return gone[:, 0], gone[:, 1]
@@ -146,7 +146,7 @@ class Profile(Settings):
         return self.knots[n][1] if n < len(self.knots) and self._times[n] == t_s else self.speed_at_m_s(t_s)
 
     def acceleration_at_m_s2(self, t_s: float) -> float:
-        """Return the rate of change of the leader's speed in m/s^2; at a knot, the rate just after the knot."""
+        """Return the rate of change (m/s^2) of the leader's speed; at a knot, the rate just after the knot."""
         return self._polynomials_at(t_s)[2].at(t_s)
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
@@ -163,7 +163,7 @@ class Profile(Settings):
 
     @cached_property
     def breaks_s(self) -> list[float]:
-        """Times between which the speed is monotone and does not change sign: knots, and moments of rest on ramps."""
+        """Times between which the speed is monotone and does not change sign: the knots, and zeros of the speed."""
         out = list(self._times)
         for (t0, v0), (t1, v1) in pairwise(self.knots):
             if v0 * v1 < 0:
@@ -174,8 +174,8 @@ class Profile(Settings):
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
         """Return the first time at which the leader has travelled ``distance_m``; None if it never does.
 
-        ``sense`` is 1 forwards and -1 backwards; the distance must have the sign of the sense, or be 0. For 0, the
-        result is the time at which the leader departs.
+        ``sense`` is 1 forwards and -1 backwards; ``distance_m`` must have the same sign, or be 0. For 0, the result is
+        the time at which the leader departs.
         """
         def beyond(t_s: float) -> tuple[float, float]:
             hi, lo = self.travelled_m(t_s)
@@ -197,7 +197,7 @@ class Profile(Settings):
 def ramp(knots: Sequence[Knot], reached_m: Fraction, smooth: bool = False) -> tuple[ExactPolynomial, ...]:
     """Return distance, speed and acceleration after the first knot, at distance ``reached_m``, as polynomials in time.
 
-    If there is no second knot, the first knot is the last knot of a law, and its speed continues.
+    If there is no second knot, the first knot is the last knot of the law, and its speed continues.
     """
     (t_s, speed), (end_s, then) = knots[0], knots[-1]
     length, change = Fraction(end_s) - Fraction(t_s), Fraction(then) - Fraction(speed)
@@ -211,12 +211,12 @@ def ramp(knots: Sequence[Knot], reached_m: Fraction, smooth: bool = False) -> tu
 
 
 def _smooth_share(rise: float) -> float:
-    """Return the fraction of its duration after which a smooth ramp has completed a fraction of its speed change."""
+    """Return the fraction of its duration after which a smooth ramp has made the fraction ``rise`` of its change."""
     return bracketed_newton(lambda x: (x * x * (3 - 2 * x) - rise, 6 * x * (1 - x)), 0.0, 1.0, rise)[0]
 
 
 def ramp_m(one: Knot, two: Knot) -> Fraction:
-    """Return the distance travelled on a ramp between two knots; its mean speed is the mean of both speeds."""
+    """Return the distance travelled on a ramp between two knots; its mean speed is the mean of its end speeds."""
     return (Fraction(two[0]) - Fraction(one[0])) * (Fraction(one[1]) + Fraction(two[1])) / 2
 
 

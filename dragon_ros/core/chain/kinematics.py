@@ -1,4 +1,4 @@
-"""Speeds and accelerations of all handles of rigid links, on any track, with the head or the tail as leader.
+"""Speeds and accelerations of the handles of rigid links, on any track, with the head or the tail as the leader.
 
 Handle i moves along the track at the signed speed s_i, positive in the head's direction, so that q' = s T and
 
@@ -11,8 +11,8 @@ q_r|^2 = l^2. Differentiating this once and twice gives
     s_f (e . T_f) = s_r (e . T_r),
     s_f' (e . T_f) + s_f^2 kappa_f (e . N_f) + |q_f' - q_r'|^2 / l = s_r' (e . T_r) + s_r^2 kappa_r (e . N_r).
 
-These equations, one for s and one for s' per link, are solved link by link from the leader on. If e . T of a follower
-vanishes, the chain locks.
+These equations, one for s and one for s' per link, are solved link by link, starting at the leader. If e . T of a
+follower vanishes, the chain locks.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -32,10 +32,10 @@ _ULP = 2.0**-52
 class RigidLinks:
     """The links of a chain and the tangents at its handles, at one instant or at many (leading axes).
 
-    ``p`` (..., N+1, 2) are the handles in metres, ``links_m`` (N,) are the link lengths, ``forward`` (..., N+1, 2)
-    are unit tangents in the head's direction, and ``leader`` is the index of the leading handle, 0 or -1. The
-    leader's speed and tangential acceleration are positive in the leader's own direction: the head's direction if the
-    head leads, and the opposite direction if the tail leads.
+    ``p`` holds the handle positions (m, shape (..., N+1, 2)), ``links_m`` holds the link lengths (m, shape (N,)),
+    ``forward`` (..., N+1, 2) holds the unit tangents in the head's direction, and ``leader`` is the index of the
+    leading handle, 0 or -1. The leader's speed and tangential acceleration are positive in the leader's own direction:
+    the head's direction if the head leads, and the opposite direction if the tail leads.
     """
 
     p: Floats
@@ -65,12 +65,12 @@ class RigidLinks:
 
     @cached_property
     def cosines(self) -> tuple[Floats, Floats]:
-        """Scalar products e . T at the front handle and at the rear handle of each link, (..., N) each."""
+        """Scalar products e . T at the front handle and at the rear handle of each link, each of shape (..., N)."""
         front, rear = dot(self.axis, self.forward[..., :-1, :]), dot(self.axis, self.forward[..., 1:, :])
         return np.where(self.along_track, 1.0, front), np.where(self.along_track, 1.0, rear)
 
     def speeds(self, leader_m_s: float | Floats) -> Floats:
-        """Return the signed speeds (..., N+1) in m/s, positive in the head's direction, for leader speeds (...)."""
+        """Return the handles' signed speeds (m/s, shape (..., N+1)), positive in the head's direction."""
         front, rear = self.cosines
         out = np.empty(self.p.shape[:-1])
         leading = self._forward(leader_m_s)
@@ -83,11 +83,11 @@ class RigidLinks:
         return out
 
     def velocities(self, leader_m_s: float | Floats) -> Floats:
-        """Return the velocities (..., N+1, 2) in m/s."""
+        """Return the velocities (m/s, shape (..., N+1, 2))."""
         return read_only(self.speeds(leader_m_s)[..., None] * self.forward)
 
     def accelerations(self, speeds: Floats, curvature: Floats, leader_m_s2: float | Floats) -> Floats:
-        """Return the accelerations (..., N+1, 2) in m/s^2.
+        """Return the accelerations (m/s^2, shape (..., N+1, 2)).
 
         ``speeds`` (..., N+1) is the result of the method ``speeds``. ``curvature`` (..., N+1) is the signed curvature
         in 1/m, positive if the head turns left (see ``entered_curvatures`` for joints). ``leader_m_s2`` (...) is the
@@ -129,11 +129,11 @@ def _carried(start: float, steps: Iterator[tuple[float, float]]) -> Iterator[flo
 
 
 def entered_curvatures(track: Track, segment: Ints, u: Floats, speeds: Floats, within_m: float) -> Floats:
-    """Return the signed curvatures (..., N+1) in 1/m at all handles just after this instant.
+    """Return the signed curvatures (1/m, shape (..., N+1)) at all handles just after this instant.
 
-    ``within_m`` is the possible error of positions: a handle at most this far from a joint counts as being on the
-    segment that it is entering. A handle at rest counts as being on its own segment; the curvature there has no
-    effect, because it is multiplied by the squared speed.
+    ``within_m`` is the largest possible position error: a handle at most this far from a joint counts as being on the
+    segment that it is entering. A handle at rest counts as being on its own segment; the curvature there has no effect,
+    because it is multiplied by the squared speed.
     """
     if not track.joints_m:
         return track.curvatures(segment, u)

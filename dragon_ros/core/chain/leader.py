@@ -19,8 +19,8 @@ class Leader:
     """The leader of a chain whose head is initially at the distance ``start_m`` along a track.
 
     If the head leads, the followers are behind it. If the tail leads (``direction`` AHEAD), the leader is the last
-    handle and moves back along the track. Each handle is then ahead of its neighbour nearer to the tail, so links
-    follow in reverse order, and the track ends at the initial position of the head.
+    handle and moves back along the track. Each handle is then ahead of its neighbour nearer to the tail, so the links
+    are in reverse order, and the track ends at the initial position of the head.
     """
 
     track: Track
@@ -37,7 +37,7 @@ class Leader:
 
     @cached_property
     def least_m(self) -> float:
-        """Distance of the head along the track when the tail is at the beginning; -inf if the track is open there."""
+        """Distance of the head along the track when the tail is at its start; -inf if the track has no start."""
         if self.track.begin_m == -inf:
             return -inf
         try:
@@ -53,7 +53,7 @@ class Leader:
         return self.track.distance_of(_last(self.track, self.links_m, self.track.place_at(self.start_m), BEHIND))
 
     def place(self, gone_m: tuple[float, float]) -> Place:
-        """Return the leader's position after travelling ``gone_m`` = (hi, lo). Raises TrackEndError beyond an end."""
+        """Return the position after a travel of ``gone_m`` = (hi, lo). Raises TrackEndError beyond an end."""
         (origin, low), step = self._origin_m, -self.direction * gone_m[0]
         total = origin + step               # double_double.plus, inlined
         part = total - origin
@@ -75,7 +75,7 @@ class Leader:
         return self._origin_m[0] - self.direction * gone_m
 
     def turning_m(self, low_m: float, high_m: float, links: int | None = None) -> list[float]:
-        """Return the travel distances between two limits at which any handle turns back, in ascending order.
+        """Return the distances travelled, between two limits, at which a handle turns back, in ascending order.
 
         Between consecutive distances, every handle moves in one direction. Handles turn back only near the centre of a
         single spiral, where links may lock. If ``links`` is given, only the handles of the first ``links`` links are
@@ -124,5 +124,5 @@ def head_in_front_m(track: Track, links_m: Floats, tail_m: float) -> float:
 
 
 def _last(track: Track, links_m: Floats, leader: Place, direction: int) -> Place:
-    """Return the position of the last handle of a chain whose leader is at a position."""
+    """Return the position of the last handle of a chain whose leader is at a given position."""
     return forward(track, blocks_of(links_m, direction), leader, direction).place(-1)

@@ -11,8 +11,8 @@ from math import cos, inf, pi, sin, sqrt, ulp
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.tracks.spiral import chord_of, first_guess, first_peak, step
 
-# If the angle of its front handle exceeds its chord by more than this, a link spans less than 60 degrees, so that its
-# rear handle never turns back.
+# If the angle of its front handle exceeds its chord by more than this, a link spans less than 60 degrees, so its rear
+# handle never turns back.
 _NO_TURN = 4.0
 
 
@@ -27,9 +27,9 @@ def lock_angle(chord: float) -> float:
 
 
 def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
-    """Return the head's polar angle at which an inward chain first locks, and the link; (0, 0) if it never locks.
+    """Return the head's polar angle at which a chain winding in first locks, and the link; (0, 0) if it never locks.
 
-    A link locks when its front handle reaches ``lock_angle``. For each link, from the head on, the front handle is
+    A link locks when its front handle reaches ``lock_angle``. For each link, starting at the head, the front handle is
     tracked over the positions of the head at which the preceding links can be placed. Between consecutive ``places``,
     this handle moves in one direction. Because handles lie at increasing radii, the search ends when even the longest
     link can no longer lock.
@@ -56,7 +56,7 @@ def _meets(chords: Sequence[float], theta: float, low: float, high: float) -> fl
 
 def _one_link_on(chords: Sequence[float], chord: float, places: list[float],
                  here: list[float]) -> tuple[list[float], list[float], list[float]]:
-    """Return the head angles at which the rear handle of one more link turns back, and its ``places`` and ``here``.
+    """Return the head angles at which the rear handle of the next link turns back, and its ``places`` and ``here``.
 
     At the head angles ``places``, the front handle of the link (behind ``chords``) has the polar angles ``here``;
     between these head angles, it moves in one direction. The returned ``places`` are the head angles, in ascending
@@ -84,7 +84,7 @@ def follower(theta: float, chord: float) -> float:
 
 
 def _rear(theta: float, chord: float) -> float:
-    """Return ``follower`` or, exactly at a lock, where rounding may remove the root, the angle of the longest chord."""
+    """Return ``follower`` or, exactly at a lock, where rounding can remove the root, the angle of the longest chord."""
     rear = follower(theta, chord)
     return rear if rear < inf else theta + first_peak(theta, pi)[0]
 
@@ -125,8 +125,8 @@ def _bisect(holds, low: float, high: float) -> float:  # type: ignore[no-untyped
 def turning_places(chords: Sequence[float], low: float, high: float) -> list[float]:
     """Return the head angles in (low, high), in ascending order, at which the rear handle of any link turns back.
 
-    Between consecutive angles, every handle moves in one direction. The links are examined from the head on until no
-    later link can turn back. If all links behind the head's link are equal, the links behind the third handle merely
+    Between consecutive angles, every handle moves in one direction. The links are examined in order from the head until
+    no later link can turn back. If all links behind the head's link are equal, the links behind the third handle merely
     follow it (docs/contact.md, lemma 2), so two links suffice.
     """
     longest = [*accumulate(reversed(chords), max)][::-1]

@@ -1,4 +1,4 @@
-"""The functions of the effects; the modules of effects that are off are not imported."""
+"""The functions that compute the effects; the modules of effects that are off are not imported."""
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any

@@ -9,7 +9,7 @@ from dragon_ros.core.numerics.vectors import dot
 
 
 def accelerations(simulation: Simulation, t_s: float, chain: Chain) -> Floats:
-    """Return the accelerations (N+1, 2) of all handles in m/s^2, from the rigid links and the leader's law.
+    """Return the accelerations of all handles (m/s^2, shape (N+1, 2)) that follow from the leader's law.
 
     At a jump (a knot of the law, or a handle that passes a joint of the track), the values just after the jump are
     returned.
@@ -22,7 +22,7 @@ def accelerations(simulation: Simulation, t_s: float, chain: Chain) -> Floats:
 
 
 def tensions(chain: Chain, a: Floats) -> Floats:
-    """Return the tensions (N,) of all links in newtons per kilogram of mass at each handle, positive if a link pulls.
+    """Return the tension (N,) of each link, in newtons per kilogram of mass at each handle, positive if it pulls.
 
     ``a`` (N+1, 2) holds the accelerations of the handles in m/s^2.
 

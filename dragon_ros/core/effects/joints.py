@@ -5,7 +5,7 @@ from dragon_ros.core.numerics.types import Floats, read_only
 
 
 def joint_angles(axis: Floats) -> Floats:
-    """Return the angles (N - 1,) from each bench to the next bench in rad, in (-pi, pi], positive to the left.
+    """Return the angle from each bench to the next (rad, shape (N - 1,)), in (-pi, pi] and positive to the left.
 
     ``axis`` (N, 2) holds the unit directions of the benches, from the rear to the front.
     """

@@ -6,7 +6,7 @@ from dragon_ros.core.numerics.types import read_only
 
 
 def leader_motion(simulation: Simulation, t_s: float, chain: Chain) -> LeaderMotion:
-    """Return the position of the leading handle, the direction of its motion, and its speed and turning rate.
+    """Return the position of the leading handle, the direction of its motion, its speed and its turning rate.
 
     A leading tail moves outwards, opposite to the direction of a leading head.
     """

@@ -7,7 +7,7 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 
 def trail(simulation: Simulation, t_s: float) -> Floats:
-    """Return the head's positions (points, 2) in m over the last ``trails.seconds``, at equal steps, oldest first."""
+    """Return evenly spaced positions of the head (m, shape (points, 2)) over ``trails.seconds``, oldest first."""
     trails = simulation.scene.trails
     times = np.linspace(max(0.0, t_s - trails.seconds), t_s, trails.points)
     return read_only(np.ascontiguousarray(_head_at(simulation, times)))

@@ -1,4 +1,4 @@
-"""Find pairs of benches that could touch, by directions about the origin or by bounding boxes.
+"""Find pairs of benches that could touch, by their directions about the origin or by their bounding boxes.
 
 For each bench, the paper draws the lines from the centre through the two handles and intersects them with the next
 layer out, at theta + 2 pi (the paper prints theta - 2 pi; see docs/errata.md). It then takes the three benches
@@ -18,15 +18,15 @@ from dragon_ros.core.numerics.types import Array, Floats, Ints
 
 _TOGETHER = 4   # number of steps whose boxes are queried together
 _AT_ONCE = 256
-_MOST_PAIRS = 1_000_000     # total limit, unless the limit per bench allows more
-_MOST_EACH = 16             # limit per bench
+_MOST_PAIRS = 1_000_000     # maximum number of pairs, unless the limit per bench allows more
+_MOST_EACH = 16             # maximum number of pairs per bench
 _MOST_TURNS = 8         # maximum number of layers within reach of a bench; with more layers, boxes are faster
-_HAIR = 1e-9            # tolerance in rad, and relative to the size of the dragon; far above rounding errors
+_HAIR = 1e-9            # tolerance of angles (rad), and of lengths (relative to the dragon's size), far above rounding
 
 
 @dataclass(frozen=True)
 class _Sectors:
-    """The sectors about the origin that contain the benches, as directions [low, high] and distances."""
+    """The sectors about the origin that contain the benches, as ranges of directions and of distances."""
 
     low: Floats
     high: Floats
@@ -35,19 +35,19 @@ class _Sectors:
 
 
 def candidates(p: Floats, benches: Benches, reach_m: float | None = None) -> tuple[Ints, Ints]:
-    """Return sorted pairs (i, j), j >= i + 2, with every pair that touches or has a gap of at most ``reach_m``.
+    """Return sorted pairs (i, j), j >= i + 2, including all that touch or have a gap of at most ``reach_m``.
 
-    ``p`` are the handles (N+1, 2) in metres about the centre. The default of ``reach_m`` is the largest width or a
-    twentieth of the largest length, whichever is larger. If the smallest gap of the candidates is at most
-    ``reach_m``, it is the smallest gap of all pairs; otherwise the gaps of all pairs exceed ``reach_m``. The
-    result always includes the pairs with |i - j| = 2 or 3 and, at any distance, pairs of benches on adjacent layers
-    that share a direction.
+    ``p`` holds the handle positions (m, shape (N+1, 2)) relative to the centre. By default, ``reach_m`` is the largest
+    width or a twentieth of the largest length, whichever is larger. If the smallest gap of the candidates is at most
+    ``reach_m``, it is the smallest gap of all pairs; otherwise, the gaps of all pairs exceed ``reach_m``. The result
+    always includes the pairs with |i - j| = 2 or 3 and, at any distance, pairs of benches on adjacent layers that share
+    a direction.
 
-    The search takes O(N) time if the handles wind outwards about the origin: the directions of the benches increase
-    (or decrease) towards the tail, no bench turns back by more than half a turn, and few layers are within reach of
-    each other. If a bench is within reach of other layers or of its own layer, its candidates include those layers. A
-    bench over the origin covers every direction. All these conditions are checked; if one of them fails, the
-    candidates are found by ``box_pairs``, which is complete for any layout.
+    The search takes O(N) time if the handles wind outwards about the origin: the directions of the benches increase (or
+    decrease) towards the tail, no bench turns back by more than half a turn, and few layers are within reach of each
+    other. If a bench is within reach of other layers or of its own layer, its candidates include those layers. A bench
+    that covers the origin spans all directions. All these conditions are checked; if one of them fails, the candidates
+    are found by ``box_pairs``, which is complete for any layout.
     """
     reach = default_reach_m(benches) if reach_m is None else reach_m
     sectors = _sectors(p, benches, reach)
@@ -112,7 +112,7 @@ def _spread(along: Floats, aside: Floats, half: Floats, side: Floats) -> tuple[F
 
 
 def _polar_pairs(sectors: _Sectors) -> tuple[Ints, Ints] | None:
-    """Return the pairs whose sectors meet, from one window per bench and turn; None if there are too many.
+    """Return the pairs whose sectors meet, found from one window per bench and turn, or None if there are too many.
 
     Because ``low`` increases and ``high`` is replaced by its running maximum, the benches that share a direction with
     bench i after k turns form one window. The windows of bench i end where all later benches are further out than
@@ -148,9 +148,10 @@ def _spelt(start: Ints, size: Ints) -> tuple[Ints, Ints]:
 
 
 def box_pairs(benches: Benches, reach_m: float = 0.0) -> tuple[Ints, Ints]:
-    """Return every pair whose axis-aligned boxes come within ``reach_m``, for any layout (with shapely's STRtree).
+    """Return every pair whose axis-aligned boxes are within ``reach_m`` of each other, for any layout of the benches.
 
-    Pairs with |i - j| = 2 or 3 are always included. Raises CrowdError if there would be too many pairs.
+    The boxes are searched with shapely's STRtree. Pairs with |i - j| = 2 or 3 are always included. Raises CrowdError if
+    there would be too many pairs.
     """
     return swept_pairs(benches.corners[None], reach_m)
 

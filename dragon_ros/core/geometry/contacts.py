@@ -8,13 +8,13 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True)
 class Closeness:
-    """The smallest signed gap in metres of benches that are not neighbours, its pair, and all pairs that touch.
+    """The smallest signed gap (m) between benches that are not neighbours, its pair, and all pairs that touch.
 
     In a venue, obstacles are included; in a pair (i, j) they are numbered after the benches, in the order of the
     venue's names.
 
     With fewer than three benches, ``clearance_m`` is inf and ``closest`` is None; if several pairs have the same gap,
-    ``closest`` is the first. ``i`` and ``j`` (K,) are the pairs that touch, with i < j, and ``gap_m`` (K,) are their
+    ``closest`` is the first. ``i`` and ``j`` (K,) hold the pairs that touch, with i < j, and ``gap_m`` (K,) holds their
     gaps, deepest first.
     """
 
@@ -27,7 +27,7 @@ class Closeness:
 
 @dataclass(frozen=True)
 class Contacts:
-    """The pairs (M, 2) that touch, deepest first, their signed gaps (M,) in m, and the points (M, 2) of contact.
+    """The pairs that touch (M, 2), deepest first, with their signed gaps (m, (M,)) and contact points (m, (M, 2)).
 
     Obstacles of a venue are numbered after the benches, in the order of the venue's names.
     """
@@ -37,7 +37,7 @@ class Contacts:
     point_m: Floats
 
 
-OBSTACLE = -1       # owner of an edge or a corner of an obstacle, in place of the index of a bench
+OBSTACLE = -1       # owner of an obstacle's edge or corner, in place of the index of a bench
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class ObstacleTouch:
 
 @dataclass(frozen=True)
 class Observation:
-    """An observation of one tick: the time, handles (N+1, 2) in m, bench rectangles, and the name of their frame."""
+    """An observation of one tick: its time, the handles (m, shape (N+1, 2)), the benches, and their frame's name."""
 
     t_ns: int
     p: Floats

@@ -1,13 +1,13 @@
 """Find the closest and the touching pairs of benches and obstacles at successive samples, using a list of near edges.
 
-``with_obstacles`` searches from scratch. ``NearObstacles`` returns bit-identical results from the state of an earlier
-sample, which lists all pairs of a bench and an edge whose gaps were at most a given reach. Obstacles are at rest, so
-the gap of a bench with half diagonal r has since changed by at most m = |c - c'| + r |w - w'|, where c are centres
-and w are orientations (unit complex numbers). The gaps of unlisted pairs are above the reach minus m. A listed pair
-can be excluded by its gap minus m, or by its separation along the axis that separated the pair best, as in
-``near_pairs``: a bench that moves along a wall stays at the same distance from the wall. Gaps are computed only for
-pairs that may be closer than the closest two benches and the previously nearest edge. The state affects only the time
-that a sample takes.
+``with_obstacles`` searches from scratch. ``NearObstacles`` returns the same results, bit for bit, but uses the state of
+an earlier sample, which lists all pairs of a bench and an edge whose gaps were at most a given reach. Obstacles are at
+rest, so the gap of a bench with half diagonal r has since changed by at most m = |c - c'| + r |w - w'|, where c and w
+are the centre and the orientation (a unit complex number) of the bench, and c' and w' are those of the earlier sample.
+The gaps of unlisted pairs exceed the reach minus m. A listed pair can be excluded by its gap minus m, or by its
+separation along the axis that separated the pair best, as in ``near_pairs``: a bench that moves along a wall stays at
+the same distance from the wall. Gaps are computed only for pairs that may be closer than the closest two benches and
+the previously nearest edge. The state affects only the time that a sample takes.
 
 A bench on the wrong side of an obstacle's edges (``misplaced_benches``) touches the obstacle even if it meets none of
 the edges; its signed gap is then minus its distance from the nearest edge.
@@ -25,7 +25,7 @@ from dragon_ros.core.geometry.signed_distance import PartedPairs, gap_of, parted
 from dragon_ros.core.geometry.venue import Surroundings
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 
-_SKIN = 0.3             # margin of lists, relative to the mean bench length; long lists last longer but take more time
+_SKIN = 0.3             # margin of lists, relative to the mean bench length; long lists last longer, but take more time
 _HAIR = 2.0**-40        # tolerance for rounding errors of gaps and displacements, relative to coordinates and sizes
 _FEW = 8                # up to this many pairs are computed one by one; more pairs are computed as arrays
 

@@ -1,17 +1,18 @@
 """Find the closest two benches and all benches that touch at successive samples, using a list of near pairs.
 
-``closeness`` searches from scratch. ``NearPairs`` returns bit-identical results from the state of earlier samples: a
-list of near pairs (Verlet, Phys. Rev. 159, 98, 1967), and bounds on how much all gaps have changed since. This state
-affects only the time that a sample takes.
+``closeness`` searches from scratch. ``NearPairs`` returns the same results, bit for bit, but uses the state of earlier
+samples: a list of near pairs (Verlet, Phys. Rev. 159, 98, 1967), and bounds on how much all gaps have changed since.
+This state affects only the time that a sample takes.
 
 The method uses three bounds. The signed gap of two convex figures is the largest of -(h_A(n) + h_B(-n)) over all
 directions n, where h are their support functions, and a support function changes by at most the displacement of the
 farthest-moving point. Therefore:
 
-1. The gap of a pair is at least its separation along any one direction. A listed pair stores one direction: the axis,
-   of either bench, that separated the benches best when the list was measured. This axis turns with its bench.
-   Benches of neighbouring layers slide along each other, which does not change the separation along this axis. The
-   separation therefore quickly excludes most pairs that are not the closest.
+1. The gap of a pair is at least its separation along any one direction. Each listed pair stores one direction: that
+axis of the
+   two benches which separated them best when the list was last measured. This axis turns with its bench. Benches of
+   neighbouring layers slide along each other, which does not change the separation along this axis. The separation
+   therefore quickly excludes most pairs that are not the closest.
 2. The gap of a pair changes by at most the displacement of its points in any frame, including the frame of a third
    bench k. With centres c and turns w since the reference state (unit complex numbers), the points of a bench with
    half diagonal r move by at most m = |(c - c_k) conj(w_k) - (c' - c_k')| + r |w - w_k|, and a gap changes by at most
@@ -47,7 +48,7 @@ _HAIR = 2.0**-40        # tolerance for rounding, relative to coordinates and si
 _MOST_EACH = 32         # maximum number of listed pairs per bench; with more, each sample is searched from scratch
 _FEW = 8                # up to this many pairs are computed one by one; more pairs are computed as arrays
 _FIRST_PART = 512       # number of benches in the innermost part; each further part extends twice as far
-_OVERLAP = 2.5          # limit of the benches in all lists, per bench of the dragon; above it, the dragon is not split
+_OVERLAP = 2.5          # limit on the benches in all lists, per bench of the dragon; above it, the dragon is not split
 _WORTH = 0.02           # smallest margin, relative to the skin, at which a part need not be measured at each sample
 
 _NONE: Ints = np.empty(0, dtype=np.int64)
@@ -55,7 +56,7 @@ _NOTHING = Closeness(inf, None, _NONE, _NONE, np.empty(0))
 
 
 def closeness(p: Floats, benches: Benches) -> Closeness:
-    """Return the closest two benches and all benches that touch, by a full search; ``p`` are the handles (N+1, 2).
+    """Return the closest two benches and all benches that touch, by a full search; ``p`` (N+1, 2) holds the handles.
 
     Raises CrowdError if too many benches are close together.
     """
@@ -95,10 +96,11 @@ class _ComplexBenches(NamedTuple):
 class _NearList:
     """The near pairs (i, j) of benches ``first`` <= i < ``stop`` with benches j < ``end``, and their reference state.
 
-    ``held`` is the reference bench, ``from_held`` are all centres (M,) relative to the reference bench, and
-    ``turned_back`` are the conjugate axes (M,). When the list was built, pairs with gaps larger than ``beyond_m``
+    ``held`` is the reference bench, ``from_held`` (M,) holds all centres relative to the reference bench, and
+    ``turned_back`` (M,) holds the conjugate axes. When the list was built, pairs with gaps larger than ``beyond_m``
     were omitted. Between then and the reference state, gaps changed by at most ``spent_m``. In the reference state, no
-    listed pair was closer than ``nearest_m``. When the list was last measured, ``close`` gaps had to be computed.
+    listed pair was closer than ``nearest_m``. ``close`` is the number of gaps that had to be computed when the list was
+    last measured.
     """
 
     first: int
@@ -163,14 +165,14 @@ def _listed(bodies: _ComplexBenches, p: Floats, benches: Benches, part: tuple[in
 
 
 def _middle(bodies: _ComplexBenches, first: int, end: int) -> int:
-    """Return the reference bench, halfway between the benches of a part nearest to and farthest from the origin."""
+    """Return the reference bench: its distance from the origin is closest to the middle of the range in the part."""
     radius = np.abs(bodies.centre[first:end])
     return first + int(np.argmin(np.abs(radius - 0.5 * (np.min(radius) + np.max(radius)))))
 
 
 def _seen_part(part: _NearList, bodies: _ComplexBenches, p: Floats, benches: Benches, limit_m: float,
                skin_m: float) -> tuple[_NearList, Ints] | None:
-    """Return a part after another sample, and the rows of pairs possibly within a limit; None if there are too many."""
+    """Return a part after another sample, and the rows of pairs that may be within a limit; None if too many are."""
     change_m = part.change_m(bodies)
     if not part.beyond_m - part.spent_m - change_m > limit_m:
         listed = _listed(bodies, p, benches, (part.first, part.stop, part.end), max(limit_m, 0.0) + skin_m, limit_m)
@@ -205,8 +207,8 @@ def _decided(benches: Benches, known: tuple[tuple[int, int], float], pairs: list
 class _Kept:
     """The state stored between samples: the parts, the closest pair, and the ``sizes`` of the benches.
 
-    Pairs across the ends of parts were at least ``apart_m`` apart when the benches had these centres (N,) and
-    conjugate axes (N,).
+    Pairs across the ends of parts were at least ``apart_m`` apart when the benches had the centres ``centre`` (N,) and
+    the conjugate axes ``turned_back`` (N,).
     """
 
     sizes: bytes

@@ -12,11 +12,11 @@ from dragon_ros.core.limits import MAP_EDGES
 from dragon_ros.core.numerics.types import Complexes, Ints
 
 Bools = NDArray[np.bool_]
-_MOST_SIDES = 20 * MAP_EDGES        # limit before the sides are merged
+_MOST_SIDES = 20 * MAP_EDGES        # limit on the number of sides before they are merged
 
 
 def outlines(occupied: Bools, name: str, corner: complex, across: complex) -> Surroundings | None:
-    """Return the boundaries of occupied cells (rows, columns); None if no cell is occupied.
+    """Return the boundaries of occupied cells (shape (rows, columns)), or None if no cell is occupied.
 
     ``corner`` is the outer corner of the first cell, and ``across`` is the vector along a cell of the first row;
     further rows follow to the left of this vector. Cells that touch, even if only at a corner, form one obstacle.
@@ -74,13 +74,13 @@ def _changes(occupied: Bools) -> Ints:
 
 
 def _merged(line: Ints, place: Ints, kind: Bools) -> tuple[Ints, Ints]:
-    """Return the indices of the first and last of each run of consecutive positions of the same line and kind."""
+    """Return the indices of the first and last item of each run of consecutive positions of the same line and kind."""
     ends = (line[1:] != line[:-1]) | (place[1:] != place[:-1] + 1) | (kind[1:] != kind[:-1])
     return np.flatnonzero(np.append(True, ends)), np.flatnonzero(np.append(ends, True))
 
 
 def _labels(first: Ints, last: Ints, width: int) -> tuple[Ints, int]:
-    """Return the index of the connected part of each run, in order of first runs, and the number of parts.
+    """Return the index of the connected part that contains each run, and the number of parts, ordered by first runs.
 
     Runs of cells extend from ``first`` to ``last``, as row * width + column. Runs that touch in consecutive rows are
     joined until nothing changes: each pass propagates the smallest number between touching runs, and then follows the

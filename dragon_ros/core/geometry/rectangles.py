@@ -10,7 +10,7 @@ from dragon_ros.core.numerics.types import Floats, Ints, read_only
 
 @dataclass(frozen=True)
 class Benches:
-    """Rectangles in metres: ``centre`` (..., N, 2), unit ``axis`` (..., N, 2) from rear to front, half sizes (N,)."""
+    """Rectangles: centres (m, (..., N, 2)), unit axes from rear to front (..., N, 2), and half sizes (m, (N,))."""
 
     centre: Floats
     axis: Floats
@@ -39,12 +39,12 @@ class Benches:
 def corner_levers(dragon: AnyDragon, bend: float) -> Floats:
     """Return the largest error of any corner of each bench (N,), relative to the position error of its handles.
 
-    Let s be the length of a bench over its link, w its width, and e the error of both handles. Across the link, the
-    error of a corner is (1 + s) / 2 times the error of one handle plus (1 - s) / 2 times that of the other; along the
-    link, it is the mean of both errors. The largest norm of this sum is s e, or 2 e / sqrt(4 - s^2) if s^2 < 2. The
-    link turns by at most 2 e over its length, which moves the corners along the link by another w e / link. These are
-    the terms of first order in e / link. A bench whose link has zero length turns with the track, whose largest
-    curvature is ``bend``.
+    Let s be the length of a bench divided by that of its link, w its width, and e the error of both handles. Across the
+    link, the error of a corner is (1 + s) / 2 times the error of one handle plus (1 - s) / 2 times that of the other;
+    along the link, it is the mean of both errors. The largest norm of this sum is s e, or 2 e / sqrt(4 - s^2) if s^2 <
+    2. The link turns by at most 2 e over its length, which moves the corners along the link by another w e / link.
+    These are the terms of first order in e / link. A bench whose link has zero length turns with the track, whose
+    largest curvature is ``bend``.
     """
     length, link, width = dragon.bench_lengths_m, dragon.link_lengths_m, dragon.width_m
     joined = link == 0
@@ -63,7 +63,7 @@ def together(one: Benches, other: Benches) -> Benches:
 
 
 def axes_of(chain: Chain) -> Floats:
-    """Return unit vectors (..., N, 2) from handle i + 1 to handle i; a link of zero length points along the track."""
+    """Return unit vectors (..., N, 2) from handle i + 1 to handle i; a zero-length link points along the track."""
     axis = chain.p[..., :-1, :] - chain.p[..., 1:, :]
     length = np.hypot(axis[..., 0], axis[..., 1])
     if not length.all():

@@ -1,4 +1,4 @@
-"""Separating axes and signed gaps of rectangles: the distance, or minus the shortest translation that separates them.
+"""Separating axes and signed gaps of rectangles: their distance, or minus the shortest translation that parts them.
 
 The shortest translation that separates two overlapping convex polygons is normal to an edge, so the separating-axis
 value is its length. If the polygons are apart, that value is only a lower bound, and the nearest corner determines
@@ -123,7 +123,7 @@ def parted_between(states: Sequence[RelativePoses], sag: tuple[Floats, Floats]) 
     """Return a lower bound on the separation of pairs between ``states``, and the largest ratio of separation to sag.
 
     Between the states, corners deviate by at most ``sag`` from the lines (or the bilinear surface) through their
-    positions at the states. ``sag`` has two members, for the corners of B relative to A and for the corners of A
+    positions at the states. ``sag`` has two elements, for the corners of B relative to A and for the corners of A
     relative to B. Along these lines, the separation from an edge is concave.
     """
     low, ratio = [], []
@@ -150,7 +150,7 @@ class PartedPairs(NamedTuple):
     sizes: Floats
 
     def separations(self, centre: Complexes, axis: Complexes, back: Complexes) -> Floats:
-        """Return the separation of each pair along its axis (at most the gap); ``back`` are the conjugate axes."""
+        """Return the separation of each pair along its axis (at most the gap); ``back`` holds the conjugate axes."""
         towards = back.take(self.owner)
         towards *= self.towards
         offset = centre.take(self.other)
@@ -192,7 +192,7 @@ def parted_pairs(centre: Complexes, axis: Complexes, benches: Benches, i: Ints, 
 
 
 def signed_gap(pairs: RelativePoses) -> Floats:
-    """Return the signed gap of each pair in metres."""
+    """Return the signed gap of each pair, in metres."""
     axis_a, near_a = pairs.separations()
     axis_b, near_b = pairs.mirrored().separations()
     gap = np.maximum(axis_a, axis_b)
@@ -201,7 +201,7 @@ def signed_gap(pairs: RelativePoses) -> Floats:
 
 
 def gaps(benches: Benches, i: Index, j: Index, others: Benches | None = None) -> Floats:
-    """Return the signed gaps of benches i and j in metres. If ``others`` are given, j are indices of ``others``."""
+    """Return the signed gaps (m) between benches i and j. If ``others`` are given, j are indices of ``others``."""
     if isinstance(i, tuple) or isinstance(j, tuple) or i.ndim != 1 or i.shape != j.shape or i.size <= _AT_ONCE:
         return signed_gap(placement(benches, i, j, others))
     parts = range(0, i.size, _AT_ONCE)
@@ -210,10 +210,10 @@ def gaps(benches: Benches, i: Index, j: Index, others: Benches | None = None) ->
 
 
 def gap_of(benches: Benches, i: int, j: int, others: Benches | None = None) -> float:
-    """Return the signed gap of benches i and j in metres, bit-identical to ``gaps``, using the same float operations.
+    """Return the signed gap (m) between benches i and j, bit-identical to the result of ``gaps``.
 
-    For a single pair, this takes a tenth of the time of array operations. If ``others`` are given, j is an index of
-    ``others``.
+    For a single pair, the same float operations take a tenth of the time of array operations. If ``others`` are given,
+    j is an index of ``others``.
     """
     others = benches if others is None else others
     (x_i, y_i), (x_j, y_j) = benches.centre[i].tolist(), others.centre[j].tolist()
@@ -231,7 +231,7 @@ def gap_of(benches: Benches, i: int, j: int, others: Benches | None = None) -> f
 
 def _separation(x: float, y: float, cos: float, sin: float, a: tuple[float, float],
                 b: tuple[float, float]) -> tuple[float, float]:
-    """Return ``RelativePoses.separations`` for one pair."""
+    """Return the result of ``RelativePoses.separations`` for one pair."""
     turned = (cos < 0) ^ (sin < 0) ^ (x < 0) ^ (y < 0)
     x, y, c, s = abs(x), abs(y), abs(cos), abs(sin)
     (a_x, a_y), (half, side) = a, b
@@ -302,7 +302,7 @@ def witness(benches: Benches, i: int, j: int) -> Witness:
 
 
 def shortest_vector(benches: Benches, i: int, j: int) -> tuple[float, float]:
-    """Return the vector in metres from bench i to bench j between their nearest points; its length is the gap.
+    """Return the vector (m) from bench i to bench j between their nearest points; its length is the gap.
 
     If the benches overlap, the vector is the shortest translation of bench j that ends the overlap.
     """

@@ -42,7 +42,7 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Event:
-    """The start of a contact: benches (inner first), bracket in ns, interpolated time, point in m, and gap in m.
+    """The start of a contact: benches (inner first), bracket (ns), interpolated time (s), point (m) and gap (m).
 
     If the second member of the pair is an obstacle, ``obstacle`` is its name.
 
@@ -67,7 +67,7 @@ PARTED, RESTART, VENUE = 'parted', 'restart', 'venue'
 
 @dataclass(frozen=True)
 class EpisodeEnd:
-    """The end of a contact: benches, the deepest signed gap of all ticks in m, its tick, and the interpolated end time.
+    """The end of a contact: benches, deepest signed gap (m) of all ticks, its time (ns), and interpolated end time (s).
 
     ``cause`` is PARTED if the benches parted, RESTART if time restarted, and VENUE if the venue changed. After
     RESTART and VENUE, ``t_end_s`` is the time of the last observed tick.
@@ -170,7 +170,7 @@ class ReorderBuffer(Generic[T]):
 
 @dataclass(frozen=True)
 class Episodes:
-    """Pairs that touch, in order of ``key`` (M,): deepest gaps in m, times in ns, and whether they were reported."""
+    """Pairs that touch, in order of ``key`` (M,): deepest gaps (m), their times (ns), and whether each was reported."""
 
     key: Ints
     deepest_m: Floats
@@ -184,7 +184,7 @@ class Episodes:
     def advance(self, t_ns: int, key: Ints, gap_m: Floats) -> tuple['Episodes', Bools, Bools]:
         """Return the episodes at ``t_ns``, whether each of them is new, and whether each previous episode has ended.
 
-        ``key`` (K,) are the distinct pairs that touch now, in ascending order, and ``gap_m`` (K,) are their gaps.
+        ``key`` (K,) holds the distinct pairs that touch now, in ascending order, and ``gap_m`` (K,) holds their gaps.
         """
         if np.array_equal(key, self.key):
             deeper, none = gap_m < self.deepest_m, np.zeros(key.size, bool)

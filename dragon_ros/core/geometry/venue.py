@@ -28,11 +28,11 @@ _FIRST_REACH_M = 1.0    # first search radius for the nearest edge, doubled unti
 _FARTHEST_M = 4e9       # no edge is farther from a bench, because coordinates are below 1e9 m
 OUTSIDE, LINE, WITHIN = 1, 0, -1        # where benches must stay: outside an area, clear of a line, or within an area
 
-PlanePose = tuple[complex, complex]     # pose of a frame: origin in m and x axis as a unit complex number
+PlanePose = tuple[complex, complex]     # pose of a frame, in complex numbers: origin (m) and unit x axis
 
 
 class Nearest(NamedTuple):
-    """The smallest signed gap in metres between benches and a venue, with the bench and the edge that have this gap."""
+    """The smallest signed gap (m) between benches and a venue, and the bench and the edge that have this gap."""
 
     gap_m: float
     bench: int
@@ -41,7 +41,7 @@ class Nearest(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """The edges (E,) of a venue from ``start`` to ``stop``; ``owner`` holds the index of the name for each edge.
+    """The edges (E,) of a venue from ``start`` to ``stop``; ``owner`` holds the index of each edge's name.
 
     For each name, ``side`` holds the side on which benches must stay: OUTSIDE, LINE or WITHIN.
     """
@@ -85,7 +85,7 @@ class Surroundings:
         return Benches(middle, axis, self.half_m, read_only(np.zeros(self.half_m.size)))
 
     def rectangle(self, benches: Benches, bench: int, edge: int) -> Benches:
-        """Return a bench and an edge, the latter as a rectangle of zero width."""
+        """Return a bench and an edge as rectangles; that of the edge has zero width."""
         return together(benches.some(np.array([bench])), self.edges.some(np.array([edge])))
 
     def two(self, benches: Benches, pair: Pair) -> tuple[Benches, int, int]:
@@ -163,7 +163,7 @@ class Surroundings:
             reach_m *= 2
 
     def closest(self, benches: Benches, reach_m: float) -> tuple[Ints, Ints, Floats]:
-        """Return (bench, index of name, smallest gap), (K,) each, for all pairs within a reach and possibly others."""
+        """Return bench, index of name and smallest gap (K,) of all pairs within a reach, and possibly of others."""
         bench, edge = self.near(benches, reach_m)
         pair, index = np.unique(bench * len(self.names) + self.owner[edge], return_inverse=True)
         least: Floats = np.full(pair.size, np.inf)
@@ -185,7 +185,7 @@ class Surroundings:
         return -gap_m if wrong else gap_m
 
     def touching(self, benches: Benches) -> tuple[Ints, Ints, Floats]:
-        """Return the benches that touch obstacles, the indices of obstacle names, and the smallest gaps, all (K,).
+        """Return the benches that touch obstacles, the indices of obstacle names, and the smallest gaps, each (K,).
 
         The pairs with the deepest contacts come first.
         """
@@ -200,7 +200,7 @@ class Surroundings:
         return int(number[0]) if number.size else None
 
     def misplaced_benches(self, benches: Benches, which: Ints) -> tuple[Ints, Ints]:
-        """Return misplaced benches (centre in a polygon or outside the venue's inside), and the indices of names."""
+        """Return the benches with centres in a polygon or outside the venue's inside, and the indices of its name."""
         row, number = self.misplaced_points(benches.centre[which])
         return which[row], number
 

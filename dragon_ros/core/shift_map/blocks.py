@@ -18,7 +18,8 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 FEWEST = 8              # smallest number of links for a table; for fewer links, marching is faster
 _MOST_MAPS = 4          # maximum number of shift maps per dragon, for the link lengths of its longest blocks
-# The shortest leader's link that has a series, relative to the block's link; a shorter link would lose too many digits.
+# The minimum length of a leader's link with a series, relative to the block's links; a shorter link would lose too many
+# digits.
 _SHORTEST_LEAD = 0.05
 # The maximum number of links of a block that are marched one by one in search of a table; if none is found, the
 # remaining links are marched in a single call.

@@ -278,7 +278,7 @@ def _series(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> 
 
 def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
                       tiers: tuple[Tier, Tier]) -> _RowSeries:
-    """Return the series of all parts in the rows that every part has."""
+    """Return the series of all parts in the rows that all parts have."""
     rows = min(one.segment.size for one in pushed)
     low_m, high_m = stretch.low_m - link_m, stretch.high_m + link_m
     along = np.stack([one.along_m[:rows] for one in pushed], axis=1)
@@ -389,7 +389,7 @@ def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: F
 
 
 def _together(track: Track, places: Places) -> Places:
-    """Return positions with each part on one segment; a node that rounding put beyond a joint is moved to it."""
+    """Return positions with each part on one segment; a node that rounding put beyond a joint is moved to the joint."""
     shape = -1, NODES
     segment, u, lo = places[0].reshape(shape), places[1].reshape(shape), places[2].reshape(shape)
     if np.all(segment == segment[:, :1]):
@@ -423,7 +423,7 @@ def _left(rows: _RowSeries, x: Floats, inverse: Floats, link_m: float) -> Floats
 
 
 def _half_widths_m(rows: _RowSeries) -> Floats:
-    """Return the approximate half lengths in metres (S, 1, R) of the parts in all rows."""
+    """Return the approximate half lengths (m, shape (S, 1, R)) of the parts in all rows."""
     out: Floats = np.hypot(rows.places[:, 1:2, ::2], rows.places[:, 1:2, 1::2])
     return out
 

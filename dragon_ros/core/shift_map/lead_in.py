@@ -3,7 +3,7 @@
 A dragon's head link is longer than its other links, so the leader is one link before the first block, outside all rows.
 However, while the first handle of the block is in one cell, at u in [-1, 1], the leader's position is a smooth function
 of the same u. The leader's coordinate, position and motion therefore have series in u, like all rows. The inverse of
-the coordinate's series gives u without solving for the first handle, and one product then gives the whole chain,
+the coordinate's series yields u without solving for the first handle, and one product then yields the whole chain,
 including the leader.
 
 If the leader passes a joint while the handle is in one cell, no such series converges. Because lines, arcs and spirals
@@ -189,7 +189,7 @@ def _rows_on(track: Track, table: Table, stretch_m: tuple[float, float]) -> Ints
 
 
 def _followers(track: Track, table: Table, rows: Ints, nodes: int) -> tuple[Places, Floats, Floats]:
-    """Return the nodes of the cells in rows, rear first: positions (C, nodes), points (C, nodes, 2) and motions."""
+    """Return the nodes of the cells in ``rows``, rear first: positions (C, nodes), points (C, nodes, 2) and motions."""
     count = table.nodes
     at: Floats = np.asarray(chebyshev.chebvander(transform(nodes)[0], count - 1), dtype=np.float64)     # (nodes, K)
     x = in_parts(at, table.coordinates[:, :, rows]).transpose(2, 0, 1)

@@ -1,4 +1,4 @@
-"""The shift map in tiles: a position is located in the table of its tile, and one matrix product gives its followers.
+"""The shift map in tiles: a position is located in the table of its tile, and one matrix product yields its followers.
 
 All links of a block have the same length, so one map F on the track, from a handle to the next handle behind, applies
 to all links at all times. Let u in [-1, 1] cover one span of track, from a position a back to F(a). Row r of a table is
@@ -40,7 +40,7 @@ _BOUNDARIES = 1024          # number of stretch boundaries whose positions are c
 # The maximum number of cells that a shift map caches for single states, at most 144 kB each; the oldest cells are
 # dropped first.
 _MOST_CELLS = 64
-_MOST_BYTES = 512_000_000   # limit for the tiles of a shift map; the least recently used tiles are dropped first
+_MOST_BYTES = 512_000_000   # memory limit for a shift map's tiles; the least recently used tiles are dropped first
 _MOST_TILES = 4096          # maximum number of tiles of a shift map, including tiles without a table
 # The minimum length of a tile, in links; the length of a longer tile is the smallest power of two that is at least the
 # length of its blocks.
@@ -355,7 +355,7 @@ class ShiftMap:
 
     @property
     def memory_bytes(self) -> int:
-        """The size of the arrays of the tiles."""
+        """The size of the arrays of all tiles, in bytes."""
         return sum(tile.memory_bytes for tile in self.tiles)
 
     def spot(self, place: Place) -> Spot | None:

@@ -100,7 +100,7 @@ def biarc(start: complex, heading: complex, end: complex, leaving: complex) -> t
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Biarcs along a curve, each over a span (first, last) of points; None for a biarc that would bend too tightly."""
+    """Biarcs along a curve, each over a span (first, last) of points; None replaces a biarc that bends too tightly."""
 
     spans: tuple[tuple[int, int], ...]
     biarcs: tuple[tuple[Bow, Bow] | None, ...]
@@ -109,7 +109,7 @@ class Fitted:
 def fitted(points: Complexes, headings: Complexes, tolerance_m: float, least_m: float) -> Fitted:
     """Return a sequence of biarcs that follows the points (n,) of a curve within a tolerance.
 
-    Each biarc is as long as a deviation of at most ``tolerance_m`` and radii of at least ``least_m`` allow.
+    Each biarc is as long as possible with a deviation of at most ``tolerance_m`` and radii of at least ``least_m``.
     """
     spans, biarcs, first = list[tuple[int, int]](), list[tuple[Bow, Bow] | None](), 0
     while first < len(points) - 1:

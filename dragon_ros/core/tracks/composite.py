@@ -35,7 +35,7 @@ _FURTHEST = 1e9
 _ULPS = 2.0**-49    # bound on the sum of a few rounding errors, relative to a coordinate and its distance
 _HAIR = 1e-9        # how far rounding may put the leader beyond the track's end, relative to a distance
 _SLACK = 0.02       # how far an error of the coarsest tier may put a follower beyond the end, relative to a link
-WIDEST_RAD = 1.3    # approximate limit of a link's span on an inward spiral; a wider link may be close to locking
+WIDEST_RAD = 1.3    # approximate limit on a link's span on an inward spiral; a wider link may be close to locking
 _ROUNDING = 1e-14   # how far rounding may put a link of zero length beyond the track's end, relative to a coordinate
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # largest difference between the end of a piece and the stated start of the next
 
@@ -61,7 +61,7 @@ def least_radius_m(links_m: Floats) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Segments in the head's direction; ``origins_m`` are the distances of their anchors along the track.
+    """Segments in the head's direction; ``origins_m`` holds the distances of their anchors along the track.
 
     At large distances, a single float is less precise than the promised accuracy. If segments are laid end to end,
     ``origins_lo_m`` therefore holds the low parts of the distances.
@@ -83,12 +83,12 @@ class Track:
 
     @cached_property
     def begin_m(self) -> float:
-        """Distance along the track at its beginning; -inf if the track is open there."""
+        """Distance along the track at its start; -inf if the track has no start."""
         return self._distance(0, self.segments[0].first)
 
     @cached_property
     def end_m(self) -> float:
-        """Distance along the track at its end; inf if the track is open there."""
+        """Distance along the track at its end; inf if the track has no end."""
         return self._distance(len(self.segments) - 1, self.segments[-1].last)
 
     @cached_property
@@ -98,7 +98,7 @@ class Track:
         return first if isinstance(first, SpiralSegment) and first.way == BEHIND and first.first == inf else None
 
     def without_locks(self, link_m: float) -> 'Track | None':
-        """Return the part of the track on which links of this length do not lock; None if it is not one interval."""
+        """Return the part of the track on which links of this length do not lock, or None if it is not one interval."""
         first = self.segments[0]
         if self.bend * link_m <= LARGEST_BEND:
             return self
@@ -108,7 +108,7 @@ class Track:
 
     @property
     def lap_m(self) -> float:
-        """Circumference of the circle at the beginning of an open track; infinite if there is no such circle."""
+        """Circumference of the circle with which an endless track begins; infinite if there is no such circle."""
         first = self.segments[0]
         return 2 * pi * first.radius_m if isinstance(first, ArcSegment) and first.first == -inf else inf
 
@@ -188,7 +188,7 @@ class Track:
                 for k, segment in enumerate(self.segments) if first.segment <= k <= last.segment]
 
     def far_m(self, low_m: float, high_m: float) -> float:
-        """Return an upper bound on the distance from the origin to the track between two distances along the track."""
+        """Return an upper bound on the distance from the origin to any point between two distances along the track."""
         return max(segment.far_m(a, b) for segment, a, b in self.between(low_m, high_m))
 
     def laid_from_m(self, metres: float) -> float:
@@ -306,7 +306,7 @@ class Track:
 
     @cached_property
     def bends(self) -> tuple[Floats, Floats]:
-        """Smallest and largest signed curvatures in 1/m over two segments and all those between them, each (P, P)."""
+        """Smallest and largest signed curvatures (1/m) of any two segments and all those between them, each (P, P)."""
         ends = np.array([segment.curvature(np.array([segment.first, segment.last])) for segment in self.segments])
         low, high = np.empty((2, len(ends), len(ends)))
         for k in range(len(ends)):
@@ -319,7 +319,7 @@ class Track:
         return self._each(segment, u, lambda k, u: self.origins_m[k] + self.segments[k].metres(u))
 
     def curvatures(self, segment: Ints, u: Floats) -> Floats:
-        """Return the signed curvatures in 1/m at many positions."""
+        """Return the signed curvatures (1/m) at many positions."""
         return self._each(segment, u, lambda k, u: self.segments[k].curvature(u))
 
     def _each(self, segment: Ints, u: Floats, value: Callable[[int, Floats], Any]) -> Floats:
@@ -333,7 +333,7 @@ class Track:
         return out
 
     def points(self, segment: Ints, u: Floats, lo: Floats) -> Floats:
-        """Return the points at many positions in metres, shape (..., 2)."""
+        """Return the points at many positions (m, shape (..., 2))."""
         return self._vectors(segment, u, lo, lambda k, u, lo: self.segments[k].at(u, lo))
 
     def headings(self, segment: Ints, u: Floats, lo: Floats) -> Floats:
@@ -341,7 +341,7 @@ class Track:
         return self._vectors(segment, u, lo, lambda k, u, lo: self.segments[k].heading(u, lo))
 
     def poses(self, segment: Ints, u: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``points`` and ``headings``; computing both takes little longer than computing only one.
+        """Return the results of ``points`` and ``headings``; computing both takes little longer than computing one.
 
         If ``segment`` lacks the last axes of ``u``, each index applies to all positions along these axes.
         """
@@ -441,9 +441,9 @@ def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: flo
 def track_of(spec: TrackSpec, direction: int = BEHIND) -> Track:
     """Return the track that a spec describes. Raises FieldError with the name of the joint if pieces do not meet.
 
-    A single spiral ends at its centre or, if the tail leads (``direction`` AHEAD), at the start of the head.
-    Distances are measured from the start of the head on a spiral, from the entry on an S-turn, and from the start of
-    the first piece on a composite track.
+    A single spiral ends at its centre or, if the tail leads (``direction`` AHEAD), at the head's initial position.
+    Distances are measured from the head's initial position on a spiral, from the entry on an S-turn, and from the start
+    of the first piece on a composite track.
     """
     if isinstance(spec, Spiral):
         if direction == BEHIND:

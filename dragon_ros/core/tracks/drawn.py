@@ -22,10 +22,10 @@ from dragon_ros.core.tracks.biarcs import Bow, biarc, fitted
 from dragon_ros.core.tracks.spec import MOST_PIECES, Arc, Line, Piece
 
 LEAD_IN_M = 1.0         # length of the line added before a track that would otherwise begin with a bend
-_MOST_SAMPLES = 20_000  # limit per curve
+_MOST_SAMPLES = 20_000  # maximum number of samples per curve
 _FINE = 0.002           # sampling error of a piece when its deviation is measured, relative to the tolerance
-_THINNED = 0.05         # limit of the deviation caused by thinning the points, relative to the tolerance
-_EASED = (0.0, 0.25, 0.5, 0.75)     # limits of the displacement by smoothing, relative to the tolerance, tried in order
+_THINNED = 0.05         # limit on the deviation caused by thinning the points, relative to the tolerance
+_EASED = (0.0, 0.25, 0.5, 0.75)     # limits on the displacement by smoothing, relative to the tolerance, tried in order
 _TAUBIN, _PASSES, _TINY_M = (0.5, -0.53), 300, 1e-300
 _KINK_RAD = 0.05        # a curve is bent by up to this angle to meet its neighbour; a larger angle is a corner
 _SAME = 1e-9            # tolerance for rounding, relative to a length
@@ -38,9 +38,9 @@ _GROWTH, _CLOSE = 1.2, 1e-6     # growth factor of a blend until its radius is s
 
 @dataclass(frozen=True, eq=False)
 class SmoothPart:
-    """A smooth part of a drawn line: points (n,) in m as complex numbers, and unit headings (n,).
+    """A smooth part of a drawn line: its points (n,), as complex numbers in metres, and unit headings (n,).
 
-    ``drawn`` (m,) are the original points of the drawing, and ``drawn_at_m`` (m,) are their distances along the part.
+    ``drawn`` (k,) holds the original points of the drawing, and ``drawn_at_m`` (k,) their distances along the part.
     """
 
     points: Complexes
@@ -151,7 +151,7 @@ def _sampled(points: Complexes, rates: Complexes) -> SmoothPart:
 
 
 def along(parts: Sequence[DrawnPart], radius_m: float, least_m: float, tolerance_m: float) -> Route:
-    """Return a track of lines and arcs along a drawn line, each part of which begins where the previous part ends.
+    """Return a track of lines and arcs along a drawn line, whose parts must be joined end to end.
 
     Corners are rounded with the radius ``radius_m``. If the legs are too short for this radius, the largest radius
     that fits is used, down to ``least_m``, the smallest that the links can follow. Curves are fitted within
@@ -242,7 +242,7 @@ def _curve(drawn: Complexes, eased: Complexes, numbers: Ints) -> SmoothPart:
 
 
 class _SmoothLine:
-    """Smooth parts joined end to end; distances in m are measured along them."""
+    """Smooth parts joined end to end; distances (m) are measured along them."""
 
     def __init__(self, stretches: Sequence[SmoothPart]) -> None:
         self.stretches = [one for one in stretches if len(one.points) > 1]

@@ -66,7 +66,7 @@ def turn_answer(turn: STurn, least_radius_m: float) -> TurnAnswer:
 
 
 def shortest_bent(turn: STurn, least_radius_m: float) -> Bent | None:
-    """Return the shortest path from entry to exit that turns right and then left, with radii no smaller than given.
+    """Return the shortest path from entry to exit that turns right and then left, with radii of at least this value.
 
     The shortest curve of bounded curvature consists of lines and arcs of the smallest allowed radius (Dubins 1957);
     the returned path turns once in each direction. The result is None if ``least_radius_m`` exceeds the radius that

@@ -15,7 +15,7 @@ from dragon_ros.core.numerics.double_double import DoubleDouble, plus, product
 from dragon_ros.core.numerics.types import Array, Floats
 
 BEHIND, AHEAD = -1, 1         # against and along the head's direction
-LARGEST_BEND = 1.98     # limit of curvature times chord: links may lock at 2, but roots are well conditioned 1 % below
+LARGEST_BEND = 1.98     # limit on curvature times chord: links may lock at 2; roots are well conditioned 1 % below that
 
 
 class Past(NamedTuple):
@@ -96,7 +96,7 @@ class Segment(Protocol):
         ...
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
-        """Return the speed of the handle at ``to`` if the other handle of its link moves at unit speed at ``u``."""
+        """Return the speed of the handle at ``to`` if the other handle of its link, at ``u``, moves at unit speed."""
         ...
 
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
@@ -167,7 +167,7 @@ class LineSegment:
         return DoubleDouble(*plus(metres, lo, 0.0))
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``after`` for many distances."""
+        """Return the results of ``after`` for many distances."""
         return plus(metres, lo, 0.0)
 
     def far_m(self, a: float, b: float) -> float:
@@ -256,7 +256,7 @@ class ArcSegment:
         return DoubleDouble(*self._after(metres, lo))
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``after`` for many distances."""
+        """Return the results of ``after`` for many distances."""
         return self._after(metres, lo)
 
     def _after(self, metres: Any, lo: Any) -> tuple[Any, Any]:

@@ -16,7 +16,7 @@ SIDES = ('left', 'right')
 
 @dataclass(frozen=True)
 class Spiral:
-    """A spiral r = pitch_m theta / 2 pi about the origin (paper, eq. 1); the head starts at 2 pi start_turns."""
+    """A spiral r = pitch_m theta / 2 pi about the origin (the paper's eq. 1); the head starts at 2 pi start_turns."""
 
     pitch_m: float = 0.55
     start_turns: float = 16.0

@@ -33,7 +33,7 @@ from dragon_ros.core.tracks.spec import Spiral
 TINY = 1e-300           # added to a denominator so that 0 / 0 becomes 0
 _ROUNDING = 1e-15       # how far rounding may put a distance beyond the centre, relative to the length of the spiral
 _NEWTON_STEPS = 20
-_NEAR_RAD = 1e-6        # after a Newton step below this angle, the error is at least four digits smaller
+_NEAR_RAD = 1e-6        # after a Newton step smaller than this angle, the error is at least four digits smaller still
 _SMOOTH_RAD = 10.0      # from this angle on, one Newton step from the asymptotic series is accurate to 1e-7
 TIGHT = 1e-8            # final Newton step, relative to the angle; half its square is below the resolution of floats
 _TAME_RAD = 1.5         # for smaller spans, plain Newton iteration converges from any initial guess used here
@@ -50,7 +50,7 @@ class SpiralCurve:
 
     @classmethod
     def of(cls, spiral: Spiral) -> 'SpiralCurve':
-        """Return the curve of a spec; distances are measured from the start of the head."""
+        """Return the curve of a spec; distances are measured from the head's initial position."""
         return cls(spiral.pitch_m, spiral.start)
 
     @cached_property
@@ -78,7 +78,7 @@ class SpiralCurve:
         return DoubleDouble(*self._corrected(self._turned(distance_m / self.b_m), distance_m, distance_lo_m))
 
     def inward_many(self, distance_m: Floats, distance_lo_m: Floats) -> tuple[Floats, Floats]:
-        """Return ``inward`` for many distances as (hi, lo); the positions may differ in the last digits."""
+        """Return the positions for many distances, as (hi, lo); they may differ from ``inward`` in the last digits."""
         arc, theta = distance_m / self.b_m, self.start.hi
         if np.all(_is_smooth(theta, arc)):
             return self._corrected(_almost_turned(theta, arc, *_ARRAYS), distance_m, distance_lo_m, *_ARRAYS[:2])
@@ -194,7 +194,7 @@ def _arc_and_slope(theta: Any, turned: Any, root: Any = sqrt, asinh_of: Any = as
 
 
 def points(b_m: float, theta: Floats, theta_lo: Floats) -> Floats:
-    """Return the points at polar angles theta + theta_lo as (..., 2) coordinates in metres about the centre."""
+    """Return the points at polar angles theta + theta_lo, relative to the centre (m, shape (..., 2))."""
     cos, sin = np.cos(theta), np.sin(theta)
     radius = b_m * theta
     out = np.empty((*theta.shape, 2))
@@ -293,7 +293,7 @@ def _furthest_in(theta: float, arc: float) -> float:
 
 
 def first_guesses(theta: Floats, chord: float | Floats) -> Floats:
-    """Return ``first_guess`` for many angles."""
+    """Return the results of ``first_guess`` for many angles."""
     out: Floats = 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta + chord / (theta + 1) + TINY)))
     return out
 
@@ -333,7 +333,7 @@ def steps(theta: Floats, chord: float | Floats, guess: Floats) -> tuple[Floats, 
 
 
 def _plain_steps(theta: Floats, square: float | Floats, delta: Floats) -> tuple[Floats, int] | None:
-    """Return ``steps`` by plain Newton iteration; None unless all links are short and converge (the usual case)."""
+    """Return the result of ``steps`` by plain Newton iteration; None unless all links are short and converge."""
     for evaluations in range(1, _CHORD_STEPS):
         half = 0.5 * delta
         s = np.sin(half)
@@ -358,13 +358,13 @@ def corrections(theta: Floats, delta: Floats, chord: Floats | float) -> tuple[Fl
 
 
 def first_guesses_in(theta: Floats, chord: float) -> Floats:
-    """Return ``first_guess_in`` for many angles."""
+    """Return the results of ``first_guess_in`` for many angles."""
     out: Floats = 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta - np.minimum(theta, chord / theta))))
     return out
 
 
 def steps_in(theta: Floats, chord: float, guess: Floats, arc: float) -> tuple[Floats, int]:
-    """Return ``step_in`` for many angles; angles for which the joint Newton iteration fails are solved one by one."""
+    """Return the results of ``step_in`` for many angles; angles that do not converge jointly are solved one by one."""
     if not chord:
         return np.zeros_like(theta), 0
     delta, change, slope, spent = guess, np.zeros_like(theta), np.ones_like(theta), 0
@@ -527,7 +527,7 @@ class SpiralSegment:
         return self.curve.inward(-self.way * metres, -self.way * lo)
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``after`` for many distances."""
+        """Return the results of ``after`` for many distances."""
         return self.curve.inward_many(-self.way * metres, -self.way * lo)
 
     def far_m(self, a: float, b: float) -> float:
@@ -580,7 +580,7 @@ class SpiralSegment:
         return -delta, spent
 
     def shifts_outwards(self, u: Floats, chord_m: float | Floats, past: Past | None) -> tuple[Floats, int]:
-        """Return ``shifts`` to positions further out; ``chord_m`` is one value for all positions, or one for each."""
+        """Return the result of ``shifts`` outwards; ``chord_m`` is one value for all positions, or one for each."""
         chord, ahead = chord_m / self.curve.b_m, _ahead(past)
         guess = first_guesses(u, chord) if ahead is None else ahead / (u + np.sqrt(u * u + ahead) + TINY)
         return steps(u, chord, guess)
