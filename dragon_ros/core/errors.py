@@ -16,7 +16,7 @@ def shown(value: object) -> str:
 
 
 def did_you_mean(word: object, known: Iterable[str], otherwise: str, alike: float = _NEAR) -> str:
-    """Return a question suggesting the known name most similar to a word, or ``otherwise`` if none is ``alike``."""
+    """Return a question suggesting the known name most similar to a word, or ``otherwise`` if none is similar."""
     from difflib import get_close_matches  # rarely needed
     names = {name.lower(): name for name in known}
     near = get_close_matches(str(word).lower(), names, n=1, cutoff=alike)

@@ -17,9 +17,9 @@ class NoisyHandles:
 
 @dataclass(frozen=True)
 class Health:
-    """The solver that placed the handles, its evaluation count, the link with the largest error, and two errors.
+    """The solver that placed the handles, its evaluation count, and the link with the largest error.
 
-    ``off_m`` is the error of this link, and ``allowed_m`` is the allowed error.
+    ``off_m`` is the error of this link, and ``allowed_m`` is the error that is allowed.
     """
 
     solver: str

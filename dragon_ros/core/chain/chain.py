@@ -1,4 +1,4 @@
-"""The chain: the positions of all handles, from any solver, and their velocities.
+"""The chain: the positions of all handles, computed by any solver, and their velocities.
 
 Velocities follow from the rigid-link constraint v[i+1] cos(beta) = v[i] cos(alpha), where alpha and beta are the
 angles between a link and the track's tangents at the two handles of the link. The constraint states that both handles
@@ -92,14 +92,14 @@ class Chain:
 
     @cached_property
     def residuals_m(self) -> Floats:
-        """Distances between consecutive handles minus the link lengths, in metres, shape (..., N)."""
+        """Distances between consecutive handles minus the link lengths (m, shape (..., N))."""
         step = np.diff(self.p, axis=-2)
         out: Floats = np.hypot(step[..., 0], step[..., 1]) - self.links_m
         return out
 
     @cached_property
     def worst(self) -> tuple[float, int]:
-        """Largest absolute residual in metres, and the index of its link."""
+        """Largest absolute residual (m), and the index of its link."""
         link = int(np.argmax(np.abs(self.residuals_m)) % self.links_m.size)
         return float(np.max(np.abs(self.residuals_m))), link
 
@@ -110,7 +110,7 @@ class Chain:
 
     @cached_property
     def headings(self) -> Floats:
-        """Unit tangents of the track at the handles, in the head's direction, shape (..., N+1, 2)."""
+        """Unit tangents of the track at the handles (shape (..., N+1, 2)), in the head's direction."""
         out = np.empty_like(self.p)
         for part in self.parts:
             part.headings(self, out.reshape(-1) if out.ndim == 2 else out)
@@ -180,7 +180,7 @@ def conditioning(chain: Chain) -> float:
 
 @dataclass(frozen=True, eq=False)
 class MarchedLinks:
-    """Links placed by forward placement; ``handles`` (..., links + 1) are in order from the leader."""
+    """Links placed by forward placement; ``handles`` (..., links + 1) holds positions, in order from the leader."""
 
     start: int
     handles: Places
@@ -265,7 +265,7 @@ class MarchedLink(NamedTuple):
 
 
 def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Chain:
-    """Place the chain of a leader by forward placement; the leader is the head (``direction`` BEHIND) or the tail.
+    """Return the chain of a leader, found by forward placement; the leader is the head (``direction`` BEHIND) or tail.
 
     On a single spiral, all handles are solved simultaneously (``together``); on other tracks, one after the other. Both
     methods take the same time. Raises the same errors as ``forward``.
@@ -309,7 +309,7 @@ def join(p: Floats, links_m: Floats, direction: int) -> None:
 
 
 def arrays_of(handles: Handles) -> Places:
-    """Return handles as arrays."""
+    """Return the handles as arrays."""
     segment, u, lo, _ = handles
     return np.array(segment), np.array(u), np.array(lo)
 

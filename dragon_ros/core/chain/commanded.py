@@ -179,10 +179,10 @@ def next_speed_m_s(settings: Commanded, speed_m_s: float, wanted_m_s: float, ste
 
 def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, float],
              keep_s: float = 0.0) -> tuple[Walked, int]:
-    """Return the law up to the next tick, and the end before which the leader brakes.
+    """Return the law up to the next tick, and the direction of the end of travel that makes the leader brake.
 
-    The end is -1 (behind the leader), 1 (ahead of it), or 0 if the leader need not brake. ``ends_m`` holds the limits
-    of travel backwards and forwards in metres, which are infinite if there is no limit. Knots older than ``keep_s``
+    The direction is -1 (backwards), 1 (forwards), or 0 if the leader need not brake. ``ends_m`` holds the limits of
+    travel backwards and forwards in metres, which are infinite if there is no limit. Knots older than ``keep_s``
     seconds are dropped.
     """
     (before_s, speed), gone_m = law.knots[-1], float(law.reached_m[-1])

@@ -21,12 +21,12 @@ class _Lengths(Settings):
 
     @cached_property
     def bench_lengths_m(self) -> Floats:
-        """Full length of each bench, shape (benches,)."""
+        """Full length of each bench (m, shape (benches,))."""
         raise NotImplementedError
 
     @cached_property
     def link_lengths_m(self) -> Floats:
-        """Handle spacing of each bench, shape (benches,)."""
+        """Handle spacing of each bench (m, shape (benches,))."""
         return read_only(self.bench_lengths_m - 2 * self.hole_inset_m)
 
     @cached_property
@@ -48,7 +48,7 @@ class _Lengths(Settings):
 
     @cached_property
     def half_sizes_m(self) -> tuple[Floats, Floats]:
-        """Half the length and half the width of each bench, each of shape (benches,)."""
+        """Half the length and half the width of each bench (m, each of shape (benches,))."""
         return (read_only(0.5 * self.bench_lengths_m),
                 read_only(np.full(self.bench_lengths_m.shape, 0.5 * self.width_m)))
 
@@ -82,7 +82,7 @@ class Dragon(_Lengths):
 
     @cached_property
     def bench_lengths_m(self) -> Floats:
-        """Full length of each bench, shape (benches,)."""
+        """Full length of each bench (m, shape (benches,))."""
         return read_only(np.array([self.head_length_m] + [self.body_length_m] * (self.benches - 1)))
 
 
@@ -120,7 +120,7 @@ class Mixed(_Lengths):
         return Group(_length(f'dragon.groups.{n}.length_m', group.length_m, self.hole_inset_m), count)
 
     def __hash__(self) -> int:
-        """Return the cached hash of the fields: models are looked up by it, and there may be thousands of groups."""
+        """Return the cached hash of the fields; it is used to look up models, and there may be thousands of groups."""
         return self._hash
 
     @cached_property
@@ -134,7 +134,7 @@ class Mixed(_Lengths):
 
     @cached_property
     def bench_lengths_m(self) -> Floats:
-        """Full length of each bench, shape (benches,)."""
+        """Full length of each bench (m, shape (benches,))."""
         lengths, counts = zip(*((group.length_m, group.count) for group in self.groups), strict=True)
         return read_only(np.repeat(np.array(lengths, dtype=np.float64), counts))
 
@@ -162,7 +162,7 @@ def _length(field: str, length_m: float, hole_inset_m: float) -> float:
     number(field, length_m, above=0.0, high=1e12)
     length = number(field, length_m, low=1e-12)
     if length < 2 * hole_inset_m:
-        raise FieldError(field, length, f'a bench must be at least 2 x {hole_inset_m} m long, to have two holes',
+        raise FieldError(field, length, f'a bench must be at least 2 x {hole_inset_m} m long to fit two holes',
                          'make the bench longer or dragon.hole_inset_m smaller')
     return length
 

@@ -58,7 +58,7 @@ def blocks_of(links_m: Floats, direction: int) -> tuple[Block, ...]:
 
 
 def forward(track: Track, blocks: tuple[Block, ...], leader: Place, direction: int) -> Handles:
-    """Return the leader and the handles that follow it, for blocks of links.
+    """Return the leader and the handles that follow it, given the blocks of their links.
 
     For one instant, plain floats take 0.9 us per handle, whereas one-element arrays take 30 us.
 
@@ -151,9 +151,9 @@ def row_by_row(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
 def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int) -> tuple[Places, int]:
     """Return the result of ``forward_many``, computed segment by segment for all handles of a block at once.
 
-    On a track of several segments, the handles of a row are on many of these segments. For 500 leaders with 223 links
-    on 50 lines and arcs, this takes a fifth of the time of ``row_by_row``. On a line or an arc, equal links span equal
-    lengths of the track, so all handles there are computed directly.
+    On a track of several segments, the handles of one row lie on many different segments. For 500 leaders with 223
+    links on 50 lines and arcs, this takes a fifth of the time of ``row_by_row``. On a line or an arc, equal links span
+    equal lengths of the track, so all handles there are computed directly.
     """
     size, (first, stop) = leaders[1].size, (blocks[0].start, blocks[-1].stop) if blocks else (0, 0)
     rows: Places = np.empty((stop + 1, size), dtype=np.int64), *np.empty((2, stop + 1, size))    # from ``first`` on
@@ -184,7 +184,7 @@ def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
         for part in product(steps, step):
             high, low = plus(high, low, part)
         stays = (steps <= left) & (np.minimum(u, edge) <= high) & (high <= np.maximum(u, edge))
-    else:       # the handles of links of zero length coincide
+    else:       # the handles of zero-length links coincide
         stays = np.arange(int(np.max(left)))[:, None] < left
         high, low = (np.broadcast_to(values, stays.shape) for values in (u, lo))
     row, column = np.nonzero(stays)
@@ -279,7 +279,7 @@ def _guessed(begin: Floats, begin_lo: Floats, chords: Floats, sign: float) -> tu
 
 
 def _refined(spiral: SpiralSegment, u: Floats, lo: Floats, chords: Floats) -> tuple[Floats, Floats, int] | None:
-    """Refine guessed rows of handles (R+1, M) so that they are ``chords`` apart; return (hi, lo) and evaluation count.
+    """Refine guessed rows (R+1, M) of handles until they are ``chords`` apart; return (hi, lo) and evaluation count.
 
     The chords (R, M) are in units of b. A single row is too small for efficient array operations, so Newton's method is
     applied to all rows at once. If e is the Newton step of a link and a is the slope of the map from row to row, errors
@@ -316,7 +316,7 @@ def _stacked(rows: list[Places]) -> Places:
 
 def next_places(track: Track, places: Places, chord_m: float, direction: int,
                 past: Past | None = None) -> tuple[Places, Floats | None, int]:
-    """Return the next positions behind or ahead of many positions, the predictor's state, and the evaluation count.
+    """Return the next positions behind or ahead of given positions, the predictor's state, and the evaluation count.
 
     The state is None unless all positions are on one segment. Raises TrackEndError if the track is too short for a
     link, and ChainLockError with its ``theta_rad`` if a link locks.

@@ -62,7 +62,7 @@ class Head:
         return 0.0, 0.0
 
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
-        """Return the first time at which the leader has travelled ``distance_m``; None if it never does.
+        """Return the first time at which the leader has travelled ``distance_m``, or None if it never does.
 
         ``sense`` is 1 forwards and -1 backwards; ``distance_m`` must have the same sign, or be 0.
         """
@@ -172,7 +172,7 @@ class Profile(Settings):
         return sorted(set(out))
 
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
-        """Return the first time at which the leader has travelled ``distance_m``; None if it never does.
+        """Return the first time at which the leader has travelled ``distance_m``, or None if it never does.
 
         ``sense`` is 1 forwards and -1 backwards; ``distance_m`` must have the same sign, or be 0. For 0, the result is
         the time at which the leader departs.
@@ -211,7 +211,7 @@ def ramp(knots: Sequence[Knot], reached_m: Fraction, smooth: bool = False) -> tu
 
 
 def _smooth_share(rise: float) -> float:
-    """Return the fraction of its duration after which a smooth ramp has made the fraction ``rise`` of its change."""
+    """Return the fraction of its duration at which a smooth ramp has completed the fraction ``rise`` of its change."""
     return bracketed_newton(lambda x: (x * x * (3 - 2 * x) - rise, 6 * x * (1 - x)), 0.0, 1.0, rise)[0]
 
 

@@ -90,7 +90,7 @@ class RigidLinks:
         """Return the accelerations (m/s^2, shape (..., N+1, 2)).
 
         ``speeds`` (..., N+1) is the result of the method ``speeds``. ``curvature`` (..., N+1) is the signed curvature
-        in 1/m, positive if the head turns left (see ``entered_curvatures`` for joints). ``leader_m_s2`` (...) is the
+        (1/m), positive if the head turns left (see ``entered_curvatures`` for joints). ``leader_m_s2`` (...) is the
         rate of change of the leader's speed.
         """
         side, bend = left(self.forward), speeds * speeds * curvature

@@ -37,7 +37,7 @@ class Leader:
 
     @cached_property
     def least_m(self) -> float:
-        """Distance of the head along the track when the tail is at its start; -inf if the track has no start."""
+        """Distance of the head along the track when the tail is at the track's start; -inf if there is no start."""
         if self.track.begin_m == -inf:
             return -inf
         try:
@@ -53,7 +53,7 @@ class Leader:
         return self.track.distance_of(_last(self.track, self.links_m, self.track.place_at(self.start_m), BEHIND))
 
     def place(self, gone_m: tuple[float, float]) -> Place:
-        """Return the position after a travel of ``gone_m`` = (hi, lo). Raises TrackEndError beyond an end."""
+        """Return the leader's position at a travel of ``gone_m`` = (hi, lo). Raises TrackEndError beyond an end."""
         (origin, low), step = self._origin_m, -self.direction * gone_m[0]
         total = origin + step               # double_double.plus, inlined
         part = total - origin

@@ -84,7 +84,7 @@ def follower(theta: float, chord: float) -> float:
 
 
 def _rear(theta: float, chord: float) -> float:
-    """Return ``follower`` or, exactly at a lock, where rounding can remove the root, the angle of the longest chord."""
+    """Return ``follower`` or, exactly at a lock, if rounding has removed the root, the angle of the longest chord."""
     rear = follower(theta, chord)
     return rear if rear < inf else theta + first_peak(theta, pi)[0]
 

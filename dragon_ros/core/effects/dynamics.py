@@ -9,7 +9,7 @@ from dragon_ros.core.numerics.vectors import dot
 
 
 def accelerations(simulation: Simulation, t_s: float, chain: Chain) -> Floats:
-    """Return the accelerations of all handles (m/s^2, shape (N+1, 2)) that follow from the leader's law.
+    """Return the accelerations (m/s^2, shape (N+1, 2)) of all handles, which follow from the leader's law.
 
     At a jump (a knot of the law, or a handle that passes a joint of the track), the values just after the jump are
     returned.

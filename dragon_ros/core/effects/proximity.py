@@ -22,7 +22,7 @@ _OBSTACLES: WeakKeyDictionary[Model, 'NearObstacles'] = WeakKeyDictionary()
 
 
 def closeness(simulation: Simulation, chain: Chain, benches: Benches) -> Closeness:
-    """Return the closest pair and all pairs that touch, including obstacles, as the monitor reports them."""
+    """Return the closest pair and all touching pairs, including those with obstacles, as the monitor reports them."""
     near = _NEAR.get(simulation.model)
     if near is None:
         near = _NEAR[simulation.model] = NearPairs()

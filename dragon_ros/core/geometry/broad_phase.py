@@ -56,12 +56,12 @@ def candidates(p: Floats, benches: Benches, reach_m: float | None = None) -> tup
 
 
 def default_reach_m(benches: Benches) -> float:
-    """Return the gap in metres up to which ``candidates`` finds every pair by default."""
+    """Return the gap (m) up to which ``candidates`` finds every pair by default."""
     return float(2 * np.max(np.maximum(benches.half_width, 0.05 * benches.half_length)))
 
 
 def _sectors(p: Floats, benches: Benches, reach: float) -> _Sectors | None:
-    """Return the sectors of the benches, enlarged by half the reach; None if their directions cannot be ordered.
+    """Return the sectors of the benches, enlarged by half the reach, or None if their directions cannot be ordered.
 
     The directions of the centres are unwrapped so that each is within half a turn of the direction of the middle of
     the bench's handles.

@@ -27,7 +27,7 @@ class Closeness:
 
 @dataclass(frozen=True)
 class Contacts:
-    """The pairs that touch (M, 2), deepest first, with their signed gaps (m, (M,)) and contact points (m, (M, 2)).
+    """The pairs (M, 2) that touch, deepest first, with their signed gaps (M,) and contact points (M, 2) in metres.
 
     Obstacles of a venue are numbered after the benches, in the order of the venue's names.
     """

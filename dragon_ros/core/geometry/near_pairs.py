@@ -8,11 +8,10 @@ The method uses three bounds. The signed gap of two convex figures is the larges
 directions n, where h are their support functions, and a support function changes by at most the displacement of the
 farthest-moving point. Therefore:
 
-1. The gap of a pair is at least its separation along any one direction. Each listed pair stores one direction: that
-axis of the
-   two benches which separated them best when the list was last measured. This axis turns with its bench. Benches of
-   neighbouring layers slide along each other, which does not change the separation along this axis. The separation
-   therefore quickly excludes most pairs that are not the closest.
+1. The gap of a pair is at least its separation along any one direction. Each listed pair stores one direction:
+   whichever axis of the two benches separated them best when the list was last measured. This axis turns with its
+   bench. Benches of neighbouring layers slide along each other, which does not change the separation along this axis.
+   The separation therefore quickly excludes most pairs that are not the closest.
 2. The gap of a pair changes by at most the displacement of its points in any frame, including the frame of a third
    bench k. With centres c and turns w since the reference state (unit complex numbers), the points of a bench with
    half diagonal r move by at most m = |(c - c_k) conj(w_k) - (c' - c_k')| + r |w - w_k|, and a gap changes by at most
@@ -48,7 +47,7 @@ _HAIR = 2.0**-40        # tolerance for rounding, relative to coordinates and si
 _MOST_EACH = 32         # maximum number of listed pairs per bench; with more, each sample is searched from scratch
 _FEW = 8                # up to this many pairs are computed one by one; more pairs are computed as arrays
 _FIRST_PART = 512       # number of benches in the innermost part; each further part extends twice as far
-_OVERLAP = 2.5          # limit on the benches in all lists, per bench of the dragon; above it, the dragon is not split
+_OVERLAP = 2.5          # maximum number of benches in all lists, per bench; above it, the dragon is not split
 _WORTH = 0.02           # smallest margin, relative to the skin, at which a part need not be measured at each sample
 
 _NONE: Ints = np.empty(0, dtype=np.int64)
@@ -139,7 +138,7 @@ class _NearList:
 
 def _listed(bodies: _ComplexBenches, p: Floats, benches: Benches, part: tuple[int, int, int], reach_m: float,
             above_m: float) -> tuple[_NearList, Floats] | None:
-    """Return the list of a part's pairs with gaps up to ``reach_m``, and their separations; None if there are too many.
+    """Return the list of a part's pairs with gaps up to ``reach_m``, and their separations, or None if too many exist.
 
     ``above_m`` is an upper bound on the clearance.
     """
@@ -165,14 +164,14 @@ def _listed(bodies: _ComplexBenches, p: Floats, benches: Benches, part: tuple[in
 
 
 def _middle(bodies: _ComplexBenches, first: int, end: int) -> int:
-    """Return the reference bench: its distance from the origin is closest to the middle of the range in the part."""
+    """Return the reference bench, whose distance from the origin is closest to the middle of the part's range."""
     radius = np.abs(bodies.centre[first:end])
     return first + int(np.argmin(np.abs(radius - 0.5 * (np.min(radius) + np.max(radius)))))
 
 
 def _seen_part(part: _NearList, bodies: _ComplexBenches, p: Floats, benches: Benches, limit_m: float,
                skin_m: float) -> tuple[_NearList, Ints] | None:
-    """Return a part after another sample, and the rows of pairs that may be within a limit; None if too many are."""
+    """Return a part after another sample, and the rows of pairs that may be within a limit, or None if too many are."""
     change_m = part.change_m(bodies)
     if not part.beyond_m - part.spent_m - change_m > limit_m:
         listed = _listed(bodies, p, benches, (part.first, part.stop, part.end), max(limit_m, 0.0) + skin_m, limit_m)
@@ -232,7 +231,7 @@ class _Kept:
 
 
 def _first_kept(p: Floats, benches: Benches, found: Closeness) -> _Kept | None:
-    """Return the state after a search from scratch; None if too many pairs are near."""
+    """Return the state after a search from scratch, or None if too many pairs are near."""
     assert found.closest
     skin_m = _SKIN * float(np.mean(benches.half_length))
     bodies = _bodies(benches, np.hypot(benches.half_length, benches.half_width))
@@ -300,7 +299,7 @@ class NearPairs:
         return found
 
     def _again(self, kept: _Kept, p: Floats, benches: Benches) -> Closeness | None:
-        """Return the result for a sample, computed from the previous state; None if that state is no longer useful."""
+        """Return the result for a sample, computed from the previous state, or None if that state is of no use."""
         above_m, bodies = gap_of(benches, *kept.closest), _bodies(benches, kept.far)
         size_m = sqrt(np.vdot(bodies.centre, bodies.centre).real)   # one call yields an upper bound on all coordinates
         limit_m = max(above_m, TOUCH_M) + _HAIR * (size_m + kept.skin_m)

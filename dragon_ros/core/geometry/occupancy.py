@@ -80,7 +80,9 @@ def _merged(line: Ints, place: Ints, kind: Bools) -> tuple[Ints, Ints]:
 
 
 def _labels(first: Ints, last: Ints, width: int) -> tuple[Ints, int]:
-    """Return the index of the connected part that contains each run, and the number of parts, ordered by first runs.
+    """Return the index of the connected part that contains each run, and the number of parts.
+
+    Parts are numbered in the order of their first runs.
 
     Runs of cells extend from ``first`` to ``last``, as row * width + column. Runs that touch in consecutive rows are
     joined until nothing changes: each pass propagates the smallest number between touching runs, and then follows the

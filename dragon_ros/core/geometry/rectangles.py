@@ -10,7 +10,7 @@ from dragon_ros.core.numerics.types import Floats, Ints, read_only
 
 @dataclass(frozen=True)
 class Benches:
-    """Rectangles: centres (m, (..., N, 2)), unit axes from rear to front (..., N, 2), and half sizes (m, (N,))."""
+    """Rectangles in metres: centres (..., N, 2), unit axes (..., N, 2) from rear to front, and half sizes (N,)."""
 
     centre: Floats
     axis: Floats

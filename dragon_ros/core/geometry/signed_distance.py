@@ -138,9 +138,8 @@ def parted_between(states: Sequence[RelativePoses], sag: tuple[Floats, Floats]) 
 class PartedPairs(NamedTuple):
     """Pairs (P,), each with the axis that separates it best, the owner of the axis, the other bench, and projections.
 
-    ``towards`` is the conjugate of the direction to the other bench in the owner's axes, ``extent`` is the owner's
-    half size in this direction, and ``sizes`` (P, 2) are the half sizes of the other bench. The axis turns with its
-    owner.
+    ``towards`` is the conjugate of the direction to the other bench in the owner's axes, ``extent`` is the owner's half
+    size in this direction, and ``sizes`` (P, 2) holds the half sizes of the other bench. The axis turns with its owner.
     """
 
     owner: Ints

@@ -128,7 +128,7 @@ class Surroundings:
         return STRtree(linestrings(np.stack((ends.real, ends.imag), axis=-1)))
 
     def in_boxes(self, low: Floats, high: Floats) -> tuple[Ints, Ints]:
-        """Return all pairs of boxes (given by corners, (M, 2) each) and edges that may intersect, as indices."""
+        """Return the indices of all boxes (given by their corners, each (M, 2)) and edges that may intersect."""
         from shapely import box
         found = self.tree.query(box(*low.T, *high.T))
         return found[0], found[1]
@@ -140,12 +140,12 @@ class Surroundings:
         return self.in_boxes(corners.min(axis=1) - reach, corners.max(axis=1) + reach)
 
     def gaps(self, benches: Benches, bench: Ints, edge: Ints) -> Floats:
-        """Return the signed gaps (M,) in metres between benches (M,) and edges (M,)."""
+        """Return the signed gaps (m, shape (M,)) between benches (M,) and edges (M,)."""
         return gaps(benches, bench, edge, self.edges)
 
     def gaps_of(self, centre: Complexes, axis: Complexes, half: tuple[Floats | float, Floats | float],
                 edge: Ints) -> Floats:
-        """Return the signed gaps (M,) in metres between rectangles with half sizes ``half`` and edges (M,)."""
+        """Return the signed gaps (m, shape (M,)) between rectangles with half sizes ``half`` and edges (M,)."""
         length = self.half_m[edge]
         return signed_gap(seen_from((centre, self.middle[edge]), (axis, self.axis[edge]),
                                     half, (length, np.zeros_like(length))))
@@ -163,7 +163,7 @@ class Surroundings:
             reach_m *= 2
 
     def closest(self, benches: Benches, reach_m: float) -> tuple[Ints, Ints, Floats]:
-        """Return bench, index of name and smallest gap (K,) of all pairs within a reach, and possibly of others."""
+        """Return benches, name indices and smallest gaps (K,) of all pairs within a reach, and possibly of others."""
         bench, edge = self.near(benches, reach_m)
         pair, index = np.unique(bench * len(self.names) + self.owner[edge], return_inverse=True)
         least: Floats = np.full(pair.size, np.inf)
@@ -195,12 +195,12 @@ class Surroundings:
         return bench[order], number[order], gap_m[order]
 
     def misplaced(self, x: float, y: float) -> int | None:
-        """Return the lowest index of a polygon that covers a point, or of an inside that does not cover it."""
+        """Return the lowest index of a polygon that covers a point or an inside that does not, or None."""
         number = self.misplaced_points(np.array([[x, y]]))[1]
         return int(number[0]) if number.size else None
 
     def misplaced_benches(self, benches: Benches, which: Ints) -> tuple[Ints, Ints]:
-        """Return the benches with centres in a polygon or outside the venue's inside, and the indices of its name."""
+        """Return the benches with centres in a polygon or outside the venue's inside, and these areas' name indices."""
         row, number = self.misplaced_points(benches.centre[which])
         return which[row], number
 

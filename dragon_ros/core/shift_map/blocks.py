@@ -16,7 +16,7 @@ from dragon_ros.core.shift_map.table import Product, ShiftMap, Spot, Spots, link
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
-FEWEST = 8              # smallest number of links for a table; for fewer links, marching is faster
+FEWEST = 8              # minimum number of links for a table; with fewer links, marching is faster
 _MOST_MAPS = 4          # maximum number of shift maps per dragon, for the link lengths of its longest blocks
 # The minimum length of a leader's link with a series, relative to the block's links; a shorter link would lose too many
 # digits.

@@ -86,7 +86,7 @@ class LeadIn:
 
 
 def towards_leader(track: Track, place: Place, link_m: float, direction: int) -> Place | None:
-    """Return the position of the leader whose follower in ``direction`` is at ``place``; None if there is no leader."""
+    """Return the position of the leader whose follower in ``direction`` is at ``place``, or None if there is none."""
     tame = track.without_locks(link_m)
     if tame is None or not _has_leader(tame, track.distance_of(place)[0], link_m, direction):
         return None
@@ -123,7 +123,7 @@ def _some(places: Places, which: Array) -> Places:
 
 
 def _leaders(track: Track, followers: Places, cells: Ints, link_m: float, direction: int) -> Places | None:
-    """Return the leaders (C, nodes) of the followers in the given cells; None if there are no leaders."""
+    """Return the leaders (C, nodes) of the followers in the given cells, or None if there are no leaders."""
     if not cells.size:
         return None
     segment, u, lo = _some(followers, cells)

@@ -176,7 +176,7 @@ class Entrance:
         return cell
 
     def spot(self, place: Place) -> Spot | Elsewhere | None:
-        """Return the location of a position; None if the table does not cover it, ELSEWHERE if it is off the stretch.
+        """Return the location of a position, None if the table does not cover it, ELSEWHERE if it is off the stretch.
 
         The stretch is half open: it includes its rear end but not its front end.
         """
@@ -359,7 +359,7 @@ class ShiftMap:
         return sum(tile.memory_bytes for tile in self.tiles)
 
     def spot(self, place: Place) -> Spot | None:
-        """Return the location of a position; None if no table covers it."""
+        """Return the location of a position, or None if no table covers it."""
         last = self._last       # another thread may replace ``_last``
         found = last.spot(place) if last is not None else _ELSEWHERE
         if found is _ELSEWHERE:
@@ -371,7 +371,7 @@ class ShiftMap:
         return None if found is _ELSEWHERE else found       # if not found, the segment is too short for a part
 
     def spot_behind(self, leader: Place, link_m: float) -> Spot | None:
-        """Return the location of a leader's follower across a link of another length; None if no series covers it."""
+        """Return the location of a leader's follower across a link of other length, or None if no series covers it."""
         last = self._last_before
         found = last.spot(leader) if last is not None else _ELSEWHERE
         if found is _ELSEWHERE:
@@ -383,7 +383,7 @@ class ShiftMap:
         return None if found is _ELSEWHERE else found       # if not found, no series converges on the segment
 
     def _entrance_before(self, number: int, link_m: float) -> Entrance | None:
-        """Return the entrance for leaders one link before blocks on a stretch; None if there are no such leaders."""
+        """Return the entrance for leaders one link before blocks on a stretch, or None if there are no such leaders."""
         tile = self._tile(number // self._stretches)
         if tile and (link_m, number) not in tile.entrances:
             found = lead_in(self.track, tile.table, (link_m, self.link_m), self.direction, self._stretch_of(number, 1))
@@ -393,7 +393,7 @@ class ShiftMap:
         return tile.entrances[link_m, number] if tile else None
 
     def spots(self, places: Places) -> list[tuple[Ints, Spots]] | None:
-        """Return the indices and the locations of many positions, by tile; None if a position is not in any table."""
+        """Return the indices and the locations of many positions, by tile, or None if any is not in a table."""
         segment, u, lo = places
         numbers = self._numbers(places)
         if numbers is None:
@@ -413,7 +413,7 @@ class ShiftMap:
         return out
 
     def _numbers(self, places: Places) -> Ints | None:
-        """Return the indices of the stretches of many positions; None if floats cannot resolve links there."""
+        """Return the indices of the stretches of many positions, or None if floats cannot resolve links there."""
         share = (self.track.distances(*places[:2]) + self._before_m) / self.stretch_m
         if np.max(np.abs(share), initial=0.0) > 1 / _SHORTEST:
             return None
@@ -446,7 +446,7 @@ class ShiftMap:
         return bool((place.u.hi - begin.u.hi) * self.track.segments[place.segment].rate(place.u.hi) < 0)
 
     def _leader_at(self, number: int, link_m: float) -> Place | None:
-        """Return the cached position of the leader whose follower is at the start of a stretch; None if there is none.
+        """Return the cached position of the leader whose follower is at the start of a stretch, or None.
 
         Without a link, the leader is itself at the start of the stretch.
         """
@@ -463,7 +463,7 @@ class ShiftMap:
         return place
 
     def _boundary(self, number: int) -> Place | None:
-        """Return the position at which a stretch begins; None if it is beyond the track."""
+        """Return the position at which a stretch begins, or None if it is beyond the track."""
         return self._leader_at(number, 0.0)
 
     def _begin(self, number: int) -> Place | None:
@@ -475,7 +475,7 @@ class ShiftMap:
         return number * self.stretch_m - self._before_m, (number + stretches) * self.stretch_m - self._before_m
 
     def _tile(self, number: int) -> Tile | None:
-        """Return a tile, built on first use; None if it has no table."""
+        """Return a tile, built on first use, or None if it has no table."""
         try:
             self._tiles.move_to_end(number)
             return self._tiles[number]

@@ -50,7 +50,7 @@ class Place(NamedTuple):
 
     @classmethod
     def of(cls, segment: Any, u: Any, lo: Any) -> 'Place':
-        """Return the position for array elements or plain numbers."""
+        """Return the position given by array elements or plain numbers."""
         return cls(int(segment), DoubleDouble(float(u), float(lo)))
 
 
@@ -78,7 +78,7 @@ class Track:
 
     @cached_property
     def bend(self) -> float:
-        """Largest curvature in 1/m."""
+        """Largest curvature (1/m)."""
         return max(segment.bend for segment in self.segments)
 
     @cached_property
@@ -192,7 +192,7 @@ class Track:
         return max(segment.far_m(a, b) for segment, a, b in self.between(low_m, high_m))
 
     def laid_from_m(self, metres: float) -> float:
-        """Return an upper bound on the distance from the origin to all pieces that end before a position.
+        """Return an upper bound on the distance from the origin to any point of the pieces that end before a position.
 
         A rounding error at the end of a piece moves all later pieces.
         """

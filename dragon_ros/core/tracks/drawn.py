@@ -386,7 +386,7 @@ def _between(low: float | None, high: float | None, shares: list[float | None]) 
 
 
 def _reach_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) -> float | None:
-    """Return the distance from a corner to either end of the biarc with this radius; None if the biarc does not fit.
+    """Return the distance from a corner to either end of the biarc with this radius, or None if the biarc does not fit.
 
     Between two lines, the biarc is one arc with a reach of R tan(phi / 2).
     """

@@ -66,13 +66,13 @@ def turn_answer(turn: STurn, least_radius_m: float) -> TurnAnswer:
 
 
 def shortest_bent(turn: STurn, least_radius_m: float) -> Bent | None:
-    """Return the shortest path from entry to exit that turns right and then left, with radii of at least this value.
+    """Return the shortest path from entry to exit that turns right, then left, with radii that are large enough.
 
-    The shortest curve of bounded curvature consists of lines and arcs of the smallest allowed radius (Dubins 1957);
-    the returned path turns once in each direction. The result is None if ``least_radius_m`` exceeds the radius that
-    two equal arcs would have. The centre of the first arc is at a distance m from the centre of the turning circle,
-    where m^2 = R^2 + r^2 - 2 R r sin gamma. The line is tangent to both arcs and passes through the centre of the
-    turning circle.
+    The shortest curve of bounded curvature consists of lines and arcs of the smallest allowed radius (Dubins 1957); the
+    returned path turns once in each direction. The radii are at least ``least_radius_m``; the result is None if this
+    exceeds the radius that two equal arcs would have. The centre of the first arc is at a distance m from the centre of
+    the turning circle, where m^2 = R^2 + r^2 - 2 R r sin gamma. The line is tangent to both arcs and passes through the
+    centre of the turning circle.
     """
     big, r, gamma = turn.radius_m, least_radius_m, turn.gamma_rad
     if 2 * r > sum(turn.radii_m):

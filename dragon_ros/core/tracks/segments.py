@@ -41,7 +41,7 @@ class Segment(Protocol):
 
     @property
     def bend(self) -> float:
-        """Largest curvature in 1/m."""
+        """Largest curvature (1/m)."""
         ...
 
     def at(self, u: Any, lo: Any = 0.0) -> Any:
@@ -73,7 +73,7 @@ class Segment(Protocol):
         ...
 
     def curvature(self, u: Any) -> Any:
-        """Return the curvature in 1/m, positive if the head turns left; it is monotone along the segment."""
+        """Return the curvature (1/m), positive if the head turns left; it is monotone along the segment."""
         ...
 
     def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
@@ -212,7 +212,7 @@ class ArcSegment:
 
     @property
     def bend(self) -> float:
-        """Curvature in 1/m."""
+        """Curvature (1/m)."""
         return 1 / self.radius_m
 
     def at(self, u: Any, lo: Any = 0.0) -> Any:
@@ -291,7 +291,7 @@ class ArcSegment:
 
 
 def reach_m(bend: float, chord_m: float) -> float:
-    """Return the longest arc that a chord can span on a track with a curvature of at most ``bend`` in 1/m.
+    """Return the longest arc that a chord can span on a track with a curvature of at most ``bend`` (1/m).
 
     If the curvature times the chord is below 2, the chord from a fixed position grows along the track until the arc
     length is pi / bend. The tangents at two arc lengths sigma < s differ by an angle of at most bend (s - sigma), so

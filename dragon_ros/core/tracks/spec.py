@@ -102,7 +102,7 @@ class STurn:
 
     @property
     def length_m(self) -> float:
-        """Length of both arcs."""
+        """Total length of both arcs."""
         return self.angle_rad * sum(self.radii_m)
 
     @property
@@ -210,9 +210,9 @@ def _checked_place(name: str, piece: Piece) -> tuple[tuple[float, float] | None,
 class Composite:
     """A track of pieces in the head's direction; at t = 0, the head is ``start_m`` along the track.
 
-    The first piece is extended backwards as a line, a circle or an inward spiral, so that the whole dragon fits on
-    the track. ``at_m`` and ``heading_deg`` set the start of the first piece (default: the origin, along x). In later
-    pieces they are optional checks: if they differ from the end of the preceding piece, the error names the joint.
+    The first piece is extended backwards as a line, a circle or an inward spiral, so that the whole dragon fits on the
+    track. ``at_m`` and ``heading_deg`` set the start of the first piece (default: the origin, along x). In later
+    pieces, they are optional checks: if they differ from the end of the preceding piece, the error names the joint.
     """
 
     pieces: tuple[Piece, ...]

@@ -1,4 +1,4 @@
-"""The spiral r = b theta with b = pitch / 2 pi (paper, equation 1): arc lengths, chords, and segments in the plane.
+"""The spiral r = b theta with b = pitch / 2 pi (the paper's eq. 1): arc lengths, chords, and segments in the plane.
 
 Positions are polar angles that grow outwards from the centre, so they increase from the head to the tail of a dragon
 that winds in. The chord c between polar angles theta and theta + delta, in units of b, satisfies
@@ -333,7 +333,7 @@ def steps(theta: Floats, chord: float | Floats, guess: Floats) -> tuple[Floats, 
 
 
 def _plain_steps(theta: Floats, square: float | Floats, delta: Floats) -> tuple[Floats, int] | None:
-    """Return the result of ``steps`` by plain Newton iteration; None unless all links are short and converge."""
+    """Return the result of ``steps`` by plain Newton iteration, or None unless all links are short and converge."""
     for evaluations in range(1, _CHORD_STEPS):
         half = 0.5 * delta
         s = np.sin(half)
@@ -407,7 +407,7 @@ def chord_of(theta: float, delta: float) -> float:
 
 
 def _far_step(theta: float, chord: float) -> tuple[float, int]:
-    """Return the smallest root beyond delta = pi; inf if the chord shrinks before it reaches the link's length."""
+    """Return the smallest root beyond delta = pi, or inf if the chord shrinks before it reaches the link's length."""
     low, spent = pi, 0
     while low < chord:
         peak, evaluations = first_peak(theta, low)
@@ -466,7 +466,7 @@ class SpiralSegment:
 
     @cached_property
     def bend(self) -> float:
-        """Largest curvature in 1/m, which occurs at the inner end."""
+        """Largest curvature (1/m), which occurs at the inner end."""
         theta = min(self.first, self.last)
         return (2 + theta * theta) / (self.curve.b_m * (1 + theta * theta) * sqrt(1 + theta * theta))
 
@@ -518,7 +518,7 @@ class SpiralSegment:
         return abs(self.curve.b_m * arc_between(b, b - a))
 
     def curvature(self, u: Any) -> Any:
-        """Return the signed curvature in 1/m, which is 0 at infinity."""
+        """Return the signed curvature (1/m), which is 0 at infinity."""
         square = 1 + u * u
         return self.side * self.way / self.curve.b_m * (1 + 1 / square) / np.sqrt(square)
 
