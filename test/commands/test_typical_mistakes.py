@@ -72,7 +72,7 @@ CALLS = {
     'turn': (lambda: dr.design.turn(dr.scene('winding')), 'whose track.kind is turn'),
     'max_speed': (lambda: dr.design.max_speed(None), 'write dr.scene'),
     'contact_within': (lambda: run().contact_within(5), "write {'dragon.width_m'"),
-    'contact_within key': (lambda: run().contact_within({'a': 1}), 'tolerances are for'),
+    'contact_within key': (lambda: run().contact_within({'a': 1}), 'tolerances are supported for'),
     'track_m': (lambda: run().track_m(0), 'at least 1e-09'),
     'batches': (lambda: next(run().batches([1.0], 0)), 'at least 1')}
 

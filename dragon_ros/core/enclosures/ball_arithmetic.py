@@ -3,12 +3,12 @@
 In ball arithmetic (van der Hoeven 2010), the product of the balls m +- r and n +- s has the radius |m| s + |n| r + r s,
 and so on. Results are rounded outwards by one factor per operation. No ball that is created here has a radius below
 LEAST = 2^-36 times its number: ``between`` starts with at least this radius, sums and products preserve this property,
-and functions and operations with exact numbers add as much. With u = 2^-53, rounding moves the middle of a sum by at
-most u (|m| + |n|), the middle of a product by at most u |m n|, and so on. This is at most 4 u / LEAST = 2^-15 of the
-radius, because the radius is at least LEAST times the same quantity. Radii are sums and products of positive numbers
-(and of one difference of two floats, in ``inverse``), so at most eight roundings reduce a radius by at most 2^-50. Each
-radius is therefore multiplied by 1 + 2^-14. For a sum of K numbers, whose middle is off by u K sum |m|, the factor is
-larger by K u / LEAST. Numbers below 1e-150, where floats lose digits, do not occur; 0 is exact.
+and functions and operations with exact numbers add a radius of this size. With u = 2^-53, rounding moves the middle of
+a sum by at most u (|m| + |n|), the middle of a product by at most u |m n|, and so on. This is at most 4 u / LEAST =
+2^-15 of the radius, because the radius is at least LEAST times the same quantity. Radii are sums and products of
+positive numbers (and of one difference of two floats, in ``inverse``), so at most eight roundings reduce a radius by at
+most 2^-50. Each radius is therefore multiplied by 1 + 2^-14. For a sum of K numbers, whose middle is off by u K sum
+|m|, the factor is larger by K u / LEAST. Numbers below 1e-150, where floats lose digits, do not occur; 0 is exact.
 """
 from dataclasses import dataclass
 from typing import Any, Union
@@ -89,14 +89,14 @@ class Ball:
         return Ball(less, OUTWARDS * (steep * self.rad + 0.5 * self.rad * self.rad + LEAST * less))
 
     def running_product(self) -> 'Ball':
-        """Return the products of the first 1, 2, ... numbers of the last axis."""
+        """Return the products of the first 1, 2, ... numbers along the last axis."""
         mid: Floats = np.multiply.accumulate(self.mid, axis=-1)
         parts = np.log1p(self.rad / np.abs(self.mid))
         rad: Floats = np.abs(mid) * np.expm1(OUTWARDS * np.cumsum(parts, axis=-1))
         return Ball(mid, rad)
 
     def running_sum(self) -> 'Ball':
-        """Return the sums of the first 1, 2, ... numbers of the last axis."""
+        """Return the sums of the first 1, 2, ... numbers along the last axis."""
         return Ball(np.cumsum(self.mid, axis=-1),
                     (OUTWARDS + _EACH * self.mid.shape[-1]) * np.cumsum(self.rad, axis=-1))
 

@@ -16,7 +16,7 @@ where no large terms cancel, because c^2 was replaced by 2 F. The link's directi
     psi' = delta' / 2 + N / c^2,     N = sin delta (delta p - theta delta') + (theta + delta / 2) delta delta',
     psi'' = delta'' / 2 + (N' - 2 N) / c^2.
 
-A handle turns by p, the sum of theta_0 and of delta' of all links before it; theta_0 is common to all handles and
+A handle turns by p, the sum of theta_0 and the delta' of all links before it; theta_0 is common to all handles and
 cancels in differences.
 
 The ranges of theta and delta follow from the assumption that the product of every curvature and every link is below 2,
@@ -35,7 +35,7 @@ from dragon_ros.core.numerics.types import Floats
 
 
 def bend_by_scale(theta: Ball, delta: Ball, chord: Ball, arm: Floats) -> Floats:
-    """Return bounds like ``bend``, on scale^2 times second derivatives with respect to the scale, in units of b."""
+    """Return bounds, as ``bend`` does, on scale^2 times second derivatives with respect to the scale, in units of b."""
     with np.errstate(all='ignore'):
         return corners(_motion(theta, delta, chord), arm, growth=1.0)
 

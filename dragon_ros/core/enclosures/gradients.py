@@ -61,7 +61,7 @@ class Vector:
         return Vector(self.x - other.x, self.y - other.y)
 
     def __mul__(self, factor: Graded) -> 'Vector':
-        """Return the multiple."""
+        """Return the vector multiplied by a number."""
         return Vector(self.x * factor, self.y * factor)
 
     def left(self) -> 'Vector':

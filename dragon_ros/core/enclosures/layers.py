@@ -29,7 +29,7 @@ class Layers:
 
     @property
     def pitch_m(self) -> float:
-        """The distance of two layers."""
+        """The distance between adjacent layers."""
         return 2 * np.pi * self.b_m
 
     @property
@@ -38,7 +38,7 @@ class Layers:
 
     @cached_property
     def _longest_m(self) -> Floats:
-        """The longest link (N,) from each bench on."""
+        """For each bench (N,), the longest of its own link and all links behind it."""
         return np.maximum.accumulate(self.dragon.link_lengths_m[::-1])[::-1]
 
     def gaps_m(self, theta: Floats, bench: Ints) -> Floats:
@@ -57,10 +57,10 @@ class Layers:
         return np.where(np.isfinite(low_m), low_m, -np.inf)
 
     def _other_layers(self, radius_m: Floats, own_m: Floats, longest_m: Floats) -> Floats:
-        """Return bounds on the gaps to benches of the layers outside.
+        """Return bounds on the gaps to benches in the layers further out.
 
-        Along a path of length s from a bench to one of an outer layer, r - b phi grows by at least a pitch minus both
-        half bands. It grows by at most s |grad (r - b phi)| = s sqrt(1 + (b / r)^2).
+        Along a path of length s from a bench to a bench in an outer layer, r - b phi grows by at least a pitch minus
+        both half bands. It grows by at most s |grad (r - b phi)| = s sqrt(1 + (b / r)^2).
         """
         outer_m = radius_m + self._further_m(radius_m, own_m, longest_m)
         facing_m = self._band(radius_m, own_m)[1] + self._band(outer_m, longest_m)[0]
@@ -69,12 +69,12 @@ class Layers:
         return out
 
     def _further_m(self, radius_m: Floats, own_m: Floats, longest_m: Floats) -> Floats:
-        """Return how much further out the front handles of outer-layer benches less than a pitch away are.
+        """Return how much further out the front handles of benches in outer layers are, if less than a pitch away.
 
-        The nearest points of two benches are a turn apart along the spiral, except for the angle at which a pitch is
-        seen from the centre. In angles about the centre, no point of a bench is further behind its front handle than
-        the span of its link plus the angle of a corner, or further ahead of it than the angle of a corner. The result
-        is nan at places less than half a pitch from the centre.
+        The nearest points of two benches are a turn apart along the spiral, minus the angle that a pitch subtends at
+        the centre. In angles about the centre, no point of a bench is further behind its front handle than the span of
+        its link plus the angle of a corner, or further ahead of it than the angle of a corner. The result is NaN at
+        positions less than half a pitch from the centre.
         """
         nearest_m = self._nearest(radius_m, np.maximum(own_m, longest_m))
         seen = np.arcsin(0.5 * self.pitch_m / (nearest_m - self._half_width_m))
@@ -88,7 +88,7 @@ class Layers:
         return out
 
     def _band(self, radius_m: Floats, link_m: Floats) -> tuple[Floats, Floats]:
-        """Return how far benches extend inwards and outwards of the spiral, measured along the radius.
+        """Return how far benches extend inwards and outwards from the spiral, measured along the radius.
 
         Along the line through a link, r - b phi vanishes at both handles, and its second derivative is between -c^2 /
         r and (1 + c^2) / r, with c = b / r.
@@ -107,7 +107,7 @@ class Layers:
         return out
 
     def _same_layer(self, radius_m: Floats, own_m: Floats, between_m: Floats, longest_m: Floats) -> Floats:
-        """Return bounds on the gaps to benches of the same layer.
+        """Return bounds on the gaps to benches in the same layer.
 
         The link directly behind the bench spans at least its length over sqrt(b^2 + r^2), where r is the radius of its
         rear handle; at most a quarter turn is used.

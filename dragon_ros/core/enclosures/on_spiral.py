@@ -10,9 +10,10 @@ Close to a lock there is no such B, and the bound follows from the distances tha
 Benches further out are cleared if a circle about the centre separates them from the leading bench. All bounds require
 that handles move in one direction: an interval must not contain a position at which a handle turns back.
 
-B follows from the polar angles of the handles at the two ends of the interval; docs/contact.md has the proofs. A prime
-is a derivative with respect to the polar angle of the leading handle. A link with chord c (in units of b) and its front
-handle at theta spans delta, the smallest root of F = delta^2 / 2 + theta (theta + delta) (1 - cos delta) = c^2 / 2, so
+B follows from the polar angles of the handles at the two ends of the interval; the proofs are in docs/contact.md. A
+prime is a derivative with respect to the polar angle of the leading handle. A link with chord c (in units of b) and its
+front handle at theta spans delta, the smallest root of F = delta^2 / 2 + theta (theta + delta) (1 - cos delta) = c^2 /
+2, so
 
     d1 = d delta / d theta = -F_theta / F_delta <= 0,    d2 = -(F_tt + 2 F_td d1 + F_dd d1^2) / F_delta,
 
@@ -64,7 +65,7 @@ _FEW = 64       # number of followers tried first: more than two layers of the c
 
 @dataclass(frozen=True)
 class BenchSamples:
-    """Samples of leading benches at M positions, each with its K - 2 followers from the second on.
+    """Samples of leading benches at M positions, each with K - 2 followers, starting with its second one.
 
     ``lead`` (M,) holds the sampler's indices of the leading benches, ``theta`` (M, K+1) the polar angles of all handles
     from the leading handle on, ``delta`` (M, K) the spans of the links, and ``centre`` and ``axis`` (M, K) the middles
@@ -99,7 +100,7 @@ def joined(samples: list[BenchSamples]) -> BenchSamples:
 
 def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floats], theta: Floats,
                lead: Ints) -> BenchSamples:
-    """Return the samples of leading benches at positions (M,); links are (K,) for all benches or (M, K) for each.
+    """Return the samples of leading benches at positions (M,), with the same links (K,) for all, or links (M, K).
 
     ``half_m`` holds half lengths (M or 1, K), and half widths (M, 1) or one half width for all benches.
     """
@@ -149,7 +150,7 @@ class Sizes:
         return out
 
     def rounding_m(self, theta: Floats) -> Floats:
-        """Return the rounding errors of separations in m if the last handle is at angles (M,)."""
+        """Return the rounding errors (m) of separations when the last handle is at polar angles (M,)."""
         out = rounding_m(self.b_m * theta, float(np.max(self.half_length_m)) + self.half_width_m)
         assert isinstance(out, np.ndarray)
         return out
@@ -157,7 +158,7 @@ class Sizes:
 
 @dataclass(frozen=True)
 class BenchSampler:
-    """A sampler of benches ``leads`` (0 is the head) on a spiral first segment, each with ``follow`` - 1 followers.
+    """A sampler of benches ``leads`` (0 is the head) on a spiral as first segment, each with ``follow`` - 1 followers.
 
     ``error_m`` bounds position errors. If there are several leads, no link may have a length of zero or almost zero.
     """
@@ -183,7 +184,7 @@ class BenchSampler:
 
     @property
     def b_m(self) -> float:
-        """The radial gain of the spiral in m per radian."""
+        """The radial growth of the spiral, in metres per radian."""
         assert self.track.from_afar
         return self.track.from_afar.curve.b_m
 
@@ -199,7 +200,7 @@ class BenchSampler:
                      0.5 * d.width_m, np.array(longest_m))
 
     def reaching(self, theta: Floats, lead: Ints | None = None) -> 'BenchSampler':
-        """Return a sampler that is limited to the followers within reach at given positions, if these are few."""
+        """Return a sampler that is limited to the followers within reach at given positions, if they are few."""
         follow, most = _FEW, self.dragon.benches - np.array(self.leads)
         while follow < self.follow:
             fewer = replace(self, follow=follow)
@@ -353,7 +354,7 @@ def spans(theta: Ball, delta: Ball) -> Spans:
 
 
 def bend(theta: Ball, delta: Ball, chord: Ball, arm: Floats, pairs: _Pairs | None = None) -> Floats:
-    """Return bounds (M, K-2, 2) on second derivatives on M intervals, in units of b per square radian.
+    """Return bounds (M, K-2, 2) on second derivatives over M intervals, in units of b per square radian.
 
     ``theta`` (M, K+1) encloses the angles of handles on an interval, ``delta`` (M, K) the spans of links; ``chord`` and
     ``arm`` (M or 1, K) are the lengths of links and the half diagonals of benches in units of b. The bounds apply to
@@ -429,7 +430,7 @@ def _with_joined(slopes: _Slopes, theta: Ball, joined: Array) -> _Slopes:
 def _handles(slopes: _Slopes) -> tuple[Ball, Ball]:
     """Return p and a of all handles; behind the third handle, a follows from a / p, which is a sum along the chain.
 
-    The second and third handles may turn back, where this quotient is unbounded.
+    The second and third handles may turn back, and this quotient is unbounded there.
     """
     ratio, rate = 1 + slopes.delta_1, slopes.delta_2
     none = Ball(np.zeros_like(ratio.mid[:, :1]), np.zeros_like(ratio.mid[:, :1]))
@@ -444,7 +445,7 @@ def _handles(slopes: _Slopes) -> tuple[Ball, Ball]:
 
 
 def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tuple[Floats, Floats]:
-    """Return lower bounds (M,) on the gaps in intervals between samples a and b, and a factor for each interval.
+    """Return lower bounds (M,) on the gaps in the intervals from samples a to b, and a factor for each interval.
 
     The amounts by which the errors of corners exceed those of handles are subtracted. An interval is cleared if its
     bound exceeds the position errors of two handles. Otherwise it should be cut into parts whose length is at most its
@@ -482,7 +483,7 @@ def _bent(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, other: Ints
 
 
 def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints) -> Floats:
-    """Return how far corners (P, 2) deviate from straight lines, in m, in the frames of leading and other benches.
+    """Return by how many metres corners (P, 2) deviate from straight lines in the frames of leading and other benches.
 
     Chains are computed up to the last of these benches, and only in the rows that contain at least one of them.
     """

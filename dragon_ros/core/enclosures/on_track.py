@@ -1,9 +1,9 @@
 """Bounds on the motion of handles, links and benches between two states of a chain on any track.
 
 One enclosure is used for the first contact (corners as seen from other benches), the fastest handle (ratios of speeds
-and their changes) and the bounding box (the motion of one bench). Between the states the leader goes from one position
-to another and every handle moves in one direction. The exception is a follower that turns back, near the centre of a
-single spiral; ``Leader.turning_m`` returns the positions at which intervals must be cut for this reason.
+and their changes) and the bounding box (the motion of one bench). Between the states, the leader moves from one
+position to another and every handle moves in one direction. The exception is a follower that turns back, near the
+centre of a single spiral; ``Leader.turning_m`` returns the positions at which intervals must be cut for this reason.
 
 A prime denotes a derivative with respect to the leader's distance, and a dot denotes a derivative with respect to a
 handle's own distance. For each link, let A be the handle nearer to the leader and B the other handle, let e be the
@@ -88,7 +88,7 @@ class LinkStates:
 
 def link_states(along_m: Floats, segment: Ints, curvature: Floats, headings: Floats, axis: Floats,
                 leader: int) -> LinkStates:
-    """Return the links of chains given from head to tail, with link axes ``axis`` (M, N, 2); ``leader`` is 0 or -1."""
+    """Return the link states of chains from head to tail with link axes ``axis`` (M, N, 2); ``leader`` is 0 or -1."""
     ends = _angle(axis, headings[:, :-1]), _angle(axis, headings[:, 1:])
     if leader == 0:
         return LinkStates(along_m, segment, curvature, *ends)
@@ -104,11 +104,11 @@ def _angle(axis: Floats, headings: Floats) -> Floats:
 
 
 def curvature_range(bends: Range, segments: Sequence[Ints], curvatures: Sequence[Floats]) -> Range:
-    """Return the smallest and largest curvatures in 1/m on the track between positions on given segments.
+    """Return the smallest and largest curvatures (1/m) of the track between positions on given segments.
 
-    ``bends`` holds the smallest and largest curvatures (P, P) over two segments and all between them. Curvature is
-    monotone on a segment, so if all positions are on one segment, the curvature lies between the given values;
-    otherwise the whole range of each of these segments counts.
+    ``bends`` holds the smallest and largest curvatures (P, P) over any two segments and all segments between them.
+    Curvature is monotone on a segment, so if all positions are on one segment, the curvature lies between the given
+    values; otherwise the whole range of each of these segments counts.
     """
     first, last = reduce(np.minimum, segments), reduce(np.maximum, segments)
     one = first == last
@@ -193,9 +193,10 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
              error_m: float = 0.0, passes: int = _PASSES) -> LinkMotion:
     """Return the enclosures of links (N,), from the leader on, between states of M chains.
 
-    ``bends`` holds the smallest and largest curvatures (P, P) over two segments and all between them, ``sign`` is 1.0
-    behind a head and -1.0 ahead of a tail, and ``error_m`` bounds position errors. At most ``passes`` passes narrow the
-    ranges of angles; without passes, these ranges are as wide as the turning of links and the track.
+    ``bends`` holds the smallest and largest curvatures (P, P) over any two segments and all segments between them,
+    ``sign`` is 1.0 behind a leading head and -1.0 ahead of a leading tail, and ``error_m`` bounds position errors. At
+    most ``passes`` passes narrow the ranges of angles; without passes, these ranges are as wide as the turning of links
+    and the track.
     """
     with np.errstate(all='ignore'):
         low, high = curvature_range(bends, (one.segment, two.segment), (one.curvature, two.curvature))
@@ -231,7 +232,7 @@ def speeds_enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Ra
 
 
 def direction_errors(links_m: Floats, bends: Range, error_m: float) -> tuple[Floats, float]:
-    """Return the errors in rad of the directions of links (N,) and of the track, given the position error."""
+    """Return the direction errors (rad) of links (N,) and of the track, given the position error."""
     track_error = float(np.max(np.abs(bends))) * error_m + _ROUNDED_RAD
     some, rounded_rad = links_m > 0, 2 * error_m / np.where(links_m > 0, links_m, 1.0) + _ROUNDED_RAD
     return np.where(some, rounded_rad, track_error), track_error
@@ -332,7 +333,7 @@ class Views:
 
 
 def views(p: Floats, axis: Floats, headings: Floats, row: Ints, i: Ints, j: Ints) -> Views:
-    """Return pairs of benches i and j of chains ``row`` with handles ``p`` (M, N+1, 2) and axes ``axis`` of links."""
+    """Return pairs of benches i and j of chains ``row``, given the handles ``p`` (M, N+1, 2) and link axes ``axis``."""
     u = axis[row, i]
     middle = 0.5 * (p[row, j] + p[row, j + 1] - p[row, i] - p[row, i + 1])
     x, y = _turned(u, middle)
@@ -392,7 +393,7 @@ def _handle(moving: Kinematics, row: Ints, handle: Ints, track: tuple[Floats, Fl
 
 
 def _off_m(one: Views, two: Views, axis_error: Floats, error_m: float) -> Floats:
-    """Return the errors, in m at both states, of the second bench's middle in the frame of the first bench."""
+    """Return the error (m), at either state, of the second bench's middle in the frame of the first bench."""
     out: Floats = 3 * error_m + axis_error * np.maximum(np.hypot(*one.middle), np.hypot(*two.middle))
     return out
 

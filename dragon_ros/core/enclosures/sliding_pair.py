@@ -1,4 +1,4 @@
-"""Bounds on the gap between two benches at any two positions on a spiral, over boxes of the variables of the gap.
+"""Bounds on the gap between two benches at any two positions on a spiral, over boxes of the gap's variables.
 
 In units of b = pitch / 2 pi all spirals have the equation r = theta, and a dragon is ``scale`` = 1 / b times as large.
 The gap between two benches depends on five variables, the rows of a box:
@@ -28,7 +28,7 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.spiral import first_guesses, steps
 
 THETA, AHEAD, SCALE, LINK, OTHER = range(5)
-_WIDER = 2.0**-30       # relative widening of spans, more than the errors of Newton's method and of balls (2^-36)
+_WIDER = 2.0**-30       # relative widening of spans, larger than the errors of Newton's method and of balls (2^-36)
 _ABOVE = 1 + 2.0**-40   # covers the rounding of a sum of positive numbers
 
 

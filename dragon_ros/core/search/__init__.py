@@ -1,1 +1,1 @@
-"""Searches over a run, each with bounds: first contact, near misses, smallest pitch, bounding box, maximum speed."""
+"""Searches over a run: first contact, near misses, smallest pitch, bounding box and maximum speed, all with bounds."""

@@ -2,8 +2,8 @@
 
 The pose of a bench depends only on its length and on the position of its front handle, not on the time, the leader, or
 the index of the bench. Branch and bound therefore searches only a few intervals of the track: one interval for the
-head's front handle, and, for each length of the other benches, the intervals that their front handles pass. Intervals
-whose bound exceeds the largest value found so far are cut.
+head's front handle, and, for each length of the other benches, the intervals that their front handles pass through.
+Intervals whose bound exceeds the largest value found so far are cut.
 
 The bound on an interval is derived as follows. Let s and t be the distances of a bench's front and rear handles along
 the track, q and r the positions of the two handles, and h and l the distances that they move over the interval. A
@@ -51,14 +51,14 @@ from dragon_ros.core.tracks.segments import BEHIND
 SIDES = ('x', '-x', 'y', '-y')
 _TOWARDS = np.array([1, -1, 1j, -1j])
 _AT_ONCE = 512      # number of intervals that are bounded together
-_FIRST, _PARTS = 32, 6      # numbers of parts of a first and of a later interval; fewer parts take more rounds
+_FIRST, _PARTS = 32, 6      # numbers of parts of a first and of a later interval; fewer parts need more rounds
 _SAME = 1e-13       # positions closer than this, relative to the distance along the track, count as equal
-_MOST = 200_000     # maximum number of benches that are placed
+_MOST = 200_000     # maximum number of benches to place
 
 
 @dataclass(frozen=True)
 class Reach:
-    """The farthest corner on one side: it reaches ``low_m`` at ``t_s`` and never exceeds ``high_m`` in the run."""
+    """The reach on one side: a corner reaches ``low_m`` at ``t_s``, and no corner exceeds ``high_m`` during the run."""
 
     side: str
     low_m: float
@@ -78,31 +78,31 @@ class BoundingBox:
 
     @property
     def centred_m(self) -> tuple[float, float]:
-        """Bounds on the side length of the smallest axis-aligned square about the origin that contains the run."""
+        """Bounds on the side of the smallest axis-aligned square, centred on the origin, that contains the run."""
         return 2 * max(reach.low_m for reach in self.reaches), 2 * max(reach.high_m for reach in self.reaches)
 
     @property
     def free_m(self) -> tuple[float, float]:
-        """Bounds on the side length of the smallest axis-aligned square, centred anywhere, that contains the run."""
+        """Bounds on the side of the smallest axis-aligned square, centred anywhere, that contains the run."""
         low, high = ([getattr(reach, name) for reach in self.reaches] for name in ('low_m', 'high_m'))
         return max(low[0] + low[1], low[2] + low[3]), max(high[0] + high[1], high[2] + high[3])
 
     @property
     def touching(self) -> Reach:
-        """The reach that determines the centred square."""
+        """The reach that determines the size of the square centred on the origin."""
         return max(self.reaches, key=lambda reach: reach.low_m)
 
 
 def fits(bounds_m: tuple[float, float], side_m: float) -> bool | None:
-    """Return whether a square with bounds on its side fits into a square of side ``side_m``; None if undecided."""
+    """Return whether a square with a side between ``bounds_m`` fits into one of side ``side_m``; None if undecided."""
     return True if bounds_m[1] <= side_m else False if bounds_m[0] > side_m else None
 
 
 def bounding_box(scene: Scene, within_m: float = 1e-10,
                  progress: Callable[[int], object] = lambda looks: None) -> BoundingBox:
-    """Return the space that the scene's run requires; its bounds differ by ``within_m`` plus the corners' error.
+    """Return the space that a run requires; each lower and upper bound differ by ``within_m`` plus the corners' error.
 
-    The bounds differ by more if floats are too coarse, or if placing ``_MOST`` benches does not suffice.
+    The difference is larger if floats are too coarse, or if ``_MOST`` placed benches are not enough.
     ``progress(looks)`` is called with the number of benches placed since the last call.
     """
     ranges = HandleRanges(scene)
@@ -127,7 +127,7 @@ def bench_of(ranges: 'HandleRanges', number: int) -> 'SweptBench':
 
 
 def intervals_of(ranges: 'HandleRanges', benches: Ints) -> Floats:
-    """Return the intervals (2, M) of the track, in m, that the front handles of benches pass, merged if they overlap.
+    """Return the intervals of the track (m, shape (2, M)) that the benches' front handles pass through, merged.
 
     The intervals are cut where the rear handle turns back. If the track begins with laps of a circle, the last lap
     represents all of them.
@@ -149,7 +149,7 @@ def intervals_of(ranges: 'HandleRanges', benches: Ints) -> Floats:
 
 
 def turning_m(track: Track, link_m: float) -> list[float]:
-    """Return the distances of a link's front handle along the track at which its rear handle turns back."""
+    """Return where along the track, in m, a link's front handle is when its rear handle turns back."""
     if not (track.may_lock and track.from_afar):
         return []
     angles = np.array(turns(link_m / track.from_afar.curve.b_m))
@@ -157,7 +157,7 @@ def turning_m(track: Track, link_m: float) -> list[float]:
 
 
 class _Reaching(InOrder):
-    """A search for the farthest corner on each side: the best corners so far, and bounds for the other intervals."""
+    """A search for the farthest corner on each side, with the best corners so far and bounds on finished intervals."""
 
     at_once = _AT_ONCE
 
@@ -197,7 +197,7 @@ class _Reaching(InOrder):
 
 
 def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Reaching, side: int) -> Reach:
-    """Return the result for one side, with the bench that reaches farthest there and the time when it does."""
+    """Return the result for one side, including the bench that reaches farthest and the time when it does so."""
     kind, along_m, corner = search.where[side]
     low, high = ranges.ranges_m[:, kinds[kind]]
     bench = int(kinds[kind][np.argmax(np.minimum(along_m - low, high - along_m))])
@@ -270,7 +270,7 @@ class SweptBench:
                            _sides(two * (to_rear if link else 1j * to)[:, None]))
 
     def _rears(self, fronts: Places) -> Places:
-        """Return the rear handles, one by one at a lock, because only the scalar solver accepts the longest chord."""
+        """Return the rear handles, placed singly at a lock, where only the scalar solver accepts the longest chord."""
         try:
             return next_places(self.track, fronts, self.link_m, BEHIND)[0]
         except ChainLockError:
@@ -279,7 +279,7 @@ class SweptBench:
             return np.array([place.segment for place in rears]), u[:, 0], u[:, 1]
 
     def bounds(self, a: BenchStates, b: BenchStates) -> Floats:
-        """Return upper bounds (M, 4, 4) on the corners' coordinates from state a to state b further along the track."""
+        """Return upper bounds (M, 4, 4) on corners' coordinates between a state and one further along the track."""
         slope, crude = self.slopes(a, b)
         with np.errstate(all='ignore'):
             goes = np.fmin(crude, slope.most * _each(np.abs(b.link.along_m - a.link.along_m)[:, 0]))
@@ -287,7 +287,7 @@ class SweptBench:
         return out
 
     def slopes(self, a: BenchStates, b: BenchStates) -> tuple[Ball, Floats]:
-        """Enclose the derivatives of coordinates with respect to the front handle's distance, and bound the changes."""
+        """Enclose the coordinates' derivatives with respect to the front handle's distance, and bound their changes."""
         with np.errstate(all='ignore'):
             moving = enclosed(a.link, b.link, np.array([self.link_m]), self.track.bends, passes=0)
             front_m, rear_m = np.abs(b.link.along_m - a.link.along_m).T
@@ -322,9 +322,9 @@ def _mean(a: Floats, b: Floats, gone: Floats) -> Ball:
 
 
 class HandleRanges:
-    """The ranges of front handles along the track during a run, and the times at which handles reach positions.
+    """The ranges of front handles along the track during a run, and the times at which handles reach given positions.
 
-    Each handle moves in one direction while the leader goes from one of ``_stops_m`` to the next. The stops are the
+    Each handle moves in one direction while the leader moves from one of ``_stops_m`` to the next. The stops are the
     smallest and the largest distance travelled by the leader, and the distances in between at which a handle turns
     back. Each handle therefore reaches its smallest and its largest distance along the track at a stop.
     """
@@ -359,7 +359,7 @@ class HandleRanges:
 
     @cached_property
     def ranges_m(self) -> Floats:
-        """The smallest and the largest distance (2, N) of each front handle along the track, in m."""
+        """The smallest and the largest distance of each front handle along the track (m, shape (2, N))."""
         return np.stack((np.min(self._at_stops_m, axis=0), np.max(self._at_stops_m, axis=0)))
 
     def chain(self, gone_m: tuple[float, float]) -> Chain:

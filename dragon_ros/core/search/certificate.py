@@ -1,4 +1,4 @@
-"""The result of a search for the first contact: a contact or none, and the certificate that proves it."""
+"""The result of a search for the first contact: a contact or none, with a certificate that proves it."""
 from dataclasses import dataclass
 
 from dragon_ros.core.geometry.contacts import ObstacleTouch
@@ -10,7 +10,7 @@ ALL = -1        # value of ``lead`` for an interval that covers every bench
 
 @dataclass(frozen=True)
 class Interval:
-    """A cleared part of a run, with a lower bound in metres on the gaps in it.
+    """A cleared part of a run, with a lower bound (m) on the gaps during that part.
 
     ``start_m`` and ``stop_m`` are distances of the front handle of bench ``lead`` along the track, in the order of the
     leader's motion. The bound applies to the gaps between that bench and the next ``behind`` benches except the one
@@ -34,9 +34,9 @@ class Certificate:
 
     The intervals cover pairs of benches; cleared intervals for obstacles are not kept.
 
-    ``complete`` is False if the intervals end before the contact by more than a nanometre of leader travel and by more
-    than the position error. ``complete`` is also False if the benches approach so slowly that they do not provably
-    overlap at an equal distance after the contact.
+    ``complete`` is False if the intervals end too early: more than a nanometre of leader travel, and more than the
+    position error, before the contact. ``complete`` is also False if the benches approach so slowly that they do not
+    provably overlap at an equal distance after the contact.
     """
 
     intervals: tuple[Interval, ...] = ()
@@ -47,7 +47,7 @@ class Certificate:
         return f'Certificate({len(self.intervals)} intervals, complete={self.complete})'
 
     def led_by(self, lead: int) -> tuple[Interval, ...]:
-        """Return the intervals of a leading bench."""
+        """Return the intervals whose leading bench is ``lead``."""
         return tuple(each for each in self.intervals if each.lead == lead)
 
 
@@ -95,5 +95,5 @@ class NoContact:
     certificate: Certificate
 
     def __bool__(self) -> bool:
-        """Return False; a Contact is true."""
+        """Return False, whereas a ``Contact`` is true."""
         return False

@@ -1,17 +1,17 @@
 """Lower bounds on the gap between any two benches of the whole chain while the leader moves over a step.
 
-The larger of two bounds is used. Both bounds hold if no link can lock. The handles then move only in the direction of
-the leader, so between two states handle i moves by exactly the distance D_i between its positions. A point of a bench
-at a fraction t of the way between its handles moves by at most (1 - t) D_i + t D_(i+1). A point at a distance e beside
-or beyond the link moves further by at most e times the bench's rotation, which is at most (D_i + D_(i+1)) / 2 times the
-track's largest curvature. If two benches met between the two states, the points that meet would be at least the gap
-apart in each state, so together they would have to move by at least the sum of both gaps.
+The larger of two bounds is used. Both bounds hold if no link can lock. All handles then move along the track in the
+leader's direction, so between two states handle i moves by exactly the distance D_i between its positions. A point of a
+bench at a fraction t of the way between its handles moves by at most (1 - t) D_i + t D_(i+1). A point at a distance e
+beside or beyond the link moves further by at most e times the bench's rotation, which is at most (D_i + D_(i+1)) / 2
+times the track's largest curvature. If two benches met between the two states, the points that meet would be at least
+the gap apart in each state, so together they would have to move by at least the sum of both gaps.
 
-The first bound loosens with the motion of benches, even if they move together. The second bound is used for pairs that
-the first bound does not clear. The second bound loosens with the square of the step, and only with the relative motion
-of benches: over a step h no corner deviates from the line between its positions at both ends by more than B h^2 / 8,
-with B from ``on_track``. docs/contact.md has the proofs. All bounds are rounded outwards: gaps and separations by
-``signed_distance.rounding_m``, motions by the factor ABOVE.
+The further benches move, the looser the first bound becomes, even if they move together. The second bound is used for
+pairs that the first bound does not clear. The second bound becomes looser with the square of the step, and only if
+benches move relative to each other: over a step h no corner deviates from the line between its positions at both ends
+by more than B h^2 / 8, with B from ``on_track``. The proofs are in docs/contact.md. All bounds are rounded outwards:
+gaps and separations by ``signed_distance.rounding_m``, motions by the factor ABOVE.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -28,19 +28,20 @@ from dragon_ros.core.search.driver import Judgement, clear, parts_for
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
-_TOLERANCE = 4          # multiple of the position error, for two benches at two states
-# The spacing of the first states, in longest benches; pairs two benches apart could not be cleared with a larger
-# spacing.
+_TOLERANCE = 4          # tolerance as a multiple of the position error: two benches, each at two states
+# The spacing of the first states, relative to the longest bench; with a larger spacing, pairs two benches apart could
+# not be cleared.
 _SPACING = 0.3
-# The smallest fraction of this spacing for later roots. Roots are cut anyway, and shorter roots would reach few pairs.
+# The smallest fraction of this spacing for later roots. Roots are cut anyway, and still shorter roots would have few
+# pairs within reach.
 _LEAST_SPACING = 0.05
 _PARTS_OF_ROOT = 1.05  # desired number of parts per root; the length of roots is adapted to it from block to block
 _FINER = 0.25           # smallest factor by which the length of roots is adapted; the largest factor is the inverse
 _MOST = 2_000_000       # maximum number of first intervals; a search with so many takes a few hours
-_FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, times min(1 m, longest bench)
+_FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, relative to min(1 m, longest bench)
 _REACH = 1.25           # reach of a root, relative to the motion of two benches; other pairs keep a fifth of their gap
 _SHORTEST = 0.1    # shortest interval of ``prove``, relative to the tolerance; gaps before a contact are larger
-_FAR = 0.05             # added to the reach, in longest benches, so that benches at rest also have a positive bound
+_FAR = 0.05             # added to the reach, relative to the longest bench, for a positive bound if benches rest
 _AT_ONCE = 2**17        # maximum number of benches that are sampled together, to save memory
 _FEW = 8                # number of roots in the first block; each later block has twice as many
 _SETTLED = 0.5          # a bound above this fraction of the gap is not recomputed for the parts of its interval
@@ -51,8 +52,8 @@ _STILL_M = 1e-200       # avoids a division by zero if two states round to the s
 class ChainSamples:
     """States of a chain with N benches at M leader positions: handles (M, N+1) and the rectangles of the benches.
 
-    For each handle, ``along_m`` is its distance along the track, and ``headings``, ``curvature`` (1/m) and ``segment``
-    (index) are those of the track at this handle.
+    ``along_m`` holds each handle's distance along the track; ``headings``, ``curvature`` (1/m) and ``segment`` (an
+    index) describe the track at each handle.
     """
 
     places: Floats
@@ -84,7 +85,7 @@ class _ChainIntervals:
         dragon = domain.dragon
         self._domain, self._only_beyond, self._heads_m = domain, only_beyond, heads_m
         self.tolerance_m = _TOLERANCE * domain.error_m
-        self._excess_m = 2 * domain.error_m * (domain.levers - 1)      # errors of corners beyond those of handles
+        self._excess_m = 2 * domain.error_m * (domain.levers - 1)      # errors of corners in excess of those of handles
         self._half = 0.5 * dragon.bench_lengths_m, np.full(dragon.benches, 0.5 * dragon.width_m)
         overhang = np.hypot(0.5 * (dragon.bench_lengths_m - dragon.link_lengths_m), 0.5 * dragon.width_m)
         self._turning, self._far_m = 0.5 * domain.track.bend * overhang, _FAR * float(np.max(dragon.bench_lengths_m))
@@ -115,7 +116,7 @@ class _ChainIntervals:
         return ChainSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in _FIELDS))
 
     def begin(self, samples: ChainSamples, pairs: Ints, _: Ints) -> None:
-        """Receive the roots, and find the pairs that come close on each root."""
+        """Find the pairs that come close to each other on each root."""
         moved_m = np.max(self._moved(samples.rows(pairs[0]), samples.rows(pairs[1])), axis=1)
         reach_m = _REACH * 2 * moved_m + self._far_m
         found = [*self._near(samples, pairs, reach_m)]
@@ -135,15 +136,15 @@ class _ChainIntervals:
             yield i[keep], j[keep]
 
     def _moved(self, a: ChainSamples, b: ChainSamples) -> Floats:
-        """Return the largest motion of any point of each bench (M, N) between samples."""
+        """Return bounds (M, N) on the distance that any point of each bench moves between samples."""
         way_m = np.abs(b.along_m - a.along_m)
         out: Floats = np.maximum(way_m[:, :-1], way_m[:, 1:]) + self._turning * (way_m[:, :-1] + way_m[:, 1:])
         return ABOVE * out
 
     def judge(self, a: ChainSamples, b: ChainSamples, group: Ints) -> Judgement:
-        """Judge intervals: bound the gaps on each interval, and choose the number of its parts from its room.
+        """Bound the gaps on each interval, and choose the number of its parts from its room.
 
-        The room is the fraction of its length to which an interval would have to shrink to be cleared.
+        The room of an interval is the fraction of its length to which it would have to shrink to be cleared.
         """
         moved_m, size = self._moved(a, b), self._count[group]
         row = np.repeat(np.arange(group.size), size)
@@ -169,7 +170,7 @@ class _ChainIntervals:
         return Judgement(bound_m, touching, parts_for(least), rest)
 
     def _without(self, settled: Array, at: Ints, row: Ints, low_m: Floats, group: Ints, which: Ints) -> Ints:
-        """Return the groups (M,); the intervals ``which`` have new groups without their settled pairs."""
+        """Return the groups (M,) of intervals; the intervals ``which`` get new groups without the settled pairs."""
         out: Ints = group.copy()
         others_m = self._others_m[group]
         np.minimum.at(others_m, row[settled], low_m[settled])
@@ -206,7 +207,7 @@ class _ChainIntervals:
         return gaps(*self._rectangles(samples, row, i, j))
 
     def _rectangles(self, samples: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[Benches, Ints, Ints]:
-        """Return the benches of all states as one ``Benches``, and the two indices of each pair in it."""
+        """Return the benches of all states as one ``Benches``, and each pair's two indices in it."""
         states, count = samples.places.size, self._domain.dragon.benches
         half_length, half_width = (np.tile(half, states) for half in self._half)
         benches = Benches(samples.centre.reshape(-1, 2), samples.axis.reshape(-1, 2), half_length, half_width)
@@ -221,7 +222,7 @@ class WholeChain:
     """All pairs of a domain, or those not covered by ``LeadingBenches``, with the part cleared so far."""
 
     def __init__(self, domain: SearchDomain, only_beyond: bool) -> None:
-        """Cover a domain; ``only_beyond`` limits it to pairs whose inner bench is beyond the track's first segment."""
+        """Cover a domain or, if ``only_beyond``, only pairs whose inner bench is beyond the first segment."""
         self._domain, self._only_beyond, self.tolerance_m = domain, only_beyond, _TOLERANCE * domain.error_m
         longest_m = float(np.max(domain.dragon.bench_lengths_m))
         self._spacing_m, self._finest_m = _SPACING * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
@@ -283,7 +284,7 @@ class WholeChain:
             here_m, size = end_m, min(2 * size, most)
 
     def _within(self, place_m: float) -> float:
-        """Return the position or, if benches must be beyond the first segment, the nearest such position."""
+        """Return a position or, if only benches beyond the first segment count, the nearest one with such benches."""
         domain = self._domain
         if not self._only_beyond:
             return place_m

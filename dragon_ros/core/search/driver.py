@@ -1,4 +1,4 @@
-"""The loop shared by all searches: it judges cells of a space in batches and subdivides them until all are settled.
+"""The loop shared by all searches, which judges cells of a space in batches and subdivides them until all are settled.
 
 ``run`` takes the search as a parameter. A ``Search`` selects the cells that may still matter, orders and judges them,
 keeps the settled ones and returns the parts of the others. The loop stores the waiting cells and limits the number of
@@ -11,7 +11,7 @@ half as long, until it is as short as requested or as floats allow.
 ``clear`` clears intervals of the domain of a contact search. The domain is sampled at discrete positions. A bound
 (``on_spiral`` for a bench on a spiral segment, ``conservative_advancement`` for the whole chain) limits how close
 benches can come between two adjacent positions. An interval whose bound does not exceed the position error is cut into
-as many parts as the bound suggests, and each part is cut in turn until it is cleared or as short as requested. An
+as many parts as the bound suggests, and each part is cut again until it is cleared or as short as requested. An
 interval of length L therefore takes at most log2(L / finest) rounds. Adjacent intervals share the samples at their
 ends, because computing states is expensive.
 """
@@ -81,7 +81,7 @@ class InOrder:
 
 
 def run(search: Search[C], cells: C) -> None:
-    """Search cells until none is left."""
+    """Judge cells and their parts until none are left."""
     waiting = [cells]
     while waiting:
         cells = waiting.pop()
@@ -97,7 +97,7 @@ def run(search: Search[C], cells: C) -> None:
 
 @dataclass(frozen=True)
 class Boxes:
-    """Boxes in a space of D dimensions, from ``low`` to ``high`` (D, M): cells without samples."""
+    """Cells without samples: M boxes in a space of D dimensions, from ``low`` to ``high`` (D, M)."""
 
     low: Floats
     high: Floats
@@ -136,7 +136,7 @@ class Samples(Protocol):
 
 @dataclass(frozen=True)
 class Judgement:
-    """A judgement of M intervals: lower bounds on gaps, whether benches touch at each end (2, M), and part counts.
+    """The judgement of M intervals: lower bounds on gaps, contacts at both ends (2, M), and numbers of parts.
 
     ``group`` (M,) holds the groups for which the parts are judged; a space may omit pairs that are settled for the
     whole interval.
@@ -149,7 +149,7 @@ class Judgement:
 
 
 class Space(Protocol):
-    """The space of a search: it samples positions and bounds the gaps between two of them.
+    """A search space, which samples positions and bounds gaps over the intervals between them.
 
     The first intervals are the roots: each root is its own group, and every other interval is part of a root. Windows
     are identified by their index in the list passed to ``clear``.
@@ -169,11 +169,11 @@ class Space(Protocol):
         ...
 
     def begin(self, samples: Any, pairs: Ints, window: Ints) -> None:
-        """Receive the roots as ``pairs`` (2, R) of rows of the samples, with the indices (R,) of their windows."""
+        """Receive the roots as ``pairs`` (2, R) of sample indices, with the indices (R,) of their windows."""
         ...
 
     def judge(self, a: Any, b: Any, group: Ints) -> Judgement:
-        """Judge the intervals between samples a and b; a ``group`` is the index of a root or comes from a judgement."""
+        """Judge the intervals from samples a to b; each group is the index of a root or from an earlier judgement."""
         ...
 
     def lengths_m(self, start: Floats, stop: Floats) -> Floats:
@@ -231,7 +231,7 @@ def _cleared(space: Space, windows: dict[int, Floats], finest_m: float) -> dict[
 
 @dataclass(frozen=True)
 class _Intervals:
-    """Intervals as ``pairs`` (2, M) of rows of samples, with their windows (M,) and groups (M,)."""
+    """Intervals as ``pairs`` (2, M) of sample indices, with their windows (M,) and groups (M,)."""
 
     samples: Any
     pairs: Ints
@@ -250,7 +250,7 @@ class _Intervals:
 
 
 class _Clearing:
-    """A search that clears windows in the order of their positions, and its results."""
+    """A search that clears windows in the order of their positions, together with its results."""
 
     at_once = _AT_ONCE
 

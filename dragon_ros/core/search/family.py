@@ -1,13 +1,13 @@
-"""The time until which no dragon of a family touches itself; the dragons of a family differ within tolerances.
+"""The time up to which no dragon of a family touches itself; a family is all dragons within given tolerances.
 
-The track is a single spiral. Every bench of a dragon may have its own width, length and hole inset within the
-tolerances around the scene's values; the pitch of the track is the same for all benches. Larger rectangles contain
-smaller ones, so the search uses the largest width and overhang. A link may have any length from the smallest to the
-largest. The chain behind a bench depends only on that bench's position. The search therefore covers the positions of
-the inner and the other bench of a pair, their two links, and the pitches (``enclosures.sliding_pair``). The lengths of
-the links between the two benches are bounded; for each number of benches in between, the other bench's position
-therefore lies in a strip. The search ignores everything outside these strips. The search has two parts: the head with
-all benches behind it, and any other bench with all benches behind it (docs/contact.md).
+The track is a single spiral. Every bench of a dragon may have its own width, length and hole inset, within tolerances
+of the scene's values; the pitch of the track is the same for all benches. Larger rectangles contain smaller ones, so
+the search uses the largest width and overhang. A link may have any length from the smallest to the largest. The chain
+behind a bench depends only on that bench's position. The search therefore covers the positions of the inner and the
+other bench of a pair, their two links, and the pitches (``enclosures.sliding_pair``). The lengths of the links between
+the two benches are bounded; for each number of benches in between, the other bench's position therefore lies in a
+strip. The search ignores everything outside these strips. The search has two parts: the head with all benches behind
+it, and any other bench with all benches behind it (docs/contact.md).
 
 Boxes are cleared, left out or halved, in the order in which the leader could reach them. The leader's travel up to the
 first remaining box is therefore proved clear.
@@ -44,12 +44,12 @@ from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve, arc_between
 
 TOLERANCES = ('dragon.width_m', 'dragon.head_length_m', 'dragon.body_length_m', 'dragon.hole_inset_m', 'track.pitch_m')
-_WITHIN = 0.01          # largest leader travel from the end of a proof to a contact, times min(1 m, longest link)
-_AT_ONCE, _MOST = 1000, 200_000     # maximum numbers of boxes: judged together, and in total
+_WITHIN = 0.01          # largest leader travel from the end of a proof to a contact, relative to min(1 m, longest link)
+_AT_ONCE, _MOST = 1000, 200_000     # maximum numbers of boxes judged together and in total
 _FIRST_RAD = 2.0        # angle by which the inner bench moves about the centre in a first box
 _MOST_FIRST = 10_000    # maximum number of first boxes
-_DOWN, _UP = 1 - 2.0**-51, 1 + 2.0**-51     # factors that exceed the rounding of a sum of two positive numbers
-_OUT = 1 + 2.0**-40     # factor that exceeds the rounding of a dozen sums and products of positive numbers
+_DOWN, _UP = 1 - 2.0**-51, 1 + 2.0**-51     # factors that cover the rounding of a sum of two positive numbers
+_OUT = 1 + 2.0**-40     # factor that covers the rounding of a dozen sums and products of positive numbers
 _BENT = 1.09            # the curvature of any spiral is at most 1.09 / r (``min_pitch``)
 _INNER_STEPS = 6        # number of iterations that bound the head's position, given the position of the next bench
 _HEAD, _BODY = 0, 1     # kinds of the inner bench of a pair
@@ -59,10 +59,10 @@ _HEAD, _BODY = 0, 1     # kinds of the inner bench of a pair
 class FamilyProof:
     """Proof that no dragon of a family touches itself from the start of the run to ``proved_s``.
 
-    ``why`` is the reason for the end of the proof: 'contact' (some dragons may touch from ``limit_s`` on, for example
-    at ``benches``), 'run' (the run of the nominal dragon ends), 'bend' (the order of handles is not proved closer to
-    the centre) or 'effort' (the limit for the number of boxes is reached). ``nominal`` is the result for the scene
-    itself; ``states`` is the number of boxes examined.
+    ``why`` is the reason why the proof ends: 'contact' (some dragons may touch from ``limit_s`` on, for example at
+    ``benches``), 'run' (the run of the nominal dragon ends), 'bend' (the order of handles is not proved closer to the
+    centre) or 'effort' (the limit on the number of boxes is reached). ``nominal`` is the result for the scene itself;
+    ``states`` is the number of boxes examined.
     """
 
     within: tuple[tuple[str, float], ...]
@@ -99,7 +99,7 @@ class Family:
 
     @property
     def within_m(self) -> float:
-        """The length of leader travel just before a contact that a proof may leave out."""
+        """The leader travel (m) just before a contact that a proof may omit."""
         return _WITHIN * min(1.0, self.head_link_m[1], self.body_link_m[1])
 
     @property
@@ -108,7 +108,7 @@ class Family:
         return 0.5 * _BENT * self.scale[1] * max(self.head_link_m[1], self.body_link_m[1]) * _OUT
 
     def gone_m(self, theta: Floats | float, scale: Floats | float) -> Floats:
-        """Return the shortest distances that the head travels to reach polar angles at scales up to the given ones."""
+        """Return the shortest distances the head travels to reach polar angles, for scales of at most ``scale``."""
         start = self.start_rad
         out: Floats = np.maximum(arc_between(start, np.maximum(start - np.asarray(theta), 0.0)) / scale / _OUT - (
             (_OUT - 1) * start**2 / self.scale[0]), 0.0)
@@ -126,11 +126,12 @@ class Family:
 
 def first_contact_within(scene: Scene, within: Mapping[str, float],
                          progress: Callable[[int], object] = lambda states: None) -> FamilyProof:
-    """Return a proof of the time until which no dragon with benches and track pitch within tolerances touches itself.
+    """Prove that no dragon whose benches and pitch are within tolerances touches itself up to a certain time.
 
-    ``within`` maps some of ``TOLERANCES`` to values in metres, each allowed in both directions. ``progress(boxes)`` is
-    called with the number of boxes examined since the last call. Raises FieldError for unknown tolerances and for
-    unsupported scenes. Raises DragonError if nothing can be proved; the error names the tolerance to blame.
+    ``within`` maps names from ``TOLERANCES`` to values in metres; each tolerance applies in both directions.
+    ``progress(boxes)`` is called with the number of boxes examined since the last call. Raises FieldError for unknown
+    tolerances and for unsupported scenes. Raises DragonError if nothing can be proved; the error names the tolerance to
+    blame.
     """
     family = family_of(scene, within)
     nominal = first_contact(scene)
@@ -152,7 +153,7 @@ def family_of(scene: Scene, within: Mapping[str, float]) -> Family:
     """Return the family of a scene. Raises FieldError for unknown tolerances and unsupported scenes."""
     for key, tolerance in within.items():
         if key not in TOLERANCES:
-            raise FieldError(f'--within {key}', tolerance, f'tolerances are for {", ".join(TOLERANCES)}',
+            raise FieldError(f'--within {key}', tolerance, f'tolerances are supported for {", ".join(TOLERANCES)}',
                              did_you_mean(key, TOLERANCES, 'give one of these'))
         number(f'--within {key}', tolerance, low=0.0)
     dragon, track = _covered(scene)
@@ -188,7 +189,7 @@ def _covered(scene: Scene) -> tuple[Dragon, Spiral]:
 
 
 def _around(key: str, value: float, within: Mapping[str, float], zero: bool = False) -> tuple[float, float]:
-    """Return the interval of a value. Raises FieldError if it contains 0 (with ``zero``: negative numbers)."""
+    """Return a value's interval. Raises FieldError if it contains 0 or, with ``zero``, a negative number."""
     tolerance = within.get(key, 0.0)
     if tolerance and (tolerance > value if zero else tolerance >= value):
         raise FieldError(f'--within {key}', tolerance, f'the value itself is {value:g} m', 'give a smaller tolerance')
@@ -236,7 +237,7 @@ def _search(scene: Scene, family: Family, nominal: Contact | NoContact,
 
 
 def _blame(scene: Scene, within: Mapping[str, float], nominal: Contact | NoContact) -> str:
-    """Return a sentence that names the tolerance to blame, whose removal extends the proof the most."""
+    """Return a sentence that names the tolerance to blame: the one whose removal extends the proof the most."""
     best: tuple[float, str] | None = None
     for key in within:
         family = family_of(scene, {**within, key: 0.0})
@@ -255,7 +256,7 @@ def _blame(scene: Scene, within: Mapping[str, float], nominal: Contact | NoConta
 class _PairBoxes:
     """Boxes (5, n) in the variables of ``sliding_pair``, the kinds (n,) of their inner benches, and ``gone_m`` (n,).
 
-    ``gone_m`` holds, for each box, the smallest distance travelled by the leader at which a pair of the box can occur.
+    ``gone_m`` holds, for each box, the smallest distance that the leader travels before a pair in the box can occur.
     """
 
     low: Floats
@@ -287,7 +288,7 @@ class _FamilySearch:
         self.benches: tuple[int, int] | None = None
 
     def run(self) -> None:
-        """Clear boxes until the first remaining box is near a pair that overlaps."""
+        """Clear boxes until the first remaining box is near an overlapping pair."""
         boxes = self._first()
         while boxes.gone_m.size:
             boxes = boxes.some(np.argsort(boxes.gone_m, kind='stable'))
@@ -303,7 +304,7 @@ class _FamilySearch:
         self.frontier_m = min(self.limit_m, self._end_m)
 
     def _first(self) -> _PairBoxes:
-        """Return boxes that together contain all pairs up to the end, in steps of the inner bench's position."""
+        """Return boxes that together contain all pairs up to the end, split along the inner bench's position."""
         family, scale = self.family, self.family.scale
         inner = max(family.inward_rad(self._end_m), family.innermost_rad)
         outer = family.outward_rad(self.begin_m)
@@ -326,7 +327,7 @@ class _FamilySearch:
         return self._reached(low, high, np.full(ends.size - 1, inner))
 
     def _reached(self, low: Floats, high: Floats, inner: Ints) -> _PairBoxes:
-        """Return boxes with the smallest distance that the leader has travelled when an inner bench reaches each box.
+        """Return boxes, each with the smallest distance that the leader has travelled when an inner bench reaches it.
 
         Among the body benches, bench 1 reaches each box first. The head is closer to the centre by at least the span of
         the shortest link, which is smallest when the head is furthest out; each iteration moves the bound closer to the
@@ -386,11 +387,11 @@ class _FamilySearch:
         return _PairBoxes(low, high, boxes.inner, boxes.gone_m).some(which)
 
     def _strips(self, low: Floats, high: Floats, inner: Ints) -> tuple[Floats, Floats, Ints]:
-        """Return the range of the angle AHEAD within each box, and the number of the nearest bench in this range.
+        """Return the range of the angle AHEAD in each box, and the number of the nearest bench within this range.
 
         By lemma 1 of docs/contact.md, the angle from a handle to the handle a given number of links behind decreases as
-        theta increases, and increases with the length of each link. The first end of an empty range is larger than its
-        last end.
+        theta increases, and increases with the length of each link. If a range is empty, its first end is larger than
+        its last end.
         """
         family, out = self.family, _OUT
         last_bench = np.where(inner == _HEAD, family.benches - 1, family.benches - 2)

@@ -1,10 +1,10 @@
 """The first contact of a run, located exactly, with a certificate that no contact occurs before it.
 
-The leader's range of travel is searched in each direction. ``leading_benches`` clears the pairs whose inner bench lies
-on a spiral first segment; all benches with identical remaining link sequences are cleared together along the track.
-``WholeChain`` clears all other pairs, state by state. ``obstacle_contact`` clears the obstacles of a venue; all benches
-of one length are cleared together along the track. In the first interval that cannot be cleared, the search solves for
-the zero of the gap, and everything is cleared up to this position.
+The leader's range of travel is searched in each direction. If the track's first segment is a spiral,
+``leading_benches`` clears the pairs whose inner bench lies on it; all benches with identical remaining link sequences
+are cleared together along the track. ``WholeChain`` clears all other pairs, state by state. ``obstacle_contact`` clears
+the obstacles of a venue; all benches of one length are cleared together along the track. In the first interval that
+cannot be cleared, the search solves for the zero of the gap, and everything is cleared up to this position.
 """
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -35,17 +35,17 @@ from dragon_ros.core.search.leading_benches import (
 from dragon_ros.core.search.search_domain import Bracket, RangeOfTravel, SearchDomain
 from dragon_ros.core.tiers import EXACT
 
-_BEFORE_M = 1e-9        # clearing stops this far before a contact, times min(1 m, longest bench)
+_BEFORE_M = 1e-9        # clearing stops this far before a contact, relative to min(1 m, longest bench)
 _TOLD_APART = 4         # where clearing stops, gaps are at least this multiple of the error that a bound must exceed
 _AHEAD_M = 1e-8         # first step of the search for a contact just beyond a position that cannot be cleared
 _AHEAD = 24             # number of doublings of this step, up to 8 cm
-# The approach to a contact is separate if it takes more than this multiple of the leader travel that the final rate of
-# the gap requires.
+# An approach to a contact is separate if the leader travels more than this multiple of the distance in which the gap
+# would close at its final rate.
 _STEADY = 4
-_ASIDE = 1e3            # the checker's step to either side of a contact for the closing rate, in units of ``_BEFORE_M``
+_ASIDE = 1e3            # the checker's step on each side of a contact, relative to ``_BEFORE_M``, for the closing rate
 _LAST_PLACES = 4        # rounding error of a contact's time, in ulps; it determines the error of the position
-_WIDEST_M = 1e-6        # largest slack, times min(1 m, longest bench)
-_GRAZING_M = 1e-7       # largest gap of grazing benches, times min(1 m, longest bench)
+_WIDEST_M = 1e-6        # largest slack, relative to min(1 m, longest bench)
+_GRAZING_M = 1e-7       # largest gap of grazing benches, relative to min(1 m, longest bench)
 _HARDLY = 0.99          # proved fraction of the clear distance before a grazing; the rest allows for rounding
 _TOO_FAR = 'the leader travels too far for a search'
 
@@ -57,7 +57,7 @@ class BenchPairs(Protocol):
 
     @property
     def tolerance_m(self) -> float:
-        """The error that a bound must exceed if the corners of benches err like their handles."""
+        """The error that a bound must exceed if the corners of benches have the same errors as their handles."""
         ...
 
     def clear(self, stop_m: float) -> Bracket | None:
@@ -99,7 +99,7 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
 
 
 def head_passes(scene: Scene, progress: Callable[[int], object] = lambda states: None) -> bool:
-    """Return whether the head, winding in on a spiral, provably touches no bench in the scene's run.
+    """Return whether the head, winding in on a spiral, provably touches no bench during the scene's run.
 
     Other benches may touch each other. The search ends at the first sample in which the head touches a bench, so it
     evaluates fewer states than ``first_contact``. It raises the same errors.
@@ -138,12 +138,12 @@ class _ContactSearch:
         return self._clear()
 
     def cleared(self) -> Certificate:
-        """Return the certificate of the domain, given that it has no contact."""
+        """Clear the domain, which must have no contact, and return its certificate."""
         self._complete = self._clear() is None
         return self.certificate()
 
     def certificate(self) -> Certificate:
-        """Return the cleared intervals."""
+        """Return the cleared intervals as a certificate."""
         return Certificate(tuple(each for part in self._parts for each in part.intervals()), self._complete)
 
     def _clear(self) -> Bracket | None:
@@ -160,7 +160,7 @@ class _ContactSearch:
         return hit
 
     def _last(self) -> tuple[float, str]:
-        """Return the leader position up to which contacts can be ruled out, and the reason ('' without a limit)."""
+        """Return the leader position up to which contacts can be ruled out, and the reason for this limit, or ''."""
         domain, ends = self._domain, [(self._domain.stop_m, '')]
         if domain.track.from_afar:
             ends.append((searchable_m(domain), _TOO_FAR))
@@ -170,7 +170,7 @@ class _ContactSearch:
         return min(ends, key=lambda end: domain.sense * end[0])
 
     def _contact(self, bracket: Bracket) -> Contact:
-        """Return the contact in a bracket of positions, or a grazing if the closest pair may or may not touch."""
+        """Return the contact in a bracket of positions, or a grazing if a touch of the closest pair is undecided."""
         domain = self._domain
         claim, later, grazing_m = self._touching(bracket)
         gone_m, pair = claim.gone_m, claim.pair
@@ -201,11 +201,11 @@ class _ContactSearch:
         return around.touch(benches, pair[0], edge)
 
     def _touching(self, bracket: Bracket) -> tuple['_Claim', list[tuple[float, Pair]], tuple[float, float] | None]:
-        """Return a contact in a bracket, later touches, and None; or a grazing, no touches, and bounds on its gap.
+        """Return a contact in a bracket, all later touches and None, or a grazing, an empty list and bounds on its gap.
 
         If no pair touches at the bracket's other end, a pair may touch just beyond that end. Such a touch counts if the
-        gap closes directly from the bracket's end, about as fast as at its zero. A touch where the leader turns back is
-        a grazing.
+        gap closes steadily from the bracket's end, about as fast as at its zero. A touch where the leader turns back
+        counts as a grazing.
         """
         domain = self._domain
         roots = self._roots(bracket) or self._ahead(bracket)
@@ -218,7 +218,7 @@ class _ContactSearch:
         return _Claim(domain, pair, gone_m), [], gap_m
 
     def _ahead(self, bracket: Bracket) -> list[tuple[float, Pair]]:
-        """Return where pairs begin to touch just beyond a bracket, in order, but nothing for a separate approach."""
+        """Return where pairs begin to touch just beyond a bracket, in order, or nothing if the approach is separate."""
         domain = self._domain
         for power in range(_AHEAD):
             ahead = bracket.other_m + domain.sense * _AHEAD_M * 2**power
@@ -246,7 +246,7 @@ class _ContactSearch:
         return sorted(found, key=lambda row: (self._domain.sense * row[0], row[1]))
 
     def _grazing(self, bracket: Bracket) -> tuple[float, Pair, tuple[float, float]]:
-        """Return the position from which contact of the closest pair is undecided, that pair, and bounds on its gap."""
+        """Return the position from which contact of the closest pair is undecided, the pair, and bounds on its gap."""
         domain = self._domain
         pairs, gap = domain.near(bracket.other_m)
         errors = self._errors_m(pairs)
@@ -264,9 +264,9 @@ class _ContactSearch:
     def _prove(self, clear_m: float, claim: '_Claim', most_m: float) -> tuple[float, Bracket | None]:
         """Clear up to a position just before a contact or a grazing.
 
-        Clearing stops a nanometre before the contact, or earlier if the gap is too small there to differ provably from
-        zero, but at most ``most_m`` before the contact. Return the position up to which everything is clear, and the
-        first bracket that is not clear.
+        Clearing stops a nanometre before the contact, or earlier if the gap there cannot be proved to differ from zero,
+        but at most ``most_m`` before the contact. Return the position up to which everything is clear, and the first
+        bracket that is not clear.
         """
         sense, slope, error_m = self._domain.sense, claim.slope, float(self._errors_m(np.array(claim.pair)))
         back = max(_BEFORE_M * self._domain.unit, _TOLD_APART * error_m / slope if slope > 0 else inf)
@@ -321,7 +321,7 @@ class _Claim:
 
     @cached_property
     def slack_m(self) -> float:
-        """The error of positions and times in metres of leader travel."""
+        """The error of positions and times, expressed as leader travel in metres."""
         domain = self.domain
         step = max(_BEFORE_M * domain.unit, _LAST_PLACES * ulp(self.t_s) * domain.speed_m_s(self.t_s))
         slack = max(step, 2 * self._rounding_m / self.slope) if self.slope > 0 else step
@@ -367,7 +367,7 @@ class _Claim:
         return self.domain.gap(self.pair, self._told_m + self.domain.sense * after_m) < -self._rounding_m
 
     def touches(self, cleared_m: float, as_asked: bool) -> bool:
-        """Return whether a contact is proved if all is clear up to a position (the requested one if ``as_asked``)."""
+        """Return whether a contact is proved if all is clear up to a position, the requested one if ``as_asked``."""
         return self.overlaps and (as_asked or self._within(cleared_m, self.slack_m))
 
     def grazes(self, cleared_m: float) -> bool:
@@ -394,7 +394,7 @@ def _all_parts(domain: SearchDomain) -> list[BenchPairs]:
 
 
 def parts_of(domain: SearchDomain) -> list[BenchPairs]:
-    """Return the parts that clear pairs of benches: head and body on a spiral first segment, and the whole chain."""
+    """Return the parts that clear pairs of benches: head and body if the track begins with a spiral, and all others."""
     parts = list[BenchPairs]()
     if domain.track.from_afar:
         head, *body = classes_of(domain)

@@ -1,13 +1,14 @@
-"""Pairs of benches on a spiral first segment, cleared once for all benches with the same remaining link sequence.
+"""Pairs of benches on a first segment that is a spiral, cleared once for all benches with the same remaining links.
 
 If the first segment winds in from afar, the chain behind a bench on this segment depends only on the position of that
 bench and on the links behind it. Benches are therefore grouped into classes with identical remaining link sequences.
-The first bench of a class is its lead, and the class is cleared as a whole over the track that its front handles pass.
-If that fails, each bench is cleared over its own part of the track, which no other bench of its class has passed
-before. Mixed benches form many classes, and all classes behind the head are sampled and bounded together.
+The first bench of a class is its lead, and the class is cleared as a whole over the part of the track that its front
+handles pass through. If that fails, each bench is cleared over its own part of the track, which no other bench of its
+class has passed before. Mixed benches form many classes, and all classes behind the head are sampled and bounded
+together.
 
 Far enough from the centre, a bound on the layers of the spiral (``layers``) clears the positions of any bench without
-samples. Only the positions further inwards are searched.
+samples. Only the positions closer to the centre are searched.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -25,10 +26,10 @@ from dragon_ros.core.search.driver import Cleared, Judgement, clear, parts_for
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 from dragon_ros.core.tracks.composite import Place
 
-# The spacing of the first samples, in longest benches or in rad, whichever is larger. The interaction of adjacent
-# layers depends on the angle: far from a contact, 2 rad are cleared at once.
+# The spacing of the first samples, relative to the longest bench and in rad; the larger one is used. The interaction of
+# adjacent layers depends on the angle: far from a contact, an interval of 2 rad is cleared without cuts.
 _FIRST, _FIRST_RAD = 1.173, 2.0
-_FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, times min(1 m, longest bench)
+_FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, relative to min(1 m, longest bench)
 _MOST_PLACES = 50_000   # maximum number of first samples per window, to save memory
 _MOST_RAD = 2e6         # maximum length of a domain, which needs a million first samples
 # To save memory, ``_TOGETHER`` limits the number of handles at the first samples of windows that are cleared together.
@@ -41,7 +42,7 @@ _Row = tuple[float, float, float]       # start, stop and bound of a cleared int
 
 
 class Touching(Exception):
-    """A sample has benches that touch; raised for searches that only decide whether there is a contact."""
+    """A sample has benches that touch; raised only in searches that decide whether there is a contact."""
 
 
 class _SpiralIntervals:
@@ -63,7 +64,7 @@ class _SpiralIntervals:
         return joined(parts)
 
     def begin(self, _: BenchSamples, __: Ints, window: Ints) -> None:
-        """Receive the roots."""
+        """Store the windows of the roots."""
         self._window = window
 
     def judge(self, a: BenchSamples, b: BenchSamples, group: Ints) -> Judgement:
@@ -211,7 +212,7 @@ class LeadingBenches:
             self._hit = self._bracket(0, rest.hit, (self._domain.start_m, stop_m)) if rest.hit else None
 
     def _trim(self, stop_m: float) -> None:
-        """Drop the cleared parts that the class has not reached when the leader is at a position."""
+        """Drop the cleared parts that the class has not yet reached when the leader is at a given position."""
         outer, inner = self._track(self._domain.phases(stop_m)[1])
         clipped = (replace(row, start_rad=min(max(row.start_rad, inner), outer),
                            stop_rad=min(max(row.stop_rad, inner), outer)) for row in self._rows)
@@ -232,7 +233,7 @@ class LeadingBenches:
                 min(float(theta[self.lead]) for theta in ends))
 
     def _clear_phase(self, phase: tuple[float, float], here: Floats, there: Floats) -> Bracket | None:
-        """Clear each bench's part of the track while the leader goes through a phase."""
+        """Clear the part of the track that each bench passes through in one phase of the leader's motion."""
         windows = [*self._parts(here, there)]
         hits = [self._bracket(window.bench, cleared.hit, phase)
                 for window, cleared in zip(windows, _cleared(self._domain, windows), strict=True) if cleared.hit]
@@ -276,7 +277,7 @@ class LeadingBenches:
         return grown if places[0] == low else grown[::-1]
 
     def sampler(self, ends: Floats) -> BenchSampler:
-        """Return the sampler of the class between two positions, with the followers that can matter there."""
+        """Return the sampler of the class between two positions, with only the followers that can matter there."""
         return _sampler(self._domain, (self.lead,)).reaching(ends)
 
 
@@ -359,7 +360,7 @@ def _apart(domain: SearchDomain, windows: list[_ClassWindow]) -> list[list[_Row]
 
 
 def _searched(domain: SearchDomain, windows: list[_ClassWindow]) -> list[Cleared]:
-    """Clear windows by samples."""
+    """Clear windows by sampling."""
     if not windows:
         return []
     leads = tuple(dict.fromkeys(window.of.lead for window in windows))

@@ -14,9 +14,9 @@ speed. As intervals shrink, the excess of the bound decreases with the square of
 if a handle passes a joint, where the curvature jumps.
 
 If a leading head winds in on the first segment, no handle on this segment is faster than the preceding handle. The
-reason is that the curvature increases towards the front, and that a chord of an arc that turns by less than pi has its
-larger angle with the arc at the more curved end (Vogt 1914). The search therefore follows only the handles beyond the
-first segment; on a single spiral, it follows the handles beyond the point where a link's arc could turn by pi.
+reason is that the curvature increases towards the front, and that a chord of an arc that turns by less than pi makes
+its larger angle with the arc at the more curved end (Vogt 1914). The search therefore examines only the handles beyond
+the first segment or, on a single spiral, those beyond the point where a link's arc could turn by pi.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -45,7 +45,8 @@ _SPACING_M = 0.2        # length of the first intervals, in leader travel
 _PARTS = 4              # number of parts into which an interval is cut
 _AT_ONCE = 256          # number of intervals that are bounded together
 _SAME = 1e-12           # speeds with a smaller relative difference count as equal
-# The distance of a cut from the end of the inward segment; at the end itself, rounding would decide.
+# The distance of a cut from the end of the inward segment; at the end itself, rounding would decide which segment
+# applies.
 _APART_M = 1e-9
 _MOST = 2_000_000       # maximum number of first intervals
 _BENT = 1.09            # the curvature of any spiral is at most 1.09 / r (see ``min_pitch``)
@@ -109,7 +110,7 @@ class _Speeding(InOrder):
         self._looks, self._tell = 0, progress
         self._best, self._bound = (-inf, scene.run.start_s, 0), -inf
         leader = self._leader
-        self._behind_m = np.concatenate(([0.0], np.cumsum(leader.links_m)))    # lower bounds, in m
+        self._behind_m = np.concatenate(([0.0], np.cumsum(leader.links_m)))    # lower bounds on distances
         self._sure_m = _sure_m(leader.track, leader.links_m) if leader.direction == BEHIND else -inf
 
     def run(self) -> MaxSpeed:
@@ -135,7 +136,7 @@ class _Speeding(InOrder):
         return boxes.some(higher).cut(_PARTS)
 
     def _first(self) -> Floats:
-        """Return short first intervals (2, M) in s, cut at the law's breaks and where handles turn back."""
+        """Return short first time intervals (s, shape (2, M)), cut at the law's breaks and where handles turn back."""
         start_s, stop_s = self._scene.run.start_s, compile_scene(self._scene).end.t_s
         times = [start_s, *(t_s for t_s in self._scene.head.breaks_s if start_s < t_s < stop_s), stop_s]
         gone = [self._gone_m(t_s) for t_s in times]
@@ -166,7 +167,7 @@ class _Speeding(InOrder):
         return float(self._scene.head.travelled_m(t_s)[0])
 
     def _when_s(self, gone_m: float, low_s: float, high_s: float) -> float:
-        """Return when the leader has travelled a distance, in a period during which it moves in one direction."""
+        """Return when the leader has travelled a distance, within a period in which it moves in one direction."""
         return illinois(lambda t_s: self._gone_m(t_s) - gone_m, low_s, high_s, self._gone_m(low_s) - gone_m,
                         self._gone_m(high_s) - gone_m)
 
@@ -199,7 +200,7 @@ class _Speeding(InOrder):
         return np.stack((np.max(tops, axis=1), np.max(sure, axis=1), states.gone_m[starts], states.gone_m[stops]))
 
     def _relative(self, states: 'SpeedStates') -> Floats:
-        """Return the largest position error up to each handle (K+1,), counted from the leader, over the mean link."""
+        """Return the largest position error from the leader to each handle (K+1,), divided by the mean link length."""
         mean_m = compile_scene(self._scene).model.length_m / self._scene.dragon.benches
         if not mean_m:      # all handles coincide
             return np.zeros(1)
@@ -233,7 +234,7 @@ def _sure_m(track: Track, links_m: Floats) -> float:
 
 @dataclass(frozen=True)
 class LawBetween:
-    """The log of the leader's relative speed at both ends of M intervals, and bounds on its slope over distance."""
+    """The log of the leader's relative speed at both ends of M intervals, and bounds on its slope along the track."""
 
     start: Floats
     stop: Floats
@@ -249,20 +250,20 @@ class _Steady:
     """A constant speed."""
 
     def between(self, start_s: Floats, stop_s: Floats) -> LawBetween:
-        """Return 0, the logarithm of 1."""
+        """Return zero logs and slopes, because the relative speed is always 1."""
         none = np.zeros(start_s.shape)
         return LawBetween(none, none, Ball(none, none))
 
 
 @dataclass(frozen=True)
 class _Varying:
-    """The speeds of a profile, relative to the largest speed in the run."""
+    """The speeds of a profile, relative to the largest speed during the run."""
 
     law: Profile
     largest_m_s: float
 
     def between(self, start_s: Floats, stop_s: Floats) -> LawBetween:
-        """Return logs and slopes on intervals between the law's breaks; a jump counts with the speed inside.
+        """Return logs and slopes on intervals between the law's breaks; at a jump, use the speed inside the interval.
 
         The slope of log |v| with respect to distance is dv/dt / v^2. At rest the slope is unbounded, and log |v| is
         -inf.
@@ -281,7 +282,7 @@ class _Varying:
 
 
 def _law_of(scene: Scene) -> _Steady | _Varying:
-    """Return the leader's law, relative to its largest speed in the run; a constant law if the leader always rests."""
+    """Return the leader's law relative to its largest speed in the run, or a steady law if the leader always rests."""
     if isinstance(scene.head, Head):
         return _Steady()
     start_s, stop_s = scene.run.start_s, compile_scene(scene).end.t_s
@@ -328,7 +329,7 @@ def states_of(chains: Chain, gone_m: Floats, way: int) -> SpeedStates:
 
 
 def bounds(a: SpeedStates, b: SpeedStates, law: LawBetween) -> Floats:
-    """Return upper bounds (M, K+1) on the logs of speeds between states a and b; the leader is further on in b."""
+    """Return upper bounds (M, K+1) on the logs of speeds between states a and b; the leader is further along in b."""
     with np.errstate(all='ignore'):
         r, v_rate = speeds_enclosed(a.links, b.links, a.links_m, a.bends, -a.way)
         slope = -a.way * v_rate + Ball(law.slope.mid[:, None], law.slope.rad[:, None])

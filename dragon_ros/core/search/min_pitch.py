@@ -50,19 +50,19 @@ from dragon_ros.core.tracks.spiral import SpiralCurve
 
 # The size of the first cells: the angle of the leading handle about the centre, and a fraction of the pitch.
 _WAY_RAD, _STEP = 0.8, 0.1
-_AT_ONCE, _MOST = 256, 100_000      # maximum numbers of cells: judged together, and in total
+_AT_ONCE, _MOST = 256, 100_000      # maximum numbers of cells judged together and in total
 _PAIRS = 2**16          # maximum number of pairs of benches in the cells that are judged together, to save memory
 _TINY = 1e-2            # side of the smallest boxes, relative to ``within_m``
-_BRACKET = 5            # smallest difference of the bounds on the pitch, in errors of gaps
+_BRACKET = 5            # smallest difference between the bounds on the pitch, as a multiple of the error of a gap
 _OUTWARDS = 1 + 2.0**-50    # rounding factor for a pitch, which is the quotient of a rounded number and a scale
-_SAME = 1e-15               # relative rounding error of a pitch, the inverse of a scale
+_SAME = 1e-15               # relative rounding error of a pitch that is computed from a scale
 _UNIT = track_of(Spiral(2 * pi, 1.0), BEHIND)   # the spiral in units of b
 _BENT = 1.09               # the curvature of any spiral is at most 1.09 / r: (u^3 + 4 u^2 + 4 u) / (1 + u)^3 <= 32 / 27
 
 
 @dataclass(frozen=True)
 class MinPitch:
-    """A pitch ``low_m`` with a contact, and a pitch ``high_m``; no contact occurs from there up to ``largest_m``.
+    """A pitch ``low_m`` with a contact, and a range of pitches without a contact, from ``high_m`` to ``largest_m``.
 
     At ``low_m`` the ``benches`` touch when the head's front handle is at ``radius_m``; ``states`` is the number of
     windings placed, or of states for mixed benches. For mixed benches ``proved`` is False: ``high_m`` and ``largest_m``
@@ -104,7 +104,7 @@ class _PitchTask:
         return sqrt((self.turns * pitch_m) ** 2 + pitch_m / pi * arc)
 
     def innermost_m(self, pitch_m: float, first: int) -> float:
-        """Return a lower bound on the radius at this and larger pitches; no arc is shorter than its chord."""
+        """Return a lower bound on the radius at this and larger pitches, since no arc is shorter than its chord."""
         b_m, radius_m = pitch_m / (2 * pi), self.radius_m
         inward = 2 * b_m * float(self.dragon.link_lengths_m[0]) / sqrt(1 + (b_m / radius_m) ** 2)
         return sqrt(radius_m**2 + inward * first)
@@ -113,7 +113,7 @@ class _PitchTask:
 def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_turns: float = 16.0,
               largest_m: float = 1.0, within_m: float = 4e-11,
               progress: Callable[[int], object] = lambda states: None, smallest_m: float | None = None) -> MinPitch:
-    """Return the smallest pitch such that the head reaches the circle without contact up to ``largest_m``.
+    """Return the smallest pitch from which on, up to ``largest_m``, the head reaches the circle without a contact.
 
     The head starts ``start_turns`` turns from the centre of the spiral, which is also the centre of the circle of
     diameter ``diameter_m``. ``low_m`` and ``high_m`` differ by at most ``within_m`` or, if that is more, five times
@@ -164,7 +164,7 @@ def _task(dragon: AnyDragon, diameter_m: float, start_turns: float, largest_m: f
 
 
 class _Runs:
-    """The runs of a dragon that winds in to a circle; each pitch has one run."""
+    """The runs of a dragon that winds in to a circle, one for each pitch."""
 
     def __init__(self, dragon: AnyDragon, diameter_m: float, start_turns: float,
                  progress: Callable[[int], object]) -> None:
@@ -243,8 +243,8 @@ def _bisected(touching: Callable[[float], object], low_m: float, high_m: float, 
 class _Descending:
     """A search for one leading bench, from the largest pitch down to ``floor_m`` or to a contact.
 
-    Boxes have the dimensions radius, in m, and scale; a larger scale means a smaller pitch. ``touch`` holds the radius
-    in m, the pitch in m and the bench of the contact with the largest pitch found so far.
+    The dimensions of boxes are radius (m) and scale; a larger scale means a smaller pitch. ``touch`` holds the radius
+    (m), the pitch (m) and the bench of the contact with the largest pitch found so far.
     """
 
     def __init__(self, task: _PitchTask, first: int, floor_m: float, progress: Callable[[int], object]) -> None:
@@ -264,7 +264,7 @@ class _Descending:
 
     @property
     def at_once(self) -> int:
-        """The number of boxes that are judged together; to save memory, fewer if the last windings were long."""
+        """The number of boxes judged together; it is reduced, to save memory, if the last windings were long."""
         return max(1, min(_AT_ONCE, _PAIRS // self._follow))
 
     def ahead(self, boxes: Boxes) -> Array:
@@ -317,9 +317,10 @@ class _Descending:
         return np.concatenate(strips, axis=1)
 
     def _unclear(self, cells: Floats) -> tuple[Array, Ints]:
-        """Evaluate the corners of cells (4, n), each of two radii and two scales; return which cells are not clear.
+        """Evaluate the corners of cells (4, n), each given by two radii and two scales; return which are not clear.
 
-        The second result is the axis along which to cut each cell: the axis along which the separation varies more.
+        The second result is the axis along which to cut each cell, which is the one along which the separation varies
+        more.
         """
         corners = np.concatenate([cells[[i, j]] for i in (0, 1) for j in (2, 3)], axis=1)
         places, where = np.unique(corners, axis=1, return_inverse=True)
@@ -397,11 +398,11 @@ class _Descending:
         link, off = float(dragon.link_lengths_m[-1]), self._angle_errors(placed.theta[ends[1], -2], cells[3])
         line = line_distance(link * cells[2], placed.delta[ends[1], -1], 2 * off) / cells[2] - 0.5 * dragon.width_m
         if np.any(line <= reach + self._tolerance_m):
-            raise DragonError('min-pitch: one turn of benches does not suffice for a proof; such dragons are not '
+            raise DragonError('min-pitch: one turn of benches is not enough for a proof; such dragons are not '
                               'supported')
 
     def _note(self, places: Floats, separation: Floats) -> None:
-        """Record the touching position with the largest pitch; the head is never further out than where it starts."""
+        """Record the touching position with the largest pitch; the head is never further out than its start."""
         radius_m, scale = places
         outer = np.inf if self.first else 2 * pi * self.task.turns / scale
         gap = np.max(separation, axis=-1)

@@ -4,9 +4,9 @@ Near misses between a bench and an obstacle of the venue are included; each is f
 benches of one length.
 
 Only intervals whose certified bound is below the threshold are sampled. Benches with the same remaining link sequence
-have the same gaps at the same positions. Each minimum on a spiral first segment is therefore found once for its class,
-and each bench of the class reaches that position at its own time. When the leader reverses, a closing gap also has a
-minimum. A dip narrower than the sample spacing, or shallower than a nanometre, may be missed.
+have the same gaps at the same positions. If the first segment is a spiral, each minimum on it is therefore found once
+for its class, and each bench of the class reaches that position at its own time. When the leader reverses, a closing
+gap also has a minimum. A dip narrower than the sample spacing, or shallower than a nanometre, may be missed.
 """
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ _LIPSCHITZ = 2.0
 _SHALLOW_M = 1e-9       # far above the error of gaps; shallower dips cannot be distinguished from a constant gap
 _AT_ONCE = 64           # number of samples that are evaluated together
 _GOLDEN = 0.5 * (5**0.5 - 1)
-_ROUNDS = 34            # number of golden-section steps: 0.618^34 of 4 cm is 3 nm, which a flat minimum cannot resolve
+_ROUNDS = 34            # number of golden-section steps: 0.618^34 of 4 cm is 3 nm, and flat minima are less precise
 _REFINED = 1024         # maximum number of minima that are refined together, to save memory
 _SAME_M = 1e-4          # minima of the same pair that are closer than this, in leader travel, count as one minimum
 _CLOSING_M = 1e-6       # leader travel before a reversal during which the gap must decrease
@@ -132,7 +132,7 @@ def _distinct(dips: list[_Dip]) -> list[_Dip]:
 
 
 def _in_domain(domain: SearchDomain, proof: Certificate, below_m: float) -> tuple[list[_Dip], int]:
-    """Return the dips of a domain, at leader positions, and the number of dips that were omitted."""
+    """Return the dips of a domain, with leader positions, and the number of dips that were omitted."""
     out = _of_chain(domain, [each for each in proof.led_by(ALL) if each.bound_m < below_m], below_m)
     alike: list[_ClassDip] = []
     out += _of_obstacles(domain, below_m) if domain.around else []
@@ -210,7 +210,7 @@ def _spans(ends: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def _grids(low: float, high: float, step: float) -> Iterator[Floats]:
-    """Yield equidistant positions in parts that share two positions, so that no dip falls between parts."""
+    """Yield equidistant positions in parts that overlap by two positions, so that no dip falls between parts."""
     places = np.linspace(low, high, max(3, 2 + int((high - low) / step)), dtype=np.float64)
     for start in range(0, places.size - 2, _AT_ONCE - 2):
         yield places[start:start + _AT_ONCE]
@@ -272,7 +272,7 @@ def _reached(domain: SearchDomain, part: LeadingBenches, dips: list[_Dip]) -> li
 
 
 def _at_places(domain: SearchDomain, phase: tuple[float, float], alike: list[_ClassDip]) -> list[_Dip]:
-    """Return dips with the leader positions at which benches reach them in a phase."""
+    """Return dips with the leader positions at which benches reach them during a phase."""
     segment, origin_m = domain.track.segments[0], domain.track.origins_m[0]
     along_m = origin_m + segment.metres(np.array([each.dip.place for each in alike]))
     gone_m = _gone_at(domain, np.array([each.bench for each in alike]), along_m, phase)
@@ -297,7 +297,7 @@ def _gone_at(domain: SearchDomain, bench: Ints, along_m: Floats, within: tuple[f
 
 
 def _of_obstacles(domain: SearchDomain, below_m: float) -> list[_Dip]:
-    """Return the ``MOST`` deepest dips between benches and obstacles in each phase, at leader positions."""
+    """Return the ``MOST`` deepest dips between benches and obstacles in each phase, with leader positions."""
     from dragon_ros.core.search.bounding_box import by_length
     from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
     from dragon_ros.core.search.obstacle_contact import phases, swept_bench, windows_of

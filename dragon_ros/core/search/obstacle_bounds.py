@@ -1,14 +1,14 @@
 """Lower bounds on the gap between a bench and an edge of an obstacle while the bench moves between two positions.
 
 The pose of a bench depends on its length and on the position of its front handle, so an interval of the track
-represents all benches of one length that pass it. The larger of two bounds is used. Both bounds hold over the whole
-interval if the rear handle moves in one direction. *By motion:* if no corner moves further than M, no point of the
-bench does, so the gap is at least (g0 + g1 - M) / 2, where g0 and g1 are the gaps at the two ends. *By direction:* let
-d be the direction of the largest separation at one end. The derivative of a corner's coordinate along d lies in the
+represents all benches of one length that pass through it. The larger of two bounds is used. Both bounds hold over the
+whole interval if the rear handle moves in one direction. *By motion:* if no corner moves further than M, no point of
+the bench does, so the gap is at least (g0 + g1 - M) / 2, where g0 and g1 are the gaps at the two ends. *By direction:*
+let d be the direction of the largest separation at one end. The derivative of a corner's coordinate along d lies in the
 ball of ``SweptBench.slopes``, so the coordinate changes by at most V and is never less than the mean of its values at
 the two ends minus V / 2. The smallest of these lower bounds over all corners, minus the larger coordinate of the edge's
-end points, bounds the gap. As the interval shrinks, V approaches the corner's motion along d with the square of the
-interval's length.
+end points, is a lower bound on the gap. As the interval shrinks, V converges quadratically to the corner's motion along
+d.
 """
 from dataclasses import dataclass
 
@@ -86,7 +86,7 @@ class ObstacleBounds:
         return 0.5 * (front + rear_right), axis
 
     def _directions(self, corners: Complexes, gap_m: Floats, edge: Ints) -> Complexes:
-        """Return the directions in which each bench and its edge are furthest apart, or almost furthest apart."""
+        """Return directions in which each bench and its edge are as far apart as possible, or nearly so."""
         apart = gap_m > _APART_M * sum(self.half_m)
         out = np.empty(edge.size, dtype=np.complex128)
         if np.any(apart):
@@ -96,7 +96,7 @@ class ObstacleBounds:
         return out
 
     def _to_bench(self, corners: Complexes, edge: Ints) -> Complexes:
-        """Return the directions from the nearest points of edges to the nearest points of benches; no pair touches."""
+        """Return the directions from the nearest points of edges to those of benches, provided that no pair touches."""
         around, half, (centre, axis) = self.around, self.half_m, self._seats(corners)
         seen = (corners - around.middle[edge][:, None]) * np.conj(around.axis[edge])[:, None]
         long = around.half_m[edge][:, None]
@@ -126,7 +126,7 @@ class ObstacleBounds:
 
 def least_along(d: Complexes, ends: tuple[Complexes, Complexes], slope: Ball, unsure: float, h: Floats,
                 way_m: Floats) -> Floats:
-    """Return the smallest coordinates in m along directions d (M,) that corners (M, 4) may have between two states.
+    """Return the smallest coordinates (m) along directions d (M,) that corners (M, 4) may have between two states.
 
     ``slope`` (M, 4, 3) holds the derivatives of the corners' coordinates with respect to a variable that grows by ``h``
     (M, 1): the derivative of x first and that of y last, with errors of up to ``unsure``. The corners move by at most

@@ -1,11 +1,11 @@
-"""Contact of benches with a venue, cleared along the track once for all benches of one length.
+"""The search for contacts between benches and a venue, along the track and once for all benches of one length.
 
 The pose of a bench depends on its length and on the position of its front handle. For each length, an obstacle
 therefore blocks positions on the track, and the first bench of that length to reach a blocked position is the bench
 that starts next to it. Each bench therefore has a window: the positions that its front handle passes, up to the start
-of the next bench of its length, which passes the rest of the track first. Each window is cleared separately, up to the
-first position that cannot be cleared (``driver``, with the bounds of ``obstacle_bounds``); of these positions, the
-result is the position that the leader reaches first. If handles turn back near the centre of a spiral, the leader's
+of the next bench of its length, which is the first to pass the rest of the track. Each window is cleared separately, up
+to the first position that cannot be cleared (``driver``, with the bounds of ``obstacle_bounds``); of these positions,
+the result is the position that the leader reaches first. If handles turn back near the centre of a spiral, the leader's
 travel is split into phases in which each handle moves in one direction.
 """
 from collections.abc import Callable, Iterator
@@ -23,14 +23,14 @@ from dragon_ros.core.search.driver import Judgement, clear
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, corners_of
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 
-_TOLERANCE = 4          # multiple of the position error, for two states of benches whose corners err like their handles
-_SPACING = 0.5          # spacing of the first positions, in longest benches
+_TOLERANCE = 4          # multiple of the position error: two states, with corners that have the same errors as handles
+_SPACING = 0.5          # spacing of the first positions, relative to the longest bench
 _MOST_PLACES = 50_000   # maximum number of first positions per window, to save memory
-_FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, times min(1 m, longest bench)
+_FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, relative to min(1 m, longest bench)
 _SHORTEST = 0.1         # shortest interval of ``prove``, relative to the tolerance; gaps before a contact are larger
-_FAR = 0.05             # edges that stay further away than this many longest benches are not examined
+_FAR = 0.05             # edges that stay further away than this multiple of the longest bench are not examined
 _PARTS = 3              # number of parts into which an interval is cut
-_LONG = 6.0             # longest move that is bounded, in longest benches; a longer move would involve too many edges
+_LONG = 6.0             # longest bounded move, relative to the longest bench; longer moves would involve too many edges
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class _Samples:
 
 
 class _SweptIntervals:
-    """The space of track intervals for ``clear``; the edges near a bench are found by bounding boxes of intervals."""
+    """The space of track intervals for ``clear``; the edges near a bench are found with bounding boxes of intervals."""
 
     def __init__(self, bounds: ObstacleBounds, tolerance_m: float, longest_m: float,
                  count: Callable[[int], None]) -> None:
@@ -113,7 +113,7 @@ class Obstacles:
     """All pairs of a bench and an obstacle in a domain, with the first bracket that is not clear."""
 
     def __init__(self, domain: SearchDomain) -> None:
-        """Cover a domain whose scene has a venue."""
+        """Prepare the search of a domain whose scene has a venue."""
         assert domain.scene.venue
         self._domain, self.tolerance_m = domain, _TOLERANCE * domain.error_m
         self._around = surroundings_of(domain.scene.venue)
@@ -133,7 +133,7 @@ class Obstacles:
         return self._hit
 
     def intervals(self) -> Iterator[Interval]:
-        """Yield nothing, because the checker finds nearby obstacles by itself."""
+        """Yield nothing, because the checker finds nearby obstacles itself."""
         return iter(())
 
     def _first(self, stop_m: float, finest_m: tuple[float, ...]) -> Bracket | None:
@@ -148,7 +148,7 @@ class Obstacles:
         return None
 
     def _first_of(self, benches: Ints, phase: tuple[float, float], finest_m: tuple[float, ...]) -> Bracket | None:
-        """Return the first bracket in a phase in which some bench of one length is not clear."""
+        """Return the first bracket in a phase in which any bench of one length is not clear."""
         domain, bench = self._domain, swept_bench(self._domain, int(benches[0]))
         windows = windows_of(domain, benches, phase, _SPACING * self._longest_m)
         if not windows:

@@ -35,13 +35,13 @@ if TYPE_CHECKING:       # scenes without a venue do not need this module
     from dragon_ros.core.geometry.venue import Surroundings
 
 _LOCK_RAD = 1e-9        # margin before a lock or the centre, where speeds are infinite, relative to 1 + polar angle
-_FLOATS = 1e-13         # position error over the largest coordinate, as promised by the exact tier far from the origin
+_FLOATS = 1e-13         # position error, relative to the largest coordinate, that the exact tier promises far out
 _SLOPE = 1e-6  # step to either side for slopes, for links of 1 to 2 m: gap errors of 1e-11 m cause slope errors of 1e-5
 _LONG = 4.0             # lever of corners above which the step grows in proportion to the lever, as gap errors do
-_COARSEST = 0.05        # largest error of a corner, in longest benches, with which benches can be distinguished
+_COARSEST = 0.05        # largest error of a corner, relative to the longest bench, that keeps benches distinguishable
 _KEPT = 6               # number of cached chains; the ends of domains and phases are used repeatedly
-_FEW = 12               # up to this number, placing chains one by one is faster than placing them together
-_MANY = 30              # above this number of chains, tables are built, which later chains use too
+_FEW = 12               # up to this number of chains, placing them one by one is faster than placing them together
+_MANY = 30              # above this number of chains, tables are built, which are also used for later chains
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class RangeOfTravel:
         return [sense for sense in (1, -1) if sense * (self.gone_m(self.farthest_s(sense)) - here) > 0]
 
     def onwards_m(self, t_s: float, sense: int) -> float:
-        """Return how far the leader moves in one sense after a time until it turns or rests, even after its run."""
+        """Return how far the leader moves in one sense after a time until it turns or rests, even beyond its run."""
         here_m, most_m, last_s = self.gone_m(t_s), 0.0, t_s
         for last_s in (break_s for break_s in self.law.breaks_s if break_s > t_s):
             on_m = sense * (self.gone_m(last_s) - here_m)
@@ -109,7 +109,7 @@ class RangeOfTravel:
         return illinois(lambda t_s: self.gone_m(t_s) - gone_m, before, after, one - gone_m, two - gone_m)
 
     def arrival_s(self, gone_m: float, sense: int) -> float:
-        """Return when the leader, moving in a sense, first reaches a distance, or comes nearest to it."""
+        """Return when the leader, moving in one sense, first reaches a distance or comes nearest to it."""
         if isinstance(self.law, Head):
             return float(np.clip(gone_m / self.law.speed_m_s, self.start_s, self.end_s)) if self.law.speed_m_s else (
                 self.start_s)
@@ -127,7 +127,7 @@ class RangeOfTravel:
 
 
 class Bracket(NamedTuple):
-    """Two leader positions, the first of which ends the clear part, and a lower bound on the gaps in between."""
+    """The leader position where the clear part ends, another position, and a lower bound on the gaps in between."""
 
     clear_m: float
     other_m: float
@@ -135,7 +135,7 @@ class Bracket(NamedTuple):
 
 
 class SearchDomain:
-    """The chains of a scene while its leader goes from ``start_m`` to ``stop_m``; ``states`` counts the samples."""
+    """The chains of a scene while its leader moves from ``start_m`` to ``stop_m``; ``states`` counts the samples."""
 
     def __init__(self, scene: Scene, travel: RangeOfTravel, sense: int, progress: Callable[[int], object]) -> None:
         """Cover travel forwards (``sense`` 1) or backwards (-1). Raises InputError if position errors are too large."""
@@ -181,14 +181,14 @@ class SearchDomain:
         self._tell(states)
 
     def chain(self, gone_m: float) -> Chain:
-        """Return all handles at a distance travelled by the leader; the last few are cached."""
+        """Return all handles when the leader has travelled a distance; the last few results are cached."""
         if gone_m not in self._kept:
             self._kept = dict([*self._kept.items()][1 - _KEPT:])
             self._kept[gone_m] = self.simulation.model.march((gone_m, 0.0))
         return self._kept[gone_m]
 
     def chains(self, gone_m: Floats) -> Chain:
-        """Return all handles at many positions (M,)."""
+        """Return all handles at many leader positions (M,)."""
         if gone_m.size <= _FEW:
             return stack([self.chain(one) for one in gone_m.tolist()])
         gone = gone_m, np.zeros_like(gone_m)
@@ -197,12 +197,12 @@ class SearchDomain:
         return marched_many(self.track, self.dragon.link_lengths_m, self.leader.places(gone), self.leader.direction)
 
     def benches(self, gone_m: float) -> Benches:
-        """Return all benches at a distance travelled by the leader."""
+        """Return all benches when the leader has travelled a distance."""
         chain = self.chain(gone_m)
         return benches_of(chain, self.dragon, axes_of(chain))
 
     def angles(self, gone_m: float) -> Floats:
-        """Return the polar angles (N+1,) of handles on the first segment; handles beyond have the angle of its end."""
+        """Return the polar angles (N+1,) of handles on the first segment; handles beyond it have its end's angle."""
         chain = self.chain(gone_m)
         return np.where(chain.segment == 0, chain.u, self.track.segments[0].last)
 
@@ -226,7 +226,7 @@ class SearchDomain:
         return self.track.distances(chain.segment, chain.u)
 
     def gone_at(self, bench: int, along_m: float, within: tuple[float, float]) -> float:
-        """Return the distance travelled by the leader when a bench's front handle is at a distance along the track.
+        """Return the distance travelled by the leader when a bench's front handle is ``along_m`` along the track.
 
         The handle must move in one direction between the two leader positions ``within``. If the handle never reaches
         the distance there, the nearer of these two positions is returned.
@@ -287,7 +287,7 @@ class SearchDomain:
         return gap_of(benches, pair[0] - first, pair[1] - first)
 
     def root(self, pair: tuple[int, int], bracket: Bracket) -> float:
-        """Return the position in a bracket where the gap of a pair vanishes, or the bracket's other end."""
+        """Return the position in a bracket where a pair's gap becomes zero, or, without one, an end of the bracket."""
         low, high = (self.gap(pair, end) for end in bracket[:2])
         if high > 0 or bracket.clear_m == bracket.other_m:
             return bracket.other_m
@@ -302,10 +302,10 @@ class SearchDomain:
         return self.sense * (self.gap(pair, early) - self.gap(pair, late)) / (late - early) if late > early else 0.0
 
     def step_m(self, pair: tuple[int, int]) -> float:
-        """Return the step for slopes: 1 µm times the largest power of 2 up to half the longest link, or 1 µm.
+        """Return the step for slopes: 1 µm times the largest power of 2 up to half the longest link in metres.
 
-        If a bench of the pair extends far beyond its link, the step is larger by a power of 2, but at most a millionth
-        of the longest bench.
+        The step is 1 µm if all links have zero length. If a bench of the pair extends far beyond its link, the step is
+        larger by a power of 2, but at most a millionth of the longest bench.
         """
         link_m = float(np.max(self.simulation.model.links_m, initial=0.0))
         if not link_m:
@@ -348,5 +348,5 @@ class SearchDomain:
         return sense * (limit.gone_m - gone_m) if limit else inf
 
     def place(self, along_m: float) -> Place:
-        """Return the position at a distance along the track."""
+        """Return the track position at a distance along the track."""
         return self.track.place_at(along_m)

@@ -1,4 +1,4 @@
-"""The area that benches sweep in a run, computed from closely spaced positions for drawing and measuring.
+"""The area that benches sweep during a run, computed from closely spaced positions for drawing and measuring.
 
 The area consists of one part for the head and one part for each length of the other benches; a part covers the benches
 at all positions of their front handles. Each part is the union of overlapping benches, one step apart, and of the areas
@@ -26,7 +26,7 @@ _MOST_PLACES = 40_000   # maximum number of positions; if more are needed, the s
 
 @dataclass(frozen=True, eq=False)
 class SweptArea:
-    """The areas that the head and the body sweep, as polygons in m, and the small polygons (n,) of which they consist.
+    """The areas swept by the head and the body, as polygons in metres, and the small polygons (n,) that form them.
 
     ``at_m`` (n,) holds the distances of the front handles along the track, in increasing order. ``long_m`` is the
     length of the longest bench.
@@ -69,7 +69,7 @@ def swept_area(scene: Scene) -> SweptArea:
 
 
 def _placed(ranges: HandleRanges, bench: int, span: Floats, step_m: float) -> tuple[Floats, Any]:
-    """Return front handles' distances, one step apart, the bench at each, and the areas that its ends sweep."""
+    """Return front-handle distances, one step apart, the bench at each distance, and the areas that its ends sweep."""
     at_m, placed = [], []
     for low, high in span.T.tolist():
         along = np.linspace(low, high, 2 + ceil((high - low) / step_m))
@@ -83,16 +83,16 @@ def _placed(ranges: HandleRanges, bench: int, span: Floats, step_m: float) -> tu
 
 
 def room_every_metre(scene: Scene, swept: SweptArea) -> tuple[Floats, Floats]:
-    """Return distances (n,) along the track, one per metre, and the space (n, 2) in m needed to the left and right."""
+    """Return distances along the track, one per metre, and the space needed to the left and right (m, shape (n, 2))."""
     stations_m = np.arange(ceil(swept.at_m[0]), swept.at_m[-1])
     return stations_m, room_needed_m(compile_scene(scene).model.track, swept, stations_m)
 
 
 def room_needed_m(track: Track, swept: SweptArea, stations_m: Floats) -> Floats:
-    """Return how far benches reach, (n, 2) in m, to the left and right of a track at distances (n,) along the track.
+    """Return how far benches reach to the left and right (m, shape (n, 2)) of a track at distances (n,) along it.
 
-    Only benches near that distance along the track count; benches on another part of the track that passes nearby do
-    not.
+    Only benches near each distance along the track count; benches on another part of the track do not, even if that
+    part passes nearby.
     """
     places = track.places_at(stations_m, np.zeros_like(stations_m))
     points, headings = (_complex(one) for one in track.poses(*places))

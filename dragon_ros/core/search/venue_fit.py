@@ -1,7 +1,7 @@
 """Bounds on how close the benches of a run come to each obstacle of a venue, by branch and bound.
 
 The pose of a bench depends on its length and on the position of its front handle. A cell is therefore an interval of
-the track that the front handles of benches of one length pass, paired with one edge of an obstacle
+the track that the front handles of benches of one length pass through, paired with one edge of an obstacle
 (``obstacle_bounds``).
 """
 from collections.abc import Callable
@@ -57,7 +57,7 @@ class VenueFit:
 
     @property
     def lacking(self) -> tuple[ObstacleGap, ...]:
-        """The obstacles that a bench touches, or approaches closer than the margin; the smallest gap first."""
+        """The obstacles that a bench touches, or approaches closer than the margin, in order of increasing gap."""
         return tuple(one for one in self.gaps if one.high_m < self.margin_m - one.error_m or one.high_m <= 0)
 
     @property
@@ -76,7 +76,7 @@ def venue_fit(scene: Scene, within_m: float = 1e-6, progress: Callable[[int], ob
     an obstacle or outside the venue.
     """
     if scene.venue is None:
-        raise FieldError('venue', None, 'the scene has no venue', 'give obstacles or an inside')
+        raise FieldError('venue', None, 'the scene has no venue', 'give obstacles or an inside polygon')
     around, ranges = surroundings_of(scene.venue), HandleRanges(scene)
     check_sides(scene)
     search = _Nearing(around, within_m, progress)
@@ -116,7 +116,7 @@ class _EdgeIntervals:
 
 
 class _Nearing(InOrder):
-    """A search for the smallest gap to each obstacle: the best gaps so far, and bounds for the other intervals."""
+    """A search for the smallest gap to each obstacle, with the best gaps so far and bounds on finished intervals."""
 
     at_once = _AT_ONCE
 

@@ -118,7 +118,7 @@ def test_what_is_too_wide_to_prove_anything_names_the_tolerance_to_blame():
 
 @pytest.mark.parametrize(('scene', 'within', 'said'), [
     (SMALL, {'dragon.widht_m': 0.01}, 'did you mean dragon.width_m'),
-    (SMALL, {'dragon.benches': 1.0}, 'tolerances are for'),
+    (SMALL, {'dragon.benches': 1.0}, 'tolerances are supported for'),
     (SMALL, {'dragon.width_m': -0.01}, 'the smallest is 0'),
     (SMALL, {'dragon.width_m': float('nan')}, 'finite'),
     (SMALL, {'track.pitch_m': 0.55}, 'smaller tolerance'),
