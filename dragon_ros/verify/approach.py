@@ -1,7 +1,7 @@
-"""The leader's approach to a claimed contact: its earlier positions, and the times at which it is within the slack.
+"""The leader's approach to a claimed contact: earlier positions, and the times at which it is within the slack.
 
-The slack allows for an error of the position, not of the time. The slack therefore applies only while the leader
-moves in one direction, to the contact and beyond. No slack applies to earlier positions of the leader.
+The slack allows for an error in the position, not in the time. The slack therefore applies only while the leader moves
+in one direction, to the contact and beyond. No slack applies to earlier positions of the leader.
 """
 from dataclasses import dataclass
 from fractions import Fraction
@@ -19,7 +19,7 @@ _HALVINGS = 80          # number of bisections for times that are only printed
 class Approach:
     """The leg of the law on which the leader reaches a contact at ``gone_m`` or rests there.
 
-    ``earlier`` is the range of the leader's earlier positions in the run, if any.
+    ``earlier`` is the range of the leader's earlier positions in the run, or None if there are none.
     """
 
     law: Law
@@ -47,7 +47,7 @@ class Approach:
         return min(slack_m, (self.law.gone_m(self.leg.until_s) - self.gone_m) * self.sense)
 
     def takes_s(self, start_s: float, slack_m: Fraction) -> tuple[float, float] | None:
-        """Return the interval of time in which the leader is within the slack of the contact; None if it is short."""
+        """Return the time interval in which the leader is within the slack of the contact; None if it is short."""
         first, last = max(self.leg.since_s, Fraction(start_s)), self.leg.until_s
         before, after = self.t_s - _SOON_S, self.t_s + _SOON_S
         early = before > first and self._on_m(before) > -slack_m
@@ -57,7 +57,7 @@ class Approach:
         return float(self._reached_s(-slack_m, first, self.t_s)), float(self._reached_s(slack_m, self.t_s, last))
 
     def _on_m(self, t_s: Fraction) -> Fraction:
-        """Return how far the leader is beyond the contact's position at a time, along its direction of motion."""
+        """Return how far the leader is beyond the contact's position at a time, in its direction of motion."""
         return (self.law.gone_m(t_s) - self.gone_m) * self.sense
 
     def _reached_s(self, on_m: Fraction, low: Fraction, high: Fraction | None) -> Fraction:

@@ -22,12 +22,12 @@ from dragon_ros.verify.segments import HALF
 from dragon_ros.verify.track import Track
 
 _FINEST = 2.0**-70      # length of the shortest interval, relative to 1 m plus the distance along the track
-_EARLY = 30_000         # smallest number of steps before a proof may be abandoned
-_NOTHING = 1e-9         # smallest share of the track for an estimate; the first interval may be a single float spacing
+_EARLY = 30_000         # number of steps before which no proof is abandoned
+_NOTHING = 1e-9         # smallest cleared share for an estimate; the first interval may be one float spacing long
 _MANY = 200             # smallest number of intervals for an estimate; with fewer, the proof takes a second or two
 _SAMPLES, _LEAST = 12, 4        # largest and smallest number of intervals sampled for an estimate
-_PILOT = 0.1            # largest share of the budget for an estimate
-_SPARE = 2              # factor on the suggested effort, because the rate of a proof changes
+_PILOT = 0.1            # largest share of the budget that an estimate may use
+_SPARE = 2              # safety factor for the suggested effort, because the rate of a proof changes
 _HOPELESS = 3           # relative to the budget: longer proofs are abandoned early; valid ones need at most 1.8
 Progress = Callable[[float, float, str], object]    # arguments: metres cleared, metres in total, advice on the budget
 
@@ -223,7 +223,7 @@ class Cover:
         self.budget.steps += self.budget.spent - spent
 
     def _clear(self, way: Way, low: arb, high: arb, cuts: list[float]) -> Iterator[float]:
-        """Clear the interval between two positions in the longest provable parts; yield their lengths in m."""
+        """Clear the interval between two positions in the longest provable parts; yield the parts' lengths (m)."""
         begin, stack = self._posture(way, low), [(low, high, self._posture(way, high))]
         while stack:
             low, high, end = stack.pop()

@@ -1,4 +1,4 @@
-"""The error that rejects a certificate; its message is one line that names the field."""
+"""The error that rejects a certificate, with a one-line message that names the field."""
 
 
 class Refused(Exception):

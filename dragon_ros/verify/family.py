@@ -1,4 +1,4 @@
-"""The proof for a family of dragons on one spiral: up to a time, no dragon within the tolerances touches itself.
+"""The proof that no dragon of a family on one spiral touches itself up to a stated time.
 
 In units of b = pitch / 2 pi the spiral is r = theta. A box consists of five intervals of floats: the polar angle of the
 front handle of a bench, the angle by which the front handle of another bench is further out, 1 / b, and the link
@@ -21,8 +21,8 @@ from dragon_ros.verify.law import Law
 from dragon_ros.verify.reading import FamilyClaims, Spiral
 from dragon_ros.verify.segments import about_span
 
-_BOXES = 60_000         # limit of boxes; the proof of a family needs about ten thousand
-_LINKS = 100            # number of placed links that count as one box of the limit
+_BOXES = 60_000         # maximum number of boxes; the proof of a family needs about ten thousand
+_LINKS = 100            # number of placed links that count as one box
 _FIRST_RAD = 2.0        # angle about the centre that each of the first boxes covers
 _LEAST = 1e-9           # relative to a variable: width of the narrowest box
 _BENT = Fraction(109, 100)      # the curvature of any spiral is at most 1.09 / r
@@ -62,9 +62,9 @@ def _family_of(claims: FamilyClaims) -> Family:
     scene, within = claims.scene, {key: Fraction(value) for key, value in claims.within.items()}
     track, lengths = scene.track, scene.lengths_m
     if not isinstance(track, Spiral) or scene.tail_leads:
-        raise Refused('scene: family proofs support only one spiral, led by the head')
+        raise Refused('scene: family proofs support only a single spiral, with the head as leader')
     if len(set(lengths[1:])) > 1 or len(lengths) < 3:
-        raise Refused('scene.dragon: family proofs support only three or more benches, equal behind the head')
+        raise Refused('scene.dragon: family proofs require three or more benches, all equal behind the head')
     inset = _around(scene.inset_m, within.get('dragon.hole_inset_m', Fraction(0)))
     ends = (_around(length_m, within.get(key, Fraction(0))) for key, length_m in (
         ('dragon.head_length_m', lengths[0]), ('dragon.body_length_m', lengths[1])))
@@ -130,7 +130,7 @@ def _added(one: Interval, other: Interval) -> Interval:
 
 
 class _Proof:
-    """Clears the boxes of a family one by one; of several boxes, the last is cleared first."""
+    """Clears the boxes of a family one by one, always starting with the last one."""
 
     def __init__(self, family: Family, most: int, progress: Progress) -> None:
         self._family, self._most, self._tell, self._links = family, most, progress, 0
@@ -178,7 +178,7 @@ class _Proof:
         return first
 
     def _last(self, theta: float) -> float:
-        """Return the front handle's angle for the last bench with two benches behind it, with the head at ``theta``.
+        """Return the front handle's angle for the last bench with two benches behind it, if the head is at ``theta``.
 
         By lemma 6, this angle is largest for the longest links.
         """

@@ -167,7 +167,7 @@ class Interval:
         return self._outer
 
     def _far(self, n: int) -> bool:
-        """Return whether two benches are too far apart at one end to meet in the interval, in floats."""
+        """Return whether, in floats, two benches are too far apart at one end to meet in the interval."""
         one, two = self._ends[0].pose(0), self._ends[0].pose(n)
         away = abs(one.near - two.near)
         reach = one.shape.arm_m + two.shape.arm_m + self._moved_m(0) + self._moved_m(n)
@@ -215,7 +215,7 @@ class Interval:
         return up(0.5 * sum(self._in_lead_frame(k) for k in (0, 1, n, n + 1)))
 
     def _in_lead_frame(self, k: int) -> float:
-        """Return a bound on a handle's acceleration in the leading bench's frame; infinite for another centre."""
+        """Return a bound on a handle's acceleration in the leading bench's frame; infinite if its centre differs."""
         while len(self._in_lead) <= k:
             m = len(self._in_lead)
             same = self._handle(m).pole == self._handle(0).pole
@@ -233,7 +233,7 @@ class Interval:
         return size_of(seen)
 
     def _middle(self, n: int) -> acb:
-        """Return a ball for the midpoint of a bench, which stays within half the travel of the handles of its mean."""
+        """Return a ball for a bench's midpoint: the mean of both ends, to within a quarter of its handles' travel."""
         one, two = (end.pose(n).middle for end in self._ends)
         unit = arb(0, up(0.25 * (self._handle(n).moved_m + self._handle(n + 1).moved_m)))
         return HALF * (one + two) + acb(unit, unit)

@@ -1,8 +1,8 @@
 """The head law in exact rational arithmetic: the distance that the leader has travelled.
 
 Times and speeds in a certificate are floats, which are rational numbers. The speed on a ramp is a polynomial in time,
-so distances are also rational. The only exception is the instant of a reversal on a smooth ramp, where the distance
-has bounds that are rounded outwards.
+so distances are also rational. The only exception is the distance at a reversal on a smooth ramp, which has bounds that
+are rounded outwards.
 """
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
@@ -104,7 +104,7 @@ class Law:
 
     @cached_property
     def legs(self) -> list[Leg]:
-        """All legs from 0 s on; a leg does not end if the leader stands still for only an instant."""
+        """All legs from 0 s on; a leg does not end if the leader stops for only an instant."""
         out: list[Leg] = []
         for mark, until_s in zip(self.marks, (*self._mark_times[1:], None), strict=True):
             if until_s == mark.t_s:

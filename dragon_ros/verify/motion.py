@@ -37,9 +37,9 @@ class Slopes(NamedTuple):
 class Handle:
     """A handle on an interval: its segment (None if it passes a joint) and bounds on its coordinate.
 
-    ``ends`` are the indices of the interval's ends at which the handle is at these bounds (None if it is at neither).
-    ``moved_m`` is a bound on the distance along the track from one end to any position in between and on to the other
-    end. ``slopes`` are the slopes of the link to the handle in front, if they were computed.
+    ``ends`` holds, for each bound, the index of the interval's end at which the handle is there (None if it is at
+    neither). ``moved_m`` is a bound on the distance along the track from one end to any position in between and on to
+    the other end. ``slopes`` holds the slopes of the link to the handle in front, if they were computed.
     """
 
     track: Track
@@ -71,7 +71,7 @@ class Handle:
 
 @dataclass(frozen=True, eq=False)
 class Speeds:
-    """A handle's motion along the track: speed v and its rate in m, unit tangent, and signed curvature, in balls."""
+    """A handle's motion along the track: speed v and its rate (m), unit tangent, and signed curvature, in balls."""
 
     v: arb
     rate: arb
@@ -137,10 +137,10 @@ def leading_handle(track: Track, ends: Postures) -> Handle:
 
 
 def next_handle(front: Handle, ends: Postures, n: int, link: Link, may_turn: bool) -> Handle:
-    """Return the handle behind ``front``; they are the (n + 1)-th and the n-th handle behind the leading handle.
+    """Return the handle behind ``front``; the two are the (n + 1)-th and the n-th handle behind the leading handle.
 
-    ``ends`` are the postures at both ends of the interval. If handles ``may_turn`` (on a spiral to its centre), the
-    spans of links bound the next handle; otherwise each handle moves in the same direction as the leader.
+    ``ends`` holds the postures at both ends of the interval. If handles ``may_turn`` (on a spiral that leads to its
+    centre), the spans of links bound the next handle; otherwise each handle moves in the same direction as the leader.
     """
     if may_turn and not (isinstance(front.on, SpiralSegment) and front.on.is_wide(front.low, link)
                          and None not in front.ends):
@@ -259,7 +259,7 @@ def _across(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -
 
 
 def _axis(ahead: Handle, handle: Handle, ends: Postures, n: int, inverse: arb) -> acb:
-    """Return a ball of a link's directions; it turns by at most half the curvature times the travel of both handles."""
+    """Return a ball of a link's directions; a link turns by at most half the curvature times both handles' travel."""
     one, two = ((end.point(n) - end.point(n + 1)) * inverse for end in ends)
     return between(one, two, up(0.25 * handle.track.bend * (ahead.moved_m + handle.moved_m)))
 

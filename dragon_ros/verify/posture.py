@@ -48,10 +48,11 @@ class Bench:
         return hypot_above(above(self.half_length), above(self.half_width))
 
     def lever(self, bend: float) -> float:
-        """Return the largest error of a corner, relative to the position error of the handles of a solver.
+        """Return the largest error of a corner, relative to the position error of a solver's handles.
 
-        For the ratio s of length and link, it is max(s, 2 / sqrt(4 - s^2)) plus the width over the link
-        (docs/contact.md, limits of the search). A link of zero length turns with the track, which bends by ``bend``.
+        If s is the ratio of length to link, the result is max(s, 2 / sqrt(4 - s^2)) plus the width divided by the link
+        (docs/contact.md, limits of the search). A link of zero length turns with the track, whose curvature is at most
+        ``bend``.
         """
         length, width = 2 * self.sizes[0], 2 * self.sizes[1]
         if not self.link.near:
@@ -78,7 +79,7 @@ class Bench:
 
 
 class Dragon:
-    """All benches from the head on (one object per length), and for each bench the largest sizes from there on."""
+    """All benches from the head on (one object per length), and the largest sizes from each bench on."""
 
     def __init__(self, scene: Scene) -> None:
         """Read the lengths, the width and the inset from a scene."""
@@ -93,7 +94,7 @@ class Dragon:
 
 
 def _largest_from(values: list[float]) -> list[float]:
-    """Return, for each index, the largest value from there on."""
+    """Return, for each index, the largest value from this index on."""
     return list(accumulate(reversed(values), max))[::-1]
 
 

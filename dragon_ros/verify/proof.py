@@ -25,7 +25,7 @@ _PROMISED_M = 20.0          # further out, the error grows in proportion, like t
 _OVERHANG_M = 1e-6          # how far an interval may extend beyond the run's positions; also grows in proportion
 _STEPS, _STEPS_EACH = 100_000, 300      # links and pairs: about ten seconds, plus an allowance for each interval
 _MOST_STEPS = 200_000       # 173,000 steps suffice for 390 of 391 random runs
-_TIMED = 2   # first version of certificates in which the slack allows for an error of the position, not of the time
+_TIMED = 2   # first version of certificates in which the slack allows for an error in the position, not in the time
 _CHANGED = ('written before 0.3.0: until then the slack also covered positions before the leader turned or rested; '
             'search this run again')
 _SHARE = 100                # number of lengths compared per step
@@ -125,7 +125,7 @@ class _Proof:
         if venue is None:
             return 'no two benches touch'
         also = ' and '.join([*(['touches an obstacle'] if venue.obstacles else []),
-                             *(['leaves the inside'] if venue.inside else [])])
+                             *(['leaves the inside polygon'] if venue.inside else [])])
         return f'no two benches touch, and none {also.replace(" and ", " or ")},'
 
     def _run(self, until_s: float | None) -> Run:
@@ -145,8 +145,8 @@ class _Proof:
         """Return the leader's travel before a contact for which nothing is proved, as small as floats allow.
 
         The slack is usually a nanometre. It is larger if the leader is so fast that the time of the contact does not
-        determine its position that well, or if the benches approach so slowly that position errors correspond to more
-        travel.
+        determine its position that precisely, or if the benches approach so slowly that position errors correspond to
+        more travel.
         """
         lever = max(self._dragon.benches[bench].lever(self._track.bend) for bench in contact.benches)
         step, error_m = 1e3 * _SLACK * self._unit, 4 * _PROMISE_M * self._coarse * lever
@@ -164,9 +164,9 @@ class _Proof:
         return min(slack_m, _WIDEST * self._unit * self._coarse)
 
     def _poses(self, contact: Contact, gone: arb) -> tuple[Pose, Pose]:
-        """Return the two benches of a contact (or a bench and an edge of the obstacle) at a distance of the leader.
+        """Return the two benches of a contact (or a bench and an edge) when the leader has travelled a distance.
 
-        The chosen edge is nearest to the bench at the contact itself, for which this method is called first.
+        The chosen edge is the one nearest to the bench at the contact itself, for which this method is called first.
         """
         first, second = contact.benches[0], contact.benches[-1]
         self._budget.spend(second)
@@ -217,14 +217,14 @@ class _Proof:
             check_sides(self._scene.venue, head.pose(0))
 
     def _places(self, gone: Range) -> list[Range]:
-        """Return the ranges of all front handles while the distance of the leader is between two values."""
+        """Return the ranges of all front handles while the leader's distance is between two values."""
         ends = [self._leader.head(end) for end in gone]
         low, high = ends if not self._scene.tail_leads else ends[::-1]
         self._budget.spend(2 * len(self._dragon.benches))
         return ranges(self._track, self._dragon, low.lower(), high.upper())
 
     def _last_alike(self, bench: int) -> int:
-        """Return the last bench to which a row for this bench also applies, because equal lengths follow."""
+        """Return the last bench to which a row for this bench also applies because the same lengths follow."""
         count = len(self._dragon.benches)
         self._budget.spend(1 + count // _SHARE)
         return next(count - m for m in range(1, count - bench + 1) if self._repeated[count - bench - m] >= m)
@@ -268,7 +268,7 @@ def _up_to(part: Range, way: Approach, slack_m: Fraction) -> Range | None:
 
 
 def _far(scene: Scene) -> float:
-    """Return the approximate length of the track in links or its number of turns, both of which require precision."""
+    """Return a measure of the precision that a track requires: its approximate length in links, or its turns."""
     track = scene.track
     if isinstance(track, Spiral):
         return track.start_turns

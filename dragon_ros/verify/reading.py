@@ -50,7 +50,7 @@ class Arc:
 
 @dataclass(frozen=True)
 class Coil:
-    """A part of a spiral r = pitch_m * turns; ``left`` is true if the spiral turns left."""
+    """A part of a spiral r = pitch_m * turns; ``left`` is True if the spiral turns left."""
 
     pitch_m: float
     from_turns: float
@@ -63,7 +63,7 @@ Piece = Line | Arc | Coil
 
 @dataclass(frozen=True)
 class Pose:
-    """A point and a heading in degrees; both are None if they are not given."""
+    """A point and a heading in degrees; each of them is None if it is not given."""
 
     at_m: tuple[float, float] | None
     heading_deg: float | None
@@ -114,7 +114,7 @@ class Venue:
 
     @property
     def all(self) -> tuple[Obstacle, ...]:
-        """All obstacles, followed by the inside, if any."""
+        """All obstacles, followed by the inside polygon, if there is one."""
         return (*self.obstacles, *([self.inside] if self.inside else []))
 
 
@@ -171,7 +171,7 @@ class Claims:
 
 @dataclass(frozen=True)
 class FamilyClaims:
-    """The content of a family certificate: tolerances, and the time until which no dragon touches itself."""
+    """The content of a family certificate: tolerances, and the time up to which no dragon touches itself."""
 
     scene: Scene
     within: dict[str, float]
@@ -238,7 +238,7 @@ def _family(values: dict[str, Any]) -> FamilyClaims:
     _number('family', top['family'], FAMILY_VERSION, FAMILY_VERSION, whole=True)
     scene, within = _scene(top['scene']), _keys('within', top['within'], set(), _TOLERANCES)
     if scene.venue:
-        raise Refused('scene.venue: family certificates with a venue are not supported; leave the venue out')
+        raise Refused('scene.venue: family certificates with a venue are not supported; omit the venue')
     latest_s = _LATEST_S if scene.stop_s is None else scene.stop_s
     return FamilyClaims(scene, {key: _number(f'within.{key}', value, 0, 1e12) for key, value in within.items()},
                         _number('proved_s', top['proved_s'], scene.start_s, latest_s))
@@ -260,7 +260,7 @@ def _lead(name: str, value: Any, benches: int) -> int | None:
         raise Refused(f'{name}: {_shown(value)} is not a valid lead; write head, body, bench N or all')
     lead = int(known[1]) if known[1] else {'head': 0, 'body': 1, 'all': None}[known[0]]
     if lead is not None and not lead < max(benches - 2, 2):
-        raise Refused(f'{name}: {value} has no two benches behind it')
+        raise Refused(f'{name}: {value} does not have two benches behind it')
     return lead
 
 
@@ -268,7 +268,7 @@ def _contact(value: Any, scene: Scene) -> Contact | None:
     given = _keys('contact', value, {'t_s'}, {'benches', 'grazing', 'obstacle'})
     if given['t_s'] is None:
         if given.get('benches') is not None or given.get('grazing') or given.get('obstacle') is not None:
-            raise Refused('contact: without a contact there must be no benches')
+            raise Refused('contact: if there is no contact, there must be no benches')
         return None
     t_s = _number('contact.t_s', given['t_s'], scene.start_s, _LATEST_S)
     obstacle = given.get('obstacle')
@@ -357,7 +357,7 @@ def _dragon(value: Any) -> tuple[tuple[float, ...], float, float]:
     width_m = _number(f'{name}.width_m', value['width_m'], 1e-12, 1e12)
     inset_m = _number(f'{name}.hole_inset_m', value['hole_inset_m'], 0, 1e12)
     if min(lengths) < 2 * inset_m:
-        raise Refused(f'{name}: a bench of {min(lengths)!r} m cannot hold two holes {inset_m!r} m from its ends')
+        raise Refused(f'{name}: a bench of {min(lengths)!r} m is too short for two holes {inset_m!r} m from its ends')
     links = [float(Fraction(length_m) - 2 * Fraction(inset_m)) for length_m in set(lengths)]
     if any(0 < link_m < _LEAST_LINK * max(lengths) for link_m in links):
         raise Refused(f'{name}: a link of {min(filter(None, links)):.3g} m is too short to have a direction in floats')
@@ -474,7 +474,7 @@ _LAWS: dict[str, Callable[[str, dict[str, Any]], Law]] = {'constant': _constant,
 
 
 def _kind(name: str, value: Any, kinds: dict[str, Callable[[str, dict[str, Any]], Any]]) -> Any:
-    """Return the result of the reader for the kind that a mapping states."""
+    """Return the result of the reader for the kind of a mapping."""
     if not isinstance(value, dict) or not isinstance(value.get('kind'), str) or value['kind'] not in kinds:
         raise Refused(f'{name}: {_shown(value)} is not one of the kinds {", ".join(kinds)}')
     return kinds[value['kind']](name, value)
@@ -495,8 +495,8 @@ def _keys(name: str, value: Any, needed: set[str], allowed: set[str] = frozenset
 def _list(name: str, value: Any, fewest: int, most: int) -> list[Any]:
     if not isinstance(value, list) or not fewest <= len(value) <= most:
         found = f'{len(value)} entries' if isinstance(value, list) else _shown(value)
-        raise Refused(f'{name}: {found}; it must be a list of {fewest} to {most}' if fewest < most else
-                      f'{name}: {found}; it must be a list of {most}')
+        raise Refused(f'{name}: {found}; it must be a list of {fewest} to {most} entries' if fewest < most else
+                      f'{name}: {found}; it must be a list of {most} entries')
     return value
 
 

@@ -33,7 +33,7 @@ def bracketed(f: Callable[[float], tuple[float, float]], low: float, high: float
 
 
 def certified(value: Callable[[arb], arb], slope: Callable[[arb], arb], guess: float) -> arb:
-    """Return a ball near a guess that contains exactly one root, for all numbers in the balls of the function.
+    """Return a ball near a guess that contains exactly one root, for all numbers in the function's balls.
 
     Let X be a ball around m. If m - f(m) / f'(X) lies inside X, f has exactly one root in X, and this expression
     contains the root (interval Newton theorem). If the guess is too far from the root, the next Newton step

@@ -67,7 +67,7 @@ class Leader:
         return self._ahead(self._tail - gone) if not gone.is_zero() else self._track.start
 
     def _ahead(self, tail: arb) -> arb:
-        """Return the distance of the head along the track for a distance of the tail."""
+        """Return the distance of the head along the track when the tail is at a given distance."""
         self._budget.spend(len(self._dragon.benches))
         place = self._track.place_at(tail)
         for bench in reversed(self._dragon.benches):
@@ -147,7 +147,7 @@ class _Locks:
         return high
 
     def _stands(self, theta: float) -> bool:
-        """Return whether all links can be placed, according to floats."""
+        """Return whether all links can be placed, as computed in floats."""
         for number, (chord, most) in enumerate(zip(self._chords, self._longest, strict=True)):
             if number % _SHARE == 0:
                 self._budget.spend(1)

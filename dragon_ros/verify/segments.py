@@ -19,7 +19,7 @@ from dragon_ros.verify.roots import bracketed, certified
 
 ONE, TWO, HALF, ZERO = arb(1), arb(2), arb(0.5), arb(0)
 EYE = acb(0, 1)
-_HALVINGS = 40      # limit of halvings of spans in the proof that the chord grows even close to its peak
+_HALVINGS = 40      # maximum number of halvings of spans in the proof that the chord grows even close to its peak
 
 
 class Locked(Refused):
@@ -117,7 +117,7 @@ class LineSegment:
         return ZERO
 
     def next(self, u: arb, link: Link, way: int) -> arb:
-        """Return the position at a link's length."""
+        """Return the position one link away."""
         return u + link.length if way > 0 else u - link.length
 
     def near(self, u: float) -> complex:
@@ -164,7 +164,7 @@ class ArcSegment:
         return self.side / self.radius
 
     def next(self, u: arb, link: Link, way: int) -> arb:
-        """Return the position at a link's length."""
+        """Return the position one link away."""
         if link not in self._turned:
             self._turned[link] = TWO * (link.length / (TWO * self.radius)).asin()
         turned = self._turned[link]
@@ -194,7 +194,7 @@ class Chord(NamedTuple):
 
 
 class SpiralSegment:
-    """A spiral r = b u about ``centre``, turned by ``rotation``; with ``side`` 1, it winds out to the left."""
+    """A spiral r = b u about ``centre``, rotated by ``rotation``; with ``side`` 1, it winds out to the left."""
 
     def __init__(self, b: arb, centre: acb, rotation: acb, side: int, sense: int, anchor: arb, first: arb | None,
                  last: arb | None) -> None:
@@ -249,7 +249,7 @@ class SpiralSegment:
         return (ONE + ONE / square) / (self.b * square.sqrt()) * (self.side * self.sense)
 
     def next(self, u: arb, link: Link, way: int) -> arb:
-        """Return the nearest position at a link's length, either further out or further in."""
+        """Return the nearest position one link away, either further out or further in."""
         if not link.near:
             return u
         return u + self.span(u, link) if way == self.sense else u - self._span_in(u, link)

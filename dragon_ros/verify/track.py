@@ -1,10 +1,9 @@
-"""A track in balls: its segments in the plane, positions on the track, and the next handle at a link's length.
+"""A track in balls: its segments in the plane, positions on the track, and the next handle, one link away.
 
-A position consists of the index of a segment and a coordinate on that segment. If the curvature is at most K and K l
-< 2 for each link l, the chord from a handle grows along the track for at least pi / K, and reaches l before that
-(Schur). The next handle is therefore the only position at a link's length that is provably at most pi / K away along
-the track. On a single spiral that the head follows to the centre, the smallest root is used instead
-(``SpiralSegment.span``).
+A position consists of the index of a segment and a coordinate on that segment. If the curvature is at most K and K l <
+2 for each link l, the chord from a handle grows along the track for at least pi / K, and reaches l before that (Schur).
+The next handle is therefore at the only position one link away that is provably at most pi / K away along the track. On
+a single spiral that the head follows to the centre, the smallest root is used instead (``SpiralSegment.span``).
 """
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -56,11 +55,11 @@ class Place(NamedTuple):
 
 
 class Track:
-    """Segments in the order in which the head passes them; ``origins`` are the distances of their anchors."""
+    """Segments in the order in which the head passes them; ``origins`` holds the distances of their anchors."""
 
     def __init__(self, segments: Sequence[AnySegment], origins: Sequence[arb], start: arb, to_centre: bool,
                  poles: Sequence[int]) -> None:
-        """Store the segments; ``start`` is the head's distance at 0 s, and ``poles`` are the indices of centres."""
+        """Store the segments; ``start`` is the head's distance at 0 s, and ``poles`` holds the indices of centres."""
         self.segments, self.origins, self.start, self.to_centre, self.poles = (
             tuple(segments), tuple(origins), start, to_centre, tuple(poles))
         self.bend = max(segment.bend for segment in segments)
@@ -158,10 +157,10 @@ class Track:
             if not (past * self.bend < half_turn() and abs(segment.point(far) - here) < link.length):
                 return self._cut(k, here, link, way, gone)
             gone = past
-        raise Refused('a handle leaves the track: it is too short for the dragon')
+        raise Refused('a handle leaves the track, which is too short for the dragon')
 
     def _cut(self, k: int, here: acb, link: Link, way: int, gone: arb) -> Place:
-        """Return the position on a segment at a link's length from a point; ``gone`` is the arc to the near end."""
+        """Return the position on a segment that is one link from a point; ``gone`` is the arc to the near end."""
         segment = self.segments[k]
         near, far = (segment.first, segment.last) if way > 0 else (segment.last, segment.first)
         assert near is not None
@@ -233,7 +232,7 @@ def track_of(scene: reading.Scene) -> Track:
 
 
 def _single(spiral: reading.Spiral, tail_leads: bool) -> Track:
-    """Return a spiral as a track to its centre or, if the tail leads, to the start of the head."""
+    """Return a spiral as a track to its centre or, if the tail leads, to the head's start."""
     start = TWO * half_turn() * exact(spiral.start_turns)
     last = start if tail_leads else ZERO
     segment = SpiralSegment(exact(spiral.pitch_m) / (TWO * half_turn()), acb(0), acb(1), 1, -1, start, None, last)
@@ -257,7 +256,7 @@ def _turn(turn: reading.Turn) -> Track:
 
 
 class _Heading:
-    """A heading: an exact rational part in half turns plus a rest in radians, so that turning hardly widens it."""
+    """A heading: an exact rational part in half turns plus a remainder in radians, which turning hardly widens."""
 
     def __init__(self, degrees: float) -> None:
         self._halves, self._rest = Fraction(degrees) / 180, ZERO
@@ -310,8 +309,8 @@ def _segment(piece: reading.Piece, point: acb, heading: _Heading, is_open: bool)
     begin, last = (TWO * half_turn() * exact(turns) for turns in (piece.from_turns, piece.to_turns))
     sense = 1 if piece.to_turns > piece.from_turns else -1
     side = sense if piece.left else -sense
-    # At polar angle u the plain spiral has the heading side (u + atan u), or the opposite heading if the head winds
-    # in.
+    # At polar angle u, the unrotated spiral has the heading side (u + atan u), or the opposite heading if the head
+    # winds in.
     turned = begin + begin.atan()
     rotation = leaves * direction(-turned * side) * sense
     centre = point - rotation * direction(begin * side) * (b * begin)

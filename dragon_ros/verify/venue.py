@@ -1,10 +1,10 @@
-"""Prove, in balls, that benches stay clear of a venue's edges and that the dragon starts on the right side.
+"""Prove, in balls, that benches stay clear of a venue's edges and that the dragon starts on the correct side.
 
 An edge is a rectangle of zero width. The bounds that separate two benches (``interval``) also separate a bench and an
 edge at rest. In the frame of the edge, the middle and the rotation of the bench determine the acceleration of its
-corners. In the frame of the bench, the ends of the edge accelerate like points at rest. Only the part of an edge that
-the bench can reach matters; the rest is further away than the bench moves. Benches are linked, so if no bench meets
-an edge, all benches stay on one side of every outline.
+corners. In the frame of the bench, the ends of the edge have the acceleration of points that are at rest in the plane.
+Only the part of an edge that the bench can reach matters; the rest is further away than the bench moves. Benches are
+linked, so if no bench meets an edge, all benches stay on one side of every outline.
 """
 from cmath import rect
 from collections.abc import Iterator, Sequence
@@ -92,14 +92,14 @@ class Edges:
                             max(one.imag, two.imag))
 
     def _within(self, left: float, right: float, bottom: float, top: float) -> Iterator[tuple[int, int]]:
-        """Return the cells of a box that is widened by the rounding error."""
+        """Yield the cells of a box that is widened by the rounding error."""
         hair = _ROUNDED * (abs(left) + abs(right) + abs(bottom) + abs(top) + self._cell)
         for i in range(floor((left - hair) / self._cell), floor((right + hair) / self._cell) + 1):
             for j in range(floor((bottom - hair) / self._cell), floor((top + hair) / self._cell) + 1):
                 yield i, j
 
     def near(self, point: complex, reach_m: float) -> list[Edge]:
-        """Return the edges that may come within a distance of a point."""
+        """Return the edges that may be within a distance of a point."""
         x, y = point.real, point.imag
         found = {id(edge): edge for cell in self._within(x - reach_m, x + reach_m, y - reach_m, y + reach_m)
                  for edge in self._cells.get(cell, ())}
@@ -139,7 +139,7 @@ class SweptBench(Interval):
         return None
 
     def _parts(self, part: Pose) -> bool:
-        """Return whether an edge line separates bench and edge at both ends by more than the corners deviate."""
+        """Return whether an edge line separates a bench and an edge at both ends by more than the corners deviate."""
         ends = [(end.pose(0), part) for end in self._ends]
         rough = [min(both) for both in zip(*(about(*pair) for pair in ends), strict=True)]
         half = len(AXES) // 2
@@ -183,7 +183,7 @@ class Met(Refused):
 
 
 class ObstacleCover(Cover):
-    """Proves all benches clear of the edges of a venue, with benches of equal length together."""
+    """Proves all benches clear of the edges of a venue, treating benches of equal length together."""
 
     edges: Edges
 
@@ -213,7 +213,7 @@ def ways_by_length(dragon: Dragon, places: Sequence[tuple[arb, arb]]) -> list[Wa
 
 
 def check_sides(venue: Venue, head: Pose) -> None:
-    """Reject a venue in which the dragon starts within an obstacle or outside the inside.
+    """Reject a venue in which the dragon starts within an obstacle or outside the inside polygon.
 
     One point of the head is checked: if no bench touches an edge, all benches are on the same side as this point.
     """
@@ -231,7 +231,7 @@ def check_sides(venue: Venue, head: Pose) -> None:
 
 
 def _covers(area: Obstacle, point: acb) -> bool | None:
-    """Return whether a point lies within an odd number of an area's rings; None if its ball is too wide for that."""
+    """Return whether a point lies within an odd number of an area's rings; None if its ball is too wide to tell."""
     odd = False
     for line in area.lines:
         for one, two in _pairs(line):

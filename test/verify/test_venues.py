@@ -42,13 +42,13 @@ AHEAD, CLEAR = (Scene(ALONG.dragon, ALONG.track, run=run, venue=Venue(obstacles,
 @pytest.mark.parametrize('name', SCENES | MORE)
 def test_what_the_solver_finds_in_a_venue_is_proved(name):
     said = proved(written(with_venue((SCENES | MORE)[name], 12)))
-    assert said.startswith(('no two benches touch, and none touches an obstacle or leaves the inside, from',
+    assert said.startswith(('no two benches touch, and none touches an obstacle or leaves the inside polygon, from',
                             'the run starts with its contact'))
 
 
 def test_what_is_proved_says_which_bench_and_obstacle_overlap():
     assert proved(written(AHEAD)) == (
-        'no two benches touch, and none touches an obstacle or leaves the inside, from 0.0 s to the contact at '
+        'no two benches touch, and none touches an obstacle or leaves the inside polygon, from 0.0 s to the contact at '
         "39.725 s, less 1 nm of leader travel, and bench 0 and 'wall' overlap 1 nm after it")
     assert proved(written(CLEAR)).endswith('from 0.0 s to the end of the run at 30 s (it stops)')
     alone = Scene(ALONG.dragon, ALONG.track, run=Run(stop_s=9.0), venue=Venue((WALL,)))
