@@ -78,7 +78,7 @@ def test_it_refuses_claims_that_it_does_not_know_or_that_lead_nowhere(honest, ch
     ('head', {'kind': 'profile', 'knots': [[0, 1], [41, 1], [44, -1]], 'ramps': 'linear', 'lead': 'head'}, 'backwards'),
     ('dragon', {'kind': 'mixed', 'groups': [{'length_m': 2.0, 'count': 3}, {'length_m': 2.5, 'count': 1}],
                 'width_m': 0.3, 'hole_inset_m': 0.2}, 'equal behind the head'),
-    ('track', {'kind': 'turn', 'pitch_m': 1.7, 'diameter_m': 9, 'ratio': 2, 'before_m': 0}, 'one spiral'),
+    ('track', {'kind': 'turn', 'pitch_m': 1.7, 'diameter_m': 9, 'ratio': 2, 'before_m': 0}, 'single spiral'),
 ])
 def test_it_refuses_scenes_that_such_proofs_do_not_cover(honest, part, value, said):
     values = {**honest[0], 'scene': {**honest[0]['scene'], part: value}}

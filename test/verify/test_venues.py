@@ -96,7 +96,7 @@ TAMPERED = {
     'earlier': (AHEAD, claim(t_s=39.725 - 3e-9), 'do not overlap'),
     'none': (AHEAD, lambda values, venue: values.update(contact={'t_s': None}), "overlaps 'wall'"),
     'none, with an obstacle': (AHEAD, lambda values, venue: values.update(contact={'t_s': None, 'obstacle': 'wall'}),
-                               'without a contact there'),
+                               'if there is no contact'),
     'a corner in the way': (CLEAR, corner(0, [40.0, -1.0]), "overlaps 'tent'|'tent' could not be proved to be apart"),
     'a corner that is barely in the way': (CLEAR, corner(0, [40.0, 0.149999]), "'tent'"),
     'the wall moved': (AHEAD, corner(0, [60.5, -2.0]), 'do not overlap'),

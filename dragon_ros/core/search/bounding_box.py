@@ -100,7 +100,7 @@ def fits(bounds_m: tuple[float, float], side_m: float) -> bool | None:
 
 def bounding_box(scene: Scene, within_m: float = 1e-10,
                  progress: Callable[[int], object] = lambda looks: None) -> BoundingBox:
-    """Return the space that a run requires; each lower and upper bound differ by ``within_m`` plus the corners' error.
+    """Return the space that a run requires, with bounds that are ``within_m`` plus the corners' error apart.
 
     The difference is larger if floats are too coarse, or if ``_MOST`` placed benches are not enough.
     ``progress(looks)`` is called with the number of benches placed since the last call.
@@ -127,7 +127,7 @@ def bench_of(ranges: 'HandleRanges', number: int) -> 'SweptBench':
 
 
 def intervals_of(ranges: 'HandleRanges', benches: Ints) -> Floats:
-    """Return the intervals of the track (m, shape (2, M)) that the benches' front handles pass through, merged.
+    """Return the intervals of the track (m, shape (2, M)), merged, that front handles of benches pass through.
 
     The intervals are cut where the rear handle turns back. If the track begins with laps of a circle, the last lap
     represents all of them.

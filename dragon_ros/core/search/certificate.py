@@ -32,7 +32,7 @@ class Interval:
 class Certificate:
     """Proof that nothing touches: cleared intervals that cover the run up to its first contact, or up to its end.
 
-    The intervals cover pairs of benches; cleared intervals for obstacles are not kept.
+    The intervals cover pairs of benches; cleared intervals for obstacles are not stored.
 
     ``complete`` is False if the intervals end too early: more than a nanometre of leader travel, and more than the
     position error, before the contact. ``complete`` is also False if the benches approach so slowly that they do not

@@ -222,7 +222,7 @@ class WholeChain:
     """All pairs of a domain, or those not covered by ``LeadingBenches``, with the part cleared so far."""
 
     def __init__(self, domain: SearchDomain, only_beyond: bool) -> None:
-        """Cover a domain or, if ``only_beyond``, only pairs whose inner bench is beyond the first segment."""
+        """Cover a domain; ``only_beyond`` excludes pairs whose inner bench is on the first segment."""
         self._domain, self._only_beyond, self.tolerance_m = domain, only_beyond, _TOLERANCE * domain.error_m
         longest_m = float(np.max(domain.dragon.bench_lengths_m))
         self._spacing_m, self._finest_m = _SPACING * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
@@ -255,7 +255,7 @@ class WholeChain:
         return self._hit
 
     def intervals(self) -> Iterator[Interval]:
-        """Yield the cleared intervals, for the certificate."""
+        """Yield the cleared intervals for the certificate."""
         for start, stop, bound_m in self._rows:
             yield Interval(ALL, self._head_m(start), self._head_m(stop), self._domain.dragon.benches - 1, bound_m)
 

@@ -68,7 +68,7 @@ class Search(Protocol[C]):
 
 
 class InOrder:
-    """A search for an extreme value over cells along a track or in time; it judges every cell, in order."""
+    """A search for an extreme value over cells along a track or in time, which judges all cells in order."""
 
     def ahead(self, cells: Cells) -> Bools:
         """Return True for all cells, because their bounds are unknown until they are judged."""
@@ -203,7 +203,7 @@ def parts_for(room: Floats) -> Ints:
 def clear(space: Space, windows: list[Floats], finest_m: tuple[float, ...]) -> list[Cleared]:
     """Clear windows, given as monotone positions, each up to the first position that cannot be cleared.
 
-    Intervals are cut down to the first length of ``finest_m``. If an interval of this length is neither cleared nor
+    Intervals are cut down to the first length in ``finest_m``. If an interval of this length is neither cleared nor
     touching, the rest of its window is searched again from there, with intervals down to the next length.
     """
     out, left = [Cleared([], None, False) for _ in windows], dict(enumerate(windows))

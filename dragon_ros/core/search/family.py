@@ -9,7 +9,7 @@ the two benches are bounded; for each number of benches in between, the other be
 strip. The search ignores everything outside these strips. The search has two parts: the head with all benches behind
 it, and any other bench with all benches behind it (docs/contact.md).
 
-Boxes are cleared, left out or halved, in the order in which the leader could reach them. The leader's travel up to the
+Boxes are cleared, discarded or halved in the order in which the leader could reach them. The leader's travel up to the
 first remaining box is therefore proved clear.
 """
 from collections.abc import Callable, Mapping
@@ -59,7 +59,7 @@ _HEAD, _BODY = 0, 1     # kinds of the inner bench of a pair
 class FamilyProof:
     """Proof that no dragon of a family touches itself from the start of the run to ``proved_s``.
 
-    ``why`` is the reason why the proof ends: 'contact' (some dragons may touch from ``limit_s`` on, for example at
+    ``why`` states why the proof ends: 'contact' (some dragons may touch from ``limit_s`` on, for example at
     ``benches``), 'run' (the run of the nominal dragon ends), 'bend' (the order of handles is not proved closer to the
     centre) or 'effort' (the limit on the number of boxes is reached). ``nominal`` is the result for the scene itself;
     ``states`` is the number of boxes examined.
@@ -169,11 +169,11 @@ def _covered(scene: Scene) -> tuple[Dragon, Spiral]:
     """Return the dragon and the track of a scene. Raises FieldError if families of this scene are not supported."""
     dragon, track, law = scene.dragon, scene.track, scene.head
     if scene.venue is not None:
-        raise FieldError('venue', scene.venue, 'families are searched only for contacts between benches',
+        raise FieldError('venue', scene.venue, 'family searches cover only contacts between benches',
                          'omit the venue (--set venue=null) to search for these contacts only')
     if not isinstance(dragon, Dragon):
-        raise FieldError('dragon.groups', f'{dragon.benches} mixed benches', 'families need benches that '
-                         'are equal behind the head', 'make the benches equal, and give a tolerance for each dimension '
+        raise FieldError('dragon.groups', f'{dragon.benches} mixed benches', 'families require equal '
+                         'benches behind the head', 'make the benches equal, and give a tolerance for each dimension '
                          'that differs')
     if dragon.benches < 3:
         raise FieldError('dragon.benches', dragon.benches, 'only benches that are not neighbours can touch',
@@ -183,8 +183,8 @@ def _covered(scene: Scene) -> tuple[Dragon, Spiral]:
                          'use track.kind: spiral')
     speeds = [law.speed_m_s] if isinstance(law, Head) else [v for _, v in law.knots] if isinstance(law, Profile) else []
     if not speeds or min(speeds) < 0 or law.lead != 'head':
-        raise FieldError('head', type(law).__name__.lower(), 'families are supported only if the head leads by a '
-                         'speed law and does not go back', 'use a head law with speeds of at least 0')
+        raise FieldError('head', type(law).__name__.lower(), 'families are supported only if the head leads, '
+                         'with a speed law that never moves it back', 'use a head law with speeds of at least 0')
     return dragon, track
 
 
@@ -229,8 +229,8 @@ def _search(scene: Scene, family: Family, nominal: Contact | NoContact,
     if bend_m < end_m:
         end_m, why = bend_m, 'bend'
     if begin_m >= end_m:
-        raise InputError('--within: there is nothing to prove: the head rests, or starts where links may lock or '
-                         'benches touch; start earlier or further out')
+        raise InputError('--within: there is nothing to prove, because the head rests, or starts where links may '
+                         'lock or benches touch; start earlier or further out')
     search = _FamilySearch(family, begin_m, end_m, progress)
     search.run()
     return search, why
@@ -313,7 +313,7 @@ class _FamilySearch:
         tail = sqrt(outer**2 + pi * scale[1] * (family.head_link_m[1] + family.benches * family.body_link_m[1])) * _OUT
         if tail - inner > _FIRST_RAD * _MOST_FIRST:
             raise FieldError('track.start_turns', family.turns, f'the tail lies {tail / (2 * pi):.6g} turns from '
-                             f'the centre, and families are searched up to '
+                             f'the centre, but families are searched only up to '
                              f'{int(_FIRST_RAD * _MOST_FIRST / (2 * pi))} turns',
                              'start closer to the centre, or give fewer benches')
         parts = [self._row(_HEAD, inner, outer, family.head_link_m), self._row(_BODY, rear, tail, family.body_link_m)]

@@ -160,7 +160,7 @@ class _ContactSearch:
         return hit
 
     def _last(self) -> tuple[float, str]:
-        """Return the leader position up to which contacts can be ruled out, and the reason for this limit, or ''."""
+        """Return the leader position up to which contacts can be ruled out, and the reason for this limit (or '')."""
         domain, ends = self._domain, [(self._domain.stop_m, '')]
         if domain.track.from_afar:
             ends.append((searchable_m(domain), _TOO_FAR))
@@ -170,7 +170,7 @@ class _ContactSearch:
         return min(ends, key=lambda end: domain.sense * end[0])
 
     def _contact(self, bracket: Bracket) -> Contact:
-        """Return the contact in a bracket of positions, or a grazing if a touch of the closest pair is undecided."""
+        """Return the contact in a bracket of positions, or a grazing if it is open whether the closest pair touches."""
         domain = self._domain
         claim, later, grazing_m = self._touching(bracket)
         gone_m, pair = claim.gone_m, claim.pair
@@ -201,7 +201,7 @@ class _ContactSearch:
         return around.touch(benches, pair[0], edge)
 
     def _touching(self, bracket: Bracket) -> tuple['_Claim', list[tuple[float, Pair]], tuple[float, float] | None]:
-        """Return a contact in a bracket, all later touches and None, or a grazing, an empty list and bounds on its gap.
+        """Return either a contact in a bracket, later touches and None, or a grazing, an empty list and gap bounds.
 
         If no pair touches at the bracket's other end, a pair may touch just beyond that end. Such a touch counts if the
         gap closes steadily from the bracket's end, about as fast as at its zero. A touch where the leader turns back
@@ -367,7 +367,7 @@ class _Claim:
         return self.domain.gap(self.pair, self._told_m + self.domain.sense * after_m) < -self._rounding_m
 
     def touches(self, cleared_m: float, as_asked: bool) -> bool:
-        """Return whether a contact is proved if all is clear up to a position, the requested one if ``as_asked``."""
+        """Return whether a contact is proved if all is clear up to ``cleared_m`` (as requested, if ``as_asked``)."""
         return self.overlaps and (as_asked or self._within(cleared_m, self.slack_m))
 
     def grazes(self, cleared_m: float) -> bool:
@@ -394,7 +394,7 @@ def _all_parts(domain: SearchDomain) -> list[BenchPairs]:
 
 
 def parts_of(domain: SearchDomain) -> list[BenchPairs]:
-    """Return the parts that clear pairs of benches: head and body if the track begins with a spiral, and all others."""
+    """Return the parts that clear pairs of benches: head and body on an initial spiral, and the whole chain."""
     parts = list[BenchPairs]()
     if domain.track.from_afar:
         head, *body = classes_of(domain)

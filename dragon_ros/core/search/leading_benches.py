@@ -56,7 +56,7 @@ class _SpiralIntervals:
         self._until_touch = any(window.of.until_touch for window in windows)
 
     def sample(self, places: Floats, window: Ints) -> BenchSamples:
-        """Return the samples at positions."""
+        """Return the samples at the given positions."""
         return self.sampler.sample(places, self._lead[window])
 
     def joined(self, parts: list[BenchSamples]) -> BenchSamples:
@@ -68,7 +68,7 @@ class _SpiralIntervals:
         self._window = window
 
     def judge(self, a: BenchSamples, b: BenchSamples, group: Ints) -> Judgement:
-        """Judge intervals by their second-order bounds, and cut them as their room suggests."""
+        """Judge intervals by their second-order bounds, and choose their numbers of parts by their room."""
         behind = self._behind[self._window[group]]
         there = np.arange(2, a.apart.shape[1] + 2) <= behind[:, None]
         touching = np.stack([np.any((each.apart <= 0) & there, axis=1) for each in (a, b)])
@@ -124,7 +124,7 @@ class _ClearedInterval:
 
 
 class LeadingBenches:
-    """One class of benches over a domain, and the cleared intervals of its pairs with benches behind."""
+    """A class of benches over a domain, and the cleared intervals of its pairs with the benches behind it."""
 
     def __init__(self, domain: SearchDomain, benches: tuple[int, ...], until_touch: bool = False) -> None:
         """Represent the class of ``benches``, which are in order from the head; the first bench is the ``lead``.
@@ -147,7 +147,7 @@ class LeadingBenches:
 
     @property
     def _single(self) -> bool:
-        """Whether the class is the head alone, whose positions are in the order of the leader's motion."""
+        """Whether the class consists of the head alone, whose positions are in the order of the leader's motion."""
         return self.benches == (0,)
 
     def clear(self, stop_m: float) -> Bracket | None:
@@ -196,7 +196,7 @@ class LeadingBenches:
         return self._hit
 
     def intervals(self) -> Iterator[Interval]:
-        """Yield the cleared intervals, for the certificate."""
+        """Yield the cleared intervals for the certificate."""
         segment, origin_m = self._domain.track.segments[0], self._domain.track.origins_m[0]
         places = np.array([(row.start_rad, row.stop_rad) for row in self._rows]).reshape(-1, 2)
         for row, (start_m, stop_m) in zip(self._rows, (origin_m + segment.metres(places)).tolist(), strict=True):
@@ -268,7 +268,7 @@ class LeadingBenches:
         yield _ClassWindow(self, bench, places if stop > start else places[::-1], behind)
 
     def with_turns(self, places: Floats) -> Floats:
-        """Return positions in monotone order, and those between them at which the second or third handle turns back."""
+        """Return monotone positions, including those between them at which the second or third handle turns back."""
         if not self._domain.track.may_lock:
             return places
         low, high = sorted((float(places[0]), float(places[-1])))
@@ -306,7 +306,7 @@ class BodyBenches:
         return min(hits, key=lambda hit: self._domain.sense * hit.other_m, default=None)
 
     def intervals(self) -> Iterator[Interval]:
-        """Yield the cleared intervals, for the certificate."""
+        """Yield the cleared intervals for the certificate."""
         for each in self._classes:
             yield from each.intervals()
 

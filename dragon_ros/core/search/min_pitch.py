@@ -113,7 +113,7 @@ class _PitchTask:
 def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_turns: float = 16.0,
               largest_m: float = 1.0, within_m: float = 4e-11,
               progress: Callable[[int], object] = lambda states: None, smallest_m: float | None = None) -> MinPitch:
-    """Return the smallest pitch from which on, up to ``largest_m``, the head reaches the circle without a contact.
+    """Return the smallest pitch above which, up to ``largest_m``, the head reaches the circle without a contact.
 
     The head starts ``start_turns`` turns from the centre of the spiral, which is also the centre of the circle of
     diameter ``diameter_m``. ``low_m`` and ``high_m`` differ by at most ``within_m`` or, if that is more, five times
@@ -139,8 +139,8 @@ def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_tu
     body.run()
     if body.touch:
         radius_m, pitch_m, bench = body.touch
-        raise DragonError(f'min-pitch: the body may touch itself at a pitch of {pitch_m:.9g} m, {bench} benches apart '
-                          f'at radius {radius_m:.6g} m, although the head does not touch it; such dragons are not '
+        raise DragonError(f'min-pitch: at a pitch of {pitch_m:.9g} m, two body benches {bench} places apart may touch '
+                          f'at radius {radius_m:.6g} m, although the head touches no bench; such dragons are not '
                           'supported')
     radius_m, low_m, bench = head.touch
     return MinPitch(low_m, high_m, (0, bench), radius_m, largest_m, head.states + body.states)

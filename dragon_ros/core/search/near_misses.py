@@ -166,7 +166,7 @@ def _of_chain(domain: SearchDomain, near: list[Interval], below_m: float) -> lis
 
 
 def _of_class(domain: SearchDomain, part: LeadingBenches, proof: Sequence[Interval], below_m: float) -> Iterator[_Dip]:
-    """Yield the dips between a class's first bench and the benches behind, at polar angles of its front handle."""
+    """Yield the dips between a class's first bench and the benches behind it, at polar angles of its front handle."""
     segment, origin_m, lead = domain.track.segments[0], domain.track.origins_m[0], part.lead
     links_m = domain.dragon.link_lengths_m
     ends = [(segment.after(each.start_m - origin_m).hi, segment.after(each.stop_m - origin_m).hi) for each in proof]

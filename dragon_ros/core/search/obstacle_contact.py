@@ -53,7 +53,7 @@ class _SweptIntervals:
         self.tolerance_m, self._bounds, self._longest_m, self._count = tolerance_m, bounds, longest_m, count
 
     def sample(self, places: Floats, _: Ints) -> _Samples:
-        """Return the samples at positions."""
+        """Return the samples at the given positions."""
         self._count(places.size)
         return _Samples(places, self._bounds.bench.states(places))
 

@@ -333,7 +333,7 @@ class SearchDomain:
         return self._travel.gone_m(t_s)
 
     def onwards_m(self, t_s: float) -> float:
-        """Return how far the leader moves on after a time until it turns, rests or the model ends; 0 in an empty run.
+        """Return how far the leader moves on after a time until it turns or rests or the model ends; 0 in an empty run.
 
         The end of this motion may be beyond the end of the run.
         """

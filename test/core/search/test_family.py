@@ -130,7 +130,7 @@ def test_what_is_too_wide_to_prove_anything_names_the_tolerance_to_blame():
     (replace(SMALL, track=Spiral(0.55, 4_000.0)), {}, 'start closer to the centre'),
     (replace(SMALL, head=Head(lead='tail')), {}, 'head leads'),
     (replace(SMALL, venue=Venue((LineObstacle('wall', ((20.0, 20.0), (21.0, 20.0))),))), {}, 'omit the venue'),
-    (replace(SMALL, head=Profile(((0.0, 1.0), (3.0, -1.0)))), {}, 'does not go back'),
+    (replace(SMALL, head=Profile(((0.0, 1.0), (3.0, -1.0)))), {}, 'never moves it back'),
 ])
 def test_what_is_not_covered_is_refused_with_its_reason(scene, within, said):
     with pytest.raises(FieldError, match=said):

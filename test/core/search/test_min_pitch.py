@@ -77,7 +77,7 @@ def test_where_benches_touch_at_the_largest_pitch_no_smallest_one_is_claimed():
 
 
 def test_a_body_that_would_touch_first_is_said_to_be_not_covered():
-    with pytest.raises(DragonError, match='body may touch itself'):
+    with pytest.raises(DragonError, match='two body benches'):
         min_pitch(Dragon(40, head_length_m=1.0))
 
 
