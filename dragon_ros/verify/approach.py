@@ -10,7 +10,7 @@ from math import ulp
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Extent, Law, Leg
 
-_LAST_PLACES = 4        # in ulps: a float solver's error in the time at which the leader turns or rests
+_LAST_PLACES = 4        # a float solver's error, in ulps, in the time at which the leader turns or rests
 _SOON_S = Fraction(1, 10**6)    # time before and after a contact; a slack that takes longer is reported
 _HALVINGS = 80          # number of bisections for times that are only printed
 
@@ -35,13 +35,13 @@ class Approach:
 
     @property
     def was_beyond_m(self) -> Fraction:
-        """Largest earlier distance of the leader beyond the contact's position; negative if it was never beyond."""
+        """How far the leader was earlier beyond the contact's position, at most; negative if it never was."""
         if self.earlier is None:
             return Fraction(-1)
         return (self.earlier[1] - self.gone_m) if self.sense > 0 else (self.gone_m - self.earlier[0])
 
     def after_m(self, slack_m: Fraction) -> Fraction:
-        """Return how far the leader moves beyond the contact's position, but at most a slack."""
+        """Return how far the leader moves beyond the contact's position, but at most one slack."""
         if self.leg.until_s is None:
             return slack_m * abs(self.sense)
         return min(slack_m, (self.law.gone_m(self.leg.until_s) - self.gone_m) * self.sense)

@@ -15,7 +15,7 @@ UNIT = arb(0, 1)    # [-1, 1]
 
 
 def precise(ratio: float) -> None:
-    """Set a precision at which large coordinates have as many bits after the point as coordinates of a link's size."""
+    """Set the precision so that large coordinates have as many fractional bits as coordinates of a link's size."""
     ctx.prec = BITS + 2 * int(ratio).bit_length() if isfinite(ratio) else 4 * BITS
 
 
@@ -50,7 +50,7 @@ def size(value: arb) -> float:
 
 
 def hypot_above(x: float, y: float) -> float:
-    """Return an upper bound on the root of a sum of two squares."""
+    """Return an upper bound on the square root of a sum of two squares."""
     return up(hypot(x, y))
 
 

@@ -28,7 +28,7 @@ _MANY = 200             # smallest number of intervals for an estimate; with few
 _SAMPLES, _LEAST = 12, 4        # largest and smallest number of intervals sampled for an estimate
 _PILOT = 0.1            # largest share of the budget that an estimate may use
 _SPARE = 2              # safety factor for the suggested effort, because the rate of a proof changes
-_HOPELESS = 3           # relative to the budget: longer proofs are abandoned early; valid ones need at most 1.8
+_HOPELESS = 3           # longer proofs, relative to the budget, are abandoned early; valid ones need at most 1.8
 Progress = Callable[[float, float, str], object]    # arguments: metres cleared, metres in total, advice on the budget
 
 
@@ -51,7 +51,7 @@ class Budget:
     _begun_s: float = field(default_factory=time.monotonic)
 
     def spend(self, steps: int) -> None:
-        """Take steps from the budget. Raises Refused if the budget is exceeded."""
+        """Deduct steps from the budget. Raises Refused if the budget is exceeded."""
         self.spent += steps
         if self.spent > self.steps:
             raise Refused(f'it was not proved within the budget of {self.steps} steps; {self._cure}')

@@ -24,9 +24,9 @@ from dragon_ros.verify.segments import about_span
 _BOXES = 60_000         # maximum number of boxes; the proof of a family needs about ten thousand
 _LINKS = 100            # number of placed links that count as one box
 _FIRST_RAD = 2.0        # angle about the centre that each of the first boxes covers
-_LEAST = 1e-9           # relative to a variable: width of the narrowest box
+_LEAST = 1e-9           # width of the narrowest box, relative to the variable
 _BENT = Fraction(109, 100)      # the curvature of any spiral is at most 1.09 / r
-_NEAR = 1e-11           # relative to a span: distance of the first bound that is tested
+_NEAR = 1e-11           # distance of the first tested bound from a span, relative to the span
 _BELOW, _ABOVE = -1, 1  # the side of a value on which a float provably lies
 _PASSES = 6             # number of iterations that bound the head's position, given the handle behind it
 _HALF = Fraction(1, 2)
@@ -154,11 +154,11 @@ class _Proof:
         return theta * (1 + theta * theta).sqrt() + theta.asinh()
 
     def _gone_by(self, theta: float, scale: float) -> arb:
-        """Return the distance in metres that the head has travelled when it is at an angle."""
+        """Return the distance (m) that the head has travelled when it is at a polar angle."""
         return (self._arc_start - self._arc(arb(theta))) / (2 * arb(scale))
 
     def run(self) -> int:
-        """Return the number of boxes of the proof."""
+        """Carry out the proof, and return its number of boxes."""
         first = self._first()
         lengths_m = [(arb(box[THETA][1])**2 - arb(box[THETA][0])**2) / (2 * arb(self._scale[1])) for _, box in first]
         whole_m, done_m, done = float(sum(lengths_m, arb(0))), 0.0, 0
@@ -297,7 +297,7 @@ class _Proof:
 class _Pair:
     """Two benches for all values in a box: their handles as complex numbers, and the derivatives of the handles.
 
-    Polar angles are measured from the front handle of the inner bench. ``ends`` are the bounds of the variables.
+    Polar angles are measured from the front handle of the inner bench. ``ends`` holds the bounds of the variables.
     """
 
     def __init__(self, values: list[arb], ends: list[Interval]) -> None:
@@ -318,7 +318,7 @@ class _Pair:
               moves: dict[int, tuple[int, int]]) -> tuple[acb, dict[int, acb]]:
         """Return the rear handle of a bench whose front handle is at a radius and an angle, and the derivatives.
 
-        ``moves`` are the derivatives of that radius and angle.
+        ``moves`` holds the derivatives of that radius and angle.
         """
         delta = _spans(theta_ends, scale_ends, link_ends)
         sine = delta.sin()

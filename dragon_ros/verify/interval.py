@@ -27,8 +27,8 @@ from dragon_ros.verify.posture import AXES, Dragon, Pose, about, overlap, separa
 from dragon_ros.verify.segments import HALF, SpiralSegment
 from dragon_ros.verify.track import Track
 
-_ROUNDED = 1e-12        # relative to coordinates: more than the error of a distance after a dozen float operations
-_OFTEN = 0.5            # relative to the best separation: above this ratio, the leading bench's frame is tried first
+_ROUNDED = 1e-12        # more than the error of a distance after a dozen float operations, relative to coordinates
+_OFTEN = 0.5            # above this ratio to the best separation, the leading bench's frame is tried first
 
 
 class Overlap(Refused):
@@ -52,7 +52,7 @@ class Interval:
         self._turnings: list[Turning] = []
         self._moved: list[float] = []
         self._in_lead: list[float] = []
-        self._turns, self._between_m = list[float](), list[float]()     # sums up to each bench
+        self._turns, self._between_m = list[float](), list[float]()     # cumulative sums up to each bench
         self._length = size(first.high - first.low) if first.segment is not None else first.moved_m
         self._outer: float | None = None
         self.tested = 1
@@ -250,7 +250,7 @@ class Interval:
 
 
 def _unsure_m(one: Pose, two: Pose, reach: float) -> float:
-    """Return a bound on the rounding errors of a distance or a separation of two benches in floats."""
+    """Return a bound on the rounding errors, in floats, of a distance or a separation of two benches."""
     lengths = abs(one.near) + abs(two.near) + one.shape.arm_m + two.shape.arm_m
     return (_ROUNDED * (lengths + reach) + 4 * (one.unsure_m + two.unsure_m) + 4 * (one.unsure + two.unsure) * lengths)
 

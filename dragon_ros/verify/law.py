@@ -13,7 +13,7 @@ from itertools import pairwise
 from math import asin, sin
 from typing import NamedTuple
 
-_NEAR = Fraction(1, 2**50)      # relative to the duration of a smooth ramp: accuracy of its reversal in floats
+_NEAR = Fraction(1, 2**50)      # accuracy of a smooth ramp's reversal in floats, relative to its duration
 
 Extent = tuple[Fraction, Fraction]
 
@@ -132,7 +132,7 @@ class Law:
         return min(gone) - more, max(gone) + more
 
     def pieces(self, end_s: Fraction | None) -> Iterator[tuple[Mark, Mark]]:
-        """Yield the periods from 0 s on in which the leader moves in one direction, except an endless last period."""
+        """Yield the periods from 0 s on in which the leader moves in one direction, without an endless last period."""
         for before, after in pairwise(self.marks):
             if end_s is not None and after.t_s >= end_s:
                 break

@@ -4,7 +4,7 @@ A prime is a derivative with respect to the coordinate u of the leading handle o
 are bounds on its coordinate and on the first two derivatives p and a over the whole interval, and for each link
 bounds on its turning rate w and on w'. docs/contact.md derives the formulas:
 
-- on one line or arc all handles move equally, and all links turn equally;
+- on one line or arc, all handles move at the same rate, and all links turn at the same rate;
 - on one spiral the handle at theta + delta follows the handle at theta with p (1 + d1), a (1 + d1) + p^2 d2;
 - at and across a joint, the speed v along the track and its rate are used; v cos alpha is equal at both ends of a
   link.
@@ -158,7 +158,7 @@ def _bounded(track: Track, one: Place, two: Place) -> Handle:
 
 
 def _that_may_turn(front: Handle, ends: Postures, n: int, link: Link) -> Handle:
-    """Return the handle further out on an inward spiral, from slopes and from spans, which only decrease (lemma 1)."""
+    """Return the handle further out on an inward spiral, using slopes and spans; spans only decrease (lemma 1)."""
     segment = front.on
     assert isinstance(segment, SpiralSegment)
     low, high = (u + segment.span(u, link) if end is None else ends[end].place(n + 1).u
@@ -175,7 +175,7 @@ def _that_may_turn(front: Handle, ends: Postures, n: int, link: Link) -> Handle:
 
 
 def furthest(low: arb, high: arb, both: arb) -> float:
-    """Return the largest sum of distances from a position between bounds to two others, which add up to ``both``.
+    """Return the largest sum of distances from a position between bounds to two positions that add up to ``both``.
 
     Beyond the two positions the sum grows with the distance, so it is largest at a bound.
     """
@@ -215,7 +215,7 @@ def next_motion(front: Motion, handle: Handle, ends: Postures, n: int, link: Lin
 
 
 def _outwards(front: Motion, handle: Handle, segment: SpiralSegment, link: Link) -> tuple[Motion, Turning]:
-    """Return the motion of the handle further out, on a spiral that winds in, and of the link."""
+    """On a spiral that winds in, return the motion of the handle further out and of the link."""
     slopes, ahead = handle.slopes, front.handle
     if slopes is None:
         slopes = spiral_slopes(segment, ahead.u, (handle.low - ahead.low).union(handle.high - ahead.high), link)
@@ -225,7 +225,7 @@ def _outwards(front: Motion, handle: Handle, segment: SpiralSegment, link: Link)
 
 
 def _inwards(front: Motion, handle: Handle, segment: SpiralSegment, link: Link) -> tuple[Motion, Turning]:
-    """Return the motion of the handle further in, on a spiral that winds out, and of the link."""
+    """On a spiral that winds out, return the motion of the handle further in and of the link."""
     ahead = front.handle
     slopes = spiral_slopes(segment, handle.u, (ahead.low - handle.low).union(ahead.high - handle.high), link)
     inverse = ONE / (ONE + slopes.delta_1)

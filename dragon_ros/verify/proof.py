@@ -18,8 +18,8 @@ from dragon_ros.verify.track import Track, track_of
 from dragon_ros.verify.venue import Edges, ObstacleCover, check_sides, ways_by_length
 
 _SLACK = 1e-9               # slack of the leader's travel, relative to 1 m or the longest bench, whichever is shorter
-_WIDEST = 1e-6              # relative to the same length: largest slack, even if benches meet very slowly
-_GRAZING = 1e-7             # relative to the same length: slack and distance of a grazing contact
+_WIDEST = 1e-6              # largest slack, relative to the same length, even if benches meet very slowly
+_GRAZING = 1e-7             # slack and distance of a grazing contact, relative to the same length
 _PROMISE_M = 2e-12          # position error of a solver up to _PROMISED_M from the origin
 _PROMISED_M = 20.0          # further out, the error grows in proportion, like the spacing of floats
 _OVERHANG_M = 1e-6          # how far an interval may extend beyond the run's positions; also grows in proportion
@@ -41,7 +41,7 @@ class Proved:
 
 
 def prove(claims: Claims | FamilyClaims, effort: float, progress: Progress) -> Proved:
-    """Return what a certificate proves. Raises Refused if the proof fails or exceeds the effort.
+    """Return what a certificate proves. Raises Refused if the proof fails or exceeds its budget.
 
     ``progress(done_m, whole_m, advice)`` is called with the metres of track that are cleared, the metres in total,
     and advice if the budget is too small at the current rate.
@@ -245,8 +245,8 @@ class _Proof:
                 reach[bench] = below(places[self._last_alike(bench)][0]), above(places[bench][1])
             least, most = reach[bench]
             if low < least - overhang_m or high > most + overhang_m:
-                raise Refused(f'intervals[{number}]: from {low!r} to {high!r} m it exceeds the track from '
-                              f'{least:.12g} to {most:.12g} m that its benches pass')
+                raise Refused(f'intervals[{number}]: from {low!r} to {high!r} m, it exceeds the track that '
+                              f'its benches pass, {least:.12g} to {most:.12g} m')
             if row.behind > count - 1 - bench:
                 raise Refused(f'intervals[{number}].behind: only {count - 1 - bench} benches are behind that bench')
             out.setdefault(lead, []).extend((row.start_m, row.stop_m))

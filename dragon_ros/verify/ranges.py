@@ -1,9 +1,9 @@
 """The range of each front handle while the head moves through a range, and the proof that the chain always exists.
 
 If the curvature excludes locks, all handles move in the same direction as the head, and the limits of the head's range
-determine the limits of all ranges. On a spiral to its centre, handles may turn back and links may lock. In this case,
-the range of each link is halved until the direction in which the next handle moves is proved, and until it is proved
-that the chord grows up to its span.
+determine the limits of all ranges. On a spiral that leads to its centre, handles may turn back and links may lock. In
+this case, the range of each link is halved until the direction in which the next handle moves is proved, and until it
+is proved that the chord grows up to its span.
 """
 from functools import reduce
 
@@ -16,7 +16,7 @@ from dragon_ros.verify.segments import HALF, ONE, Link, Locked, SpiralSegment, r
 from dragon_ros.verify.track import Place, Track
 
 _HALVINGS = 70          # maximum number of halvings, which reduce a range of a million radians to 1e-15
-_NARROW = 1e-9          # relative to a handle's coordinate: accepted error of the bounds on its turning position
+_NARROW = 1e-9          # accepted error of the bounds on a handle's turning position, relative to its coordinate
 Range = tuple[arb, arb]
 
 

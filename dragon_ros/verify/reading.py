@@ -28,7 +28,7 @@ _LONGEST_NAME = 100     # characters
 _INSIDE = 'inside'      # name of the outline that benches must not leave
 MOST_KNOTS = 10_000
 MOST_GROUPS = 10_000
-_LEAST_LINK = 2e-10     # relative to the longest bench: rounding errors obscure the direction of a shorter link
+_LEAST_LINK = 2e-10     # shortest link, relative to the longest bench, whose direction rounding errors do not obscure
 _DIGITS = 400           # maximum number of digits of a whole number; the largest float has 309
 _LATEST_S = 2.0**31
 
@@ -141,7 +141,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Row:
-    """One interval: the leading bench (None for all benches, by the head's position), and the ends on the track."""
+    """One interval: the leading bench (None for all benches, by the head's position) and its ends on the track."""
 
     lead: int | None
     start_m: float
@@ -474,7 +474,7 @@ _LAWS: dict[str, Callable[[str, dict[str, Any]], Law]] = {'constant': _constant,
 
 
 def _kind(name: str, value: Any, kinds: dict[str, Callable[[str, dict[str, Any]], Any]]) -> Any:
-    """Return the result of the reader for the kind of a mapping."""
+    """Read a mapping with the reader for its kind."""
     if not isinstance(value, dict) or not isinstance(value.get('kind'), str) or value['kind'] not in kinds:
         raise Refused(f'{name}: {_shown(value)} is not one of the kinds {", ".join(kinds)}')
     return kinds[value['kind']](name, value)

@@ -6,9 +6,9 @@ from flint import arb
 from dragon_ros.verify.balls import UNIT, size
 from dragon_ros.verify.errors import Refused
 
-_GOOD = 1e-13           # relative to a root: approximations in floats usually have smaller errors
-_CLOSE = 1e-8         # relative to a root: after a Newton step of this size, the error is about its square
-_FINE = 2.0**-112       # relative to a root: radius of the narrowest ball that is tested
+_GOOD = 1e-13           # approximations in floats usually have smaller errors, relative to the root
+_CLOSE = 1e-8         # after a Newton step of this size, relative to the root, the error is about its square
+_FINE = 2.0**-112       # radius of the narrowest ball that is tested, relative to the root
 _TRIES = 12
 
 

@@ -1,7 +1,7 @@
 """Prove the leader's range of travel in a run, and the end of the run.
 
-A run ends at its stop, when a link locks, or when a handle reaches an end of the track. The positions of handles
-depend only on the distance travelled by the leader, so everything in this module is expressed by that distance
+A run ends at its stop, when a link locks, or when a handle reaches an end of the track. The positions of handles depend
+only on the distance travelled by the leader, so everything in this module is expressed in terms of that distance
 instead of time.
 """
 from collections.abc import Sequence
@@ -82,7 +82,7 @@ class Leader:
         track, begin, end = self._track, self._track.begin, self._track.end
         if self._tail is not None:
             on = None if begin is None else Limit(self._tail - begin, slack_m, 'the tail leaves the track')
-            return Limit(arb(0), 0.0, 'the head is back at its end of the track'), on
+            return Limit(arb(0), 0.0, 'the head is back at the end of the track'), on
         back = None if begin is None else Limit(self._ahead(begin) - track.start, slack_m, 'the tail leaves the track')
         if track.to_centre:
             return back, self._lock(slack_m, furthest)
@@ -229,7 +229,7 @@ def _within(extent: Extent, limits: tuple[Limit | None, Limit | None]) -> Range:
 
 
 def _ended(law: Law, start: Fraction, before: Mark, after: Mark | None, limit: Limit, sense: int) -> Run:
-    """Return a run that ends at a limit, minus the slack; from ``before`` on the leader moves in one direction."""
+    """Return a run that ends one slack before a limit; from ``before`` on, the leader moves in one direction."""
     end_s = _passage(law, before, after, Fraction(float(limit.gone)), sense)
     if end_s < start:
         raise Refused(f'scene.run.start_s: the model ends before it, at {float(end_s):.12g} s: {limit.why}')

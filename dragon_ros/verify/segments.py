@@ -50,7 +50,7 @@ class Segment(Protocol):
     sense: int
     first: arb | None
     last: arb | None
-    bend: float         # largest curvature of the segment in 1/m
+    bend: float         # largest curvature of the segment (1/m)
 
     def point(self, u: arb) -> acb:
         """Return the point."""
@@ -255,7 +255,7 @@ class SpiralSegment:
         return u + self.span(u, link) if way == self.sense else u - self._span_in(u, link)
 
     def span(self, u: arb, link: Link) -> arb:
-        """Return the smallest delta > 0 at which handles at u and at u + delta are a link's length apart.
+        """Return the smallest delta > 0 at which handles at u and at u + delta are one link apart.
 
         This also proves that the chord grows up to this delta. Raises Locked if the link cannot be placed.
         """
@@ -281,7 +281,7 @@ class SpiralSegment:
         return found
 
     def _span_in(self, u: arb, link: Link) -> arb:
-        """Return a delta > 0 at which handles at u - delta and at u are a link's length apart (see ``track``)."""
+        """Return a delta > 0 at which handles at u - delta and at u are one link apart (see ``track``)."""
         half_square, near = self.chord(link).half_square, self.chord(link).near
         theta, twice = float(u), TWO * u
 

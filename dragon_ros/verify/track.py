@@ -33,7 +33,7 @@ AnySegment = LineSegment | ArcSegment | SpiralSegment
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # largest difference between a joint and the stated start of a piece
 _HAIR = 1e-12                       # metres by which a position may be beyond the track's end, in addition to rounding
 _ULPS = 2.0**-50                    # rounding error of a position relative to its distance
-_SHORTER = 1 - 1e-9                  # relative to a link: a chord below this in floats is certainly shorter
+_SHORTER = 1 - 1e-9                  # a chord below this in floats, relative to a link, is certainly shorter
 _NARROW = 1e-15                     # largest uncertainty next to a joint, relative to 1 m or the tightest radius
 
 
@@ -152,7 +152,7 @@ class Track:
             assert near is not None
             if far is None:
                 return self._cut(k, here, link, way, gone)
-            # A segment is passed if the chord certainly grows along it and is too short at its end.
+            # A segment is skipped if the chord certainly grows along it and is too short at its end.
             past = gone + abs(segment.metres(far) - segment.metres(near))
             if not (past * self.bend < half_turn() and abs(segment.point(far) - here) < link.length):
                 return self._cut(k, here, link, way, gone)
@@ -240,7 +240,7 @@ def _single(spiral: reading.Spiral, tail_leads: bool) -> Track:
 
 
 def _turn(turn: reading.Turn) -> Track:
-    """Return the S-turn. With tan gamma = R / b, both arcs turn by 2 gamma and their radii sum to R / sin gamma."""
+    """Return the S-turn. With tan gamma = R / b, both arcs turn by 2 gamma and their radii add up to R / sin gamma."""
     b, radius = exact(turn.pitch_m) / (TWO * half_turn()), HALF * exact(turn.diameter_m)
     theta = radius / b
     gamma = theta.atan()

@@ -22,11 +22,11 @@ from dragon_ros.verify.posture import AXES, Bench, Dragon, Pose, Posture, about,
 from dragon_ros.verify.reading import Obstacle, Venue
 from dragon_ros.verify.segments import HALF, ZERO, Link
 
-_ROUNDED = 1e-12    # relative to coordinates: more than the error of a distance after a dozen float operations
+_ROUNDED = 1e-12    # more than the error of a distance after a dozen float operations, relative to coordinates
 _CELL = 4.0         # side of a cell of the index, relative to the longest bench
 _MOST_CELLS = 1000  # largest number of cells along an edge; longer edges are always checked
-_REACH = 2.0        # relative to the longest bench: intervals in which a bench moves further are cut without a check
-_NEAR_M = 1e-5      # relative to the scale of rounding: edges of an obstacle this close to a bench may touch it
+_REACH = 2.0        # intervals in which a bench moves further, relative to the longest bench, are cut without a check
+_NEAR_M = 1e-5      # edges of an obstacle this close to a bench, relative to the scale of rounding, may touch it
 _INSIDE_HEAD = [rect(0.5, n) for n in range(6)]     # points of a bench, relative to its half length and half width
 
 
@@ -41,7 +41,7 @@ class Edge:
     def near(self, point: complex, reach_m: float) -> Pose | None:
         """Return a part that contains all points of the edge within a distance of a given point, or None.
 
-        The distance of a point of the edge is at least its distance from the foot of the perpendicular.
+        A point of the edge is at least as far from the given point as from the foot of the perpendicular.
         """
         way, seen = self.stop - self.start, point - self.start
         length = abs(way)

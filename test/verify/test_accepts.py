@@ -29,7 +29,7 @@ SCENES = {
     'a third of the speed of light': (Scene(head=Head(1e8), dragon=Dragon(40), run=Run(4e-6)),
                                       'contact at 4.12473837682'),
     'a tail led backwards': (Scene(head=Head(-1.0, 'tail'), dragon=Dragon(40), run=Run(0, 20)),
-                             'end of the run at 0 s (the head is back at its end of the track)'),
+                             'end of the run at 0 s (the head is back at the end of the track)'),
     'a lock': (Scene(dragon=Dragon(12, width_m=0.01), run=Run(425.0)),
                '432.917924228 s (the chain locks at link 0), less 1 nm of leader travel'),
     'a lock that is reached from far out': (Scene(dragon=Dragon(2), track=Spiral(start_turns=6559.0)),

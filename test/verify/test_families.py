@@ -74,7 +74,7 @@ def test_it_refuses_claims_that_it_does_not_know_or_that_lead_nowhere(honest, ch
 
 
 @pytest.mark.parametrize(('part', 'value', 'said'), [
-    ('head', {'kind': 'constant', 'speed_m_s': 1.0, 'lead': 'tail'}, 'led by the head'),
+    ('head', {'kind': 'constant', 'speed_m_s': 1.0, 'lead': 'tail'}, 'with the head as leader'),
     ('head', {'kind': 'profile', 'knots': [[0, 1], [41, 1], [44, -1]], 'ramps': 'linear', 'lead': 'head'}, 'backwards'),
     ('dragon', {'kind': 'mixed', 'groups': [{'length_m': 2.0, 'count': 3}, {'length_m': 2.5, 'count': 1}],
                 'width_m': 0.3, 'hole_inset_m': 0.2}, 'equal behind the head'),

@@ -29,7 +29,7 @@ class Ball:
 
     mid: Floats
     rad: Floats
-    __array_ufunc__ = None      # makes an array times a ball use the ball's operator
+    __array_ufunc__ = None      # so that an array times a ball uses the ball's operator
 
     def __add__(self, other: Number) -> 'Ball':
         """Return the sum."""

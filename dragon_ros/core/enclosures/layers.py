@@ -69,9 +69,9 @@ class Layers:
         return out
 
     def _further_m(self, radius_m: Floats, own_m: Floats, longest_m: Floats) -> Floats:
-        """Return how much further out the front handles of benches in outer layers are, if less than a pitch away.
+        """Return how much further out the front handles of outer benches are if these are less than a pitch away.
 
-        The nearest points of two benches are a turn apart along the spiral, minus the angle that a pitch subtends at
+        The nearest points of two benches are one turn apart along the spiral, less the angle that a pitch subtends at
         the centre. In angles about the centre, no point of a bench is further behind its front handle than the span of
         its link plus the angle of a corner, or further ahead of it than the angle of a corner. The result is NaN at
         positions less than half a pitch from the centre.
@@ -101,7 +101,7 @@ class Layers:
                 side_m + np.maximum((1 + square) * beyond_m, square * sagitta_m))
 
     def _nearest(self, radius_m: Floats, link_m: Floats) -> Floats:
-        """Return lower bounds on the distances from the centre of the middle lines of benches, overhangs included."""
+        """Return lower bounds on the distances of benches' middle lines, including overhangs, from the centre."""
         off_m = np.maximum(0.5 * link_m, 0.25 * self.pitch_m)
         out: Floats = np.sqrt((radius_m - off_m) * (radius_m + off_m))
         return out

@@ -158,9 +158,10 @@ class Sizes:
 
 @dataclass(frozen=True)
 class BenchSampler:
-    """A sampler of benches ``leads`` (0 is the head) on a spiral as first segment, each with ``follow`` - 1 followers.
+    """A sampler of benches ``leads`` on a first segment that is a spiral, each with ``follow`` - 1 followers.
 
-    ``error_m`` bounds position errors. If there are several leads, no link may have a length of zero or almost zero.
+    Lead 0 is the head. ``error_m`` bounds position errors. If there are several leads, no link may have a length of
+    zero or almost zero.
     """
 
     track: Track
@@ -250,10 +251,10 @@ def further(a: BenchSamples, b: BenchSamples, sizes: Sizes, circle: Floats) -> F
     """Return how far each bench (M, K-2) and all benches behind it stay outside the leading bench's circle.
 
     ``circle`` is the result of ``beyond``. If links are equal, the result is the distance of each bench itself, because
-    distances increase from bench to bench. Otherwise a link of length l comes no nearer to the centre than sqrt(r^2 -
-    l^2 / 4), where r is the distance of its front handle, which increases from bench to bench; the reason is that the
-    nearer handle is at most l / 2 from the foot of the perpendicular. No point of a bench is further from its link than
-    a corner is from the nearer handle.
+    distances increase from bench to bench. Otherwise, a link of length l comes no nearer to the centre than sqrt(r^2 -
+    l^2 / 4), because the nearer handle is at most l / 2 from the foot of the perpendicular. The distance r of its front
+    handle from the centre increases from bench to bench. No point of a bench is further from its link than a corner is
+    from the nearer handle.
     """
     if not np.any(sizes.longest_m):
         return circle

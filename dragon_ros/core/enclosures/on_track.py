@@ -119,9 +119,9 @@ def curvature_range(bends: Range, segments: Sequence[Ints], curvatures: Sequence
 def swing_rad(most: Floats, link_m: float | Floats, moved_m: Floats) -> Floats:
     """Return the largest total angle by which a link turns while its two handles move by ``moved_m`` in total.
 
-    ``most`` is the largest curvature in 1/m between the rear handle's first position and the front handle's last
-    position. A link turns at (v_rear sin beta - v_front sin alpha) / link. No sine exceeds 1 or, if ``most`` times the
-    link is below 2, half of this product (Schur's comparison with a circle).
+    ``most`` is the largest curvature (1/m) between the rear handle's first position and the front handle's last
+    position. A link turns at the rate (v_rear sin beta - v_front sin alpha) / link. No sine exceeds 1 or, if ``most``
+    times the link is below 2, half of this product (Schur's comparison with a circle).
     """
     with np.errstate(divide='ignore'):
         out: Floats = np.minimum(0.5 * most, np.divide(1.0, link_m)) * moved_m
@@ -403,7 +403,7 @@ def _middle(one: Views, two: Views, v: tuple[Ball, Ball], turn: Ball, gone_m: Fl
     """Return enclosures of the second bench's middle in the frame of the first bench, and of this middle's velocity.
 
     The rotation of the first bench does not change the distance between the middles, so their velocities bound its
-    change. At the two states the middles may have errors of up to ``off`` (K,) in metres.
+    change. At the two states, the middles may have errors of up to ``off`` (K,) metres.
     """
     far = np.minimum(np.hypot(*one.middle), np.hypot(*two.middle)) + off
     far = ABOVE * (far + gone_m * np.hypot(v[0].most, v[1].most))

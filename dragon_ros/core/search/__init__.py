@@ -1,1 +1,1 @@
-"""Searches over a run: first contact, near misses, smallest pitch, bounding box and maximum speed, all with bounds."""
+"""Searches, with bounds on the results, for first contacts, near misses, pitches, bounding boxes and maximum speeds."""

@@ -233,7 +233,7 @@ class _ContactSearch:
         return []
 
     def _roots(self, bracket: Bracket) -> list[tuple[float, Pair]]:
-        """Return where the gaps of pairs that touch at a bracket's other end become zero, in the leader's order.
+        """Return where the gaps of pairs that touch at a bracket's other end become zero, in the order of the travel.
 
         Pairs whose gaps become zero at the same position, for example at the start of a run, are sorted by bench
         number.

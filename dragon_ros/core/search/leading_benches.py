@@ -26,8 +26,8 @@ from dragon_ros.core.search.driver import Cleared, Judgement, clear, parts_for
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 from dragon_ros.core.tracks.composite import Place
 
-# The spacing of the first samples, relative to the longest bench and in rad; the larger one is used. The interaction of
-# adjacent layers depends on the angle: far from a contact, an interval of 2 rad is cleared without cuts.
+# The spacing of the first samples, as a multiple of the longest bench and in rad; the larger spacing is used. The
+# interaction of adjacent layers depends on the angle: far from a contact, an interval of 2 rad is cleared without cuts.
 _FIRST, _FIRST_RAD = 1.173, 2.0
 _FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, relative to min(1 m, longest bench)
 _MOST_PLACES = 50_000   # maximum number of first samples per window, to save memory

@@ -65,8 +65,8 @@ class MinPitch:
     """A pitch ``low_m`` with a contact, and a range of pitches without a contact, from ``high_m`` to ``largest_m``.
 
     At ``low_m`` the ``benches`` touch when the head's front handle is at ``radius_m``; ``states`` is the number of
-    windings placed, or of states for mixed benches. For mixed benches ``proved`` is False: ``high_m`` and ``largest_m``
-    have no contact, but nothing is proved for the pitches between them.
+    windings placed or, for mixed benches, the number of states evaluated. For mixed benches ``proved`` is False:
+    ``high_m`` and ``largest_m`` have no contact, but nothing is proved for the pitches between them.
     """
 
     low_m: float

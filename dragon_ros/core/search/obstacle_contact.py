@@ -82,7 +82,7 @@ class _SweptIntervals:
         return Judgement(bound_m, touching, np.full(group.size, _PARTS), group)
 
     def _near(self, a: BenchStates, b: BenchStates, reach_m: Floats) -> tuple[Ints, Ints]:
-        """Return the pairs of an interval and an edge to which the bench may come close in this interval."""
+        """Return pairs of an interval and an edge that the bench may come close to in that interval."""
         corners = np.concatenate((corners_of(a), corners_of(b)), axis=1)
         ends = [op(part, axis=1) for op in (np.min, np.max) for part in (corners.real, corners.imag)]
         low, high = np.stack(ends[:2], axis=1) - reach_m[:, None], np.stack(ends[2:], axis=1) + reach_m[:, None]
@@ -148,7 +148,7 @@ class Obstacles:
         return None
 
     def _first_of(self, benches: Ints, phase: tuple[float, float], finest_m: tuple[float, ...]) -> Bracket | None:
-        """Return the first bracket in a phase in which any bench of one length is not clear."""
+        """Return the first bracket of a phase in which one of the given benches, all of one length, is not clear."""
         domain, bench = self._domain, swept_bench(self._domain, int(benches[0]))
         windows = windows_of(domain, benches, phase, _SPACING * self._longest_m)
         if not windows:

@@ -125,7 +125,7 @@ def test_what_is_too_wide_to_prove_anything_names_the_tolerance_to_blame():
     (SMALL, {'dragon.hole_inset_m': 0.3}, 'smaller tolerance'),
     (SMALL, {'dragon.body_length_m': 1.7}, 'may have zero length'),
     (replace(SMALL, track=STurn()), {}, 'single spiral'),
-    (replace(SMALL, dragon=Mixed((Group(3.0), Group(2.0, 5)))), {}, 'equal behind the head'),
+    (replace(SMALL, dragon=Mixed((Group(3.0), Group(2.0, 5)))), {}, 'equal benches behind the head'),
     (replace(SMALL, dragon=Dragon(2)), {}, 'at least 3'),
     (replace(SMALL, track=Spiral(0.55, 4_000.0)), {}, 'start closer to the centre'),
     (replace(SMALL, head=Head(lead='tail')), {}, 'head leads'),
