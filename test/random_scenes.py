@@ -104,7 +104,7 @@ class Way(NamedTuple):
     """A track and the motion that the leader can make on it."""
 
     section: dict[str, Any]
-    onwards_m: float                # a useful distance in the direction of ``sense``: 1 is inwards or onwards
+    onwards_m: float                # a useful distance in the direction of ``sense``, where 1 means inwards or onwards
     lead: str = 'head'
     sense: int = 1
     has_end: bool = False           # whether the model ends after this distance
@@ -222,7 +222,7 @@ def _far(dice: Dice, benches: Benches) -> Way:
 
 
 def _turn(dice: Dice, benches: Benches) -> Way:
-    """An S-turn whose tighter arc is drawn; with b = pitch / 2 pi, the radii add up to hypot(diameter / 2, b).
+    """An S-turn whose tighter arc is random; with b = pitch / 2 pi, the radii add up to hypot(diameter / 2, b).
 
     The two spirals of the turn interleave, half a pitch apart.
     """

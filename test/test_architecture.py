@@ -18,13 +18,13 @@ from dragon_ros.executables import EXECUTABLES
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / 'dragon_ros'
-# Each room and what it may import besides itself; rooms that do not exist yet are skipped.
+# Each room and the rooms that it may import besides itself; rooms that do not exist yet are skipped.
 BELOW_NODES = ('core', 'version', 'configuration', 'scenes', 'messages', 'bags', 'cli')
 ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
          'studies': BELOW_NODES, 'commands': (*BELOW_NODES, 'studies'), 'nodes': BELOW_NODES,
          'cost': BELOW_NODES, 'api': (*BELOW_NODES, 'commands', 'studies'), 'verify': ()}
 STARTS = {'commands': {'verify', 'nodes.one_path'}}     # these modules are started as processes
-# The rooms and single modules of the core, and what each may import besides itself.
+# The rooms and single modules of the core, and the parts of the core that each may import besides itself.
 VALUES = ('errors', 'checks', 'flags')
 CHAIN = ('errors', 'checks', 'numerics', 'tracks', 'chain')
 MODEL = (*VALUES, *CHAIN, 'venue', 'tiers', 'scene', 'shift_map', 'paper', 'model')
@@ -82,14 +82,14 @@ def libraries(path):
 
 
 def upward(room, path):
-    """Return the modules that a room's module names although their rooms are not below its own."""
+    """Return the modules to which a module of a room refers although their rooms are not below this room."""
     below = {room, *ROOMS[room], *STARTS.get(room, ())}
     return {name for name in named(path) if (part := name.split('.')[1]) in ROOMS and part not in below
             and name.removeprefix('dragon_ros.') not in below}
 
 
 def upward_in_core(room, path):
-    """Return the modules of the core that a core room's module names although their rooms are not below its own."""
+    """Return the core modules to which a module of a core room refers although their rooms are not below this room."""
     found = set()
     for name in named(path):
         _, top, part, module = [*name.split('.'), '', ''][:4]
@@ -102,7 +102,7 @@ def upward_in_core(room, path):
 
 
 def modules(folder, rooms):
-    """Return (room, file) for every module of these rooms, each of which is a folder or a single file."""
+    """Return (room, file) for every module of these rooms; a room is a folder or a single file."""
     return [(room, path) for room in rooms
             for path in (*sorted((folder / room).rglob('*.py')), *folder.glob(f'{room}.py'))]
 

@@ -133,7 +133,7 @@ def run(arguments, folder):
 
 @pytest.fixture
 def command(tmp_path, monkeypatch, capsys):
-    """A function like ``run`` that runs a command in the test's folder; only nodes run in a process of their own."""
+    """A function like ``run`` that runs a command in the test's folder; only nodes run in their own process."""
     monkeypatch.chdir(tmp_path)
 
     def run_here(arguments):
@@ -214,7 +214,7 @@ def test_the_drawing_and_the_walls_of_the_venue_page_are_the_scene_street(venue_
 def test_the_drawing_of_the_square_becomes_its_track_within_the_tolerance(venue_page):
     shipped, arcs = (compile_scene(dr.scene(name)).track_line(1e-4) for name in ('square', venue_page / 'arcs.yaml'))
     for one, other in ((shipped, arcs), (arcs, shipped)):
-        shared = one[one[:, 0] > 0]     # the drawing also contains the line on which the dragon stands at the start
+        shared = one[one[:, 0] > 0]     # the drawing also contains the line on which the dragon starts
         assert LineString(other).buffer(0.02 * 1.01).contains(LineString(shared))
 
 

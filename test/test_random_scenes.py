@@ -56,7 +56,7 @@ def pieces_of(scene):
     return scene['track'].get('pieces', [])
 
 
-FEATURES = {        # the least number of SCENES that must have the feature
+FEATURES = {        # the minimum number of SCENES that must have the feature
     'a tail that leads': (40, lambda scene: scene['head'].get('lead') == 'tail'),
     'a leader that moves backwards': (40, lambda scene: min(speeds_of(scene['head'])) < 0),
     'a profile': (60, lambda scene: 'knots' in scene['head']),

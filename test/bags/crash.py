@@ -40,7 +40,7 @@ _BEGINS, _FLUSH_EVERY, _SIZES = 'begins', 7, (40, 1200, 70_000)
 
 
 class Kill(NamedTuple):
-    """The result of a kill: numbers of flushed, saved and found messages and of files, and whether all are complete."""
+    """The counts of flushed, saved and found messages and of files after a kill, and whether the bag is complete."""
 
     flushed: int
     saved: int

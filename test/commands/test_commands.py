@@ -1,4 +1,4 @@
-"""The offline commands keep their contract on output, exit codes and one-line errors for bad input."""
+"""The offline commands produce the documented output, exit codes, and one-line errors for bad input."""
 import argparse
 import csv
 import io

@@ -219,7 +219,7 @@ def test_macros_in_a_file_that_is_called_xlsm_are_refused_in_a_folder_too(tmp_pa
 
 @pytest.fixture(scope='module')
 def room(tmp_path_factory):
-    """A class of four teams: two with folders of their own, and two that share one."""
+    """A class of four teams: two with their own folders, and two that share a folder."""
     folder = tmp_path_factory.mktemp('room')
     for name in ('一队', '<script>alert(1)</script>'.replace('/', '_')):
         (folder / name).mkdir()

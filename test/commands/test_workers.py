@@ -145,7 +145,7 @@ def children(pid):
 
 
 def complete_ticks(path):
-    """Return the number of ticks in a bag, all of which must be complete; a bag without its index cannot be opened."""
+    """Return the number of ticks in a bag, and check that all are complete; a bag without an index cannot be opened."""
     with BagReader(path) as bag:
         counts = {topic.messages for topic in bag.topics if topic.name in ('/dragon/handles', '/dragon/benches')}
     assert len(counts) == 1

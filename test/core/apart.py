@@ -1,4 +1,4 @@
-"""Reference values for contacts: distances between benches by shapely, and the paper's candidate rule, corrected."""
+"""Reference values for contacts: distances between benches by shapely, and candidates by the paper's corrected rule."""
 import numpy as np
 import shapely
 
@@ -15,7 +15,7 @@ def smallest(scene, t_s):
 
 
 def adjacent_layer_windows(angle):
-    """Return each bench's first and last candidate in the next layer out, by the paper's rule, corrected.
+    """Return each bench's first and last candidate in the next layer out, by a corrected form of the paper's rule.
 
     The rule uses the handles' polar angles ``angle``, of shape (N+1,); both results have the shape (N,).
     """

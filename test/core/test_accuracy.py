@@ -33,7 +33,7 @@ CASES = {**SPIRALS, **DANCES}
 
 
 def worst_errors(problem, tier, solver='march'):
-    """Return the worst position and speed errors of a problem, each relative to its promise, and the evaluations."""
+    """Return a problem's worst position and speed errors, relative to the promises, and the number of evaluations."""
     scene = replace(problem.scene, accuracy=tier, solver=solver)
     simulation = compile_scene(scene)
     known, handles = truth(problem), list(problem.handles)
@@ -71,7 +71,7 @@ def test_every_tier_keeps_its_promise_on_every_hard_case(name, solver, request):
         try:
             position, speed, _ = worst_errors(CASES[name], tier, solver=solver)
         except FieldError:
-            assert tier in ('standard', 'fine'), 'only these tiers may be beyond floats; exact adapts'
+            assert tier in ('standard', 'fine'), 'only these tiers may require more than floats; exact adapts'
             continue
         assert position <= 1, tier
         assert speed <= 1, tier
@@ -182,7 +182,7 @@ def test_many_states_at_once_keep_the_promise_too(name, request):
         try:
             simulation = compile_scene(scene)
         except FieldError:
-            assert tier in ('standard', 'fine'), 'only these tiers may be beyond floats; exact adapts'
+            assert tier in ('standard', 'fine'), 'only these tiers may require more than floats; exact adapts'
             continue
         for number, p in enumerate(states(scene, problem.times_s).p):
             promise_m = position_promise_m(simulation.tier, simulation.size_m, conditions[number])

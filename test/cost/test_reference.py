@@ -21,7 +21,7 @@ FOLDER = Path(hard_cases.truth.__file__).parent
 TRUTH = {name: row for file in ('reference.json', 'dances.json')
          for name, row in json.loads((FOLDER / file).read_text())['problems'].items()}
 CASES = {case.name: case for case in all_cases()}
-LAST_DIGIT = Decimal('1e-24')       # relative error of the 25 digits given in the files
+LAST_DIGIT = Decimal('1e-24')       # relative error of the values in the files, which have 25 digits
 MOST = 1001                         # number of handles of the longest dragon
 DIGITS = 60
 

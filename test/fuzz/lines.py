@@ -55,7 +55,7 @@ def topics_in(lines: list[str]) -> Counter[str]:
 
 
 def hold_lines(path: Path, folder: Path, wanted: list[Row], ended: bool, model: dict[tuple[str, int], bytes]) -> Said:
-    """Compare the output of all commands with the messages ``wanted`` and with each other; return that of ``inspect``.
+    """Compare all commands' output with the messages ``wanted`` and with each other; return the output of ``inspect``.
 
     ``ended`` means that the stream reader reached the end of the file, so that the file contains nothing else.
     ``model`` contains the messages of the run by topic and log time. Raises AssertionError.
@@ -89,7 +89,7 @@ def hold_saved(path: Path, output: Path, wanted: list[Row]) -> None:
 
 
 def hold_ticks(path: Path, folder: Path, wanted: list[Row], ended: bool, model: dict[tuple[str, int], bytes]) -> Said:
-    """Compare the table, the export and the data for pictures and view with the bag's handles and with each other."""
+    """Compare the table, the export, and the data for pictures and the view with the bag's handles and each other."""
     output = folder / 'printed.csv'
     handles = [row for row in wanted if row[0] == HANDLES]
     exported = said('export', path, '--namespace', 'dragon', '--output', output, '--force')

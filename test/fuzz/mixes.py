@@ -55,7 +55,7 @@ def record(opcode: int, content: bytes) -> bytes:
 
 
 def text(value: str) -> bytes:
-    """Return a string in the form in which records contain it."""
+    """Return a string as it is encoded in records."""
     return struct.pack('<I', len(value)) + value.encode()
 
 

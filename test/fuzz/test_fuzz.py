@@ -102,7 +102,7 @@ def test_only_the_package_s_own_errors_come_out(name, tmp_path, request):
 
 
 def long(name: str, target: Target, for_s: float, first: int) -> list[tuple[bytes, BaseException] | None]:
-    """Fuzz with one seed after another until the time is up; report the progress every minute, and the results."""
+    """Fuzz with one seed after another until the time is up, report progress every minute, and print the results."""
     until, told, rounds, found = time.monotonic() + for_s, time.monotonic(), 0, {}
     while time.monotonic() < until:
         one = fuzz(target, _ROUND, first + rounds)

@@ -69,7 +69,7 @@ def test_any_change_of_bytes_has_the_effect_that_it_has_on_a_parser(changes):
 
 @given(st.data())
 def test_words_that_matter_are_drawn_more_often(data):
-    """Any word of two markers may change to values that lengths, ids, types, stamps and floats can have."""
+    """Any word of two markers may change to a value that a length, id, type, stamp or float can have."""
     reader, words = BenchReader(), np.frombuffer(CUBES[1], 'u4').copy()
     reader.read(CUBES[0])
     marker = data.draw(st.sampled_from([0, 4]))

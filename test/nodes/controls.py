@@ -55,7 +55,7 @@ class Caller:
     """A client that calls a sim and counts the calls; ``faults`` lists deviations from the table."""
 
     def __init__(self, seed: int, name: str = '/dragon/sim') -> None:
-        """Open the clients in a context of their own, and wait for the sim."""
+        """Open the clients in their own context, and wait for the sim."""
         self._rng = random.Random(seed)
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
@@ -134,7 +134,7 @@ class Caller:
         name = rng.choice([*(one.name for one in SIM if one.live), *self._table, 'use_sim_time_', ''])
         self.set(name, rng.choice([*_ODD, *self._likely(name)]))
         if name == 'at_end':
-            self.set(name, 'hold')      # after a run that stops at its end, no further call is possible
+            self.set(name, 'hold')      # if the sim stops at the end of its run, no further call is possible
 
     def _likely(self, name: str) -> list[Any]:
         """Return values that a parameter may have: its limits and a value between them, or its choices."""

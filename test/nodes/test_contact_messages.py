@@ -1,4 +1,4 @@
-"""The monitor's messages about contacts and about its own state: each number has a name and a unit."""
+"""In the monitor's messages about contacts and about its own state, each number has a name and a unit."""
 from math import nan
 
 import numpy as np

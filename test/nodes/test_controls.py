@@ -71,7 +71,7 @@ class Remote:
 
 @pytest.fixture
 def paused(start, node):
-    """A sim of first_contact at tick 0: it was paused during its run and then reset."""
+    """A sim of ``first_contact`` at tick 0, which was paused during its run and then reset."""
     remote = Remote(node)
     remote.process = start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'wait_subscribers:=[handles=1]',
                            '-p', 'at_end:=hold')

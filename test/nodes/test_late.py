@@ -1,4 +1,4 @@
-"""Monitors and recorders that start later than launched nodes, in a namespace, report what they missed."""
+"""In a namespace, monitors and recorders that start later than launched nodes report the ticks that they missed."""
 import pytest
 
 pytest.importorskip('rclpy')

@@ -121,7 +121,7 @@ def test_a_led_dragon_has_a_pace_and_no_other_ticks(start, node):
     node.until(lambda: leader.speeds)
     client = node.create_client(Trigger, 'sim/seek')
     node.until(client.service_is_ready)
-    done = client.call_async(Trigger.Request())      # seek without a time goes to the start, as reset does
+    done = client.call_async(Trigger.Request())      # seek without a time returns to the start, like reset
     node.until(done.done)
     assert not done.result().success
     assert 'seek_s: -1' in done.result().message

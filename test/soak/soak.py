@@ -36,7 +36,7 @@ Stamps = np.ndarray[tuple[int], np.dtype[np.int64]]
 
 @dataclass
 class Soak:
-    """A run of the soak test: its processes and its observations."""
+    """A run of the soak test, with its processes and observations."""
 
     folder: Path
     domain: int = field(default_factory=free_domain)

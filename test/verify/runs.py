@@ -103,7 +103,7 @@ def certificates(seed):
 
 
 def main(seed, wanted):
-    """Check certificates; print each rejected one, and then the number of kinds and the CPU times."""
+    """Check certificates, print each rejected certificate, and finally print the number of kinds and the CPU times."""
     sys.path.insert(0, str(Path(__file__).parents[1]))
     from certificates import proved
 

@@ -60,7 +60,7 @@ SCENES = {
         ((0.0, 0.0), (5.0, 1.0), (10.0, -1.0), (20.0, -1.0), (30.0, 1.0)))), 'contact at 59.66017797'),
     'a tail on a bent track': (Scene(dragon=Dragon(10), run=Run(0, 30), head=Head(1.0, 'tail'), track=Composite(
         (Line(50.0), Arc(3.0, -200.0), Line(1.0), SpiralArc(1.2, 2, 4.0)), start_m=70.0)), 'it stops'),
-    'a start whose nearest float is beyond the end': (
+    'a track whose end rounds to a float beyond it': (
         Scene(dragon=Dragon(12), head=Head(1.0, 'tail'), run=Run(0, 20), track=Composite(
             (Line(5.0), SpiralArc(1.2, 4000.2, 8.0)), start_m=60324375.27675098)), 'it stops'),
     'the end of the track': (Scene(dragon=Dragon(20), track=Composite((Line(5.0), Arc(6.0, 120.0)))),

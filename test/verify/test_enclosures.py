@@ -216,7 +216,7 @@ def test_links_lead_away_by_their_lengths_but_for_what_the_tightest_bend_turns_t
 @pytest.mark.parametrize(('track', 'start', 'inner_m'), [
     (Composite((SpiralArc(1.3, 4.0, 1.4, 'right'), Arc(1.7, 120.0)), 0.0), 58.5, 1.7),
     (Composite((SpiralArc(1.2, 1.5, 3.0, 'left'),), 14.0), 14.0, 1.8)],
-    ids=['beyond a spiral', 'on one that winds out'])
+    ids=['beyond a spiral', 'on a spiral that winds out'])
 def test_the_tightest_bend_is_that_of_the_whole_track_where_benches_behind_bend_more(track, start, inner_m):
     piece, _ = interval(compiled(Dragon(4, 0.9, 0.9, 0.1, 0.1), track), start, start + 0.1)
     assert piece._tightest == piece._track.bend > 0.95 / inner_m

@@ -57,7 +57,7 @@ def arc(theta):
 
 
 def head_at(t_s, scale):
-    """Return the polar angle of a head that moves at 1 m/s."""
+    """Return the polar angle after ``t_s`` of a head that moves at 1 m/s."""
     return root(lambda theta: arc(theta) - arc(8 * pi) + t_s * scale, 0.0, 8 * pi)
 
 

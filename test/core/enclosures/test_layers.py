@@ -148,7 +148,7 @@ def in_arb(dragon, pitch_m, theta, bench):
 
 
 def drawn(seed):
-    """Yield random dragons with a pitch and a radius of the second bench."""
+    """Yield random dragons, each with a pitch and a radius for its second bench."""
     dice = np.random.default_rng(seed)
     for _ in range(60):
         inset_m, width_m = 10 ** dice.uniform(-3, 0.5), 10 ** dice.uniform(-2, 0)

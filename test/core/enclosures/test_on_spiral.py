@@ -198,7 +198,7 @@ def test_the_lever_is_not_a_hundredth_more_than_a_turn_about_the_middle_of_a_lin
 
 
 def test_pairs_that_hardly_move_are_cleared_without_bounds_on_their_second_derivatives(monkeypatch):
-    watch = sampler(Dragon(60), 0)      # more than a turn of benches
+    watch = sampler(Dragon(60), 0)      # the benches make more than one turn
     view = watch.sample(np.array([90.0, 90.0 + 1e-6]))
     monkeypatch.setattr(on_spiral, '_bent', lambda *_: pytest.fail('a pair was examined in more detail'))
     low, room = bounds(*(view.rows(np.array([n])) for n in range(2)), watch.sizes, np.array([59]))

@@ -19,7 +19,7 @@ from hard_cases.problems import MIXED
 
 
 def of_all_pairs(benches):
-    """Return the clearance, the closest pair, and touching pairs with their gaps, by independent code for all pairs."""
+    """Compute the clearance, the closest pair, and the touching pairs with their gaps independently, from all pairs."""
     i, j = np.triu_indices(benches.half_length.size, 2)
     if not i.size:
         return np.inf, None, [], []

@@ -118,7 +118,7 @@ def test_a_run_that_ends_in_the_lock_is_proved_too():
 
 
 def nearest(width):
-    """Return the near miss of the head and bench 11 near 409.83 s."""
+    """Return the near miss between the head and bench 11 near 409.83 s."""
     scene = Scene(dragon=Dragon(20, width_m=width), run=Run(409.5, 410.2))
     none = NoContact(compile_scene(scene).end, 0, Certificate((Interval(0, 409.75, 409.9, 19, 0.0),)))
     return next(miss for miss in near_misses(scene, none, 0.01).nearest if miss.bench == 11)

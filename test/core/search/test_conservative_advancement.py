@@ -104,7 +104,7 @@ def test_no_gap_between_two_looks_is_below_the_bound(benches, head, body, width,
 
 
 def spoken_for(scene, intervals, t_s):
-    """Return each pair's gap at a time, by shapely, and the bounds of all intervals that apply to it at this time."""
+    """Return each pair's gap at a time, computed by shapely, and the bounds of all intervals that apply to it then."""
     chain = state(replace(scene, solver='march'), t_s)
     along_m = chain.track.distances(chain.segment, chain.u)
     shapes = shapely.polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners)

@@ -80,7 +80,7 @@ def check(scene, found, count=200):
     t_s = _when(scene, found.gone_m)
     chain = compile_scene(scene).model.march(scene.head.travelled_m(t_s))
     speed = np.hypot(*chain.velocities(1.0)[found.handle])
-    assert found.ratio <= speed * (1 + 1e-6 * speed**2)     # the leader's position is accurate to 1e-14 of the run
+    assert found.ratio <= speed * (1 + 1e-6 * speed**2)     # the leader's position error is 1e-14 of the run's length
 
 
 def _top(scene):
@@ -116,11 +116,11 @@ SCENES = {
                                                              run=Run(400, 430.609)),
     'inwards to the centre': Scene(Dragon(4, 0.8, 0.8), Spiral(1.0, 3.0)),
     'out': Scene(Dragon(40), head=Head(-1.5), run=Run(0, 60)),
-    'in and out by a profile': Scene(Dragon(40), Spiral(0.55, 5.3), LAW, Run(0, 45)),
+    'in and out with a profile': Scene(Dragon(40), Spiral(0.55, 5.3), LAW, Run(0, 45)),
     'unwinding behind the tail': Scene(Dragon(40), Spiral(0.55, 4.0), Head(1.0, 'tail'), Run(0, 30)),
-    'unwinding by a profile': Scene(MIXED, Spiral(0.55, 4.0), replace(LAW, lead='tail', ramps='linear'), Run(0, 45)),
-    'turning by a profile': Scene(Dragon(40), STurn(before_m=10.0), LAW, Run(0, 45)),
-    'turning by a linear profile': Scene(MIXED, STurn(before_m=10.0), replace(LAW, ramps='linear'), Run(3, 45)),
+    'unwinding with a profile': Scene(MIXED, Spiral(0.55, 4.0), replace(LAW, lead='tail', ramps='linear'), Run(0, 45)),
+    'turning with a profile': Scene(Dragon(40), STurn(before_m=10.0), LAW, Run(0, 45)),
+    'turning with a linear profile': Scene(MIXED, STurn(before_m=10.0), replace(LAW, ramps='linear'), Run(3, 45)),
     'back through the turn': Scene(MIXED, STurn(before_m=-25.0), replace(LAW, lead='tail'), Run(0, 45)),
     'a profile on lines and arcs': Scene(Dragon(40), Composite((Line(5.0), Arc(2.0, 170.0), Line(1.0), Arc(1.5, -100.0),
                                                                 Line(60.0))), LAW, Run(0, 45)),
@@ -149,7 +149,7 @@ def test_a_tail_that_leads_out_of_a_spiral_is_slower_than_its_head_and_most_at_t
     assert found.ratio > 1
 
 
-@pytest.mark.parametrize('name', ['turning by a profile', 'turning by a linear profile', 'back through the turn'])
+@pytest.mark.parametrize('name', ['turning with a profile', 'turning with a linear profile', 'back through the turn'])
 def test_a_profile_is_scaled_as_a_whole_until_a_handle_reaches_the_limit(name):
     scene, limit = SCENES[name], 2.0
     found = max_speed(scene)

@@ -75,7 +75,7 @@ def test_bounds_hold_between_the_ends_of_cells():
 
 
 def least_of(d, start, stop, middle, radius, h, way_m=np.inf):
-    """Return the bound for four corners with equal motion; ``middle`` and ``radius`` have complex parts for x and y."""
+    """Return the bound for four corners with equal motion; ``middle`` and ``radius`` are complex (x as real part)."""
     slope = Ball(*(np.tile([one.real, 0.0, one.imag], (1, 4, 1)) for one in (complex(middle), complex(radius))))
     ends = np.full((1, 4), complex(start)), np.full((1, 4), complex(stop))
     found = least_along(np.array([complex(d)]), ends, slope, 0.0, np.full((1, 1), h), np.full((1, 4), way_m))

@@ -228,7 +228,7 @@ def test_far_out_fewer_terms_are_summed_and_no_digit_is_lost():
 
 
 def at_tiers(name, t_s):
-    """Return the chains of a hard case at an instant, at the tiers preview and exact."""
+    """Return the chains of a hard case at an instant, at the tiers ``preview`` and ``exact``."""
     scene = next(case.scene for case in dances() if case.name == name)
     return [state(replace(scene, accuracy=tier), t_s) for tier in ('preview', 'exact')]
 
