@@ -1,4 +1,8 @@
-"""``cost bag``: throughput and size of bags for each compression, compared with the writer of the MCAP library."""
+"""``cost bag``: throughput and size of bags for each compression, compared with the writer of the MCAP library.
+
+The limit of a bag is the longest of the times to copy its messages through memory, to compress them alone, and to write
+the bytes of the bag to a file, at rates that are measured in the same run.
+"""
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,6 +13,7 @@ from matplotlib.figure import Figure
 from mcap.writer import CompressionType, Writer
 from tqdm import tqdm
 
+from benchmarks.rates import LARGE, Amounts, compression_rate, copy_rate, file_rate, limit, times
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import PAGE_IN, TEXT_PT
@@ -27,7 +32,10 @@ _Row = tuple[str, bytes, int, int]
 
 @dataclass(frozen=True)
 class Written:
-    """One writer with one compression: the time for all ticks, and the bytes before and after compression."""
+    """One writer with one compression: the time for all ticks, and the bytes before and after compression.
+
+    ``rates`` are the machine's rates per second.
+    """
 
     writer: str
     compression: str
@@ -36,6 +44,13 @@ class Written:
     messages: int
     raw_bytes: int
     bag_bytes: int
+    rates: Amounts
+
+    @property
+    def limit_s(self) -> float:
+        """The shortest possible time in seconds, if copying, compressing and writing run side by side."""
+        needs = {'memory': self.raw_bytes, 'file': self.bag_bytes}
+        return limit(needs | ({} if self.compression == 'none' else {self.compression: self.raw_bytes}), self.rates)[0]
 
     @property
     def mb_s(self) -> float:
@@ -65,12 +80,18 @@ def measure(budget_s: float = 0.3) -> list[Written]:
     jobs = [(writer, compression) for compression in _RAW for writer in (_OWN, _LIBRARY)]
     out = []
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / 'bag.mcap'
+        path, rates = Path(folder) / 'bag.mcap', _rates(rows, Path(folder), budget_s)
         for writer, compression in tqdm(jobs, desc='cost bag', unit='bag', disable=None):
             timing = timed(partial(_WRITERS[writer], path, compression, rows), budget_s)
             out.append(Written(writer, compression, timing, compile_scene(_SCENE).last_tick + 1, len(rows), raw,
-                               path.stat().st_size))
+                               path.stat().st_size, rates))
     return out
+
+
+def _rates(rows: list[_Row], folder: Path, budget_s: float) -> Amounts:
+    data = b''.join(data for _, data, _, _ in rows)
+    alone = {name: compression_rate(name, data, budget_s) for name in _RAW if name != 'none'}
+    return {**alone, 'memory': copy_rate(LARGE, budget_s), 'file': file_rate(folder, budget_s)}
 
 
 def _rows() -> list[_Row]:
@@ -105,19 +126,19 @@ def table(rows: list[Written]) -> str:
     """Return the rows as Markdown, below a line with the machine, versions and date."""
     lines = [f'{circumstances()}. {rows[0].ticks} ticks of {_SCENE.dragon.benches} benches: {rows[0].messages} '
              f'messages, {rows[0].raw_bytes / 1e6:.1f} MB.', '',
-             '| writer | compression | MB/s | µs per message | ticks/s | times 100 Hz | size | kB per tick |',
-             '|---|---|---:|---:|---:|---:|---:|---:|']
-    lines += [f'| {row.writer} | {row.compression} | {row.mb_s:.0f} | {row.message_us:.1f} | {row.ticks_s:.0f} '
+             '| writer | compression | MB/s | limit (MB/s) | times the limit | µs per message | ticks/s | times 100 Hz '
+             '| size | kB per tick |', '|---|---|' + '---:|' * 8]
+    lines += [f'| {row.writer} | {row.compression} | {row.mb_s:.0f} | {row.raw_bytes / 1e6 / row.limit_s:.0f} '
+              f'| {times(row.timing.median_s, row.limit_s)} | {row.message_us:.1f} | {row.ticks_s:.0f} '
               f'| {row.ticks_s / 100:.0f} | {row.share:.1%} | {row.bag_bytes / row.ticks / 1000:.1f} |' for row in rows]
     return '\n'.join(lines)
 
 
-
 def csv_text(rows: list[Written]) -> str:
     """Return the rows as CSV."""
-    return csv_of(['writer', 'compression', 'ticks', 'messages', 'raw_bytes', 'bag_bytes', *TIMES],
+    return csv_of(['writer', 'compression', 'ticks', 'messages', 'raw_bytes', 'bag_bytes', 'limit_s', *TIMES],
                   [(row.writer, row.compression, row.ticks, row.messages, row.raw_bytes, row.bag_bytes,
-                    *row.timing.cells) for row in rows])
+                    row.limit_s, *row.timing.cells) for row in rows])
 
 
 def picture(rows: list[Written]) -> Figure:

@@ -1,4 +1,7 @@
-"""``cost memory``: the resident memory of a recorder during a long run, and its growth."""
+"""``cost memory``: the resident memory of a recorder during a long run, and its growth.
+
+The limit of the growth is that of the data that the recorder must keep for the final index.
+"""
 import csv
 import io
 import time
@@ -13,6 +16,7 @@ from mcap.reader import make_reader
 from tqdm import tqdm
 
 from benchmarks.live import Start, alive, ended, processes
+from benchmarks.rates import times
 from dragon_ros.bags.write.mcap import packed_bytes
 from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.cost.measure import circumstances
@@ -119,13 +123,14 @@ def table(row: Recorded) -> str:
     return '\n'.join([
         f'{circumstances()}. {row.ticks:,} ticks of {_BENCHES} benches at {_RATE_HZ} Hz over DDS, zstd.', '',
         '| recorded (min) | missing | resident (MB) after | at the end | peak | growth (kB/min) | in steps (MB) '
-        '| without steps (kB/min) | of the index (kB/min) | chunks | bag (MB) |', '|' + '---:|' * 11,
+        '| without steps (kB/min) | of the index (kB/min) | growth / index | without steps / index | chunks '
+        '| bag (MB) |', '|' + '---:|' * 13,
         f'| {row.seconds / 60:.3g} | {row.missing} | {first_s:.0f} s: {first:.2f} | {last:.2f} | {most:.2f} '
         f'| {row.grows_kb_min:.0f} | {row.steps_mb:.2f} | {row.creeps_kb_min:.0f} | {row.index_kb_min:.0f} '
+        f'| {times(row.grows_kb_min, row.index_kb_min)} | {times(row.creeps_kb_min, row.index_kb_min)} '
         f'| {row.chunks:,} | {row.bag_bytes / 1e6:.0f} |', '',
         'A step is a change of 0.1 MB or more within 5 s. Steps occur after a delay of the recorder, because the '
         'middleware keeps the memory of its largest backlog.'])
-
 
 
 def csv_text(row: Recorded) -> str:

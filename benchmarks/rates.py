@@ -3,6 +3,7 @@
 A page that shows the ratio to the machine's limit states the amounts that a piece of work must process: multiplications
 and additions, bytes to copy, to compress or to write. Its limit is the longest of the times that these amounts take.
 """
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
@@ -51,7 +52,7 @@ def tick_rates(budget_s: float, size: float = CACHED) -> Amounts:
     return {'product': product_rate(budget_s), 'cache': copy_rate(size, budget_s)}
 
 
-def limit(needs: Amounts, rates: Amounts) -> tuple[float, str]:
+def limit(needs: Mapping[str, float], rates: Mapping[str, float]) -> tuple[float, str]:
     """Return the shortest possible time in seconds, and the rate that bounds it; 0 s if nothing is needed."""
     return max(((amount / rates[rate], rate) for rate, amount in needs.items()), default=(0.0, ''))
 

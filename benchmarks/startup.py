@@ -1,4 +1,7 @@
-"""``cost startup``: the start-up time of each executable, for its help and for its smallest use."""
+"""``cost startup``: the start-up time of each executable, for its help and for its smallest use.
+
+The limit of ``--help`` is a Python process that ends at once; that of a smallest use is one that only imports numpy.
+"""
 import os
 import re
 import subprocess
@@ -13,6 +16,7 @@ from urllib.request import urlopen
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from benchmarks.rates import times
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import PAGE_IN, TEXT_PT
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
@@ -20,7 +24,8 @@ from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 _MODULE = '-m', 'dragon_ros'
 _BAG = 'simulate', '--force', '--set', 'run.stop_s=2', '--output'
 HELP = '--help'
-FLOORS = {'python': ('-c', 'pass'), 'python with numpy': ('-c', 'import numpy')}
+_BARE, _WITH_NUMPY = 'python', 'python with numpy'
+FLOORS = {_BARE: ('-c', 'pass'), _WITH_NUMPY: ('-c', 'import numpy')}
 # The smallest use of each executable. BAG is a bag of two seconds, and OUT is a file to write.
 SMALLEST = {
     'table': 'table --times 60 --handles 0', 'contact': 'contact', 'inspect': 'inspect BAG',
@@ -83,15 +88,21 @@ def _environment() -> dict[str, str]:
 def table(rows: list[Start]) -> str:
     """Return the rows as a Markdown table, with one executable per line."""
     done = {(row.name, row.arguments == HELP): row for row in rows}
-    lines = [circumstances(), '', '| executable | `--help` (ms) | smallest use | (ms) |', '|---|---:|---|---:|']
-    lines += [f'| {name} | | `{done[name, False].arguments}` | {_ms(done[name, False])} |' for name in FLOORS]
+    lines = [circumstances(), '', '| executable | `--help` (ms) | times python | smallest use | (ms) '
+             '| times python with numpy |', '|---|---:|---:|---|---:|---:|']
+    lines += [f'| {name} | | | `{done[name, False].arguments}` | {_ms(done[name, False])} | |' for name in FLOORS]
     for name in dict.fromkeys(row.name for row in rows if row.name not in FLOORS):
         use = done.get((name, False))
-        lines.append(f'| `{name}` | {_ms(done[name, True])} | {f"`{use.arguments}`" if use else ""} '
-                     f'| {_ms(use) if use else ""} |')
+        lines.append(f'| `{name}` | {_ms(done[name, True])} | {_times(done[name, True], done[_BARE, False])} '
+                     + (f'| `{use.arguments}` | {_ms(use)} | {_times(use, done[_WITH_NUMPY, False])} |' if use
+                        else '| | | |'))
     return '\n'.join([*lines, '', 'Times are wall-clock times of a process from its start to its end, with modules '
                       'that are already compiled; for `view`, the time ends when the first frames have been received. '
                       'BAG is a bag of 2 s, and OUT is a file.'])
+
+
+def _times(row: Start, floor: Start) -> str:
+    return times(row.timing.median_s, floor.timing.median_s)
 
 
 def _ms(row: Start) -> str:

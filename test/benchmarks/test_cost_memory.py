@@ -29,11 +29,21 @@ def test_a_step_is_distinguished_from_steady_growth():
     assert (row.steps_mb, row.creeps_kb_min) == (0.0, pytest.approx(6.0))
 
 
+def test_growth_is_compared_with_that_of_the_index():
+    row = recorded(growth_mb_s=1e-3)
+    jumped = replace(row, samples=tuple((t_s, mb + (2.0 if t_s > 300 else 0.0)) for t_s, mb in row.samples))
+    assert '| 60 | 0.00 | 60 | 35 | 1.74 | 1.74 |' in memory.table(row)
+    more = jumped.grows_kb_min / jumped.index_kb_min
+    assert more > 10
+    assert f'| 35 | {more:.3g} | 1.72 |' in memory.table(jumped)
+
+
 def test_table_csv_and_picture_have_the_run(tmp_path):
     with np.errstate(all='warn'):
         paths = command.write('memory', recorded(), tmp_path)
     assert {path.name for path in paths} == {'memory.md', 'memory.csv', 'memory.png', 'memory.svg'}
-    assert '| 10 | 0 | 60 s: 80.01 | 80.06 | 85.00 | 6 | 0.00 | 6 | 35 | 4,800 | 1000 |' in memory.table(recorded())
+    assert ('| 10 | 0 | 60 s: 80.01 | 80.06 | 85.00 | 6 | 0.00 | 6 | 35 | 0.17 | 0.17 | 4,800 | 1000 |'
+            in memory.table(recorded()))
     read = list(csv.DictReader(io.StringIO((tmp_path / 'memory.csv').read_text())))
     assert len(read) == 120
     assert read[12] == {'seconds': '60.00', 'resident_mb': '80.006'}

@@ -17,7 +17,10 @@ def rows():
 def test_the_page_has_every_executable(tmp_path):
     text = startup.table(rows())
     assert all(f'| `{name}` | ' in text for name in EXECUTABLES)
-    assert '| `sim` | 30 |  |  |' in text
+    assert '| `sim` | 30 | 3.00 | | | |' in text
+    assert '| python with numpy | | | `-c import numpy` | 20 | |' in text
+    number = 3 + len(EXECUTABLES)       # the first smallest use, which is compared with numpy's 20 ms
+    assert f'| `{startup.SMALLEST["table"]}` | {10 * number} | {number / 2:.3g} |' in text
     with np.errstate(all='warn'):
         startup.picture(rows())
         paths = figures.save(startup.picture(rows()), tmp_path / 'startup')
