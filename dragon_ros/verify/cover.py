@@ -83,7 +83,7 @@ class Budget:
 
     @property
     def _cure(self) -> str:
-        """A suggestion of an effort that suffices at the current rate, and the time that the proof would take."""
+        """A suggested effort that is sufficient at the current rate, and the time that the proof would take."""
         if not self._whole:
             return f'give --effort above {self.effort:.3g}'
         return f'give --effort {self._enough:.12g} (at this rate the proof takes about {self._takes_s:.2g} s)'

@@ -26,7 +26,7 @@ AXES = [Axis(other, across, side) for other in (False, True) for across in (Fals
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """The shape of a bench: link, half length and half width in balls, and bounds in floats, in metres."""
+    """The shape of a bench in metres: link, half length and half width in balls, and bounds in floats."""
 
     link: Link
     half_length: arb

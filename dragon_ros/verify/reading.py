@@ -191,7 +191,7 @@ def read(path: Path) -> Claims | FamilyClaims:
 
 
 def claims_of(data: bytes) -> Claims | FamilyClaims:
-    """Return the content of a certificate in UTF-8. Raises Refused."""
+    """Return the content of a certificate that is encoded in UTF-8. Raises Refused."""
     try:
         values = json.loads(data.decode(), parse_constant=_no_number, parse_int=_whole, object_pairs_hook=_once)
     except (ValueError, RecursionError, MemoryError) as error:

@@ -141,7 +141,7 @@ class _Locks:
         return None
 
     def _between(self, low: float, high: float) -> float:
-        """Return the approximate boundary between a position without a chain and a position with a chain."""
+        """Return the approximate boundary between positions at which the chain does not exist and does exist."""
         while low < (middle := 0.5 * (low + high)) < high:
             low, high = (low, middle) if self._stands(middle) else (middle, high)
         return high

@@ -36,7 +36,7 @@ the factor ABOVE.
 
 On a spiral that winds in from afar, the chain behind a bench depends only on the polar angle theta of its front handle.
 Intervals therefore end at such angles, and benches are sampled there. Leading benches with different followers are
-sampled together: the next handles behind all leading benches are placed at once, each with its own link length.
+sampled together: the next handles behind all leading benches are placed together, each with its own link length.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
@@ -117,7 +117,7 @@ def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floa
 
 @dataclass(frozen=True)
 class Sizes:
-    """The links (L, K), half lengths (L, K) and half width of sampled benches, and bounds on errors, in m.
+    """The links (L, K), half lengths (L, K) and half width of sampled benches, and bounds on errors, all in metres.
 
     ``error_m`` bounds the errors of handles, and ``excess_m`` (L, K) the amount by which the error of a bench's corners
     may exceed that of its handles. There is one row per leading bench or, after ``of``, per sample. ``longest_m`` (L,
@@ -358,9 +358,9 @@ def bend(theta: Ball, delta: Ball, chord: Ball, arm: Floats, pairs: _Pairs | Non
     """Return bounds (M, K-2, 2) on second derivatives over M intervals, in units of b per square radian.
 
     ``theta`` (M, K+1) encloses the angles of handles on an interval, ``delta`` (M, K) the spans of links; ``chord`` and
-    ``arm`` (M or 1, K) are the lengths of links and the half diagonals of benches in units of b. The bounds apply to
-    the corners of all benches from bench 2 on in the frame of bench 0, and to the corners of bench 0 in the frames of
-    these benches; for selected pairs, they have the shape (P, 2). Bounds are infinite close to a lock.
+    ``arm`` (M or 1, K) are the lengths of links and the half diagonals of benches in units of b. The bounds apply, in
+    the frame of bench 0, to the corners of all benches from bench 2 on, and, in the frames of these benches, to the
+    corners of bench 0; for selected pairs, they have the shape (P, 2). Bounds are infinite close to a lock.
     """
     with np.errstate(all='ignore'):
         return corners(_motion(theta, _slopes(theta, delta, chord)), arm, pairs=pairs)
@@ -419,7 +419,7 @@ def _slopes(theta: Ball, delta: Ball, chord: Ball) -> _Slopes:
 
 
 def _with_joined(slopes: _Slopes, theta: Ball, joined: Array) -> _Slopes:
-    """Return the slopes with values for links of zero length, which lie along the track."""
+    """Return the slopes, corrected for links of zero length, which lie along the track."""
     none = Ball(np.zeros_like(theta.mid), np.zeros_like(theta.mid))
     flat = (1 + theta.squared()).inverse()
     along = none, none, flat, -2 * theta * flat.squared()
@@ -472,7 +472,7 @@ def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tupl
 
 
 def _bent(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, other: Ints) -> tuple[Floats, Floats]:
-    """Return second-order bounds (P,) on the gaps of pairs, and factors; ``other`` 0 is the second bench behind."""
+    """Return second-order bounds (P,) on the gaps of pairs, and factors; ``other`` is 0 for the second bench behind."""
     lengths = np.broadcast_to(sizes.half_length_m, (a.lead.size, sizes.half_length_m.shape[1]))
     half_length_m = lengths[row, 0], lengths[row, other + 2]
     half_m = [(each, sizes.half_width_m) for each in half_length_m]
@@ -506,7 +506,7 @@ def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints)
 
 
 def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
-    """Return an upper bound on the summed motion, in metres, of the corners of both benches of pairs (M, K-2).
+    """Return upper bounds (m, shape (M, K-2)) on the summed motion of the corners of both benches of each pair.
 
     The result is the smaller of two bounds. The motion of a corner is at most the motion of a handle times the bench's
     lever. The first bound uses the motion of handles along their track. The second bound uses a frame that turns about

@@ -195,8 +195,8 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
 
     ``bends`` holds the smallest and largest curvatures (P, P) over any two segments and all segments between them,
     ``sign`` is 1.0 behind a leading head and -1.0 ahead of a leading tail, and ``error_m`` bounds position errors. At
-    most ``passes`` passes narrow the ranges of angles; without passes, these ranges are as wide as the turning of links
-    and the track.
+    most ``passes`` passes narrow the ranges of angles; if there are none, these ranges reflect only the turning of
+    links and of the track.
     """
     with np.errstate(all='ignore'):
         low, high = curvature_range(bends, (one.segment, two.segment), (one.curvature, two.curvature))

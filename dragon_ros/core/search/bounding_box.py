@@ -149,7 +149,7 @@ def intervals_of(ranges: 'HandleRanges', benches: Ints) -> Floats:
 
 
 def turning_m(track: Track, link_m: float) -> list[float]:
-    """Return where along the track, in m, a link's front handle is when its rear handle turns back."""
+    """Return where along the track (m) a link's front handle is when its rear handle turns back."""
     if not (track.may_lock and track.from_afar):
         return []
     angles = np.array(turns(link_m / track.from_afar.curve.b_m))

@@ -76,7 +76,7 @@ class FamilyProof:
 
 @dataclass(frozen=True)
 class Family:
-    """The dimensions of a family's dragons as ranges (smallest, largest) in metres; ``scale`` is 1 / b in 1/m."""
+    """The dimensions of a family's dragons as ranges (smallest, largest) in metres; ``scale`` is the range of 1 / b."""
 
     benches: int
     turns: float

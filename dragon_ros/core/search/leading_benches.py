@@ -42,7 +42,7 @@ _Row = tuple[float, float, float]       # start, stop and bound of a cleared int
 
 
 class Touching(Exception):
-    """A sample has benches that touch; raised only in searches that decide whether there is a contact."""
+    """Benches touch at a sample; raised in searches that only decide whether there is a contact."""
 
 
 class _SpiralIntervals:
@@ -348,7 +348,7 @@ def _cleared(domain: SearchDomain, windows: list[_ClassWindow]) -> list[Cleared]
 
 
 def _apart(domain: SearchDomain, windows: list[_ClassWindow]) -> list[list[_Row]]:
-    """Return the intervals of windows, from the outer end on, in which benches of different layers cannot touch."""
+    """Return the intervals of windows, from the outer end on, in which benches in different layers cannot touch."""
     if not windows:
         return []
     inner = [np.minimum(window.places[:-1], window.places[1:]) for window in windows]

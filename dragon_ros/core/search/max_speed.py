@@ -84,7 +84,7 @@ class MaxSpeed:
 
 
 def max_speed(scene: Scene, progress: Callable[[int], object] = lambda looks: None) -> MaxSpeed:
-    """Return the fastest handle over the scene's run.
+    """Find the fastest handle during the scene's run, and bound its speed.
 
     ``progress(looks)`` is called with the number of states evaluated since the last call. Raises FieldError if the run
     reaches a lock, where speeds are unbounded, or ends so close to a lock that rounding leaves no finite bound.
@@ -114,7 +114,7 @@ class _Speeding(InOrder):
         self._sure_m = _sure_m(leader.track, leader.links_m) if leader.direction == BEHIND else -inf
 
     def run(self) -> MaxSpeed:
-        """Return the fastest handle."""
+        """Search all times, and return the fastest handle with its bound."""
         run(self, Boxes(*self._first()[:, None]))
         top, t_s, handle = self._best
         leader, gone = self._leader, self._scene.head.travelled_m(t_s)
@@ -182,7 +182,7 @@ class _Speeding(InOrder):
         """Return bounds on log speeds in intervals (2, M), and the leader's distances at both ends; record the speeds.
 
         The rows of the result (4, M) are the bounds without rounding, the bounds with rounding, and the leader's
-        distances in m at the starts and at the stops. The promised relative error of a speed is the position error
+        distances (m) at the starts and at the stops. The promised relative error of a speed is the position error
         divided by the mean link, times the square of the ratio of this speed to the leader's speed (docs/model.md).
         """
         times, index = np.unique(intervals, return_inverse=True)

@@ -11,7 +11,7 @@ proved bounds on the second derivatives with respect to radius and scale over th
 
 Everything is computed in units of b = pitch / 2 pi. In these units all spirals have the equation r = theta, and the
 dragon is ``scale`` = 1 / b times as large: a smaller pitch means a larger dragon. A state consists of a scale and a
-position, the radius of the leading handle in metres; a *winding* is a little more than one turn of the chain behind
+position (the radius of the leading handle in metres); a *winding* is a little more than one turn of the chain behind
 this handle.
 
 This method requires equal benches behind the head. For mixed benches, a bracket of two given pitches is bisected. A

@@ -21,7 +21,7 @@ from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 from dragon_ros.core.search.bounding_box import BenchStates, SweptBench
 
 # The smallest gap, relative to the bench, at which the nearest points define a direction; for smaller gaps, the axes of
-# bench and edge are tried.
+# the bench and the edge are tried.
 _APART_M = 1e-9
 
 
