@@ -23,7 +23,7 @@ SQUARE = ['dragon.benches=12', 'run.stop_s=8', 'run.rate_hz=10']
 
 
 def obstacles_at(scene, times_s):
-    """Return shapely's smallest distance (T,) in m from a bench to an edge of the venue."""
+    """Return shapely's smallest distance (m) between any bench and any edge of the venue at each time."""
     rings = [[*one.points_m, one.points_m[0]] if isinstance(one, PolygonObstacle) else one.points_m
              for one in scene.venue.obstacles] + [[*scene.venue.inside, scene.venue.inside[0]]]
     edges = shapely.MultiLineString(rings)

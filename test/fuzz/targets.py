@@ -69,7 +69,7 @@ def bag(folder: Path) -> Target:
 
 
 def read_in_every_way(path: Path, out: Path) -> None:
-    """Read a bag as every tool does; each way may raise only the package's own errors."""
+    """Read a bag in the same ways as the tools; only the package's own errors may be raised."""
     with suppress(DragonError):
         examine(path)
     with suppress(DragonError):

@@ -25,7 +25,7 @@ def held(start, node):
     maps = node.create_publisher(OccupancyGrid, '/map', qos.profile('reliable', 'transient_local', 1))
     venues = node.create_publisher(MarkerArray, 'venue', qos.of_channel(channels()['venue']))
     venues.publish(b'\0\1\0\0\7\0\0\0')
-    monitor.wait_for('venue: not used')     # the map's publisher was discovered before
+    monitor.wait_for('venue: not used')     # the map's publisher was discovered earlier
     return monitor, maps
 
 

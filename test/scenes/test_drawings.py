@@ -21,7 +21,7 @@ def svg(tmp_path, body, head=HEAD):
 
 
 def on_paper(x, y):
-    """Return the position from the lower left corner of a point in viewBox units (0.5 mm) at a scale of 1:200."""
+    """Convert a point from viewBox units (0.5 mm, drawn at 1:200) to metres from the lower left corner."""
     return 200 * 0.0005 * complex(x, 200 - y)
 
 
