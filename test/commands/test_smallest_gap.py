@@ -1,4 +1,4 @@
-"""The clearance in pictures and in the view counts obstacles: the curve reaches zero at a contact with an obstacle."""
+"""The clearance in pictures and the view includes obstacles: the curve reaches zero at a contact with an obstacle."""
 from dataclasses import replace
 
 import numpy as np

@@ -15,7 +15,7 @@ OPERATIONS = {
 
 
 def random_balls(seed, scale):
-    """Return balls of both signs and many magnitudes, with radii from the least possible to the size of the number."""
+    """Return balls of both signs and many magnitudes, with radii from the least possible to the size of the centre."""
     dice = np.random.default_rng(seed)
     mid = dice.choice((-1, 1), (COUNT // 20, 20)) * 10 ** dice.uniform(-scale, scale, (COUNT // 20, 20))
     return Ball(mid, OUTWARDS * np.abs(mid) * 10 ** dice.uniform(np.log10(LEAST), 0, mid.shape))

@@ -62,7 +62,7 @@ def test_a_single_spiral_has_no_largest_speed():
 
 
 def fastest_seen(scene, count):
-    """Return the largest speed of any handle, and that of the leader, among many times of a run."""
+    """Return the largest speed of any handle, and that of the leader, at many times during a run."""
     start_s, end_s = scene.run.start_s, compile_scene(scene).end.t_s
     times = np.unique([start_s, end_s, *np.random.default_rng(4).uniform(start_s, end_s, count),
                        *(t for t in scene.head.breaks_s if start_s <= t <= end_s)]).tolist()
