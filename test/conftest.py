@@ -42,7 +42,9 @@ def pytest_terminal_summary(terminalreporter):
         terminalreporter.write_line(f'LEFT OUT {line}')
 
 
-def pytest_configure():
+def pytest_configure(config):
+    if config.getoption('--long'):
+        settings.load_profile('repeatable')
     gc.disable()        # until all tests are collected: almost nothing that is imported and collected is garbage
     os.environ['LC_ALL'] = 'C.UTF-8'        # commands use the language of the locale
     # Background jobs ignore SIGINT, and jobs under nohup ignore SIGHUP; processes started here would inherit this.
@@ -68,7 +70,21 @@ def pytest_collection_modifyitems(config, items):
         long = {item for item in items if item.get_closest_marker('long')}
         config.hook.pytest_deselected(items=[item for item in items if item in long])
         items[:] = [item for item in items if item not in long]
+    items[:] = spread(items)
     items.sort(key=lambda item: not item.name.startswith(LONGEST))
+
+
+def spread(items):
+    """Return the tests in an order that places the files of nodes, whose tests mostly wait, evenly between the others.
+
+    A worker begins with consecutive tests. If all tests of nodes were consecutive, few workers would use a processor.
+    """
+    begins = {}
+    for waits in (True, False):
+        group = [item for item in items if ('nodes' in item.path.parts) == waits]
+        for number, item in enumerate(group):
+            begins.setdefault(item.path, number / len(group))
+    return sorted(items, key=lambda item: begins[item.path])
 
 
 def pytest_collection_finish():
@@ -99,14 +115,16 @@ def pytest_xdist_auto_num_workers():
 
 settings.register_profile('repeatable', derandomize=True, deadline=None, database=None, max_examples=40,
                           suppress_health_check=[HealthCheck.too_slow])
+# The profile by default; with --long it is the one above.
+settings.register_profile('usual', settings.get_profile('repeatable'), max_examples=20)
 # For runs with other library versions: the properties do not depend on them, so a few examples show that the code runs.
 settings.register_profile('brief', settings.get_profile('repeatable'), max_examples=10)
-# For use by hand, after changes to the code that a property covers: 25 times as many examples as usual.
+# For use by hand, after changes to the code that a property covers: 50 times as many examples as usual.
 settings.register_profile('thorough', settings.get_profile('repeatable'), max_examples=1000)
 # For mutants (test/mutants): the first failing example is enough.
 settings.register_profile('first', settings.get_profile('repeatable'), report_multiple_bugs=False,
                           phases=(Phase.explicit, Phase.generate))
-settings.load_profile('repeatable')
+settings.load_profile('usual')
 
 
 @pytest.fixture(autouse=True)

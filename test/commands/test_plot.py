@@ -269,8 +269,7 @@ SHOWN = {
 }
 
 
-HARDEST = ('mixed', 'a dance that is centred elsewhere',
-           'a_name_so_long_that_no_title_has_room_for_it_and_so_it_is_shortened')
+HARDEST = 'mixed', 'a_name_so_long_that_no_title_has_room_for_it_and_so_it_is_shortened'
 
 
 @pytest.fixture(scope='module', params=thinned(SHOWN, lambda name: name in HARDEST))

@@ -60,7 +60,7 @@ def test_a_study_is_computed_drawn_and_not_computed_again(tmp_path, monkeypatch,
 
 @pytest.mark.parametrize(('text', 'rows', 'said'), [
     pytest.param(RANDOM.replace('DESIGN', 'random'), None, 'needs 2,995 rows', marks=pytest.mark.long),
-    (RANDOM.replace('DESIGN', 'sobol'), 9, 'data: 9 of 16 rows'),
+    pytest.param(RANDOM.replace('DESIGN', 'sobol'), 9, 'data: 9 of 16 rows', marks=pytest.mark.long),
     (RANDOM.replace('DESIGN', 'saltelli'), None, 'data: 64 of 64 rows'),
     (CURVE, None, 'data: 5 of 5 rows')])
 def test_each_design_has_its_picture(computed, capsys, text, rows, said):

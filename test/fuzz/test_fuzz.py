@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 from targets import TARGETS, Target, opened
 
 CORPUS = Path(__file__).with_name('corpus')
-_SHORT, _ROUND = 40, 500        # number of inputs in the short form, and in one round of the long form
+_SHORT, _LONGER = 20, 40        # number of inputs by default, and with --long
+_ROUND = 500                    # number of inputs in one round with --minutes
 _STUCK_S = 60               # in s; an input that takes this long is a finding
 
 
@@ -95,7 +96,8 @@ def test_only_the_package_s_own_errors_come_out(name, tmp_path, request):
             with not_stuck():
                 target.run(path.read_bytes())
         target.seeds.extend(path.read_bytes() for path in kept(name))
-        found = [fuzz(target, _SHORT)] if minutes is None else long(
+        inputs = _LONGER if request.config.getoption('--long') else _SHORT
+        found = [fuzz(target, inputs)] if minutes is None else long(
             name, target, 60 * minutes / len(TARGETS), request.config.getoption('first_seed'))
     for one in filter(None, found):
         raise one[1]

@@ -272,7 +272,8 @@ def run(arguments: list[str], plugin: object) -> int:
     unused = [part for name in _UNUSED for part in ('-p', f'no:{name}')]
     # Hypothesis was loaded before pytest could rewrite it.
     loaded = ('-W', 'ignore::pytest.PytestAssertRewriteWarning')
-    return int(pytest.main(['-q', '--tb=short', '-m', 'not snapshot', *loaded, *unused, *arguments], [plugin]))
+    chosen = '--long', '-m', 'not snapshot'
+    return int(pytest.main(['-q', '--tb=short', *chosen, *loaded, *unused, *arguments], [plugin]))
 
 
 def reached(tree: Path, room: str, folder: Path) -> tuple[dict[str, dict[int, list[str]]], dict[str, float]]:

@@ -79,6 +79,8 @@ def test_a_constant_is_held_against_every_test_that_runs_its_file():
 def outcome_of(folder, source, **limits):
     (folder / 'two.py').write_text(source)
     (folder / 'pyproject.toml').write_text('[tool.pytest.ini_options]\nmarkers = ["snapshot"]\n')
+    (folder / 'conftest.py').write_text(
+        'def pytest_addoption(parser):\n    parser.addoption("--long", action="store_true")\n')
     (folder / 'test_two.py').write_text('from two import two\n\n\ndef test_two():\n    assert two() == 2\n')
     known = mutants.operators()
     mutant, *_ = (one for one in mutants.mutants_of('two.py', source, known)

@@ -53,8 +53,9 @@ def by_topic(path):
         return out
 
 
-@pytest.mark.parametrize(('scale', 'markers'), thinned([(0.0, 'cubes'), (4.0, 'cubes'), (4.0, 'triangles')],
-                                                       lambda case: case != (4.0, 'cubes')))
+@pytest.mark.parametrize(('scale', 'markers'), thinned(
+    [(scale, markers) for scale in (0.0, 4.0) for markers in ('cubes', 'triangles')],
+    lambda case: case == (0.0, 'triangles')))
 def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, node, tmp_path, scale, markers):
     changes = 'run.start_s=409', f'markers={markers}'
     bag, events = tmp_path / 'run.mcap', heard_events(node)
@@ -94,7 +95,7 @@ def test_the_recorder_ends_with_the_run(start, tmp_path):
         assert compare_with_model(run, load_scene('first_contact', SHORT)).faults == []
 
 
-@pytest.mark.parametrize('scene', ['turning', 'unwinding'])
+@pytest.mark.parametrize('scene', thinned(['turning', 'unwinding'], lambda scene: scene == 'turning'))
 def test_a_composite_track_is_published_as_the_model_says(start, tmp_path, scene):
     bag = tmp_path / 'run.mcap'
     record = start('record', '--output', bag)
@@ -132,7 +133,7 @@ def recorded(tmp_path_factory):
     return path, {value.key: value.value for value in events[0].values}
 
 
-@pytest.mark.parametrize('rate', ['0', '1', '4'])
+@pytest.mark.parametrize('rate', thinned(['0', '1', '4'], lambda rate: rate == '0'))
 def test_a_replayed_bag_gives_the_same_bytes_and_the_same_event(start, node, tmp_path, recorded, rate):
     path, event = recorded
     again = tmp_path / 'again.mcap'
@@ -174,7 +175,7 @@ def test_a_late_joiner_still_gets_the_event(start, node):
     assert got[0].status[0].level == b'\x02'
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('number', thinned([signal.SIGINT, signal.SIGTERM], lambda number: number == signal.SIGINT))
 def test_a_signal_closes_the_bag_properly(start, node, tmp_path, number):
     from geometry_msgs.msg import PoseArray
     bag = tmp_path / 'run.mcap'

@@ -1,6 +1,7 @@
 """``route --topic``: a nav_msgs/Path that a robot publishes becomes the track of a scene, over real DDS."""
 import numpy as np
 import pytest
+from properties import thinned
 
 pytest.importorskip('rclpy')
 
@@ -51,7 +52,7 @@ def ends_of(path):
     return line[[-1, 0]], [getattr(piece, 'radius_m', None) for piece in scene.track.pieces]
 
 
-@pytest.mark.parametrize('quality', QUALITY)
+@pytest.mark.parametrize('quality', thinned(QUALITY, lambda quality: quality != 'reliable'))
 def test_a_live_path_of_any_quality_becomes_a_track(start, node, tmp_path, quality):
     process = routed(start, node, quality, plan('dragon', CORNER))
     assert process.end() == 0, process.text

@@ -2,6 +2,7 @@
 from collections import Counter
 
 import pytest
+from properties import thinned
 
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
@@ -78,7 +79,7 @@ def by_topic(path):
     return out
 
 
-@pytest.mark.parametrize('rate', ['0', '5'])
+@pytest.mark.parametrize('rate', thinned(['0', '5'], lambda rate: rate == '0'))
 def test_replaying_into_the_recorder_gives_the_same_messages_byte_for_byte(start, tmp_path, recorded, rate):
     record = start('record', '--output', tmp_path / 'again.mcap')
     replay = start('replay', recorded, '--rate', rate, '--wait-subscribers',

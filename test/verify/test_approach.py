@@ -72,7 +72,8 @@ def test_a_contact_that_the_leader_overshoots_is_not_proved_an_hour_later(beyond
     assert f'to the contact at {there_m()!r} s' in proved(claim(head, there_m()))
 
 
-@pytest.mark.parametrize('beyond_m', [-1e-12, -1e-11, -1e-10, -5e-10, -9e-10, -1e-3])
+@pytest.mark.parametrize('beyond_m', thinned([-1e-12, -1e-11, -1e-10, -5e-10, -9e-10, -1e-3],
+                                             (-1e-12, -9e-10).__contains__))
 def test_one_contact_alone_is_proved_of_a_leader_that_first_turns_back_just_before_it(beyond_m):
     head, turn_s, again_s = there_and_back(beyond_m)
     assert 'do not overlap' in refusal(claim(head, turn_s))
@@ -117,7 +118,7 @@ def test_no_times_are_told_where_the_slack_is_soon_over():
     assert 'travelled from' in proved(claim(Head(1e-5), there_m() * 1e5))
 
 
-@pytest.mark.parametrize('before_s', [3.6e-9, 1.5e-9, 1e-9, 3e-10, 0.0])
+@pytest.mark.parametrize('before_s', thinned([3.6e-9, 1.5e-9, 1e-9, 3e-10, 0.0], (3.6e-9, 0.0).__contains__))
 def test_a_run_that_starts_just_before_its_contact_is_proved_with_its_intervals(before_s):
     start_s = there_m() - before_s
     honest = written(Scene(dragon=BODY, track=TRACK, run=Run(start_s, 5)))

@@ -80,7 +80,7 @@ def test_a_run_that_stops_at_its_contact_says_when_it_was(stop_s):
     (7002249, Run(0.0, 16.708047510954774)), (7002279, Run(0.0, 6.016541492404325)),
     (21000137, Run(9.56032, 32.07482011430297)), (12000169, Run(0.0)),
     (12000169, Run(26.925952148231573, 26.925952148231573)), (21000258, Run(0.529637, 36.56210626332454)),
-    (22000833, Run(0.0))],
+    pytest.param(22000833, Run(0.0), marks=pytest.mark.long)],
     ids=['slow contact at the start', 'small benches', 'slow grazing contact', 'smaller benches', 'benches of 48 um',
          'benches of 1,377 km', 'grazing benches of 1,377 km', 'cleared far beyond the slack',
          'slow contact of large benches'])

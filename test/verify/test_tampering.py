@@ -5,6 +5,7 @@ from math import inf, nan
 
 import pytest
 from certificates import proved, refusal, written
+from properties import thinned
 
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
@@ -194,8 +195,10 @@ def test_no_contact_is_proved_of_a_scene_with_a_sign_a_side_or_a_sense_changed(h
         assert refusal(tampered(honest[kind], ('scene', *path), change)), path
 
 
-@pytest.mark.parametrize('kind', ['contact', 'law', 'turn'])
-@pytest.mark.parametrize('forgery', ['removed', 'begun early', 'shifted', 'said of fewer benches', 'one alone'])
+@pytest.mark.parametrize(('forgery', 'kind'), thinned(
+    [(forgery, kind) for forgery in ('removed', 'begun early', 'shifted', 'said of fewer benches', 'one alone')
+     for kind in ('contact', 'law', 'turn')],
+    lambda case: case[1] == 'contact' or case == ('one alone', 'turn')))
 def test_hints_that_are_changed_within_the_run_change_nothing_that_is_proved(honest, kind, forgery):
     values = copy.deepcopy(honest[kind])
     rows = values['intervals']

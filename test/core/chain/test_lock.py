@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
+from properties import thinned
 
 from dragon_ros.core.batches import states
 from dragon_ros.core.chain import lock
@@ -149,7 +150,8 @@ def test_outside_the_lock_of_a_mixed_chain_all_links_have_places_and_just_inside
     assert (broken_link(angle * (1 - 1e-9), chords) if angle else 0) == link
 
 
-@pytest.mark.parametrize('chord', [0.3, 2.0, 4.0, 5.5, 6.0, 7.0, 8.0, 12.0, 20.0, 33.0, 60.0])
+@pytest.mark.parametrize('chord', thinned([0.3, 2.0, 4.0, 5.5, 6.0, 7.0, 8.0, 12.0, 20.0, 33.0, 60.0],
+                                          (0.3, 5.5, 7.0, 60.0).__contains__))
 def test_a_link_turns_back_exactly_where_its_rear_handle_is_nearest_or_furthest_in(chord):
     heads = np.linspace(lock_angle(chord) + 1e-6, chord + 5, 8001)
     rear = np.array([follower(head, chord) for head in heads])

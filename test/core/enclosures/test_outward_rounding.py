@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from arb_balls import each_exact, in_arb
 from flint import arb
+from properties import thinned
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.enclosures import ball_arithmetic, by_scale, on_spiral, on_track
@@ -75,7 +76,7 @@ def wound(seed):
     return states, links, bends, way
 
 
-@pytest.mark.parametrize('seed', range(24))
+@pytest.mark.parametrize('seed', thinned(range(24), lambda seed: seed % 3 == 0))
 @pytest.mark.parametrize('leader', [0, -1])
 def test_no_bound_of_two_benches_on_any_track_is_below_what_arb_proves(seed, leader):
     states, links, bends, way = wound(seed)

@@ -38,7 +38,7 @@ def test_the_smallest_pitch_of_the_contest_is_bracketed_to_its_last_digits():
 
 @pytest.mark.parametrize(('dragon', 'radius_m'), thinned([
     (Dragon(), 4.5), (Dragon(benches=60), 3.0), (Dragon(benches=80, width_m=0.4, head_length_m=3.0), 5.0)],
-    lambda case: case[1] > 4))
+    lambda case: case[1] > 4.5))
 def test_just_below_there_is_a_contact_on_the_way_and_just_above_there_is_none(dragon, radius_m):
     found = min_pitch(dragon, 2 * radius_m, largest_m=0.7, within_m=1e-9)
     below = first_contact(scene_to(radius_m, found.low_m - 1e-9, dragon))

@@ -76,7 +76,7 @@ def answers(name):
     return found, near_misses(scene, found, below_m)
 
 
-@pytest.mark.parametrize('name', thinned(SCENES, ('classic', 'in and out', 'tail on a loop', 'mixed').__contains__))
+@pytest.mark.parametrize('name', thinned(SCENES, ('in and out', 'tail on a loop', 'mixed').__contains__))
 def test_near_misses_are_the_local_minima_of_a_dense_scan(name):
     scene, below_m = SCENES[name]
     found, told = answers(name)
@@ -117,7 +117,8 @@ def test_a_long_list_is_cut_to_the_nearest_and_says_so(monkeypatch):
     assert few.nearest[0] == every.nearest[0]
 
 
-@pytest.mark.parametrize('name', ['spiral', 'mixed spiral', 'spiral led by the tail, back and on'])
+@pytest.mark.parametrize('name', thinned(['spiral', 'mixed spiral', 'spiral led by the tail, back and on'],
+                                         lambda name: name == 'mixed spiral'))
 def test_near_misses_of_obstacles_are_the_local_minima_that_shapely_sees(name):
     below_m, step_m = 0.2, 0.01
     scene = venues.with_venue((venues.SCENES | venues.MORE)[name], 12 if name == 'spiral' else 11)

@@ -4,6 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from properties import thinned
 from venues import SCENES, corners_at, edges_of, random_venue
 
 from dragon_ros.core.chain.dragon import Dragon
@@ -43,7 +44,7 @@ def checked(scene, seed, step_s=STEP_S):
     return found
 
 
-@pytest.mark.parametrize('name', SCENES)
+@pytest.mark.parametrize('name', thinned(SCENES, lambda name: name not in ('spiral', 'turn')))
 def test_gaps_are_those_of_shapely(name):
     checked(SCENES[name], 1)
 
