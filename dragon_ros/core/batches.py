@@ -22,7 +22,7 @@ _TICK_HANDLES = 2**12       # handles per group of consecutive ticks, few enough
 def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
     """Yield the frames of ticks ``first`` to ``stop`` - 1 in order, each bit-identical to the result of ``tick``.
 
-    Axes and rectangles are computed for several ticks at once.
+    Axes and rectangles are computed for several ticks together.
     """
     simulation = compile_scene(scene)
     if not 0 <= first <= stop <= simulation.last_tick + 1:
@@ -44,7 +44,7 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
 
 
 def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) -> Chain:
-    """Return the chains at S instants as one Chain with a leading axis; it equals single chains to within the tier.
+    """Return the chains at S instants as one Chain with a leading axis; it agrees with single chains within the tier.
 
     If given, ``out`` (shape (S, N+1, 2)) receives the handle positions. Raises FieldError if ``out`` does not fit.
     """

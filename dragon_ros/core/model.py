@@ -2,8 +2,8 @@
 
 A ``Model`` depends only on the scene's dragon, track, leader, solver and accuracy. It provides the positions of all
 handles at each distance travelled by the leader, and the leader's range of travel. A ``Simulation`` adds the head law
-and the run, which only determine the distance at each tick. Positions are therefore bit-identical across runs and
-processes, and scenes that differ only in head law, run or effects share one model.
+and the run, whose only effect is to determine the distance at each tick. Positions are therefore bit-identical across
+runs and processes, and scenes that differ only in head law, run or effects share one model.
 """
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -114,8 +114,8 @@ class Model:
     def place_many(self, gone_m: tuple[Floats, Floats], out: Floats | None = None) -> Chain:
         """Return the chains at S distances as one Chain.
 
-        The chains equal chains that are placed one by one to within the tier, but not bit for bit. If given, ``out``
-        (shape (S, N+1, 2)) receives the handle positions.
+        The chains agree with chains that are placed one by one to within the tier, but not bit for bit. If given,
+        ``out`` (shape (S, N+1, 2)) receives the handle positions.
         """
         return self.placement.place_many(self.leader.places(gone_m), out)
 
@@ -124,7 +124,7 @@ class Model:
         return marched(self.track, self.links_m, self.leader.place(gone_m), self.direction)
 
     def size_m(self, extent_m: tuple[float, float]) -> float:
-        """Return a bound (m) on the handles' distance from the origin while the leader is within ``extent_m``."""
+        """Return a bound (m) on the handles' distance from the origin for travel within ``extent_m``."""
         return self.leader.size_m(extent_m)
 
     @cached_property
@@ -337,8 +337,8 @@ class Simulation:
     def build_tables(self) -> None:
         """Build the shift maps of the run in order, until they are complete or the memory limit is reached.
 
-        Another thread may place chains meanwhile. Tiles that do not exist yet are built when the leader reaches them;
-        positions are bit-identical either way.
+        Another thread may place chains at the same time. Tiles that do not exist yet are built when the leader reaches
+        them; positions are bit-identical either way.
         """
         maps = self.model.placement.maps.values()
         if not maps or self.tier is PAPER:

@@ -79,7 +79,7 @@ class Venue:
     def __post_init__(self) -> None:
         """Reject a venue that is empty or too large, and invalid polygons and lines."""
         if not self.obstacles and self.inside is None:
-            raise FieldError('venue.obstacles', 0, 'a venue needs obstacles or an inside',
+            raise FieldError('venue.obstacles', 0, 'a venue needs obstacles or an inside polygon',
                              'add one, or remove the section venue')
         count = corners(self)
         if count > VENUE_CORNERS:

@@ -216,7 +216,7 @@ class MarchedLinks:
 
 
 class MarchedLink(NamedTuple):
-    """One link at one instant, as in ``MarchedLinks`` but in plain floats; ``near`` is the handle nearer the leader."""
+    """``MarchedLinks`` for one link at one instant, in plain floats; ``near`` is the handle nearer to the leader."""
 
     start: int
     near: Place

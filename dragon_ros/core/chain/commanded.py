@@ -179,11 +179,10 @@ def next_speed_m_s(settings: Commanded, speed_m_s: float, wanted_m_s: float, ste
 
 def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, float],
              keep_s: float = 0.0) -> tuple[Walked, int]:
-    """Return the law up to the next tick, and the direction of the end of travel that makes the leader brake.
+    """Return the law up to the next tick, and the direction of the limit that makes the leader brake.
 
     The direction is -1 (backwards), 1 (forwards), or 0 if the leader need not brake. ``ends_m`` holds the limits of
-    travel backwards and forwards in metres, which are infinite if there is no limit. Knots older than ``keep_s``
-    seconds are dropped.
+    travel backwards and forwards (m); a missing limit is infinite. Knots older than ``keep_s`` seconds are dropped.
     """
     (before_s, speed), gone_m = law.knots[-1], float(law.reached_m[-1])
     step = law.settings, speed, wanted_m_s, t_s - before_s

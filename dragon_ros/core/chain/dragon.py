@@ -33,8 +33,8 @@ class _Lengths(Settings):
     def classes(self) -> tuple[tuple[int, ...], ...]:
         """Classes of benches: the head alone, and all others but the last two, grouped by the lengths that follow.
 
-        Two benches are in the same class if the lengths of the benches from each one backwards agree, as far as both
-        sequences go. The body is a single class if all its benches are equal.
+        Two benches are in the same class if the lengths of the benches from each one backwards agree, up to the end of
+        the shorter sequence. The body is a single class if all its benches are equal.
         """
         lengths, found = self.bench_lengths_m, dict[float, list[list[int]]]()
         for bench, length in enumerate(lengths[1:-2].tolist(), 1):
@@ -120,7 +120,7 @@ class Mixed(_Lengths):
         return Group(_length(f'dragon.groups.{n}.length_m', group.length_m, self.hole_inset_m), count)
 
     def __hash__(self) -> int:
-        """Return the cached hash of the fields; it is used to look up models, and there may be thousands of groups."""
+        """Return the hash of the fields, cached for looking up models, because there may be thousands of groups."""
         return self._hash
 
     @cached_property
@@ -170,9 +170,9 @@ def _length(field: str, length_m: float, hole_inset_m: float) -> float:
 def _check_links(lengths_m: dict[str, float], hole_inset_m: float) -> None:
     """Reject links that are too short, given the bench length of each field; links of zero length are allowed.
 
-    The axis of a bench follows from the difference of the positions of its handles. With position errors of 2e-12 m,
-    the direction of a link of 4e-10 m is accurate to 0.01 rad. That length is 2e-10 times the length of a classic
-    bench, and float errors are proportional to the size of the dragon.
+    The axis of a bench is computed from the difference between the positions of its handles. With position errors of
+    2e-12 m, the direction of a link of 4e-10 m is accurate to 0.01 rad. That length is 2e-10 times the length of a
+    classic bench, and float errors are proportional to the size of the dragon.
     """
     least_m = LEAST_LINK * max(lengths_m.values())
     for field, length_m in lengths_m.items():

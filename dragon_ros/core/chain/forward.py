@@ -1,8 +1,8 @@
 """Place handles along a track, starting at the leader, in blocks of equal links, at one instant or at many.
 
 ``forward`` handles one leader and ``forward_many`` handles many leaders; their docstrings explain why there are two
-functions. ``forward_many`` calls ``together`` for up to hundreds of chains on a spiral and ``by_segment`` for tracks of
-several segments.
+functions. ``forward_many`` calls ``together`` for up to ``_MOST_LEADERS`` chains on a spiral and ``by_segment`` for
+tracks of several segments.
 """
 from collections.abc import Callable
 from itertools import pairwise
@@ -27,7 +27,7 @@ _STEEP = 0.05           # smallest slope of the map from row to row; below it, a
 
 
 class Block(NamedTuple):
-    """Links ``start`` to ``stop - 1`` from the leader, of equal length (for many chains, one length per chain)."""
+    """Links ``start`` to ``stop - 1``, counted from the leader, of equal length (which may differ between chains)."""
 
     start: int
     stop: int
@@ -279,12 +279,13 @@ def _guessed(begin: Floats, begin_lo: Floats, chords: Floats, sign: float) -> tu
 
 
 def _refined(spiral: SpiralSegment, u: Floats, lo: Floats, chords: Floats) -> tuple[Floats, Floats, int] | None:
-    """Refine guessed rows (R+1, M) of handles until they are ``chords`` apart; return (hi, lo) and evaluation count.
+    """Refine guessed rows (R+1, M) of handles until they are ``chords`` apart; return them and the evaluation count.
 
-    The chords (R, M) are in units of b. A single row is too small for efficient array operations, so Newton's method is
-    applied to all rows at once. If e is the Newton step of a link and a is the slope of the map from row to row, errors
-    satisfy d' = a d + e; this recurrence is solved with a cumulative product and a cumulative sum. The result is None
-    if the method does not converge, leaves the spiral, or does not find the nearest positions.
+    The rows are returned as (hi, lo). The chords (R, M) are in units of b. A single row is too small for efficient
+    array operations, so Newton's method is applied to all rows at once. If e is the Newton step of a link and a is the
+    slope of the map from row to row, errors satisfy d' = a d + e; this recurrence is solved with a cumulative product
+    and a cumulative sum. The result is None if the method does not converge, leaves the spiral, or does not find the
+    nearest positions.
     """
     low, high = min(spiral.first, spiral.last), max(spiral.first, spiral.last)
     for rounds in range(1, _NEWTON_STEPS):

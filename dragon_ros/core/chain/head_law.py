@@ -76,7 +76,7 @@ class Head:
 
 @dataclass(frozen=True)
 class Profile(Settings):
-    """Speed over time, given by ``knots`` (t_s, speed_m_s) with ``ramps`` between them; the last speed continues.
+    """Speed over time, given by ``knots`` (t_s, speed_m_s) with ``ramps`` between them; the last speed is maintained.
 
     A ramp is ``linear`` or ``smooth``. A smooth ramp is v0 + (v1 - v0) (3 x^2 - 2 x^3), with zero acceleration at
     both ends. Two knots at the same time define a jump. Distances are the exact integrals, computed in rational
@@ -197,7 +197,7 @@ class Profile(Settings):
 def ramp(knots: Sequence[Knot], reached_m: Fraction, smooth: bool = False) -> tuple[ExactPolynomial, ...]:
     """Return distance, speed and acceleration after the first knot, at distance ``reached_m``, as polynomials in time.
 
-    If there is no second knot, the first knot is the last knot of the law, and its speed continues.
+    If there is no second knot, the first knot is the last knot of the law, and its speed is maintained.
     """
     (t_s, speed), (end_s, then) = knots[0], knots[-1]
     length, change = Fraction(end_s) - Fraction(t_s), Fraction(then) - Fraction(speed)

@@ -53,7 +53,10 @@ class Leader:
         return self.track.distance_of(_last(self.track, self.links_m, self.track.place_at(self.start_m), BEHIND))
 
     def place(self, gone_m: tuple[float, float]) -> Place:
-        """Return the leader's position at a travel of ``gone_m`` = (hi, lo). Raises TrackEndError beyond an end."""
+        """Return the leader's position after it has travelled ``gone_m`` = (hi, lo).
+
+        Raises TrackEndError beyond an end of the track.
+        """
         (origin, low), step = self._origin_m, -self.direction * gone_m[0]
         total = origin + step               # double_double.plus, inlined
         part = total - origin

@@ -56,7 +56,7 @@ def _meets(chords: Sequence[float], theta: float, low: float, high: float) -> fl
 
 def _one_link_on(chords: Sequence[float], chord: float, places: list[float],
                  here: list[float]) -> tuple[list[float], list[float], list[float]]:
-    """Return the head angles at which the rear handle of the next link turns back, and its ``places`` and ``here``.
+    """Return the head angles at which the rear handle of the next link turns back, and new ``places`` and ``here``.
 
     At the head angles ``places``, the front handle of the link (behind ``chords``) has the polar angles ``here``;
     between these head angles, it moves in one direction. The returned ``places`` are the head angles, in ascending

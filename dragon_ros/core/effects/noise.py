@@ -17,7 +17,7 @@ def noisy_handles(noise: Noise, k: int | None, t_ns: int, p: Floats, axis: Float
 
 
 def normal(seed: int, number: int, off_tick: bool, count: int) -> Floats:
-    """Return ``count`` standard normal numbers for a seed and a tick (or, between ticks, a time in ns).
+    """Return ``count`` standard normal random numbers for a seed and a tick (or, between ticks, a time in ns).
 
     The bits come from Philox (Salmon et al. 2011), which numpy keeps stable; the Box-Muller method converts them to
     normal numbers.

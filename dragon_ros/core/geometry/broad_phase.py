@@ -212,6 +212,6 @@ def _meeting(low: Floats, high: Floats) -> Ints:
         keep = j >= i + start + 4
         found.append((i[keep] + start) * count + j[keep])
         if (total := total + int(np.sum(keep))) > most:
-            raise CrowdError(f'{count} benches lie so close that more than {most:,} pairs may touch; '
+            raise CrowdError(f'{count} benches are so close together that more than {most:,} pairs may touch; '
                              'spread them out, or use fewer', benches=count, limit=most)
     return np.sort(np.concatenate(found))

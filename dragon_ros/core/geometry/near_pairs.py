@@ -171,7 +171,7 @@ def _middle(bodies: _ComplexBenches, first: int, end: int) -> int:
 
 def _seen_part(part: _NearList, bodies: _ComplexBenches, p: Floats, benches: Benches, limit_m: float,
                skin_m: float) -> tuple[_NearList, Ints] | None:
-    """Return a part after another sample, and the rows of pairs that may be within a limit, or None if too many are."""
+    """Return a part after another sample, and the rows of pairs that may be within a limit, or None if too many may."""
     change_m = part.change_m(bodies)
     if not part.beyond_m - part.spent_m - change_m > limit_m:
         listed = _listed(bodies, p, benches, (part.first, part.stop, part.end), max(limit_m, 0.0) + skin_m, limit_m)
@@ -206,8 +206,8 @@ def _decided(benches: Benches, known: tuple[tuple[int, int], float], pairs: list
 class _Kept:
     """The state stored between samples: the parts, the closest pair, and the ``sizes`` of the benches.
 
-    Pairs across the ends of parts were at least ``apart_m`` apart when the benches had the centres ``centre`` (N,) and
-    the conjugate axes ``turned_back`` (N,).
+    ``centre`` (N,) and ``turned_back`` (N,) hold the centres and conjugate axes of the benches at a time when pairs
+    across the ends of parts were at least ``apart_m`` apart.
     """
 
     sizes: bytes
@@ -274,7 +274,7 @@ def _sizes(benches: Benches) -> bytes:
 
 
 class NearPairs:
-    """Evaluates successive samples like ``closeness``, but faster if consecutive samples are similar.
+    """Evaluates successive samples with the results of ``closeness``, but faster if consecutive samples are similar.
 
     The state is replaced as a whole, so samples from several threads may interleave without affecting the results.
     """

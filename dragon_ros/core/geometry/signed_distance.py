@@ -61,7 +61,7 @@ class RelativePoses:
         return [self.x - along, -self.x - along, self.y - aside, -self.y - aside]
 
     def along_axes(self) -> list[Floats]:
-        """Return the four separations along the axes of A and B, each the larger of the values on two sides."""
+        """Return the four separations along the axes of A and B, each the larger of the values for its two sides."""
         pairs = (self, *self._extents), (other := self.mirrored(), *other._extents)
         return [each for one, along, aside in pairs for each in (np.abs(one.x) - along, np.abs(one.y) - aside)]
 
@@ -286,7 +286,7 @@ class Witnesses:
 
 @dataclass(frozen=True)
 class _CornersOnEdges:
-    """Corners of owners at edges of other benches: separations, distances past the ends of the edges, and indices."""
+    """Corners of owners that face edges of other benches: separations, distances past the edges' ends, and indices."""
 
     separation: Floats
     past: Floats
@@ -332,7 +332,7 @@ def witnesses(benches: Benches, i: Ints, j: Ints) -> Witnesses:
 
 
 def _side(benches: Benches, owner: Ints, other: Ints, gap: Floats) -> _CornersOnEdges:
-    """Return the decisive corner of each owner, relative to the other bench."""
+    """Return the corner of each owner that is nearest to, or deepest in, the other bench."""
     view = placement(benches, other, owner)
     half, side = view.b
     corners = np.stack((view.x + _ALONG * half * view.cos - _ASIDE * side * view.sin,

@@ -28,7 +28,7 @@ _FIRST_REACH_M = 1.0    # first search radius for the nearest edge, doubled unti
 _FARTHEST_M = 4e9       # no edge is farther from a bench, because coordinates are below 1e9 m
 OUTSIDE, LINE, WITHIN = 1, 0, -1        # where benches must stay: outside an area, clear of a line, or within an area
 
-PlanePose = tuple[complex, complex]     # pose of a frame, in complex numbers: origin (m) and unit x axis
+PlanePose = tuple[complex, complex]     # pose of a frame: its origin (m) and its x axis (unit length)
 
 
 class Nearest(NamedTuple):
@@ -85,7 +85,7 @@ class Surroundings:
         return Benches(middle, axis, self.half_m, read_only(np.zeros(self.half_m.size)))
 
     def rectangle(self, benches: Benches, bench: int, edge: int) -> Benches:
-        """Return a bench and an edge as rectangles; that of the edge has zero width."""
+        """Return a bench and an edge as rectangles, the edge with zero width."""
         return together(benches.some(np.array([bench])), self.edges.some(np.array([edge])))
 
     def two(self, benches: Benches, pair: Pair) -> tuple[Benches, int, int]:
@@ -205,7 +205,7 @@ class Surroundings:
         return which[row], number
 
     def misplaced_points(self, points_m: Floats) -> tuple[Ints, Ints]:
-        """Return the indices of misplaced points (K, 2), and of the polygons that cover them or insides that do not.
+        """Return the indices of misplaced points (K, 2), and of polygons that cover them or an inside that does not.
 
         A point is covered by an area if a ray from it crosses the area's edges an odd number of times.
         """

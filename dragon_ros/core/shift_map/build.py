@@ -27,7 +27,7 @@ _SPAN_NODES = 16            # number of terms for a whole span on a spiral; few 
 # hundreds of rows may account for a quarter of it.
 _SPAN_ENDS = 2.0**-46
 _HAIR = 1e-12               # positions closer than this, relative to the distance along the track, are treated as equal
-_FREE = 12_000              # number of multiplications that take 0.3 times as long as the calls around the product
+_FREE = 12_000              # number of multiplications that takes 0.3 times as long as the overhead of the calls
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +35,8 @@ class Table:
     """The images of a span in R rows of S parts, for links of one length; L rows from ``first`` on can hold leaders.
 
     Part s of row r is on the segment ``segment[r, s]``; ``middle[r, s]`` holds the segment's coordinate in the middle
-    of the part as (hi, lo), and a scale, such that x = (coordinate - middle) * scale lies in [-1, 1]. Rounding may move
-    |x| beyond 1 by up to ``slack`` (L, S). ``inverse`` (L, S, K) holds the coefficients of u(x), the highest power
+    of the part as (hi, lo), and a scale, such that x = (coordinate - middle) * scale lies in [-1, 1]. Rounding may make
+    |x| exceed 1 by up to ``slack`` (L, S). ``inverse`` (L, S, K) holds the coefficients of u(x), the highest power
     first. The series are ``coordinates`` (S, K, R) of the scaled coordinates x, ``places`` (S, K, 2 R) of positions in
     m, and ``motions`` (S, K, 2 R) of velocities for unit speed in row 0. From row r on, the first ``terms[s, r]`` terms
     are accurate to ``error_m`` (R,); the tier allows errors of up to ``allowed_m`` (R,).
@@ -160,7 +160,7 @@ def build(track: Track, link_m: float, stretch: Stretch, tier: Tier) -> Table | 
 
 
 def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
-    """Return the foremost position of the span: of the leader or, if the tail leads, of the head in front of it."""
+    """Return the foremost position of the span: that of the leader or, if the tail leads, that of the head ahead."""
     high_m = stretch.high_m
     if stretch.direction == AHEAD:
         high_m += stretch.links * reach_m(track.bend, link_m)
@@ -278,7 +278,7 @@ def _series(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> 
 
 def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
                       tiers: tuple[Tier, Tier]) -> _RowSeries:
-    """Return the series of all parts in the rows that all parts have."""
+    """Return the series of all parts, in the rows that these have in common."""
     rows = min(one.segment.size for one in pushed)
     low_m, high_m = stretch.low_m - link_m, stretch.high_m + link_m
     along = np.stack([one.along_m[:rows] for one in pushed], axis=1)
@@ -321,7 +321,7 @@ def _pushed(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> 
 
 
 def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple[int | None, int]]:
-    """Return the steps through the rows behind the first row of nodes: a segment's index or None, and a number of rows.
+    """Return the steps through the rows behind the first row of nodes, as pairs (segment index or None, row count).
 
     None means that the rows are solved one by one. If the foremost and the rearmost node are on the same segment, all
     other nodes are on it too.

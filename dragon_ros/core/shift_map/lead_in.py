@@ -38,7 +38,7 @@ class Chart(NamedTuple):
 
     ``cell`` (C,) holds the numbers of the cells, counted by row (from row ``first`` on) and part; a cell may have
     several charts. ``middle`` (C, 3) holds the segment's coordinate in the middle of a cell as (hi, lo), and a scale,
-    such that x = (coordinate - middle) * scale lies in [-1, 1]. Rounding may move |x| beyond 1 by up to ``slack`` (C,).
+    such that x = (coordinate - middle) * scale lies in [-1, 1]. Rounding may make |x| exceed 1 by up to ``slack`` (C,).
     ``inverse`` (C, K) holds the coefficients of u(x), the highest power first.
     """
 
@@ -61,7 +61,7 @@ def chart_of(table: Table) -> Chart:
 class LeadIn:
     """The charts and the series of leaders one link before the cells of a table.
 
-    ``places`` and ``motions`` (C, K, 2) hold series as in the table, of which the first ``terms`` (C,) terms suffice.
+    ``places`` and ``motions`` (C, K, 2) hold series as in the table; the first ``terms`` (C,) terms are sufficient.
     """
 
     chart: Chart

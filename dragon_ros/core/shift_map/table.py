@@ -52,7 +52,7 @@ _FEWEST_JOINED = 64
 _STRETCH_LINKS = 64
 _STRETCH_JOINED = 32        # number of links per stretch on a composite track
 _SHORTEST = 1e-12           # shortest link, relative to coordinates, whose direction floats can resolve
-_NEAR = 1e-9                # relative distance from a boundary within which rounding could decide the side
+_NEAR = 1e-9                # relative distance from a boundary within which rounding could decide a position's side
 _BEFORE_LINKS = 64          # number of links from the start of a tile to the track's origin, where runs begin
 
 
@@ -68,7 +68,7 @@ class Product(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """One row of one part, stored for fast evaluation of single states: as floats, with products by number of links.
+    """One row of one part, stored as floats for fast evaluation of single states; ``products`` is keyed by link count.
 
     ``before`` holds the series (K, 2) of the leader's position and of its motion if the leader is one link before this
     row.

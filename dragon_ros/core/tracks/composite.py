@@ -150,7 +150,7 @@ class Track:
         if not self.begin_m <= metres <= self.end_m:
             limit_m = self.begin_m if metres < self.begin_m else self.end_m
             if not abs(metres - limit_m) <= _HAIR * (1 + max(abs(limit_m), abs(from_m))):
-                raise TrackEndError(f'{metres:.9g} m along the track is off the track, which extends from '
+                raise TrackEndError(f'the distance {metres:.9g} m is not on the track, which extends from '
                                     f'{self.begin_m:.9g} to '
                                     f'{self.end_m:.9g} m', distance_m=metres, limit_m=self.end_m)
         k = bisect_right(self.joints_m, metres)
@@ -337,7 +337,7 @@ class Track:
         return self._vectors(segment, u, lo, lambda k, u, lo: self.segments[k].at(u, lo))
 
     def headings(self, segment: Ints, u: Floats, lo: Floats) -> Floats:
-        """Return unit tangents in the head's direction, shape (..., 2)."""
+        """Return the unit tangents (shape (..., 2)) in the head's direction."""
         return self._vectors(segment, u, lo, lambda k, u, lo: self.segments[k].heading(u, lo))
 
     def poses(self, segment: Ints, u: Floats, lo: Floats) -> tuple[Floats, Floats]:

@@ -498,7 +498,7 @@ def _apart_m(drawn: _SmoothLine, part: _FittedArcs, sag_m: float) -> float:
     """Return the Hausdorff distance between arcs and the part of the drawn line that they replace."""
     lines = drawn.drawn_between(part.low_m, part.high_m), np.concatenate([bow.points(sag_m) for bow in part.bows])
     ends = (LineString(np.stack((some.real, some.imag), axis=1)) for some in lines)
-    with np.errstate(invalid='ignore'):     # GEOS 3.11 sets the floating-point flag even for valid input
+    with np.errstate(invalid='ignore'):     # GEOS 3.11 sets this floating-point flag even for valid input
         return float(hausdorff_distance(*ends))
 
 

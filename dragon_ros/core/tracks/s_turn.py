@@ -66,7 +66,7 @@ def turn_answer(turn: STurn, least_radius_m: float) -> TurnAnswer:
 
 
 def shortest_bent(turn: STurn, least_radius_m: float) -> Bent | None:
-    """Return the shortest path from entry to exit that turns right, then left, with radii that are large enough.
+    """Return the shortest path from entry to exit that turns right and then left, within the limit on the radii.
 
     The shortest curve of bounded curvature consists of lines and arcs of the smallest allowed radius (Dubins 1957); the
     returned path turns once in each direction. The radii are at least ``least_radius_m``; the result is None if this

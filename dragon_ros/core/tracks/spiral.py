@@ -6,8 +6,8 @@ that winds in. The chord c between polar angles theta and theta + delta, in unit
     c^2 = delta^2 + 4 theta (theta + delta) sin^2(delta / 2),
 
 which is the law of cosines (the paper's equation 15) in a form without cancellation. Inwards, delta has the opposite
-sign. The smallest root delta > 0 gives the next handle. Half the slope of c^2 (``phi`` below) is positive outwards up
-to delta = pi, where c = 2 theta + pi. Links with smaller chords therefore have exactly one root in this range.
+sign. The smallest root delta > 0 gives the next handle. Half the slope of c^2 (``phi`` below) is positive for outward
+steps up to delta = pi, where c = 2 theta + pi. Links with smaller chords therefore have exactly one root in this range.
 
 The equation is solved for one position or for many positions at once, with the same predictor. Along a spiral, the
 squared angles of consecutive handles differ by almost twice the chord, so a parabola through the last three
@@ -67,7 +67,7 @@ class SpiralCurve:
         """Return the position at an arc length inwards from the start (outwards if it is negative).
 
         The angle turned is first computed in floats from a difference of arc lengths. Double-double arithmetic then
-        corrects the rounding error, so that no digits are lost far from the centre or after long travel. Raises
+        corrects the rounding error, so that no digits are lost far from the centre or after a long distance. Raises
         TrackEndError beyond the centre.
         """
         if distance_m > self.length_m * (1 + _ROUNDING):
@@ -546,7 +546,7 @@ class SpiralSegment:
         return DoubleDouble(*plus(theta, low, -delta)) if delta < inf else _NOWHERE_IN, spent
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
-        """Return the speed of the handle at ``to`` for unit speed at ``u``.
+        """Return the speed of the handle at ``to`` if the handle at ``u`` has unit speed.
 
         The speed is cos alpha / cos beta, where alpha and beta are the angles between the link and the tangents at
         ``u`` and ``to``. With s = sin(delta / 2), the component of the link along the tangent at theta is ``front`` /
@@ -580,7 +580,7 @@ class SpiralSegment:
         return -delta, spent
 
     def shifts_outwards(self, u: Floats, chord_m: float | Floats, past: Past | None) -> tuple[Floats, int]:
-        """Return the result of ``shifts`` outwards; ``chord_m`` is one value for all positions, or one for each."""
+        """Return the result of ``shifts`` for outward steps; ``chord_m`` is one value for all positions or for each."""
         chord, ahead = chord_m / self.curve.b_m, _ahead(past)
         guess = first_guesses(u, chord) if ahead is None else ahead / (u + np.sqrt(u * u + ahead) + TINY)
         return steps(u, chord, guess)
