@@ -69,7 +69,7 @@ def table(head: str, rows: Iterable[Iterable[str]]) -> str:
 
 def executables() -> str:
     """Return the executables and their purposes."""
-    return table('name | what it does', ((f'`{name}`', one.help) for name, one in EXECUTABLES.items()))
+    return table('name | purpose', ((f'`{name}`', one.help) for name, one in EXECUTABLES.items()))
 
 
 def topics() -> str:

@@ -17,7 +17,7 @@ class TailSpeed(Node):
         super().__init__('tail_speed', namespace='/dragon')
         self.before: tuple[float, float, float] | None = None
         self.printed_s = -1
-        # Reliable, as sim publishes; deep enough for a reader that is sometimes busy.
+        # Reliable, like sim's publisher; the depth is sufficient for a subscriber that is sometimes busy.
         self.create_subscription(PoseArray, 'handles', self.on_handles, QoSProfile(depth=1000))
 
     def on_handles(self, message: PoseArray) -> None:
