@@ -1,4 +1,4 @@
-"""A bench dragon simulator for ROS 2: a model that does not need ROS, nodes, and tools.
+"""A bench dragon simulator for ROS 2: nodes, tools, and a model that does not need ROS.
 
 This module provides the public Python API (``docs/python.md``). Its names are imported on first use, so that nodes and
 commands load only the modules that they need.

@@ -1,4 +1,4 @@
-"""``python -m dragon_ros NAME ...``: run an executable by the same name as with ``ros2 run dragon_ros``."""
+"""Run an executable with ``python -m dragon_ros NAME ...``; the names are those of ``ros2 run dragon_ros``."""
 import signal
 
 if __name__ == '__main__' and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -13,8 +13,8 @@ from typing import NoReturn
 
 from dragon_ros.executables import EXECUTABLES, NODES
 
-_SPIN = '16'            # an idle thread of OpenBLAS spins for 2^16 cycles instead of 2^26, the default
-_GARBAGE = 20_000       # number of new containers that triggers a garbage collection; the default, 700, is far too low
+_SPIN = '16'            # an idle OpenBLAS thread spins for 2^16 cycles instead of the default 2^26
+_GARBAGE = 20_000       # number of new containers that triggers a garbage collection; the default of 700 is far too low
 
 
 def main(argv: list[str]) -> int:
@@ -42,7 +42,7 @@ def main(argv: list[str]) -> int:
         if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
             signal.signal(signal.SIGINT, signal.default_int_handler)
         code: int = getattr(importlib.import_module(executable.module), executable.function)(rest)
-    except KeyboardInterrupt:       # a node that is interrupted while it starts exits like a running node
+    except KeyboardInterrupt:       # a node interrupted during start-up exits like a running node
         return 0 if executable.module == NODES else 1
     except ModuleNotFoundError as error:
         if executable.module != NODES or error.name is None or error.name.startswith('dragon_ros'):
@@ -68,8 +68,8 @@ def dragon() -> NoReturn:
 def run(argv: list[str], program: Callable[[list[str]], int] = main) -> NoReturn:
     """Run a program in this process and exit; by default, the program is ``main``.
 
-    Imports create hundreds of thousands of objects but no garbage. Searches for cycles among these objects, during the
-    run and at its end, would take a tenth of a command's time.
+    Imports create hundreds of thousands of objects but no garbage. Searching them for reference cycles, during the run
+    and at exit, would take a tenth of a command's run time.
     """
     os.environ.setdefault('OPENBLAS_THREAD_TIMEOUT', _SPIN)
     gc.set_threshold(_GARBAGE, *gc.get_threshold()[1:])

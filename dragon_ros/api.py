@@ -1,4 +1,4 @@
-"""The public Python API, ``import dragon_ros as dr``: scenes, states, contacts, design, bags and pictures.
+"""The public Python API (``import dragon_ros as dr``): scenes, states, contacts, design, bags and pictures.
 
 Lengths are in metres, angles in radians and times in seconds; all arrays are numpy arrays. Handle 0 is the head's front
 handle. Every error that dragon_ros raises deliberately is a DragonError; its subclass InputError reports invalid input.
@@ -52,11 +52,11 @@ def _quiet(states: int) -> None:
 
 
 def scene(name_or_path: str | PathLike[str] = 'winding', **changes: Any) -> Scene:
-    """Return a scene, given the name of one of the package's scenes or the path of a file, with changes applied.
+    """Return a scene of the package by name, or the scene in a file, with changes applied.
 
-    Changes are the keys of a scene file: ``scene('winding', track={'pitch_m': 0.5}, accuracy='fine')``. Scenes are
-    frozen, compare by value and can be pickled. Raises an InputError that names the invalid key, or a MissingError for
-    an unknown scene.
+    Changes are given by the keys of a scene file: ``scene('winding', track={'pitch_m': 0.5}, accuracy='fine')``. Scenes
+    are frozen, compare by value and can be pickled. Raises an InputError that names the invalid key, or a MissingError
+    for an unknown scene.
     """
     return changed_scene(_path('name_or_path', name_or_path), changes)
 
@@ -67,7 +67,7 @@ def compile(scene: Scene) -> 'Simulated':       # noqa: A001 - the usual term; a
 
 
 def _scene(field: str, value: Any) -> Scene:
-    """Return the given scene, or the scene of a compiled scene. Raises FieldError."""
+    """Return a scene unchanged, and the scene of a compiled scene. Raises FieldError for any other value."""
     if isinstance(value, Simulated):
         return value.scene
     if not isinstance(value, Scene):
@@ -76,14 +76,15 @@ def _scene(field: str, value: Any) -> Scene:
 
 
 def _path(field: str, value: Any) -> str:
-    """Return a name or a path as text. Raises FieldError."""
+    """Return a name or a path as a string. Raises FieldError for any other value."""
     if not isinstance(value, (str, PathLike)):
-        raise FieldError(field, value, f'it is a {type(value).__name__}, not a name or a path', 'give text or a Path')
+        raise FieldError(field, value, f'it is a {type(value).__name__}, not a name or a path',
+                         'give a string or a Path')
     return fspath(value)
 
 
 def _times(values: Any) -> list[float]:
-    """Return times in s as a list. Raises FieldError unless they are a sequence of numbers."""
+    """Return times (s) as a list. Raises FieldError unless they are a sequence of numbers."""
     try:
         times = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -96,7 +97,7 @@ def _times(values: Any) -> list[float]:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """All handles at one time, or at many times in arrays with a leading axis; the arrays are read-only.
+    """All handles at one time, or at many times along a leading axis of the arrays, which are read-only.
 
     The fields are ``t_s`` (...), ``handles_m`` (..., N+1, 2), ``velocity_m_s`` (..., N+1, 2), and ``promise_m``, the
     largest error of a position in this run, except close to a lock.
@@ -114,7 +115,7 @@ class Motion:
 
     @cached_property
     def speed_m_s(self) -> Floats:
-        """Speeds (..., N+1), read-only."""
+        """The speeds (m/s, shape (..., N+1)), as a read-only array."""
         square = np.square(self.velocity_m_s).sum(axis=-1)      # takes a third of the time of np.hypot
         return read_only(np.sqrt(square, out=square))
 
@@ -144,7 +145,7 @@ class Simulated:
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """The start and the end of the run."""
+        """The times (s) at which the run starts and ends."""
         return self.scene.run.start_s, self.simulation.end.t_s
 
     @property
@@ -154,7 +155,7 @@ class Simulated:
 
     @property
     def ticks(self) -> int:
-        """Number of ticks of the run."""
+        """The number of ticks in the run."""
         return self.simulation.last_tick + 1
 
     def state(self, t_s: float) -> Motion:
@@ -170,7 +171,7 @@ class Simulated:
         """Return all handles at many times, several times faster than one call per time.
 
         ``out``, if given, is a pair of arrays (times, N+1, 2) for the handles and velocities, so that a loop can reuse
-        its memory. Raises FieldError if ``out`` has a different form.
+        its memory. Raises FieldError if ``out`` is not such a pair.
         """
         times = _times(times_s)
         if out is not None and not (isinstance(out, (tuple, list)) and len(out) == 2
@@ -182,7 +183,7 @@ class Simulated:
                       self.simulation.promise_m)
 
     def batches(self, times_s: Sequence[float] | Floats, size: int | None = None) -> Iterator[Motion]:
-        """Yield all handles at very many times, ``size`` times per batch (by default as many as fit into a cache).
+        """Yield all handles at many times, in batches of ``size`` times (by default, as many as fit into a cache).
 
         All batches share memory: copy what you want to keep. Raises FieldError.
         """
@@ -203,23 +204,23 @@ class Simulated:
         return first_contact(self.scene, progress)
 
     def contact_within(self, tolerances: Mapping[str, float], *, progress: Progress = _quiet) -> FamilyProof:
-        """Return the time until which no dragon within the given tolerances of this scene's dragon touches itself.
+        """Prove a time before which no dragon within the given tolerances of this scene's dragon touches itself.
 
-        ``tolerances`` are in metres, such as ``{'dragon.width_m': 0.005}``. Each bench varies independently, but the
-        pitch is the same along the whole track. The track must be a single spiral, and the head must lead. Raises
-        FieldError for any other scene or an unknown key. Raises a DragonError that names the tolerance to reduce if
-        nothing can be proved.
+        ``tolerances`` maps scene keys to tolerances in metres, for example ``{'dragon.width_m': 0.005}``. Each bench
+        varies independently, but the pitch is the same along the whole track. The track must be a single spiral, and
+        the head must lead. Raises FieldError for any other scene or an unknown key. Raises a DragonError that names the
+        tolerance to reduce if nothing can be proved.
         """
         if not isinstance(tolerances, Mapping):
             raise FieldError('tolerances', tolerances, 'it is not a mapping', "write {'dragon.width_m': 0.005}")
         return first_contact_within(self.scene, tolerances, progress)
 
     def track_m(self, sag_m: float = 1e-4) -> Floats:
-        """Return points (P, 2) along the part of the track that handles cover in the run, accurate to ``sag_m``."""
+        """Return points (P, 2) along the part of the track that handles cover during the run, accurate to ``sag_m``."""
         return self.simulation.track_line(number('sag_m', sag_m, low=1e-9, high=1e9))
 
     def plot(self, t_s: float | None = None, ax: 'Axes | None' = None) -> 'Axes':
-        """Draw the dragon at a time (by default the end of the run) into Matplotlib axes, and return the axes."""
+        """Draw the dragon at a time (by default, the end of the run) on Matplotlib axes, and return the axes."""
         return plot(self, t_s, ax)
 
     def _repr_svg_(self) -> str:
@@ -228,10 +229,10 @@ class Simulated:
 
 
 class Bag:
-    """A recorded run: its scene, and its ticks, read lazily. Use it in a ``with`` block, or close it."""
+    """A recorded run: its scene, and its ticks, which are read lazily. Use it in a ``with`` block, or close it."""
 
     def __init__(self, path: str | PathLike[str], namespace: str | None = None, trust: bool = False) -> None:
-        """Open a bag (.mcap, or a rosbag2 folder). Raises InputError unless it contains exactly one dragon."""
+        """Open a bag (an .mcap file or a rosbag2 folder). Raises InputError unless exactly one dragon is selected."""
         self._reader, self._trust = BagReader(Path(_path('path', path))), trust
         try:
             self.namespace = namespace_of(self._reader, namespace)
@@ -245,7 +246,7 @@ class Bag:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
-        """Close it."""
+        """Close the bag."""
         self.close()
 
     def close(self) -> None:
@@ -254,12 +255,15 @@ class Bag:
 
     @cached_property
     def scene(self) -> Scene | None:
-        """The scene of the run, if the bag has one. Raises InputError if it exceeds its budgets, unless trusted."""
+        """The scene of the run, or None if the bag has no scene.
+
+        Raises InputError if an untrusted scene exceeds the budgets.
+        """
         return scene_of_bag(self._reader, self.namespace, self._trust)
 
     @property
     def reader(self) -> BagReader:
-        """The underlying reader, for other topics."""
+        """The underlying reader, which gives access to other topics."""
         return self._reader
 
     def __iter__(self) -> Iterator[BagFrame]:
@@ -279,12 +283,15 @@ class Bag:
 
 
 def read_bag(path: str | PathLike[str], namespace: str | None = None, trust: bool = False) -> Bag:
-    """Return a recorded run; ``namespace`` chooses among several dragons. ``trust`` lifts the budgets for its scene."""
+    """Open a recorded run.
+
+    ``namespace`` selects one of several dragons; ``trust`` lifts the budgets for the scene.
+    """
     return Bag(path, namespace, trust)
 
 
 def plot(of: 'Simulated | Scene | Bag', t_s: float | None = None, ax: 'Axes | None' = None) -> 'Axes':
-    """Draw a dragon on its track at a time (by default the last) into Matplotlib axes (or new ones); return them."""
+    """Draw a dragon on its track at a time (by default, the last); return the Matplotlib axes (new unless given)."""
     from matplotlib import pyplot as plt
 
     from dragon_ros.commands.plot.dragon import draw, panel
@@ -324,7 +331,7 @@ class Design:
     def min_pitch(dragon: Scene | Simulated | AnyDragon | None = None, *, diameter_m: float = 9.0,
                   start_turns: float = 16.0, largest_m: float = 1.0, within_m: float = 4e-11,
                   smallest_m: float | None = None, progress: Progress = _quiet) -> 'MinPitch':
-        """Return the smallest pitch such that the head reaches a circle without contact at this and larger pitches.
+        """Return the smallest pitch such that the head reaches a circle without contact at this and all larger pitches.
 
         Pitches up to ``largest_m`` are considered. ``dragon`` is a dragon or a scene; None means the classic dragon.
         The bounds of the result are at most ``within_m`` apart. Mixed benches need ``smallest_m``, a pitch at which
@@ -343,7 +350,7 @@ class Design:
             progress: Progress = _quiet) -> 'BoundingBox | VenueFit':
         """Return the space that a run requires or, in a venue, the smallest gap to each obstacle.
 
-        Bounds are at most ``within_m`` apart, by default 1e-10 m, or 1e-6 m in a venue. Raises FieldError.
+        The bounds are at most ``within_m`` apart; the default is 1e-10 m, or 1e-6 m in a venue. Raises FieldError.
         """
         given = _scene('scene', scene)
         within = None if within_m is None else number('within_m', within_m, above=0.0)
@@ -357,7 +364,8 @@ class Design:
     def max_speed(scene: Scene | Simulated, *, progress: Progress = _quiet) -> 'MaxSpeed':
         """Return the largest ratio of a handle's speed to the leader's. Raises FieldError if the run ends in a lock.
 
-        ``max_speed(scene).leader_m_s(2.0)`` is the largest speed of the leader at which no handle exceeds 2 m/s.
+        ``max_speed(scene).leader_m_s(2.0)`` returns the largest leader speed at which no handle exceeds 2 m/s, and the
+        amount by which this speed may be too large.
         """
         from dragon_ros.core.search.max_speed import max_speed
         return max_speed(_scene('scene', scene), progress)
@@ -379,7 +387,7 @@ design = Design()
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The rows of a study, and their folder; ``table`` is a pyarrow.Table with a row for each index."""
+    """The rows of a study, and their folder; ``table`` is a pyarrow.Table with one row per index."""
 
     folder: Path
     table: Any
@@ -389,7 +397,7 @@ class Rows:
         return len(self.table)
 
     def __getitem__(self, column: str) -> Floats:
-        """Return a column of numbers as an array (rows,), with nan for empty cells."""
+        """Return a numeric column as an array of shape (rows,), with nan for empty cells."""
         from dragon_ros.studies.answers import numbers
         return read_only(numbers(self.table, column).copy())
 
@@ -403,7 +411,7 @@ class Rows:
 
 def study(name_or_path: str | PathLike[str], output: str | PathLike[str] | None = None, samples: int | None = None,
           workers: int | None = None, scheduler: str | None = None) -> Rows:
-    """Return the rows of a study, given by name or file, from the folder ``output``, computing missing rows first.
+    """Compute the missing rows of a study (a name or a file) in the folder ``output``, and return all its rows.
 
     The folder of a data set can be given instead of a study. Rows are computed by processes on this machine, one per
     core, or by a Dask cluster (``docs/studies.md``). In a script, put the call below ``if __name__ == '__main__':``.

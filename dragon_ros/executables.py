@@ -3,7 +3,7 @@ from typing import NamedTuple
 
 
 class Executable(NamedTuple):
-    """An executable: its module, its function ``f(argv) -> exit code``, and its purpose, which is its help."""
+    """An executable: its module, its function ``f(argv) -> exit code``, and its purpose, which is shown as help."""
 
     module: str
     help: str

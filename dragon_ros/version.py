@@ -1,3 +1,3 @@
-"""The version of this software; bags, certificates and cost pages name it."""
+"""The version of this software, which bags, certificates and cost pages state."""
 
 __version__ = '0.3.0'

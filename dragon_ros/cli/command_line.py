@@ -105,7 +105,7 @@ def _assignment(text: str) -> str:
 
 
 def program() -> str:
-    """Return the program that the user typed before the command's name, such as ``ros2 run dragon_ros``."""
+    """Return the words that the user typed before the command's name, such as ``ros2 run dragon_ros``."""
     if 'DRAGON_PROGRAM' in os.environ:      # set by the script ./dragon
         return os.environ['DRAGON_PROGRAM']
     started = Path(sys.argv[0])
@@ -137,7 +137,7 @@ def add_source_options(options: argparse.ArgumentParser) -> None:
 
 
 def add_namespace_option(options: argparse.ArgumentParser) -> None:
-    """Add --namespace, which selects a dragon of a bag (``bags.read.frames.namespace_of``)."""
+    """Add --namespace, which selects a dragon in a bag (``bags.read.frames.namespace_of``)."""
     options.add_argument('--namespace', metavar='NAME', help='namespace of the dragon, if the bag has several')
 
 
@@ -172,9 +172,9 @@ def add_output_options(options: argparse.ArgumentParser, formats: tuple[str, ...
 
 def add_format_option(options: argparse.ArgumentParser, formats: tuple[str, ...], pictures: Collection[str] = (),
                       ) -> None:
-    """Add --format, which defaults to the suffix of --output; ``pictures`` lists further suffixes of --output."""
+    """Add --format, whose default follows from --output; ``pictures`` lists further suffixes of --output."""
     options.add_argument('--format', choices=formats, default=_Default(formats[0]),
-                         help='output format (%(default)s, or by the suffix of --output)')
+                         help='output format (by the suffix of --output; otherwise %(default)s)')
     options.set_defaults(formats=formats, pictures=pictures)
 
 
@@ -201,7 +201,7 @@ def _settle_format(parser: argparse.ArgumentParser, arguments: argparse.Namespac
 
 
 def names_scene(arguments: argparse.Namespace) -> bool:
-    """Return whether the user gave --scene, even if the given scene is the default."""
+    """Return whether the user gave --scene, even with the default value."""
     return not isinstance(arguments.scene, _Default)
 
 
@@ -224,7 +224,7 @@ def scene_from(arguments: argparse.Namespace) -> 'Scene':
 
 
 def overrides_from(arguments: argparse.Namespace) -> list[str]:
-    """Return the changes to the scene that the options specify, as ``key=value``."""
+    """Return the scene changes that the options specify, as ``key=value`` strings."""
     accuracy = [f'accuracy={arguments.accuracy}'] if arguments.accuracy is not None else []
     return [*arguments.overrides, *accuracy]
 
@@ -237,7 +237,7 @@ def check_is_bag(path: Path) -> None:
 
 
 def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
-    """Return column names and rows as CSV; every line ends in a line feed."""
+    """Return column names and rows as CSV; every line ends with a line feed."""
     import csv
     import io
     out = io.StringIO()

@@ -23,7 +23,7 @@ def free_domain(among: Sequence[int] = range(1, 102)) -> int:
 
 @atexit.register
 def give_up_domains() -> None:
-    """Release the domains that this process reserves."""
+    """Release the domains that this process has reserved."""
     while _KEPT:
         _KEPT.popleft().close()
 
@@ -39,12 +39,15 @@ def _keep(domain: int) -> bool:
 
 
 def local_environment(domain: int) -> dict[str, str]:
-    """Return the process's environment with a domain; discovery is limited to this host unless a variable widens it."""
+    """Return this process's environment with a domain; discovery stays on this host unless a variable widens it."""
     return {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', **os.environ, 'ROS_DOMAIN_ID': str(domain)}
 
 
 def _is_free(domain: int) -> bool:
-    """Return whether all ports of a domain are free. All are checked, because the first participants may have left."""
+    """Return whether all ports of a domain are free.
+
+    Every port is checked, because the first participants may have left.
+    """
     base, count = _PORTS
     for port in range(base + count * domain, base + count * (domain + 1)):
         probe = _bound(port)
@@ -55,7 +58,7 @@ def _is_free(domain: int) -> bool:
 
 
 def _bound(port: int) -> socket.socket | None:
-    """Return a socket bound to a port on all interfaces; None if the port is in use."""
+    """Return a socket bound to a port on all interfaces, or None if the port is in use."""
     probe = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         probe.bind(('', port))

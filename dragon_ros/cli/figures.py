@@ -16,7 +16,7 @@ DASHES: tuple[Any, ...] = ('solid', (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 
 QUIET = '#555555'       # colour of notes and guide lines
 OBSTACLE = '#DDD8CE'    # colour of a venue's obstacles and of the area outside its boundary
 
-PAGE_IN, TEXT_PT = 9.1, 9     # a page about 880 pixels wide shows such a figure unscaled, with text of this size
+PAGE_IN, TEXT_PT = 9.1, 9     # a page about 880 pixels wide shows a figure this wide unscaled, with text of this size
 
 _STYLE = {
     'figure.constrained_layout.use': True, 'figure.constrained_layout.h_pad': 0.1,
@@ -43,7 +43,7 @@ _CHINESE_FONTS = ('notosanscjk-regular', 'notosanssc-regular', 'notosanscjksc-re
 
 
 def short(name: str) -> str:
-    """Return a name for a title; the middle of a long name is omitted."""
+    """Return a name shortened for a title; the middle of a long name is omitted."""
     half = _LONGEST_NAME // 2
     return name if len(name) <= _LONGEST_NAME else f'{name[:half]}…{name[-half:]}'
 
@@ -54,7 +54,7 @@ def titled(name: str, text: str, inches: float) -> str:
 
 
 def joined(one: str, other: str, by: str, inches: float) -> str:
-    """Return two texts of a title on one line, or on two lines if the axes are too narrow for one line."""
+    """Return the two parts of a title on one line, or on two lines if the axes are too narrow for one line."""
     line = f'{one}{by}{other}'
     return line if len(line) <= _CHARACTERS_PER_INCH * inches else f'{one}\n{other}'
 
@@ -67,15 +67,15 @@ def legend_below(axes: Any, columns: int = 2, **options: Any) -> None:
 def add_lines(axes: Any, patch: Any) -> None:
     """Add a patch that consists of straight lines to axes, with the same result as ``axes.add_patch``.
 
-    That method treats each of the thousands of lines as a curve, in Python, which takes up to 60 % of the time of a
-    picture.
+    ``axes.add_patch`` processes each of the thousands of lines as a curve in Python, which takes up to 60 % of the time
+    for a picture.
     """
     axes.update_datalim(patch.get_path().vertices)
     axes.add_artist(patch)
 
 
 def spread(values: Sequence[float], least: float, end: float) -> list[float]:
-    """Return increasing values, moved so that they are at least ``least`` apart and none exceeds ``end``."""
+    """Return the increasing ``values``, moved so that they are at least ``least`` apart and none exceeds ``end``."""
     out: list[float] = []
     for value in values:
         out.append(max(value, out[-1] + least) if out else value)
@@ -88,12 +88,12 @@ def spread(values: Sequence[float], least: float, end: float) -> list[float]:
 
 @contextmanager
 def style(chinese: bool = False) -> Iterator[None]:
-    """Set the style of dragon_ros for all figures that this block draws; ``chinese`` adds a Chinese font.
+    """Apply the style of dragon_ros to all figures drawn in this block; ``chinese`` adds a Chinese font.
 
     Raises MissingError if no Chinese font is installed.
     """
     import matplotlib
-    # Font type 42 of PDF does not support the OpenType fonts that most systems have.
+    # PDF font type 42 does not support the OpenType fonts that most systems have.
     more = {'font.family': ['DejaVu Sans', _chinese_font()], 'pdf.fonttype': 3} if chinese else {}
     with matplotlib.rc_context({**_STYLE, **more}):
         yield
@@ -115,7 +115,7 @@ def _chinese_font() -> str:
 
 
 def write(figure: Any, path: Path, dpi: int = 130, caption: str = '') -> Path:
-    """Write a Matplotlib figure reproducibly, in the format of the path's suffix, and return the path.
+    """Write a Matplotlib figure reproducibly, in the format given by the path's suffix, and return the path.
 
     If a caption is given, it is written below the figure, together with the version of dragon_ros. In SVG and PDF, text
     is not converted to outlines.
@@ -134,7 +134,7 @@ def write(figure: Any, path: Path, dpi: int = 130, caption: str = '') -> Path:
 
 
 def _add_caption(figure: Any, caption: str) -> None:
-    """Reserve space below a figure and its legends, and write a caption there, unless the figure has a caption."""
+    """Reserve space below a figure and its legends, and write a caption there, unless the figure already has one."""
     if any(one.get_gid() == _CAPTION_ID for one in figure.texts):
         return
     width, height = figure.get_size_inches().tolist()
@@ -150,9 +150,9 @@ def _add_caption(figure: Any, caption: str) -> None:
 
 
 def _in_metres(figure: Any) -> dict[str, str]:
-    """Return metadata with the scale of an SVG, which ``route`` reads; the metadata are empty without a track.
+    """Return SVG metadata with the scale that ``route`` reads, or empty metadata if the figure has no track.
 
-    An SVG has 72 units per inch, and its coordinate v points downwards from the top.
+    An SVG has 72 units per inch, and its vertical coordinate increases downwards from the top.
     """
     found = [axes for axes in figure.axes if any(one.get_gid() == TRACK_ID for one in axes.patches)]
     if not found:

@@ -1,4 +1,4 @@
-"""Select the language of text that people read: English or Chinese, by ``--lang`` or the locale."""
+"""Select the language of human-readable text, English or Chinese, from ``--lang`` or the locale."""
 import os
 from argparse import ArgumentParser
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Run long work on all cores: several processes run the jobs, and the results are returned in the order of the jobs."""
+"""Run long work on all cores: several processes run the jobs, and the results are returned in job order."""
 import mmap
 import os
 import pickle
@@ -23,14 +23,14 @@ if TYPE_CHECKING:       # imported lazily, because most commands start no proces
     from concurrent.futures import ProcessPoolExecutor
 
 _MOST = 1024    # largest value of --workers
-_AHEAD = 3      # jobs submitted per other process: one that runs, and two that wait
+_AHEAD = 3      # jobs submitted per other process: one running and two waiting
 _WAITING = 4    # largest number of finished results per worker that wait for the results of earlier jobs
-_SEEN_S = 0.05  # duration of the work that is timed to estimate the remaining work, in s
-_WORTH_S = 1.0  # duration of remaining work, in s, above which other processes are worth starting
+_SEEN_S = 0.05  # duration (s) of the first jobs, which are timed to estimate the remaining work
+_WORTH_S = 1.0  # duration (s) of the remaining work above which starting other processes is worthwhile
 # Shared memory per result, enough for four uncompressed chunks of a bag. Unused pages take no memory.
 _SLOT_BYTES = 2**22
 _MOST_SLOTS = 256       # 1 GB in total
-_LARGE_BYTES = 2**12    # smallest buffer that is sent through shared memory
+_LARGE_BYTES = 2**12    # minimum size of a buffer that is sent through shared memory
 J = TypeVar('J')
 R = TypeVar('R')
 _pickled: bytes
@@ -38,7 +38,7 @@ _memory: mmap.mmap | None
 
 
 def workers_of(given: int | None) -> int:
-    """Return the number of processes: ``--workers``, or one per core that this process may use."""
+    """Return the number of processes: ``--workers`` or, if that is None, one per core available to this process."""
     if given is not None:
         return whole('--workers', given, low=1, high=_MOST)
     return len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count() or 1
@@ -46,7 +46,7 @@ def workers_of(given: int | None) -> int:
 
 @dataclass(frozen=True)
 class Pool:
-    """The worker processes: the number given by ``--workers`` or, if that is None, one per core for long work.
+    """A pool of worker processes: as many as ``--workers`` specifies or, if that is None, one per core for long work.
 
     This process is one of the workers; it works alone until the others have started. Raises InputError for an invalid
     number of workers.
@@ -55,7 +55,7 @@ class Pool:
     given: int | None = None
 
     def __post_init__(self) -> None:
-        """Check the number."""
+        """Check the number of workers."""
         workers_of(self.given)
 
     @property
@@ -88,7 +88,7 @@ class Pool:
                     break
             yield from _shared(pool, work, rest, workers, slots)
         except BrokenProcessPool:
-            raise DragonError('one of the worker processes was killed, perhaps for lack of memory; give fewer '
+            raise DragonError('one of the worker processes was killed, perhaps because memory ran out; reduce '
                               '--workers') from None
         finally:
             _end(pool, watch)
@@ -98,7 +98,7 @@ ALONE = Pool(1)
 
 
 def _seen(work: Callable[[J], R], rest: Iterator[J], count: int) -> Generator[R, None, float]:
-    """Run the first jobs in this process, yield their results, and return the estimated time in s for the other jobs.
+    """Run the first jobs in this process, yield their results, and return the estimated time (s) for the other jobs.
 
     The first job is not timed, because it fills caches.
     """
@@ -121,15 +121,15 @@ class _Result(NamedTuple):
 
 
 class _Slots:
-    """Memory shared with forked processes, in slots; each slot holds the large buffers of one result.
+    """Memory shared with forked processes and divided into slots; each slot holds the large buffers of one result.
 
-    A pipe holds only 64 KB. A process that sent a chunk of a bag through a pipe would have to wait several times for
-    this process, which is busy with its own jobs, to read a part. The memory has no name, so it is released when the
-    last process ends.
+    A pipe holds only 64 KB. A process that sent a chunk of a bag through a pipe would have to wait several times until
+    this process, which is busy with its own jobs, reads a part of the chunk. The memory has no name, so it is released
+    when the last process ends.
     """
 
     def __init__(self, count: int) -> None:
-        """Allocate the slots; if the system refuses the memory, there are none, and the pipe carries all buffers."""
+        """Allocate the slots; if that fails, there are no slots, and all buffers are sent through the pipe."""
         self.memory: mmap.mmap | None = None
         with suppress(OSError):
             self.memory = mmap.mmap(-1, count * _SLOT_BYTES) if count else None
@@ -164,14 +164,14 @@ class _Elsewhere(NamedTuple):
         return self.future.done()
 
     def result(self) -> Any:
-        """Return the result; this can be called only once. Raises the exception of the job."""
+        """Return the result; this method can be called only once. Raises the job's exception."""
         return self.slots.read(self.slot, self.future.result())
 
 
 def _started(others: int, pickled: bytes) -> tuple['ProcessPoolExecutor', list[Future[None]], _Slots]:
-    """Return a pool of processes, a future per process that is done when the process has started, and shared memory.
+    """Return a process pool, one future per process that is done once the process has started, and shared memory.
 
-    If this process has a single Python thread, the processes are forked, which takes almost no time; OpenBLAS ends its
+    If this process has a single Python thread, the processes are forked, which takes almost no time. OpenBLAS ends its
     own threads before a fork. Otherwise, new interpreters are started, and their imports take a third of a second.
     """
     from concurrent.futures import ProcessPoolExecutor
@@ -189,7 +189,7 @@ def _started(others: int, pickled: bytes) -> tuple['ProcessPoolExecutor', list[F
 
 
 def _end_together(pool: Any) -> None:
-    """Wait until a process of a pool ends, and then end the others.
+    """Wait until one process of a pool ends, and then end the others.
 
     If a process is killed while it sends a result, the queue remains locked, and the thread that reads the queue waits
     for the rest of the result as long as any process, including this one, can write to the queue. Only this thread

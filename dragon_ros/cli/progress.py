@@ -1,4 +1,4 @@
-"""Show the progress of long work on a terminal. If work takes less than a second, nothing is shown or imported."""
+"""Show the progress of long work on a terminal. If the work takes less than a second, nothing is shown or imported."""
 import sys
 import time
 from collections.abc import Iterable, Iterator
@@ -50,11 +50,11 @@ class Progress:
                 self.update()
 
     def __enter__(self) -> 'Progress':
-        """Return the progress."""
+        """Return this object."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Clear the line."""
+        """Remove the progress bar from the terminal."""
         if self._bar is not None:
             self._bar.close()
             self._bar = None

@@ -1,4 +1,4 @@
-"""Parse the times and handles of a command line, which are numbers and ranges separated by commas."""
+"""Parse the times and handles given on a command line: numbers and ranges, separated by commas."""
 from collections.abc import Callable, Iterator
 from re import compile as pattern
 
@@ -11,7 +11,7 @@ _DASHED = pattern(r'([\d.]+)-([\d.]+)')
 
 
 def times_of(text: str, option: str = '--times') -> list[float]:
-    """Return the times in s that ``text`` specifies, such as ``0,60,300``, ``0-10`` or ``0:300:10``.
+    """Return the times (s) that ``text`` specifies, such as ``0,60,300``, ``0-10`` or ``0:300:10``.
 
     Ranges include both ends.
     """
@@ -32,7 +32,10 @@ def handles_of(text: str | None, benches: int, option: str = '--handles') -> lis
 
 
 def _values(text: str, option: str, read: Callable[[str], float]) -> Iterator[float]:
-    """Yield the values of each part of a text. Raises InputError for an invalid part or too many values."""
+    """Yield the values of all comma-separated parts of ``text``.
+
+    Raises InputError for an invalid part or too many values.
+    """
     room = _MOST
     for part in text.split(','):
         try:
@@ -42,7 +45,7 @@ def _values(text: str, option: str, read: Callable[[str], float]) -> Iterator[fl
                              'or 0-10 or START:STOP:STEP', field=option.removeprefix('--')) from None
         room -= len(values)
         if room < 0:
-            raise InputError(f'{option} {text}: gives more than {_MOST} values; use a larger step',
+            raise InputError(f'{option} {text}: it gives more than {_MOST} values; use a larger step',
                              field=option.removeprefix('--'))
         yield from values
 

@@ -1,4 +1,4 @@
-"""The signals that end a command or, during long work, stop it at a point where its output is complete."""
+"""The signals that end a command or, during long work, stop it at a point at which its output is complete."""
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager

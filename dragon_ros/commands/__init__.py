@@ -1,1 +1,1 @@
-"""Commands that need no ROS, each in its own module."""
+"""Commands that do not need ROS, each in its own module."""

@@ -8,7 +8,7 @@ from typing import Any
 
 from dragon_ros.core.errors import InputError
 
-_EFFORT = 1000      # a multiple of the usual budget that is so large that only the time limit can end the proof early
+_EFFORT = 1000      # a multiple of the usual budget, so large that only the time limit can end the proof early
 
 
 def command(certificate: str, effort: str | None = None) -> list[str]:

@@ -32,12 +32,12 @@ def table(argv: list[str]) -> int:
 
 
 def inspect(argv: list[str]) -> int:
-    """Inspect, check or repair a bag; return the exit code (1 if it has faults)."""
+    """Inspect, check or repair a bag; return the exit code (1 if the bag has faults)."""
     options = command_line.parser('inspect', 'Summarise a bag: topics, rates, missing ticks, scene, first contact, '
                                   'clearance, integrity.', 'inspect run.mcap --check')
     command_line.add_bag(options, 'an .mcap file or a rosbag2 folder', required=True)
     options.add_argument('--check', action='store_true', help='recompute every tick from the scene in the bag, and '
-                         'compare bit for bit or, if bits differ, within the promise of the tier')
+                         'compare it bit for bit or, if bits differ, within the promise of the tier')
     options.add_argument('--trust', action='store_true', help='recompute the scene in the bag even if it '
                          'exceeds the budgets (docs/limits.md)')
     options.add_argument('--repair', type=Path, metavar='OUT', help='write all readable messages to a complete bag')
@@ -53,8 +53,8 @@ def inspect(argv: list[str]) -> int:
 
 def export(argv: list[str]) -> int:
     """Export a bag to a file; return the exit code."""
-    options = command_line.parser('export', 'Export handles and velocities of a bag as a table with one row per tick '
-                                  'and handle (CSV, Parquet), or as arrays that include the benches (npz).',
+    options = command_line.parser('export', 'Export the handles and velocities in a bag as a table with one row per '
+                                  'tick and handle (CSV, Parquet), or as arrays that include the benches (npz).',
                                   'export run.mcap --format npz --output run.npz')
     command_line.add_bag(options, 'an .mcap file or a rosbag2 folder', required=True)
     command_line.add_format_option(options, EXPORT_FORMATS)
@@ -95,7 +95,7 @@ def demo(argv: list[str]) -> int:
                                   'demo --pace 4')
     options.add_argument('--output', type=Path, default=Path('dragon_demo'), metavar='FOLDER',
                          help='folder for the bag and the picture; replaces an earlier demo (%(default)s)')
-    options.add_argument('--pace', type=float, default=2.0, help='simulated seconds per second (%(default)g)')
+    options.add_argument('--pace', type=float, default=2.0, help='simulated seconds per real second (%(default)g)')
     arguments = options.parse_args(argv)
     from dragon_ros.commands.demo import run
     return command_line.guarded('demo', partial(run, arguments))
@@ -105,7 +105,7 @@ def route(argv: list[str]) -> int:
     """Make a scene from a drawing; return the exit code."""
     options = command_line.parser(
         'route', 'Make a track of lines and arcs that follows a drawing: an SVG path, a line in a GeoJSON or CSV '
-        'file,\nor a nav_msgs/Path. Corners are rounded, and curves are fitted. If the dragon cannot walk a line, '
+        'file,\nor a nav_msgs/Path. Corners are rounded, and curves are fitted. If the dragon cannot follow a line, '
         'the error names the position.', 'route street.svg --path way --scale 1:200 --output street.yaml')
     options.add_argument('drawing', nargs='?', type=Path, metavar='DRAWING', help='.svg, .geojson, .wkt, .csv, or a '
                          'bag with a nav_msgs/Path')
@@ -120,9 +120,10 @@ def route(argv: list[str]) -> int:
     options.add_argument('--radius', type=float, metavar='METRES', help='radius of rounded corners (twice the smallest '
                          'radius that these benches can walk)')
     options.add_argument('--tolerance', type=float, metavar='METRES', default=0.02,
-                         help='largest distance of the track from a drawn curve (%(default)g)')
-    options.add_argument('--start', type=float, metavar='METRES', help='start of the head along the drawing (first '
-                         'place where the whole dragon is on the drawing, or 0 if the drawing is too short)')
+                         help='largest distance between the track and a drawn curve (%(default)g)')
+    options.add_argument('--start', type=float, metavar='METRES', help='distance along the drawing at which the head '
+                         'starts (by default, the first at which the whole dragon is on the drawing, or 0 if the '
+                         'drawing is too short)')
     options.add_argument('--reverse', action='store_true', help='walk the drawing in the opposite direction')
     options.add_argument('--topic', metavar='NAME', help='topic of the nav_msgs/Path in a bag or, without '
                                                          'DRAWING, of a live path')

@@ -34,7 +34,8 @@ def main(argv: list[str]) -> int:
     options.add_argument('--within', action='append', default=[], metavar='KEY=METRES',
                          help='prove a time before which no dragon within these tolerances touches itself; KEY is '
                          'dragon.width_m, head_length_m, body_length_m or hole_inset_m, which may differ from '
-                         'bench to bench, or track.pitch_m; requires a single spiral led by the head; repeatable')
+                         'bench to bench, or track.pitch_m; requires a single spiral and a dragon led by its head; '
+                         'repeatable')
     options.add_argument('--certificate', type=Path, metavar='FILE',
                          help='write the proof that no benches touch earlier, as JSON')
     options.add_argument('--verify', type=Path, metavar='FILE',
@@ -59,7 +60,7 @@ def _check(arguments: Namespace) -> None:
     if arguments.within and arguments.near_misses is not None:
         raise InputError('--near-misses: not available for a family of dragons; omit --within or --near-misses')
     if arguments.near_misses is not None and arguments.format == 'csv':
-        raise InputError('--near-misses: --format csv has only the row of the contact; use text or json')
+        raise InputError('--near-misses: --format csv contains only the contact; use text or json')
 
 
 def _run(arguments: Namespace) -> int:

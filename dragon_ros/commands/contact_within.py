@@ -29,7 +29,7 @@ def run(scene: Scene, arguments: Namespace) -> int:
 
 
 def _tolerances(given: Sequence[str]) -> dict[str, float]:
-    """Return the tolerances by key. Raises InputError for a text that is not KEY=METRES and for a repeated key."""
+    """Return the tolerances by key. Raises InputError for an argument that is not KEY=METRES, or for a repeated key."""
     out = dict[str, float]()
     for one in given:
         key, equals, text = one.partition('=')

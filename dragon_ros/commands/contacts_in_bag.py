@@ -22,7 +22,7 @@ _STAMPED = 'clearance/stamped'
 
 
 def first_contact_in(bag: BagReader, namespace: str, scene: Scene | None, trust: bool = False) -> dict[str, Any]:
-    """Return the first contact and its source, which is the topic ``collision`` or a search of the scene.
+    """Return the first contact and its source, which is either the topic ``collision`` or a search of the scene.
 
     The scene is untrusted input: unless ``trust`` is set, a search beyond the budgets is skipped (``unsearched``).
     """
@@ -60,7 +60,7 @@ def searched(scene: Scene, trust: bool) -> Contact | NoContact:
 
 
 def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) -> tuple[float | None, str | None]:
-    """Return the time in s of the contact that ends a run, or None, and the proved statement if no search was made.
+    """Return the time (s) of the contact that ends a run, or None; if no search was made, also the proved statement.
 
     If a search would exceed its budgets, the bag's own claim about the contact is used after the checker has proved it.
     Raises InputError.
@@ -102,7 +102,7 @@ def _event(status: Status) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Clearance:
-    """Smallest signed gaps in m at times in s, their source topic, and the numbers of examined ticks and all ticks."""
+    """Smallest signed gaps (m), their times (s) and their source topic; the numbers of examined and of all ticks."""
 
     source: str
     t_s: list[float]
@@ -142,7 +142,7 @@ def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
 
 
 def _stamped(data: bytes) -> tuple[float, float]:
-    """Return the time in s and the clearance in m of a message."""
+    """Return the time (s) and the clearance (m) in a message."""
     gap_m, *_ = decode(channels()[_STAMPED].type, data)['vector'].tolist()
     return read_stamp_ns(data) / NS, gap_m
 

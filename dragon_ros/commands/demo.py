@@ -1,4 +1,4 @@
-"""``demo``: run the whole package once: nodes as processes, a bag, the bag's replay, a check and a picture."""
+"""``demo``: run everything once: nodes in separate processes, a bag, its replay, a check and a picture."""
 import re
 import signal
 import subprocess
@@ -40,7 +40,7 @@ def _end(*_: object) -> NoReturn:
 
 @contextmanager
 def _later() -> Iterator[None]:
-    """Defer signals until the end of this block, so that every process that is started is also registered."""
+    """Defer signals until the end of this block, so that every started process is also registered."""
     came: list[int] = []
     before = {number: signal.signal(number, lambda number, _: came.append(number)) for number in ending()}
     try:
@@ -149,12 +149,12 @@ def say(line: str) -> None:
 
 @contextmanager
 def _processes(log: Path) -> Iterator['_Processes']:
-    """Start executables in their own domain; at the end, interrupt those that are still running, and wait for them."""
+    """Start executables in a separate ROS domain; at the end, interrupt the remaining ones, and wait for them."""
     with log.open('w') as file:
         start = _Processes(file)
         try:
             yield start
-            # The recorder ends once the monitor, which is still running, has reported on everything.
+            # The recorder ends once the monitor, which is still running, has reported everything.
             for process in (*start.recorders, *start.monitors):
                 process.send_signal(signal.SIGINT)
                 _finished(process)
@@ -188,7 +188,7 @@ class _Processes:
         return process
 
     def wait_for_contact(self) -> None:
-        """Wait until the monitor, which may lag behind, has reported a contact, and the recorder has discovered it."""
+        """Wait until the monitor, which may lag behind, has reported a contact and the recorder has discovered it."""
         self._wait_for('contact of benches', 'the monitor reported no contact')
         self._wait_for('a monitor has been found', 'the recorder did not discover the monitor')
 
@@ -250,7 +250,7 @@ def _by_topic(bag: BagReader) -> dict[str, list[tuple[int, bytes]]]:
 
 
 def _event(bag: BagReader) -> Status:
-    """Return the only contact in a bag. Raises DragonError for any other number of contacts."""
+    """Return the only contact in a bag. Raises DragonError if there is none or more than one."""
     events = [status for message in bag.messages(['/dragon/collision']) for status in read_diagnostics(message.data)
               if status.values['phase'] == 'begin']
     if len(events) != 1:

@@ -71,7 +71,7 @@ def _turn_answer(arguments: Namespace) -> dict[str, Any]:
 
 
 def _contact_m(scene: 'Scene', diameter_m: float) -> float | None:
-    """Return the head's distance in m from the entry of the smallest turn at the first contact, or None.
+    """Return the head's distance (m) from the smallest turn's entry at the first contact, or None if there is none.
 
     The search covers the run from the head's entry until the whole dragon has left the turn.
     """
@@ -110,17 +110,17 @@ def _turn_text(values: dict[str, Any]) -> str:
     """Return the answer as text."""
     first, second = values['radii_m']
     least = values['least_radius_m']
-    lines = [f'the turn is {values["length_m"]:.12g} m long: arcs of {first:.9g} m and {second:.9g} m, each turning by '
-             f'{values["angle_rad"]:.9g} rad',
+    lines = [f'the turn is {values["length_m"]:.12g} m long: arcs with radii of {first:.9g} m and {second:.9g} m, '
+             f'each turning by {values["angle_rad"]:.9g} rad',
              'another ratio does not shorten the turn: in this circle, the sum of the radii and the angle of the arcs '
              'are fixed']
     lines.append(_ratio_line(values['least_radius_m'], values['largest_ratio']))
     if values['length_there_m']:
         lines.append(f'a smaller circle shortens the turn: in a circle of {values["smallest_diameter_m"]:.9g} m, with '
-                     f'both arcs of {least:.9g} m, the turn is {values["length_there_m"]:.12g} m long')
+                     f'two arcs of radius {least:.9g} m, the turn is {values["length_there_m"]:.12g} m long')
     if bent := values['with_line']:
-        lines.append(f'in this circle, arcs of {bent["radius_m"]:.9g} m with a line of {bent["line_m"]:.9g} m between '
-                     f'them are shorter: {bent["length_m"]:.12g} m')
+        lines.append(f'in this circle, arcs of radius {bent["radius_m"]:.9g} m with a line of {bent["line_m"]:.9g} m '
+                     f'between them are shorter: {bent["length_m"]:.12g} m')
     if 'contact_there_m' in values:
         at = values['contact_there_m']
         what = ('no benches touch until the whole dragon has left the turn' if at is None else
@@ -145,7 +145,7 @@ def _max_speed_options(parser: ArgumentParser) -> None:
 
 
 def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the leader's largest speed (profiles are scaled), and the handle and place that reach the limit."""
+    """Return the largest leader speed (profiles are scaled), and the handle that reaches the limit and its position."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.max_speed import max_speed
@@ -159,8 +159,8 @@ def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
 
 def _max_speed_text(values: dict[str, Any]) -> str:
     """Return the answer as text."""
-    return (f'at a leader speed of {values["speed_m_s"]:.12g} m/s (to {values["uncertainty_m_s"]:.1g} m/s; for a '
-            f'profile, the peak speed), no handle exceeds {values["limit_m_s"]:.9g} m/s\n'
+    return (f'at a leader speed of {values["speed_m_s"]:.12g} m/s (accurate to {values["uncertainty_m_s"]:.1g} m/s; '
+            f'for a profile, the peak speed), no handle exceeds {values["limit_m_s"]:.9g} m/s\n'
             f'handle {values["handle"]} is the fastest, at {values["ratio"]:.12g} times the speed of the leader, '
             f'when the leader is {values["along_m"]:.7g} m along the track (on a turn: from its entry)\n'
             f'{values["looks"]} positions were evaluated')
@@ -180,7 +180,7 @@ def _min_pitch_options(parser: ArgumentParser) -> None:
 
 
 def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the bracket of the smallest pitch, for the dragon and the track.start_turns of the scene."""
+    """Return the bracket of the smallest pitch, for the scene's dragon and its track.start_turns."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.min_pitch import min_pitch
@@ -199,11 +199,11 @@ def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
 def _min_pitch_text(values: dict[str, Any]) -> str:
     """Return the answer as text."""
     inner, outer = values['benches']
-    above = 'from there to' if values['proved'] else 'there and at'
+    above = 'from this pitch to' if values['proved'] else 'at this pitch and at'
     return '\n'.join([
-        f'the smallest pitch is {values["high_m"]:.12f} m: {above} {values["largest_m"]:g} m there is '
+        f'the smallest pitch is {values["high_m"]:.12f} m: {above} {values["largest_m"]:g} m, there is '
         'no contact on the way in' + ('' if values['proved'] else '; pitches in between are not evaluated'),
-        f'at {values["low_m"]:.12f} m benches {inner} and {outer} touch, with the head at radius '
+        f'at {values["low_m"]:.12f} m, benches {inner} and {outer} touch, with the head at radius '
         f'{values["radius_m"]:.6f} m',
         f'{values["states"]:,} {"windings" if values["proved"] else "states"} were evaluated'])
 
@@ -211,7 +211,8 @@ def _min_pitch_text(values: dict[str, Any]) -> str:
 def _fit_options(parser: ArgumentParser) -> None:
     """Add the scene options and --square."""
     command_line.add_scene_options(parser)
-    parser.add_argument('--square', type=float, metavar='METRES', help='side of the given square')
+    parser.add_argument('--square', type=float, metavar='METRES', help='side length of a square into which the '
+                        'run should fit')
 
 
 def _fit_answer(arguments: Namespace) -> dict[str, Any]:
@@ -231,7 +232,7 @@ def _fit_answer(arguments: Namespace) -> dict[str, Any]:
 
 
 def _venue_answer(scene: 'Scene', arguments: Namespace) -> dict[str, Any]:
-    """Return the smallest gap to each obstacle of a scene's venue, and whether all gaps are as large as required."""
+    """Return the smallest gap to each obstacle of a scene's venue, and whether all gaps are large enough."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.venue_fit import venue_fit
@@ -297,7 +298,7 @@ def _fit_text(values: dict[str, Any]) -> str:
 
 
 def _bounds(bounds_m: tuple[float, float]) -> str:
-    """Return as text an attained lower bound, and the amount by which the proved upper bound exceeds it."""
+    """Return an attained lower bound, and the amount by which the proved upper bound exceeds it, as text."""
     low, high = bounds_m
     return f'{low:.10f} m, and no more than {high - low:.1e} m larger'
 

@@ -28,7 +28,7 @@ from dragon_ros.core.numerics.types import Array
 from dragon_ros.core.scene import NS
 
 R = TypeVar('R')
-_TICKS = 64         # number of ticks per row group of Parquet
+_TICKS = 64         # number of ticks per Parquet row group
 
 
 def run(arguments: Namespace) -> int:
@@ -57,9 +57,9 @@ class _ExportedTicks:
         self._ticks = next(t.messages for t in bag.topics if t.name == f'{self._namespace}/handles')
 
     def picked(self, what: str, pick: 'Callable[[Iterator[BagFrame]], R]') -> 'Iterator[R]':
-        """Yield the result of ``pick`` for each part's ticks, with a progress bar; several processes call ``pick``.
+        """Yield the result of ``pick`` for the ticks of each part, and show a progress bar.
 
-        Raises InputError if the number of handles changes.
+        Several processes call ``pick``. Raises InputError if the number of handles changes.
         """
         body = _Picked(pick, self._bag.path, self.first.handles_m.shape)
         with Progress(what, 'ticks', self._ticks) as bar:
@@ -95,7 +95,7 @@ class _Picked(Generic[R]):
             for frame in some:
                 if frame.handles_m.shape != self.shape:
                     raise InputError(f'{self.path}: {len(frame.handles_m)} handles at {frame.t_ns / NS:.9f} s, '
-                                     f'but {self.shape[0]} before; export the parts one by one')
+                                     f'but {self.shape[0]} before; export each part separately')
                 yield frame
                 ticks += 1
         picked = self.pick(counted())
@@ -138,14 +138,14 @@ def _times_and_values(handles: list[int], some: Iterator[BagFrame]) -> list[tupl
 
 
 def _columns(some: list[tuple[int, Array]], handles: list[int]) -> list[Array]:
-    """Return the columns of ticks: t_ns, followed by COLUMNS."""
+    """Return the columns for these ticks: t_ns, followed by COLUMNS."""
     t_ns = np.repeat(np.array([t_ns for t_ns, _ in some], np.int64), len(handles))
     values = np.concatenate([values for _, values in some])
     return [t_ns, t_ns / NS, np.tile(np.array(handles, np.int32), len(some)), *values.T]
 
 
 def _npz(source: _ExportedTicks, file: IO[bytes]) -> None:
-    """Write each array in a separate pass over the ticks, so that no array is ever completely in memory."""
+    """Write each array in a separate pass over the ticks, so that no complete array is ever in memory."""
     first, handles = source.first, source.handles
     times = np.array(list(chain.from_iterable(source.picked('t_ns', _times))), np.int64)
     names = ['handles_m', *(['velocities_m_s'] if first.velocity_m_s is not None else []),
@@ -192,7 +192,7 @@ def _whole(archive: zipfile.ZipFile, name: str, values: Array) -> None:
 
 
 def _stacked(archive: zipfile.ZipFile, name: str, rows: int, values: Iterator[bytes], shape: tuple[int, ...]) -> None:
-    """Write an array (rows, *shape) of doubles part by part."""
+    """Write an array of doubles, of shape (rows, *shape), part by part."""
     with archive.open(f'{name}.npy', 'w', force_zip64=True) as entry:
         np.lib.format.write_array_header_1_0(       # type: ignore[no-untyped-call]
             entry, {'descr': '<f8', 'fortran_order': False, 'shape': (rows, *shape)})

@@ -66,7 +66,7 @@ def run(arguments: Namespace) -> int:
 
 @dataclass(frozen=True)
 class Gap:
-    """The smallest gap to a named part of the venue, and the two points (2, 2) in m between which it was found.
+    """The smallest gap to a named part of the venue; ``ends_m`` holds the two end points of the gap.
 
     The exact gap is smaller than ``gap_m`` by at most ``within_m``.
     """
@@ -87,7 +87,7 @@ class Plan:
     lang: str = 'en'
 
     def say(self, key: str, **parameters: object) -> str:
-        """Return a text in the language of the plan."""
+        """Return a message in the language of the plan."""
         return say(WORDS, key, self.lang, **parameters)
 
     def exact_gap(self, gap: Gap) -> str:
@@ -96,29 +96,29 @@ class Plan:
 
     @property
     def origin_deg(self) -> tuple[float, float] | None:
-        """The longitude and latitude of the plane's origin, if the venue has one."""
+        """The longitude and latitude of the plane's origin, or None if the venue does not state it."""
         return self.scene.venue.origin_deg if self.scene.venue else None
 
     @cached_property
     def swept(self) -> 'SweptArea':
-        """The swept area."""
+        """The area that the dragon sweeps during the run."""
         from dragon_ros.core.search.swept_area import swept_area
         return swept_area(self.scene)
 
     @cached_property
     def line(self) -> Floats:
-        """The track, from the rear to the front."""
+        """The points of the track, from the rear to the front."""
         return compile_scene(self.scene).track_line(1e-3)[::-1]
 
     @cached_property
     def marks_m(self) -> Floats:
-        """Distances in m along the track of those marks that front handles pass."""
+        """Distances (m) along the track of the marks that front handles pass."""
         at = self.swept.at_m
         return np.arange(ceil(at[0] / _MARK_M), at[-1] // _MARK_M + 1) * _MARK_M
 
     @cached_property
     def room_m(self) -> tuple[Floats, Floats]:
-        """Positions at every metre of the track, and the room in m required there to the left and right."""
+        """Positions at every metre of the track, and the room (m) required there to the left and right."""
         from dragon_ros.core.search.swept_area import room_every_metre
         return room_every_metre(self.scene, self.swept)
 
@@ -148,7 +148,7 @@ class Plan:
 
     @cached_property
     def passes_s(self) -> tuple[Floats, Floats]:
-        """The times in s at which head and tail pass the marks, to 1/400 of the run; nan if a mark is not passed."""
+        """Times (s) at which head and tail pass the marks, accurate to 1/400 of the run; nan if not passed."""
         from dragon_ros.core.batches import states
         simulation = compile_scene(self.scene)
         run = self.scene.run
@@ -173,7 +173,7 @@ class Plan:
 
 
 def _passed(at_m: Floats, times_s: Floats, marks_m: Floats) -> Floats:
-    """Return, for each mark, the first time in s at which a handle reaches the mark."""
+    """Return, for each mark, the first time (s) at which a handle reaches the mark."""
     out = np.full(marks_m.shape, np.nan)
     for n, mark in enumerate(marks_m.tolist()):
         side = at_m >= mark
@@ -187,7 +187,7 @@ def _passed(at_m: Floats, times_s: Floats, marks_m: Floats) -> Floats:
 
 
 def geojson(plan: Plan) -> str:
-    """Return swept area, track and gaps as GeoJSON, in degrees (RFC 7946) if the venue has an origin, else metres."""
+    """Return swept area, track and gaps as GeoJSON, in degrees (RFC 7946) or, if the venue has no origin, in metres."""
     from shapely import LineString, normalize, reverse
     from shapely.geometry import mapping
     swept, origin_deg = plan.swept, plan.origin_deg
@@ -206,7 +206,10 @@ def geojson(plan: Plan) -> str:
 
 
 def _sheet(arguments: Namespace, plan: Plan) -> tuple[str, int, Floats]:
-    """Return the paper size, the scale and the window (2, 2) in m to draw. Raises FieldError for an invalid scale."""
+    """Return the paper size, the scale and the window to draw (m, shape (2, 2)).
+
+    Raises FieldError for an invalid scale.
+    """
     x, y = plan.line.T
     left, bottom, right, top = plan.swept.whole.bounds
     low = np.array((min(left, x.min()), min(bottom, y.min()))) - _AROUND_M
@@ -270,7 +273,7 @@ def _page(plan: Plan, paper: str, number: tuple[int, int], title: str) -> 'Figur
 
 
 def _drawing(plan: Plan, paper: str, scale: int, window: Floats, number: tuple[int, int]) -> 'Figure':
-    """Return a page with the drawing in a window (2, 2)."""
+    """Return a page with the part of the drawing that is inside a window (m, shape (2, 2))."""
     width, height = PAPERS_MM[paper]
     figure = _page(plan, paper, number, plan.say('plan', title=plan.title, scale=scale))
     size = _drawn_mm(paper)
@@ -341,13 +344,13 @@ def _seen(at: Floats, window: Floats) -> bool:
 
 
 def _poses(plan: Plan, along_m: Floats) -> tuple[Floats, Floats]:
-    """Return the points and the headings (n, 2) at distances (n,) along the track."""
+    """Return the points and the headings, each an array (n, 2), at n distances along the track."""
     track = compile_scene(plan.scene).model.track
     return track.poses(*track.places_at(along_m, np.zeros_like(along_m)))
 
 
 def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> list[tuple[Floats, float]]:
-    """Draw a mark every ten metres, and label it with its distance on a side of the track without other labels.
+    """Draw a mark every ten metres, and label it with its distance, on a side of the track that has no other label.
 
     Return the positions of the labels and half their widths, in points.
     """
@@ -365,9 +368,9 @@ def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> list[tuple[Floats, 
 
 
 def mark_offsets(places: Floats, headings: Floats, labels: list[str]) -> list[tuple[float, float]]:
-    """Return the offsets in points of labels from marks at places (n, 2): left or, if that is taken, right.
+    """Return label offsets (in points) from marks at n places: to the left or, if that side is occupied, to the right.
 
-    If both sides are taken, a label is placed further out.
+    If both sides are occupied, a label is placed further out.
     """
     out, taken = list[tuple[float, float]](), [(x, y, 2.0) for x, y in places.tolist()]
     for n, (here, (x, y), label) in enumerate(zip(places.tolist(), headings.tolist(), labels, strict=True)):
@@ -404,7 +407,7 @@ def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Float
 
 
 def _free_offset(axes: 'Axes', at: Floats, label: str, taken: list[tuple[Floats, float]]) -> tuple[float, float]:
-    """Return the smallest offset in points at which a label overlaps no other label."""
+    """Return the smallest offset (in points) at which a label overlaps no other label."""
     scale = axes.figure.dpi / 72
     here = np.asarray(axes.transData.transform(at)) / scale
     half = 0.5 * _WIDE * _TEXT_PT * len(label)
@@ -448,7 +451,7 @@ def _draw_room(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Float
 
 
 def _bar(figure: 'Figure', paper: str, scale: int) -> None:
-    """Draw a scale bar of about five centimetres, below the drawing on the right."""
+    """Draw a scale bar about five centimetres long, below the drawing on the right."""
     width, height = PAPERS_MM[paper]
     length_m = max((m for m in (1, 2, 5, 10, 20, 50) if m * 1000 / scale <= 52), default=1)
     long = length_m * 1000 / scale

@@ -22,8 +22,8 @@ WORDS: Words = {
     'slower_than': ('no handle exceeds {speed:.3f} m/s, which is {ratio:.4f} times the speed of the leader',
                     '各把手的速度都不超过领头把手的 {ratio:.4f} 倍，即 {speed:.3f} m/s'),
     'proved': ('Proved: {fastest}.', '已证明：{fastest}。'),
-    'proved_gaps': ('Proved: {fastest}. Apart from rounding in the drawing, no smallest gap is more than '
-                    '{within:.1g} mm below the stated value.',
+    'proved_gaps': ('Proved: {fastest}. Apart from rounding in the drawing, each smallest gap is at most {within:.1g} '
+                    'mm below the stated value.',
                     '已证明：{fastest}；除舍入外，各最小间隙比其值至多小 {within:.1g} mm（图中数值已舍入）。'),
     'sampled': ('Not proved: the swept area and the room are computed every {step:.0f} cm, which misses '
                 'about a millimetre in bends.',

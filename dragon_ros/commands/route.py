@@ -95,7 +95,7 @@ def _unit(arguments: Namespace) -> float | None:
 
 
 def _recorded(path: Path, arguments: Namespace) -> DrawnLine:
-    """Return the last path that a bag contains on a topic."""
+    """Return the last path on a topic of a bag."""
     from dragon_ros.bags.read.reader import BagReader
     from dragon_ros.messages.decode import read_path
     with BagReader(path) as bag:
@@ -172,7 +172,7 @@ def _on(arguments: Namespace, track: 'Composite') -> 'Scene':
 
 
 def _start_m(arguments: Namespace, base: 'Scene', route: 'Route', track: 'Track') -> float:
-    """Return the distance in m along the track at which the head starts."""
+    """Return the distance (m) along the track at which the head starts."""
     drawn_m = track.end_m - route.lead_in_m
     if arguments.start is not None:
         return route.lead_in_m + number('--start', arguments.start, low=0.0, high=drawn_m)
@@ -236,5 +236,5 @@ def _start(laid: _Laid) -> str:
     except TrackEndError:
         whole_m = float('inf')
     if start_m + laid.route.lead_in_m >= whole_m - 1e-6:
-        return f'{text}; the whole dragon stands on the drawing'
-    return f'{text}; the rest of the dragon stands on a straight line before the drawing'
+        return f'{text}; the whole dragon is on the drawing'
+    return f'{text}; the rest of the dragon is on a straight line before the drawing'

@@ -23,7 +23,7 @@ from dragon_ros.messages.once import once
 from dragon_ros.scenes import provenance
 
 _FRAME_ID = 'dragon'
-_CHUNKS = 4     # largest number of chunks per job; sending a job to a process takes a tenth of a chunk's time
+_CHUNKS = 4     # largest number of chunks per job; sending a job to a process takes a tenth of the time for a chunk
 _JOBS = 8       # smallest number of jobs per process if there are enough chunks, so that all processes end together
 
 
@@ -33,7 +33,7 @@ def run(arguments: Namespace) -> int:
     if arguments.rate is not None:
         scene = replace(scene, run=replace(scene.run, rate_hz=arguments.rate))
     count, began = compile_scene(scene).last_tick + 1, time.perf_counter()
-    tick(scene, 0)      # rejects a scene that cannot be simulated, before a bag is replaced
+    tick(scene, 0)      # rejects a scene that cannot be simulated, before an existing bag is replaced
     writer = BagWriter(arguments.output, arguments.force, BagOptions(arguments.compression), pool.workers == 1)
     with prompt_switches(), stopped_by_signals() as stop, writer as bag:
         _introduce(scene, bag, arguments.namespace)
@@ -104,7 +104,7 @@ def _in_this_process(scene: Scene, bag: BagWriter, encoded: dict[str, Encode], p
 
 
 class _PackedTicks:
-    """Packs ticks of a scene as chunks; this is the work of each process of ``simulate``."""
+    """Packs the ticks of a scene into chunks; every process of ``simulate`` does this work."""
 
     def __init__(self, scene: Scene, numbers: list[int], compression: str) -> None:
         self._settings = scene, numbers, compression
@@ -116,7 +116,7 @@ class _PackedTicks:
         return _PackedTicks, self._settings
 
     def __call__(self, parts: list[tuple[int, int]]) -> list[PackedChunk]:
-        """Return the chunks of parts of the run; a part is a pair of its first tick and one more than its last tick."""
+        """Return the chunks for parts of the run; a part is given by its first tick and the first tick after it."""
         return [chunk for part in parts for chunk in self._packer.pack(
             (number, encode(frame), frame.t_ns, k) for k, frame in enumerate(ticks(self._scene, *part), part[0] + 1)
             for number, encode in self._encoders)]

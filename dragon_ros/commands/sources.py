@@ -35,7 +35,7 @@ if TYPE_CHECKING:       # imported lazily, because a picture of a scene needs at
     from dragon_ros.core.search.certificate import Contact, NoContact
 
 _AT_ONCE = 64               # number of states per batch
-_SAG_M = 1e-4               # largest deviation of the drawn track, which looks smooth even in a picture of one bench
+_SAG_M = 1e-4               # largest deviation (m) of the drawn track, small enough even for a picture of one bench
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
 Check = Callable[[], None]      # a function that raises an exception when its caller's work is no longer wanted
 _REMEMBERED = 8             # number of ticks before a contact that the tracker may use
@@ -46,7 +46,7 @@ _MARGIN = 0.03              # margin around the content, relative to the window
 
 @dataclass(frozen=True)
 class Moment:
-    """A dragon at one time: handles (N+1, 2) in m, benches, and speeds (N+1,) in m/s, which are None if unknown."""
+    """A dragon at one time: handles (m, shape (N+1, 2)), benches, and speeds (m/s, shape (N+1,)) or None if unknown."""
 
     t_s: float
     p: Floats
@@ -71,7 +71,7 @@ class Touch:
 
     @property
     def words(self) -> str:
-        """The parts that touch, as text."""
+        """A phrase that names the parts that touch."""
         if self.obstacle is not None:
             return f'bench {self.benches[0]} touches {self.obstacle}'
         return f'benches {self.benches[0]} and {self.benches[1]} touch'
@@ -86,18 +86,18 @@ class Source(Protocol):
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """The times of the first and the last tick, in s."""
+        """The times (s) of the first and the last tick."""
 
     @property
     def track(self) -> Floats | None:
-        """Points (P, 2) of the track in m, or None if the track is unknown."""
+        """Points of the track (m, shape (P, 2)), or None if the track is unknown."""
 
     @property
     def venue(self) -> Venue | None:
         """The venue, or None if it is unknown or absent."""
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
-        """Return the times in s of at most ``most`` evenly spaced ticks between two times, both included."""
+        """Return the times (s) of at most ``most`` evenly spaced ticks between two times, both included."""
 
     def moments(self, times_s: Floats) -> Iterator[Moment]:
         """Yield the dragon at increasing times; a source with only recorded ticks yields the nearest ticks."""
@@ -107,7 +107,7 @@ class Source(Protocol):
         """Whether gaps to obstacles count, too."""
 
     def gaps(self, times_s: Floats) -> Iterator[tuple[float, float]]:
-        """Yield the time in s and the smallest signed gap in m between benches, or between a bench and an obstacle.
+        """Yield the time (s) and the smallest signed gap (m) between benches, or between a bench and an obstacle.
 
         The times are those of ``moments``.
         """
@@ -118,7 +118,7 @@ class Source(Protocol):
 
 @dataclass(frozen=True)
 class SceneSource:
-    """A dragon computed from a scene on demand; if this takes long, the processes of a pool compute it."""
+    """A dragon computed from a scene on demand, by the processes of a pool if this takes long."""
 
     name: str
     scene: Scene
@@ -126,7 +126,7 @@ class SceneSource:
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """The times of the run's first and last tick, in s."""
+        """The times (s) of the run's first and last tick."""
         run = self.scene.run
         return run.start_ns / NS, run.time_ns(compile_scene(self.scene).last_tick) / NS
 
@@ -146,7 +146,7 @@ class SceneSource:
         return self.scene.venue is not None
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
-        """Return the times in s of at most ``most`` evenly spaced ticks of the run between two times."""
+        """Return the times (s) of at most ``most`` evenly spaced ticks of the run between two times."""
         run = self.scene.run
         first, last = (run.tick_at(round(t_s * NS)) for t_s in (start_s, stop_s))
         numbers = thinned(max(0, first + (run.time_ns(first) < round(start_s * NS))), last, most)
@@ -158,7 +158,7 @@ class SceneSource:
             yield from moments_of(self.scene, group)
 
     def gaps(self, times_s: Floats) -> Iterator[tuple[float, float]]:
-        """Yield each of these times in s, and the smallest signed gap in m at that time."""
+        """Yield each of these times (s), and the smallest signed gap (m) at that time."""
         yield from joined.from_iterable(self.pool.in_order(partial(_gaps_of, self.scene), _groups(times_s)))
 
     def searched(self, progress: Progress) -> 'Contact | NoContact':
@@ -233,11 +233,11 @@ def moment(source: Source, t_s: float) -> Moment:
     check_times(source, [t_s])
     for one in source.moments(np.array([t_s])):
         return one
-    raise InputError(f'{source.name}: has handles but no benches at {t_s:g} s')
+    raise InputError(f'{source.name}: it has handles but no benches at {t_s:g} s')
 
 
 def window(track: Floats | None, moments: Iterable[Moment]) -> Floats:
-    """Return the window of a picture of these moments: its lower left and upper right corners (2, 2) in m.
+    """Return the window of a picture of these moments: its lower left and upper right corners (m, shape (2, 2)).
 
     The window contains the dragon and its track or, if the track is much longer, the dragon and the track around it.
     """
@@ -252,10 +252,10 @@ def window(track: Floats | None, moments: Iterable[Moment]) -> Floats:
 
 
 def decimals_of(step_s: float) -> int:
-    """Return the number of correct decimals of a point in m that is interpolated between ticks ``step_s`` apart.
+    """Return the number of correct decimals of a point (m) that is interpolated between ticks ``step_s`` apart.
 
-    The error of a cubic through ticks is about the fourth power of the step in units of the bend radius. The third
-    power is used, because only a few ticks are available near the start of a run.
+    The error of cubic interpolation is about the fourth power of the step, in units of the bend radius. The third power
+    is used, because only a few ticks are available near the start of a run.
     """
     return 6 if step_s <= 0 else min(6, max(0, floor(-3 * log10(step_s))))
 
@@ -270,13 +270,16 @@ def check_times(source: Source, times_s: Iterable[float]) -> None:
 
 
 def clearances(source: Source, times_s: Floats, progress: Progress) -> tuple[Floats, Floats]:
-    """Return times (T,) in s and smallest signed gaps (T,) in m; a gap is nan if nothing is close."""
+    """Return times (s) and smallest signed gaps (m), both of shape (T,); a gap is nan if nothing is close."""
     rows = np.array(list(progress(source.gaps(times_s)))).reshape(-1, 2)
     return rows[:, 0], np.where(np.isfinite(rows[:, 1]), rows[:, 1], np.nan)
 
 
 def thinned(first: int, last: int, most: int) -> Ints:
-    """Return the integers from ``first`` to ``last``, or ``most`` evenly spaced integers that include both ends."""
+    """Return the integers from ``first`` to ``last``; if there are more than ``most``, return ``most`` of them.
+
+    The returned integers are evenly spaced and include both ends.
+    """
     count = last - first + 1
     return np.linspace(first, last, min(count, most)).round().astype(int) if count > most else np.arange(
         first, last + 1)
@@ -336,12 +339,12 @@ class BagSource:
 
     @cached_property
     def _ticks(self) -> list[tuple[int, int]]:
-        """The stamp and the log time of each tick in ns, in the order of stamps."""
+        """The stamp and the log time (ns) of each tick, sorted by stamp."""
         from dragon_ros.bags.read.parts import stamps_of
         handles = f'{self.namespace}/handles'
         count = next(topic.messages for topic in self.bag.topics if topic.name == handles)
         if count > PICTURE_TICKS:
-            raise InputError(f'{self.bag.path}: has {count} ticks; pictures can show at most {PICTURE_TICKS}')
+            raise InputError(f'{self.bag.path}: it has {count} ticks; pictures can show at most {PICTURE_TICKS}')
         rows = dict(islice(stamps_of(self.bag, handles, self.pool.in_order), PICTURE_TICKS))
         return sorted(rows.items())
 
@@ -351,11 +354,11 @@ class BagSource:
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """The times of the bag's first and last tick, in s."""
+        """The times (s) of the bag's first and last tick."""
         return float(self._times_s[0]), float(self._times_s[-1])
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
-        """Return the times in s of at most ``most`` evenly spaced ticks between two times."""
+        """Return the times (s) of at most ``most`` evenly spaced ticks between two times."""
         first = int(np.searchsorted(self._times_s, start_s - _HAIR_S))
         last = int(np.searchsorted(self._times_s, stop_s + _HAIR_S, 'right')) - 1
         out: Floats = self._times_s[thinned(first, last, most)]
@@ -435,7 +438,7 @@ class BagSource:
             yield None
 
     def gaps(self, times_s: Floats) -> Iterator[tuple[float, float]]:
-        """Yield the time in s and the smallest signed gap in m of the ticks that ``moments`` yields."""
+        """Yield the time (s) and the smallest signed gap (m) of the ticks that ``moments`` yields."""
         from dragon_ros.bags.read.parts import in_parts
         rows = self._nearest(times_s)
         wanted = frozenset(self._ticks[row][0] for row in rows.tolist())
@@ -466,7 +469,7 @@ def _observed(frame: 'BagFrame') -> 'Observation':
 
 
 def _gaps_in(wanted: frozenset[int], frames: 'Iterator[BagFrame]') -> list[tuple[float, float]]:
-    """Return the stamps in s and the gaps in m of the ticks whose stamps in ns are in ``wanted``."""
+    """Return the stamps (s) and the gaps (m) of the ticks whose stamps (ns) are in ``wanted``."""
     gap = SmallestGap()
     return [(frame.t_ns / NS, gap.at_m(frame.handles_m, frame.benches)) for frame in frames
             if frame.benches is not None and frame.t_ns in wanted]
@@ -518,7 +521,7 @@ def dragon_in(bag: 'BagReader', namespace: str | None = None, pool: Pool = ALONE
 
 @contextmanager
 def opened(arguments: Namespace, pool: Pool = ALONE) -> Iterator[Source]:
-    """Open the source that ``command_line.add_source_options`` selects, for the duration of a ``with`` block."""
+    """Open the source that the options of ``command_line.add_source_options`` select, for the duration of a block."""
     if arguments.bag is None:
         if arguments.namespace is not None:
             raise InputError('--namespace: requires --bag; omit --namespace for a scene')

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 def main(argv: list[str]) -> int:
     """Compute or draw a study; return the exit code.
 
-    The exit code is 1 if a signal ended the study; the same command then continues the study.
+    The exit code is 1 if a signal ended the study; running the same command again continues the study.
     """
     options = command_line.parser(
-        'study', 'Vary a scene as described in a study file, answer its questions for each variant, and store one row '
-        'per variant as Parquet\n(docs/studies.md). Existing rows are not computed again.',
+        'study', 'Vary a scene as described in a study file, answer the questions in the file for each variant, and '
+                 'store one row per variant as Parquet\n(docs/studies.md). Existing rows are not computed again.',
         'study pitch_map --output pitch_map --plot')
     options.add_argument('study', metavar='NAME|FILE|FOLDER',
                          help='name or file of a study, or the folder of a study to continue or draw')
@@ -57,7 +57,7 @@ def _run(arguments: Namespace) -> int:
     if not (is_folder and arguments.plot):
         code = _computed(arguments, data, cluster.complete)
     elif arguments.workers is not None or arguments.scheduler is not None:
-        raise InputError('--plot: a folder is drawn without computation; omit --workers and --scheduler', field='plot')
+        raise InputError('--plot: with a FOLDER, no rows are computed; omit --workers and --scheduler', field='plot')
     found = answers.summary(data)
     print(json.dumps(found) if arguments.format == 'json' else answers.text(found))
     if arguments.plot:

@@ -80,7 +80,10 @@ def _write_contest(folder: Path, scene: Scene, lang: str) -> int:
 
 def table(scene: Scene, times_s: list[float], handles: list[int],
           progress: Callable[[int], object] = lambda times: None) -> list[Row]:
-    """Return a row of COLUMNS for each time and handle; ``progress(times)`` receives counts of completed times."""
+    """Return a row of COLUMNS for each time and handle.
+
+    ``progress`` is called with the number of newly completed times.
+    """
     rows: list[Row] = []
     for some in batches(scene, times_s):
         p, velocity = some.handles_m[:, handles], some.velocity_m_s[:, handles]
@@ -133,7 +136,7 @@ _FORMATS: dict[str, Callable[[list[Row]], str | bytes]] = {'text': _text, 'csv':
 
 
 def values_of(frame: 'BagFrame', handles: list[int]) -> Floats:
-    """Return an array (handles, 5): x and y in m, vx, vy and speed in m/s; missing velocities are nan."""
+    """Return an array (handles, 5) of x and y (m) and vx, vy and speed (m/s); missing velocities are nan."""
     out = np.full((len(handles), 5), np.nan)
     out[:, :2] = frame.handles_m[handles]
     if frame.velocity_m_s is not None:
@@ -143,7 +146,7 @@ def values_of(frame: 'BagFrame', handles: list[int]) -> Floats:
 
 
 def at_times(bag: 'BagReader', namespace: str, times_s: Iterable[float]) -> Iterator['BagFrame']:
-    """Yield, for each time that is not after the last tick, the first tick in the bag at or after this time."""
+    """For each time up to the last tick, yield the first tick in the bag at or after that time."""
     from dragon_ros.bags.read.frames import frames
     for t_s in times_s:
         frame = next(frames(bag, namespace, max(0, round(t_s * NS))), None)

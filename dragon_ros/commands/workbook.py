@@ -1,4 +1,4 @@
-"""Tables as XLSX workbooks, by openpyxl."""
+"""Convert tables to XLSX workbooks with openpyxl."""
 from collections.abc import Iterable, Sized
 from io import BytesIO
 from typing import Any, Protocol
@@ -15,7 +15,7 @@ class _NumberedRows(Sized, Iterable[Iterable[Any]], Protocol):
 def xlsx_of(head: Iterable[str], rows: _NumberedRows) -> bytes:
     """Return rows under their column names as a workbook with one sheet.
 
-    Raises MissingError without openpyxl, and InputError if there are more rows than fit on a sheet.
+    Raises MissingError if openpyxl is not installed, and InputError if there are more rows than fit on a sheet.
     """
     try:
         from openpyxl import Workbook

@@ -341,7 +341,7 @@ def _override(document: Document, text: str) -> None:
     key, equals, value = text.partition('=')
     place = f'--set {text if len(text) <= _MOST_SHOWN else text[:_MOST_SHOWN] + "..."}'
     if not equals or not key:
-        raise InputError(f'{place}: is not key=value; write for example --set track.pitch_m=0.5', field='set')
+        raise InputError(f'{place}: it is not key=value; write for example --set track.pitch_m=0.5', field='set')
     parsed = parse_document(place, f'value: {value}').values.get('value')
     *sections, last = key.split('.')
     target: Any = document.values

@@ -156,7 +156,7 @@ def _read(part: RowFile, schema: pa.Schema) -> pa.Table:
     try:
         table = pq.read_table(part.path, columns=schema.names)
         if len(table) != part.stop - part.start:
-            raise InputError(f'{part.path}: has {len(table)} rows instead of {part.stop - part.start}; remove it '
+            raise InputError(f'{part.path}: it has {len(table)} rows instead of {part.stop - part.start}; remove it '
                              'and start the study again')
         return table.cast(schema)
     except (OSError, pa.ArrowException, ValueError) as error:
@@ -209,14 +209,14 @@ def _check_same(folder: Path, study: Study) -> None:
     before = study_of(document, None)
     if before.identity != study.identity:
         key = next(key for key, value in study.identity.items() if before.identity[key] != value)
-        raise InputError(f'{folder}: contains rows of another study, which differs in {key}; give another --output, or '
-                         'remove the folder', field=key)
+        raise InputError(f'{folder}: it contains rows of another study, which differs in {key}; give another --output, '
+                         'or remove the folder', field=key)
     if before.rows > study.rows:
-        raise InputError(f'{folder}: has a study of {before.samples} samples, but this one has {study.samples}; give '
-                         'at least as many', field='samples')
+        raise InputError(f'{folder}: it has a study of {before.samples} samples, but this one has {study.samples}; '
+                         'give at least as many', field='samples')
     made_by = document.section('about').get('dragon_ros')
     if made_by != versions()['dragon_ros']:
-        raise InputError(f'{folder}: contains rows of dragon_ros {made_by}, but this is {versions()["dragon_ros"]}; '
+        raise InputError(f'{folder}: it contains rows of dragon_ros {made_by}, but this is {versions()["dragon_ros"]}; '
                          'give another --output')
 
 

@@ -62,7 +62,7 @@ def test_gaps_are_those_of_the_search_with_their_ends_and_the_plan_says_so(scene
         assert (gap.name, gap.gap_m, gap.gap_m - gap.within_m) == (one.name, one.high_m, pytest.approx(one.low_m))
         assert np.hypot(*np.diff(gap.ends_m, axis=0)[0]) == pytest.approx(one.high_m, abs=1e-9)
     proved, rest = _said(plan).split('Not proved')
-    assert 'no smallest gap is more than 0.001 mm below' in proved
+    assert 'each smallest gap is at most 0.001 mm below' in proved
     assert 'gap' not in rest
 
 

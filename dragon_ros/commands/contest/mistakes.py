@@ -27,11 +27,11 @@ PITCH_M, START, SPEED_M_S, HANDLES = 0.55, 32 * pi, 1.0, 224
 HEAD_LINK_M, BODY_LINK_M = 2.86, 1.65
 FOLLOWING = 25          # number of handles of the benches that the head can touch
 RADIUS_M = 4.5                                      # radius of the turning circle
-_LATEST_S = 420.0       # last time for which Euler steps are computed, in s
+_LATEST_S = 420.0       # last time (s) for which Euler steps are computed
 _MOST_NEWTON, _SETTLED = 60, 4e-15
 Head = Callable[[Floats], Floats]                   # seconds (T,) -> polar angles (T,)
 Rule = Callable[[Floats, float], Floats]            # polar angles (T,) and a link in metres -> the next handle's angles
-Gap = Callable[[Floats, float], float]              # handles (N+1, 2) and a width, in m -> gap in m
+Gap = Callable[[Floats, float], float]              # handles (N+1, 2) and a width (both in m) -> gap (m)
 
 
 class MistakenAnswer(NamedTuple):
@@ -84,7 +84,7 @@ def bracket_slip() -> Head:
 
 
 def euler(step_s: float, radial: bool = True) -> Head:
-    """Return the head's motion by explicit Euler steps, with or without the radial part of its speed."""
+    """Return the head's motion computed by explicit Euler steps, with or without the radial part of its speed."""
     def head(times_s: Floats) -> Floats:
         angles = _steps(step_s, radial)
         theta: Floats = np.interp(times_s / step_s, np.arange(angles.size), angles)
@@ -141,12 +141,12 @@ def grid(step_rad: float, within_m: float) -> Rule:
 
 def links_of(head_m: float = HEAD_LINK_M, body_m: float = BODY_LINK_M, last_m: float | None = None,
              handles: int = HANDLES) -> list[float]:
-    """Return the link lengths of a dragon in m; the last link is a link of the body unless ``last_m`` is given."""
+    """Return the link lengths (m) of a dragon; the last link is a body link unless ``last_m`` is given."""
     return [head_m, *[body_m] * (handles - 3), body_m if last_m is None else last_m][:handles - 1]
 
 
 def points(theta: Floats, pitch_m: float = PITCH_M) -> Floats:
-    """Return the points (..., 2) in m at polar angles (...)."""
+    """Return the points (m, shape (..., 2)) at polar angles (...)."""
     p: Floats = pitch_m / 2 / pi * theta[..., None] * np.stack((np.cos(theta), np.sin(theta)), axis=-1)
     return p
 
@@ -160,7 +160,7 @@ def placed_angles(first: Floats, rule: Rule, links_m: list[float]) -> Floats:
 
 
 def placed(head: Head, rule: Rule, times_s: Floats, handles: int = HANDLES) -> Floats:
-    """Return handles (T, handles, 2)."""
+    """Return the handles (m, shape (T, handles, 2)) placed by a rule behind the head."""
     return points(placed_angles(head(times_s), rule, links_of(handles=handles)))
 
 
@@ -177,17 +177,17 @@ def turning() -> Scene:
 
 
 def true_handles_m(times_s: Floats) -> Floats:
-    """Return the true positions of all handles in question 1, (T, 224, 2)."""
+    """Return the true positions (m, shape (T, 224, 2)) of all handles in question 1."""
     return states(winding(), times_s.tolist()).p
 
 
 def worst_m(p: Floats) -> float:
-    """Return the largest position error in m of the handles (224, 2) at 300 s."""
+    """Return the largest position error (m) of the handles (224, 2) at 300 s."""
     return float(np.max(np.hypot(*(p - true_handles_m(np.array([300.0]))[0]).T)))
 
 
 def head_mistakes() -> dict[tuple[str, tuple[tuple[str, float], ...]], Head]:
-    """Return the wrong motions of the head in the contest page's table, by key and parameters."""
+    """Return the wrong head motions listed in the contest page's table, by key and parameters."""
     return {('radial_arc', ()): solved(without_radial), ('bracket_slip', ()): bracket_slip(),
             ('euler', (('step', 1.0),)): euler(1.0), ('euler', (('step', 0.01),)): euler(0.01),
             ('euler_radial', (('step', 0.01),)): euler(0.01, radial=False)}
@@ -206,7 +206,7 @@ def errors_at_300_s() -> Iterator[MistakenAnswer]:
 
 # Question 1: speeds.
 def differences(scene: Scene, times_s: Floats, step_s: float, kind: str) -> Floats:
-    """Return speeds (T, N+1) in m/s from differences of positions of kind 'forward', 'backward' or 'central'."""
+    """Return speeds (m/s, shape (T, N+1)) from 'forward', 'backward' or 'central' differences of positions."""
     before, after = {'forward': (0.0, 1.0), 'backward': (1.0, 0.0), 'central': (1.0, 1.0)}[kind]
     ahead = states(scene, (times_s + after * step_s).tolist()).p
     behind = states(scene, (times_s - before * step_s).tolist()).p
@@ -227,9 +227,9 @@ def projected(theta: Floats, leader_m_s: float = SPEED_M_S, swapped: bool = Fals
     return leader_m_s * np.concatenate((ones, np.cumprod(ratio, axis=-1)), axis=-1)
 
 
-# Question 2: the time when benches touch.
+# Question 2: the time at which benches touch.
 def rectangles(p: Floats, width_m: float) -> Benches:
-    """Return the benches on handles (N+1, 2)."""
+    """Return the benches that connect handles (N+1, 2)."""
     along_m = p[:-1] - p[1:]
     length_m = np.hypot(*along_m.T)
     return Benches(0.5 * (p[:-1] + p[1:]), along_m / length_m[:, None], 0.5 * length_m + 0.275,
@@ -237,14 +237,14 @@ def rectangles(p: Floats, width_m: float) -> Benches:
 
 
 def head_gap(p: Floats, width_m: float = 0.3) -> float:
-    """Return the smallest gap in m between the head and the benches behind it, except its neighbour."""
+    """Return the smallest gap (m) between the head and the benches behind it, except its neighbour."""
     benches = rectangles(p, width_m)
     others = np.arange(2, len(benches.centre))
     return float(np.min(gaps(benches, np.zeros_like(others), others)))
 
 
 def front_gap(p: Floats, width_m: float = 0.3) -> float:
-    """Return the smallest gap in m from the head's front corners to other benches; it is negative inside a bench."""
+    """Return the smallest gap (m) from the head's front corners to other benches; it is negative inside a bench."""
     benches = rectangles(p, width_m)
     seen, axis = benches.corners[0, (0, 3)][:, None] - benches.centre[2:], benches.axis[2:]
     ahead = np.abs(np.sum(seen * axis, axis=-1)) - benches.half_length[2:]
@@ -253,7 +253,7 @@ def front_gap(p: Floats, width_m: float = 0.3) -> float:
 
 
 def first_touch_s(gap: Callable[[float], float], from_s: float = 405.0, to_s: float = 413.5) -> float:
-    """Return the first time in s at which a gap is not positive, found by steps of 0.05 s and bisection."""
+    """Return the first time (s) at which a gap is not positive, found by steps of 0.05 s and bisection."""
     high = next((t_s for t_s in np.arange(from_s, to_s, 0.05).tolist() if gap(t_s) <= 0), inf)
     low = high - 0.05
     while low < (middle := 0.5 * (low + high)) < high:
@@ -262,7 +262,7 @@ def first_touch_s(gap: Callable[[float], float], from_s: float = 405.0, to_s: fl
 
 
 def touch_s(head: Head, rule: Rule, links_m: list[float] | None = None) -> float:
-    """Return the time in s of the head's first contact according to a recipe, or inf without a contact."""
+    """Return the time (s) of the head's first contact according to a recipe, or inf if there is none."""
     links = links_of(handles=FOLLOWING) if links_m is None else links_m
     times: Floats = np.linspace(405.0, 413.45, 170)
     every = points(placed_angles(head(times), rule, links))
@@ -287,7 +287,7 @@ def stepped_touch_s(gap: Callable[[float], float], step_s: float) -> float:
 
 
 def contact_times_s() -> Iterator[MistakenAnswer]:
-    """Yield the mistakes, each with its time of the first contact."""
+    """Yield the mistakes, each with the resulting time of the first contact."""
     exact, right = solved(arc_length), gap_of({})
     yield MistakenAnswer('none', {}, touch_s(exact, chord()))
     for step_s in (1.0, 0.1, 0.01):
@@ -302,19 +302,19 @@ def contact_times_s() -> Iterator[MistakenAnswer]:
 
 
 def _less(gap: Callable[[float], float], near_m: float) -> Callable[[float], float]:
-    """Return a gap function whose values are smaller by a distance."""
+    """Return a gap function whose values are smaller by a given distance."""
     return lambda t_s: gap(t_s) - near_m
 
 
 # Question 3: the smallest pitch.
 def gap_at(pitch_m: float, radius_m: float, gap: Gap = head_gap) -> float:
-    """Return the gap in m when the head is at a radius of a spiral with the given pitch."""
+    """Return the gap (m) when the head is at a given radius on a spiral with the given pitch."""
     scene = Scene(dragon=Dragon(27), track=Spiral(pitch_m, radius_m / pitch_m), solver='march')
     return gap(state(scene, 0.0).p, 0.3)
 
 
 def radii_m(pitch_m: float, step_s: float) -> Floats:
-    """Return the head's radius at each time step in the last 6 s before the circle."""
+    """Return the head's radius at each time step in the last 6 s before it reaches the circle."""
     b = pitch_m / 2 / pi
     theta = np.linspace(RADIUS_M / b, RADIUS_M / b + 2, 20_000)
     gone = b * (arc_length(np.array(START)) - arc_length(theta))
@@ -329,7 +329,7 @@ def sampled_pitch_m(step_s: float) -> float:
 
 
 def least_pitch_m(gap: Callable[[float], float], low_m: float, high_m: float) -> float:
-    """Return the pitch in m at which a gap changes sign."""
+    """Return the pitch (m) at which a gap changes sign."""
     while high_m - low_m > 2e-7:
         middle = 0.5 * (low_m + high_m)
         low_m, high_m = (middle, high_m) if gap(middle) <= 0 else (low_m, middle)
@@ -337,7 +337,7 @@ def least_pitch_m(gap: Callable[[float], float], low_m: float, high_m: float) ->
 
 
 def pitches_m() -> Iterator[MistakenAnswer]:
-    """Yield the mistakes, each with its smallest pitch."""
+    """Yield the mistakes, each with the resulting smallest pitch."""
     yield MistakenAnswer('on_circle', {}, least_pitch_m(lambda p: gap_at(p, RADIUS_M), 0.40, 0.44))
     way_m = np.linspace(4.621, 4.627, 20).tolist()  # the time of the smallest gap, within half a turn before the circle
     front_m = least_pitch_m(lambda p: min(gap_at(p, r, front_gap) for r in way_m), 0.4495, 0.4503)
@@ -348,12 +348,12 @@ def pitches_m() -> Iterator[MistakenAnswer]:
 
 # Questions 4 and 5: the turn, and the speeds on it.
 def turn_length_m(gamma: float) -> float:
-    """Return the length in m of two tangent arcs in the circle that meet the spirals at an angle to the radius."""
+    """Return the length (m) of two tangent arcs in the circle that meet the spirals at a given angle to the radius."""
     return 2 * RADIUS_M * gamma / sin(gamma)
 
 
 def turn_lengths_m() -> Iterator[MistakenAnswer]:
-    """Yield the mistakes, each with its length of the turn."""
+    """Yield the mistakes, each with the resulting length of the turn."""
     theta = RADIUS_M * 2 * pi / 1.7
     slip = atan(atan(theta) + theta + pi)
     yield MistakenAnswer('half_turns', {}, pi * RADIUS_M)
@@ -362,7 +362,7 @@ def turn_lengths_m() -> Iterator[MistakenAnswer]:
 
 
 def euler_on_turn_m(times_s: Floats, step_s: float) -> Floats:
-    """Return the head's distance in m from the entry, found by Euler steps from the circle outwards on both spirals."""
+    """Return the head's distance (m) from the entry, found by Euler steps from the circle outwards on both spirals."""
     track = turning().track
     assert isinstance(track, STurn)
     b_m = track.pitch_m / 2 / pi
@@ -378,14 +378,17 @@ def euler_on_turn_m(times_s: Floats, step_s: float) -> Floats:
 
 
 def along_turn(head_m: Floats, links_m: list[float], turn: STurn) -> Floats:
-    """Return handles (T, handles, 2) spaced by link lengths along the curve; ``head_m`` (T,) counts from the entry."""
+    """Return handles (T, handles, 2) spaced by link lengths along the curve.
+
+    ``head_m`` (T,) is the head's distance from the entry.
+    """
     track = track_of(turn)
     metres = head_m[:, None] - np.concatenate(([0.0], np.cumsum(links_m)))
     return turn_points(metres, track)
 
 
 class TurnAngle:
-    """The angle along the turn, counted from the entry: the polar angle on the spirals, and the arc's angle on arcs."""
+    """The angle along the turn, measured from the entry: the polar angle on spirals, and the arc's angle on arcs."""
 
     def __init__(self, turn: STurn) -> None:
         """Compute the angles at which the pieces of a turn meet."""
@@ -397,7 +400,7 @@ class TurnAngle:
         self.joints = np.concatenate(([0.0], np.cumsum(np.diff(self._joints_m) / self._radii_m)))
 
     def of(self, metres: Floats) -> Floats:
-        """Return the angles in rad at distances (T,) in m from the entry."""
+        """Return the angles (rad) at distances (m, shape (T,)) from the entry."""
         before, after = np.maximum(-metres, 0.0), np.maximum(metres - self._joints_m[-1], 0.0)
         start = arc_length(np.array(self._entry))
         angle: Floats = (np.interp(metres, self._joints_m, self.joints)
@@ -411,7 +414,7 @@ class TurnAngle:
         return theta
 
     def metres(self, angle: Floats) -> Floats:
-        """Return the distances in m from the entry at angles (T,) in rad."""
+        """Return the distances (m) from the entry at angles (rad, shape (T,))."""
         before, after = np.maximum(-angle, 0.0), np.maximum(angle - self.joints[-1], 0.0)
         metres: Floats = (np.interp(angle, self.joints, self._joints_m)
                           + self._b_m * (arc_length(self._entry + after) - arc_length(self._entry + before)))
@@ -419,7 +422,7 @@ class TurnAngle:
 
 
 def turn_points(metres: Floats, track: Track) -> Floats:
-    """Return the points (..., 2) in m of a turn at distances (...) in m from its entry."""
+    """Return the points (m, shape (..., 2)) on a turn at distances (m, shape (...)) from its entry."""
     return track.points(*track.places_at(metres, np.zeros_like(metres)))
 
 
@@ -427,7 +430,7 @@ def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float,
                  of_angle: bool) -> Floats:
     """Return handles (T, handles, 2) on the turn, each found by steps until its chord is within a tolerance.
 
-    The steps are metres along the curve, or radians of a piece's angle; such steps restart at the ends of a piece.
+    The steps are metres along the curve, or radians of a piece's angle; angular steps restart at the ends of a piece.
     """
     track, angle = track_of(turn), TurnAngle(turn)
     metres = [head_m]
@@ -448,7 +451,7 @@ def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float,
 
 
 def _chord_behind(metres: Floats, chord_m: float, track: Track) -> Floats:
-    """Return the distances (T,) in m along the turn of the points that are one chord behind, by Newton's method."""
+    """Return the distances (m, shape (T,)) along the turn of the points one chord behind, found by Newton's method."""
     here, behind = turn_points(metres, track), metres - chord_m
     for _ in range(_MOST_NEWTON):
         place = track.places_at(behind, np.zeros_like(behind))
@@ -462,13 +465,13 @@ def _chord_behind(metres: Floats, chord_m: float, track: Track) -> Floats:
 
 
 def sampled_speed_m_s(step_s: float) -> float:
-    """Return the largest head speed in m/s at which no sampled speed on the turn exceeds 2 m/s."""
+    """Return the largest head speed (m/s) at which no sampled speed on the turn exceeds 2 m/s."""
     times = np.arange(0, 200 + step_s / 2, step_s).tolist()
     velocity = velocity_of(turning(), states(turning(), times), times)
     return 2 / float(np.max(np.hypot(velocity[..., 0], velocity[..., 1])))
 
 
 def head_speeds_m_s() -> Iterator[MistakenAnswer]:
-    """Yield the mistakes, each with its largest speed of the head."""
+    """Yield the mistakes, each with the resulting largest head speed."""
     for step_s in (1.0, 0.5, 0.1):
         yield MistakenAnswer('speed_looked', {'step': step_s}, sampled_speed_m_s(step_s))

@@ -1,4 +1,4 @@
-"""The paper's three tables: the printed values, the values that its recipe gives, the true values, and the errors."""
+"""The paper's three tables: the printed values, the values from the paper's recipe, the true values, and the errors."""
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -73,7 +73,7 @@ def csv_text(rows: list[PrintedNumber]) -> str:
 
 
 def json_text(rows: list[PrintedNumber]) -> str:
-    """Return JSON: a list with one object for each printed number."""
+    """Return a JSON list with one object for each printed number."""
     return json.dumps([_values(cell) for cell in rows])
 
 
@@ -95,7 +95,7 @@ def _lines(label: str, row: list[PrintedNumber], lang: str) -> list[str]:
 
 
 def _padded(text_: str, width: int) -> str:
-    """Pad a text to a number of terminal columns; a Chinese character takes two columns."""
+    """Pad a string to a number of terminal columns; a Chinese character takes two columns."""
     wide = sum(east_asian_width(letter) in 'WF' for letter in text_)
     return text_ + ' ' * (width - len(text_) - wide)
 

@@ -85,7 +85,7 @@ def _speed_row(name: str) -> str:
 
 
 def _state(scene: Scene, times_s: list[float]) -> tuple[Floats, Floats]:
-    """Return handles (M, N+1, 2) in m and speeds (M, N+1) in m/s."""
+    """Return handles (m, shape (M, N+1, 2)) and speeds (m/s, shape (M, N+1))."""
     chain = states(scene, times_s)
     velocity = velocity_of(scene, chain, times_s)
     return chain.p, np.hypot(velocity[..., 0], velocity[..., 1])

@@ -22,18 +22,18 @@ def main(argv: list[str]) -> int:
                                   'answers to questions 2 to 5; report errors, and the mistakes that explain them.',
                                   'grade result1.xlsx result2.xlsx --t 412.473838')
     options.add_argument('paths', nargs='*', type=Path, metavar='FILE|FOLDER',
-                         help='workbooks of one team, or a folder with a folder for each team')
-    options.add_argument('--t', type=float, metavar='S', help='answer to question 2: the first contact')
+                         help='workbooks of one team, or a folder with one subfolder per team')
+    options.add_argument('--t', type=float, metavar='S', help='answer to question 2: the time of the first contact')
     options.add_argument('--pitch', type=float, metavar='M', help='answer to question 3: the smallest pitch')
     options.add_argument('--turn', type=float, metavar='M', help='answer to question 4: the length of the turn')
     options.add_argument('--speed', type=float, metavar='M/S', help='answer to question 5: the largest head speed')
-    options.add_argument('--answers', type=Path, metavar='FILE', help='a YAML file with t_s, pitch_m, turn_m, '
-                         'speed_m_s, or with these keys under the name of each team')
+    options.add_argument('--answers', type=Path, metavar='FILE', help='YAML file with the keys t_s, pitch_m, '
+                         "turn_m and speed_m_s, or with these keys under each team's name")
     add_lang_option(options, 'text and report')
-    options.add_argument('--output', type=Path, metavar='FILE', help='file to write: report.html is a page with '
-                         'pictures, and .json and .csv are tables')
+    options.add_argument('--output', type=Path, metavar='FILE', help='file to write: .html is a page with pictures; '
+                         '.json and .csv are tables')
     options.add_argument('--format', choices=('text', 'csv', 'json', 'html'), default=None,
-                         help='output format (text, or by the suffix of --output)')
+                         help='output format (by the suffix of --output; otherwise text)')
     arguments = options.parse_args(argv)
     return command_line.guarded('grade', partial(_run, arguments))
 
@@ -65,7 +65,7 @@ def _format_of(arguments: Namespace) -> str:
     if arguments.output is not None and of_output is None and arguments.output.suffix:
         raise InputError(f'--output {arguments.output}: the suffix must be .html, .json, .csv or .txt; rename it')
     if arguments.format and of_output and arguments.format != of_output:
-        raise InputError(f'--format {arguments.format}: contradicts --output {arguments.output}; omit one of them')
+        raise InputError(f'--format {arguments.format}: it contradicts --output {arguments.output}; omit one of them')
     form = str(arguments.format or of_output or 'text')
     if form == 'html' and arguments.output is None:
         raise InputError('--format html: this format can only be written to a file; give --output report.html')
@@ -83,15 +83,16 @@ def _teams(arguments: Namespace) -> 'list[Team]':
         raise InputError('grade: no input; give workbooks, a folder, or an answer such as --t 412.473838')
     teams = teams_of(arguments.paths) if arguments.paths else [Team('answers', [])]
     if given and len(teams) > 1:
-        raise InputError(f'{_ANSWERS[next(iter(given))]}: is the answer of one team, but {len(teams)} teams are given; '
-                         'give --answers FILE with the answers of each team')
+        raise InputError(f'{_ANSWERS[next(iter(given))]}: it is the answer of one team, but {len(teams)} teams are '
+                         'given; give --answers FILE with the answers of each team')
     if arguments.answers is not None and len(teams) == 1:
         teams[0].answers = answers_of(arguments.answers)
     elif arguments.answers is not None:
         by_team = answers_by_team(arguments.answers)
         unknown = sorted(by_team.keys() - {team.name for team in teams})
         if unknown:
-            raise InputError(f'{arguments.answers}: {unknown[0]} is not a given team; the first is {teams[0].name}')
+            raise InputError(f'{arguments.answers}: {unknown[0]} is not one of the given teams, the first of which is '
+                             f'{teams[0].name}')
         for team in teams:
             team.answers = by_team.get(team.name, {})
     if given:

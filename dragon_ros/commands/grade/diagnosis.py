@@ -1,7 +1,7 @@
 """Diagnose why a result is wrong: check units, order and axes, and reproduce mistakes with fitted parameters.
 
 Three stages are examined one by one: the head's position, the rule by which each handle follows the previous one, and
-the speeds. The findings of all stages are combined and reproduced. The findings are reported only if they explain the
+the speeds. The mistakes found in all stages are combined and reproduced, and are reported only if they explain the
 result. The measure of an explanation is the share of the squared error that vanishes when the result is compared with
 the reproduced mistakes instead of the truth.
 """
@@ -36,12 +36,12 @@ from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import STurn
 
-EXPLAINED = 0.99        # smallest share of the squared error that a reported mistake explains
-RIGHT = 2e-6            # largest error of right values in m and m/s; allows six decimals, rounded or truncated
+EXPLAINED = 0.99        # smallest share of the squared error that a reported mistake must explain
+RIGHT = 2e-6            # largest error (m or m/s) of correct values; allows six decimals, rounded or truncated
 _B_M = PITCH_M / 2 / pi
-_ON_TRACK_M = 0.02      # rms distance in m up to which handles count as on the spiral
-_MOST_OFF_M = 1.0       # largest difference in m between chord and link if steps place the handles
-_FRONT = 20             # number of handles near the head, on which errors of links have little effect
+_ON_TRACK_M = 0.02      # largest rms distance (m) from the spiral at which handles count as on it
+_MOST_OFF_M = 1.0       # largest difference (m) between chord and link for handles placed by steps
+_FRONT = 20             # number of handles near the head, on which link errors have little effect
 _BETTER = 0.2           # fraction to which another order or other axes must reduce the error
 _NICE = tuple(m * 10.0 ** -e for e in range(5) for m in (1.0, 0.5, 0.25, 0.2))
 _GRIDS = tuple(sorted((*(m * 10.0 ** -e for e in range(1, 5) for m in (1.0, 0.5, 0.2)), pi / 180, pi / 360, pi / 1800),
@@ -66,7 +66,7 @@ class Finding(NamedTuple):
 class Diagnosis:
     """The findings about one quantity of a result, and the result with corrected units, order and axes.
 
-    ``explains`` is the share of the squared error that all findings together explain; None if nothing is wrong.
+    ``explains`` is the share of the squared error that all findings together explain, or None if nothing is wrong.
     """
 
     findings: list[Finding] = field(default_factory=list)
@@ -87,7 +87,7 @@ def share(given: Floats, remade: Floats, truth: Floats) -> float:
 
 
 def rounded_to(values: Floats) -> int | None:
-    """Return the number of decimals of rounded values if it is below six, otherwise None."""
+    """Return the number of decimals to which values are rounded, or None if it is six or more."""
     some = values[np.isfinite(values)]
     for digits in range(6):
         scaled = some * 10.0 ** digits
@@ -108,7 +108,7 @@ def nice(value: float, within: float = 0.03) -> float:
 
 # Positions.
 def diagnose_positions(result: str, times_s: Floats, given: Floats, truth: TrueStates) -> Diagnosis:
-    """Diagnose positions (T, 224, 2)."""
+    """Diagnose the positions (T, 224, 2) in a result."""
     digits = rounded_to(given)
     found = Diagnosis(undone=given)
     right = truth.handles_m
@@ -141,7 +141,7 @@ def _worst(given: Floats, right: Floats) -> float:
 
 
 def _few_differ(found: Diagnosis, given: Floats, right: Floats, digits: int | None, times_s: Floats) -> bool:
-    """Return whether all cells, or all but a few cells, are right; if so, complete the diagnosis."""
+    """Return whether all cells, or all but a few cells, are correct; if so, complete the diagnosis."""
     there = np.isfinite(given) & np.isfinite(right)
     wrong = there & ~(np.abs(given - right) <= (RIGHT if digits is None else RIGHT + 0.501 * 10.0 ** -digits))
     count = int(wrong.sum())
@@ -190,9 +190,9 @@ def _said(found: Diagnosis, key: str, given: Floats, remade: Floats, right: Floa
 
 
 def _in_order(found: Diagnosis, given: Floats, right: Floats) -> Floats:
-    """Return handles in the right order with the right axes, and report a wrong order or wrong axes.
+    """Return the handles in the correct order with the correct axes, and report a wrong order or wrong axes.
 
-    Orders and axes are compared for the first handles, on which errors of links have little effect.
+    Orders and axes are compared for the front handles, on which link errors have little effect.
     """
     some = np.unique(np.linspace(0, len(given) - 1, 24).astype(int))
     before = _misfit(given[some], right[some])
@@ -290,7 +290,7 @@ class _HeadFit(NamedTuple):
 
 
 def _angles_of(p: Floats) -> tuple[Floats, float]:
-    """Return the polar angles (...) of handles on the spiral, and the rms distance in m of the handles from it."""
+    """Return the polar angles (...) of handles on the spiral, and their rms distance (m) from the spiral."""
     radius, angle = np.hypot(p[..., 0], p[..., 1]), np.arctan2(p[..., 1], p[..., 0])
     theta = angle + 2 * pi * np.round((radius / _B_M - angle) / (2 * pi))
     off = (radius - _B_M * theta)[np.isfinite(radius)]
@@ -335,7 +335,7 @@ def _wound(result: str, times_s: Floats, given: Floats, right: Floats, digits: i
 
 
 def _links_seen(given: Floats, noise_m: float) -> list[Finding]:
-    """Return a finding with the range of differences between chords and links if these differences exceed noise."""
+    """Return a finding with the range of differences between chords and links if these differences exceed the noise."""
     off = np.hypot(*np.moveaxis(np.diff(given, axis=1), -1, 0)) - links_of()
     low, high = np.nanpercentile(off, (0.5, 99.5)).tolist() if np.isfinite(off).any() else (0.0, 0.0)
     return [Finding('tolerance', {'low': low, 'high': high})] if max(-low, high) > noise_m else []
@@ -370,7 +370,7 @@ def _head_of(times_s: Floats, head: Floats, theta: Floats, right: Floats, noise_
 
 def _head_candidates(times_s: Floats, head: Floats, theta: Floats,
                      ) -> Iterator[tuple[str, dict[str, object], Floats, float]]:
-    """Yield reproduced motions of the head: key, parameters, angles (T,) and pitch; fewer parameters first."""
+    """Yield reproduced head motions as (key, parameters, angles, pitch), those with fewer parameters first."""
     exact = solved(arc_length)
     radial_arc = mistakes.solved(mistakes.without_radial)(times_s)
     yield 'radial_arc', {}, radial_arc, PITCH_M
@@ -399,7 +399,7 @@ def _head_candidates(times_s: Floats, head: Floats, theta: Floats,
 
 
 def _euler_step(theta: Floats, base: Floats, at_a_tenth: Floats) -> float:
-    """Return the Euler step whose error fits that of the head; errors are scaled from the error of a step of 0.1 s."""
+    """Return the Euler step whose error fits the head's error; errors are scaled from that of a step of 0.1 s."""
     per_step = (at_a_tenth - base) / 0.1
     return nice(float(np.sum((theta - base) * per_step) / np.sum(np.square(per_step))))
 
@@ -419,7 +419,7 @@ def _other_pitch(times_s: Floats, head: Floats) -> Iterator[tuple[str, dict[str,
 
 def _link_candidates(theta: Floats, given: Floats, noise_m: float,
                      ) -> Iterator[tuple[Rule, list[float], list[Finding]]]:
-    """Yield the rules for the next handle that chords and angles permit, each as a function, links and findings."""
+    """Yield the rules for the next handle that fit the chords and angles, each as (function, links, findings)."""
     exact = links_of()
     off = np.hypot(*np.moveaxis(np.diff(given, axis=1), -1, 0)) - exact
     if not np.isfinite(off).any():
@@ -436,7 +436,7 @@ def _link_candidates(theta: Floats, given: Floats, noise_m: float,
 
 
 def constant_links(off: Floats, noise_m: float) -> tuple[list[float], list[Finding]] | None:
-    """Return link lengths and findings that explain errors (T, 223) of links, or None if the errors vary with time."""
+    """Return link lengths and findings that explain link errors (T, 223), or None if the errors vary with time."""
     head, body, last = (float(np.nanmedian(each)) for each in (off[:, 0], off[:, 1:-1], off[:, -1]))
     middle = np.concatenate(([head], np.full(off.shape[1] - 2, body), [last]))
     if np.nanpercentile(np.abs(off - middle) - np.maximum(noise_m, 0.05 * np.abs(middle)), 98) > 0:
@@ -489,7 +489,7 @@ def _step_of(step: Floats, blur: float, percent: float = 95.0) -> float | None:
 
 
 def _within_of(off: Floats, before: Floats, noise_m: float) -> float | None:
-    """Return a tolerance that all chords meet, but no chord one step earlier; None if there is none."""
+    """Return a tolerance that all chords meet, but no chord meets one step earlier, or None if there is none."""
     lowest, highest = -float(np.nanmin(off)), -float(np.nanmax(before))
     return next((w for w in (0.0, *_NICE) if lowest - noise_m <= w <= highest + noise_m), None)
 
@@ -501,7 +501,7 @@ def _paper_at(times_s: tuple[float, ...]) -> Floats:
 
 
 def _as_paper(times_s: Floats, given: Floats, right: Floats) -> Diagnosis | None:
-    """Return the diagnosis that the positions are those of the paper, if a sample of times confirms this."""
+    """Return the diagnosis ``paper`` if the positions at sampled times match the paper's; otherwise, return None."""
     some = [n for n in np.unique(np.linspace(0, times_s.size - 1, 6).astype(int)).tolist()
             if 0 <= times_s[n] <= 412 and abs(times_s[n] * 100 - round(times_s[n] * 100)) < 1e-9]
     if not some:
@@ -512,7 +512,7 @@ def _as_paper(times_s: Floats, given: Floats, right: Floats) -> Diagnosis | None
 
 # The time of result 2.
 def _moment(theta: float, noise_m: float) -> tuple[list[Finding], Floats | None]:
-    """Return the time at which the head has the position of result 2, and the mistake that leads to this time."""
+    """Return findings about the time at which the head has its position in result 2, and the head's angle."""
     if not np.isfinite(theta):
         return [], None
     t_s = float(arc_length(np.array(START)) - arc_length(np.array(theta))) * _B_M
@@ -548,7 +548,7 @@ def contact_findings(t_s: float, near_s: float) -> list[Finding]:
 
 
 def _contact_of(finding: Finding, theta: float, rule: Rule, links: list[float], noise_m: float) -> Finding:
-    """Return the finding about the contact time if wrong links alone explain it."""
+    """Return a finding; if wrong links alone explain a wrong contact time, return a finding that states this."""
     if finding.key != 'moment':
         return finding
     t_s = mistakes.touch_s(solved(arc_length), rule, links[:mistakes.FOLLOWING - 1])
@@ -630,7 +630,7 @@ def _turn_links(head_m: Floats, given: Floats, off: Floats, turn: STurn, noise_m
 
 
 def _along_track(given: Floats, head_m: Floats, turn: STurn) -> tuple[Floats, float]:
-    """Return distances (T, N+1) in m of handles from the entry along the turn, and their rms distance from the turn."""
+    """Return distances (m, shape (T, N+1)) of handles along the turn from its entry, and their rms distance from it."""
     track, metres, aside = track_of(turn), [head_m], [np.zeros_like(head_m)]
     for handle in range(1, given.shape[1]):
         at = metres[-1] - np.hypot(*(given[:, handle] - given[:, handle - 1]).T)
@@ -669,7 +669,7 @@ Turn = tuple[Finding, STurn | None, float, float]
 
 
 def _turn_fit(times_s: Floats, head: Floats, right: Floats) -> Turn | None:
-    """Return the parameter of the turn (or circle and ratio) that fits the head's positions, by least squares."""
+    """Return the parameter of the turn (or the circle and the ratio) that best fits the head's positions."""
     some = np.unique(np.linspace(0, times_s.size - 1, 41).astype(int))
     times, wanted = times_s[some], head[some]
     circles_m = _circles_m(times, wanted)
@@ -695,7 +695,7 @@ def _turn_fit(times_s: Floats, head: Floats, right: Floats) -> Turn | None:
 
 
 def _before_turn(times_s: Floats, head: Floats, noise_m: float) -> Finding:
-    """Return a finding about the circle that the head approaches if its motion up to the entry is right."""
+    """Return a finding about the circle that the head approaches, if its motion up to the entry is correct."""
     for circle_m in _circles_m(times_s, head):
         before = times_s < 0
         remade = _turn_state(times_s[before], _ALONE, STurn(diameter_m=circle_m), 0.0, 1.0).handles_m[:, 0]
@@ -705,7 +705,7 @@ def _before_turn(times_s: Floats, head: Floats, noise_m: float) -> Finding:
 
 
 def _turn_of(name: str, value: float, circle_m: float) -> tuple[STurn | None, float, float]:
-    """Return the track, the time shift in s and the speed in m/s for a value of a parameter."""
+    """Return the track, the time shift (s) and the speed (m/s) for one value of a parameter."""
     if name in ('shift', 'speed'):
         return None, value if name == 'shift' else 0.0, value if name == 'speed' else 1.0
     if name == 'both':
@@ -730,7 +730,7 @@ def _fitted(name: str, value: float, circle_m: float, times: Floats, wanted: Flo
 
 
 def _circles_m(times: Floats, head: Floats) -> tuple[float, ...]:
-    """Return the diameter in m of the circle that the head enters at 0 s, from earlier positions on the spiral."""
+    """Return the diameter (m) of the circle that the head enters at 0 s, based on earlier positions on the spiral."""
     before = (times < 0) & np.isfinite(head).all(axis=1)
     if not before.any():
         return ()
@@ -742,7 +742,7 @@ def _circles_m(times: Floats, head: Floats) -> tuple[float, ...]:
 
 # Speeds.
 def diagnose_speeds(result: str, times_s: Floats, given: Floats, truth: TrueStates, positions: Diagnosis) -> Diagnosis:
-    """Diagnose speeds (T, 224)."""
+    """Diagnose the speeds (T, 224) in a result."""
     digits, found = rounded_to(given), Diagnosis(undone=given)
     right = truth.speed_m_s
     digits = None if np.all(given[np.isfinite(given)] == 1) else digits
@@ -774,7 +774,7 @@ def diagnose_speeds(result: str, times_s: Floats, given: Floats, truth: TrueStat
 
 def _speed_candidates(result: str, times_s: Floats, given: Floats, truth: TrueStates, positions: Diagnosis,
                       ) -> Iterator[tuple[Finding, Floats]]:
-    """Yield reproduced speeds (T, 224) with their findings, in the order of the number of parameters."""
+    """Yield reproduced speeds (T, 224) with their findings, ordered by number of parameters."""
     right = truth.speed_m_s
     yield Finding('all_one', {}), np.ones_like(right)
     for order in (1, -1, None):
@@ -787,7 +787,7 @@ def _speed_candidates(result: str, times_s: Floats, given: Floats, truth: TrueSt
 
 
 def _wound_speeds(given: Floats, truth: TrueStates, positions: Diagnosis) -> Iterator[tuple[Finding, Floats]]:
-    """Yield speeds on the spiral: from the given positions, from the inverted ratio and from the paper's power law."""
+    """Yield speeds on the spiral from given positions, the inverted ratio, the paper's power law and a rigid turn."""
     places = [(truth.handles_m, '')]
     if positions.undone is not None and positions.findings and np.isfinite(positions.undone).all():
         places.append((positions.undone, '_given'))
@@ -824,7 +824,7 @@ def _by_differences(result: str, times_s: Floats, given: Floats, right: Floats) 
 
 # Answers that are a single number.
 def answer_findings(question: str, value: float) -> list[Finding]:
-    """Return the mistakes that lead to an answer to questions 2 to 5, within the digits of the mistake tables."""
+    """Return the mistakes that lead to an answer to questions 2 to 5, to the precision of the mistake tables."""
     if question == 't_s':
         return contact_findings(value, 1.5e-6)
     answers, near = _known_answers(question)

@@ -29,15 +29,15 @@ def teams_of(paths: list[Path]) -> list[Team]:
     """
     missing = [path for path in paths if not path.exists()]
     if missing:
-        raise MissingError(f'{missing[0]}: does not exist; give workbooks, or a folder with a folder for each team')
+        raise MissingError(f'{missing[0]}: it does not exist; give workbooks, or a folder with one subfolder per team')
     files = [path for path in paths if not path.is_dir()]
     teams = _split(_name_of(files), files) if files else []
     for path in paths:
         if path.is_dir():
             teams += list(_in_folder(path))
     if not teams:
-        raise InputError(f'{paths[0]}: contains no workbook (.xlsx); give result1.xlsx, result2.xlsx, result4.xlsx, or '
-                         'a folder with a folder for each team')
+        raise InputError(f'{paths[0]}: it contains no workbook (.xlsx); give result1.xlsx, result2.xlsx, '
+                         f'result4.xlsx, or a folder with one subfolder per team')
     return teams
 
 
@@ -56,7 +56,7 @@ def _in_folder(root: Path) -> Iterator[Team]:
         books = [here / name for name in sorted(names) if _is(name, _BOOKS)]
         room -= len(books)
         if room < 0:
-            raise InputError(f'{root}: contains more than {GRADED_BOOKS} workbooks; grade the folder in parts')
+            raise InputError(f'{root}: it contains more than {GRADED_BOOKS} workbooks; grade the folder in parts')
         answers = [here / name for name in sorted(names) if _is(name, _ANSWERS)]
         if books or answers:
             name = here.relative_to(root).as_posix()

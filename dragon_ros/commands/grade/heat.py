@@ -1,4 +1,4 @@
-"""The error of a table by handle and time, in a form so small that one file can contain the report of many teams."""
+"""A table's errors by handle and time, stored compactly enough for one file to report on many teams."""
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +13,8 @@ _SHADES = 63
 class Heat(NamedTuple):
     """The largest error in each cell of a grid, as logarithmic shades 1 to 63; cells without values are 0.
 
-    ``grid`` has one byte per cell, row by row from handle 0 on; ``by_handle`` and ``by_time`` contain the largest
-    errors.
+    ``grid`` has one byte per cell, row by row, starting with handle 0; ``by_handle`` and ``by_time`` contain the
+    largest errors.
     """
 
     rows: int
@@ -27,7 +27,7 @@ class Heat(NamedTuple):
 
 
 def heat_of(times_s: Floats, given: Floats, right: Floats) -> Heat:
-    """Return the heat map of the errors of given values (T, 224, D)."""
+    """Return the heat map for the errors of given values (T, 224, D)."""
     error = np.sqrt(np.sum(np.square(given - right), axis=-1)).T            # handles, times
     known = np.where(np.isfinite(error), error, -1.0)
     pooled = _pooled(_pooled(known, _MOST_ROWS).T, _MOST_COLUMNS).T

@@ -1,7 +1,7 @@
 """Find the meaning of a workbook's cells: the handle, the quantity and the time of each cell, from its labels.
 
 A label may be in a row, in a column, in a heading over several columns, or in the name of a sheet, in Chinese or
-English. The contest's layout is one case; other cases are transposed tables, long tables, and positions beside speeds.
+English. Besides the contest's layout, transposed tables, long tables, and positions beside speeds are supported.
 """
 import re
 import unicodedata
@@ -48,7 +48,7 @@ class Label(NamedTuple):
 
 @dataclass
 class GivenResult:
-    """One result in workbooks: times (T,) in s, which are nan if unlabelled, and cells (T, 224, 3) of x, y and speed.
+    """One result from workbooks: times (s, shape (T,)), nan if unlabelled, and cells (T, 224, 3) of x, y and speed.
 
     ``notes`` contains keys of ``words`` with the parameters of their sentences.
     """
@@ -157,7 +157,7 @@ def _trimmed(rows: list[list[Cell]]) -> list[list[Cell]]:
 
 
 def _plain(cell: object) -> Cell:
-    """Return a cell as a number or a text, or None if the cell is empty."""
+    """Return a cell as a number or a string, or None if the cell is empty."""
     if isinstance(cell, str):
         return cell if cell and not cell.isspace() else None
     if cell is None:
@@ -210,7 +210,7 @@ def _label_columns(rows: list[list[Cell]], top: int) -> int:
 
 
 def _is_progression(numbers: list[float]) -> bool:
-    """Return whether numbers are evenly spaced or increasing integers, as times and handles are (perhaps doubled)."""
+    """Return whether numbers are evenly spaced or increasing integers, like times and handles (perhaps in pairs)."""
     values = np.array(numbers)
     steps = np.diff(values[::2] if values.size > _FEW and values[0] == values[1] else values)
     if values.size < _FEW or np.any(steps <= 0):
@@ -241,7 +241,7 @@ def _letters(column: int) -> str:
 
 
 def _normal(*cells: Cell) -> str:
-    """Join labels into one text, with full-width forms and capitals normalised."""
+    """Join labels into one string, with full-width forms and capitals normalised."""
     return ' '.join(unicodedata.normalize('NFKC', str(cell)).strip().lower() for cell in cells if cell is not None)
 
 
@@ -373,7 +373,7 @@ def _told(label: Label, is_time: bool, base: float) -> Label:
 
 
 def _by_shape(block: _SheetBlock, rows: list[Label], columns: list[Label]) -> tuple[list[Label], list[Label], bool]:
-    """Label unnamed rows or columns by position: 448 are x and y of each handle, and 672 also include the speed."""
+    """Label unnamed rows or columns by position: 448 contain x and y of each handle, and 672 also contain the speed."""
     if _handles_on(rows) + _handles_on(columns) == 0:
         for number, labels in enumerate((rows, columns)):
             each = {HANDLES: '', 2 * HANDLES: 'xy', 3 * HANDLES: 'xyv'}.get(len(labels))
@@ -407,6 +407,6 @@ def _axis(labels: list[Label]) -> _AxisLabels:
 
 
 def _both(rows: Ints, columns: Ints, otherwise: int) -> Ints:
-    """Return the codes (rows, columns) of cells from the codes of rows and columns."""
+    """Return the codes of cells (rows, columns), given the codes of their rows and columns."""
     code: Ints = np.where(rows[:, None] != _NONE, rows[:, None], columns[None])
     return np.where(code == _NONE, otherwise, code)

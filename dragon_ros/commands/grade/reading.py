@@ -61,9 +61,9 @@ def read_book(path: Path) -> list[WorkbookSheet]:
         parts = _parts(path, data)
         merged = {name: _checked(path, name, part) for name, part in parts.items() if _SHEET.fullmatch(name)}
         if not merged:
-            raise InputError(f'{path}: contains no sheets; save it again as an Excel workbook (.xlsx)')
+            raise InputError(f'{path}: it contains no sheets; save it again as an Excel workbook (.xlsx)')
         if len(merged) > BOOK_SHEETS:
-            raise InputError(f'{path}: has {len(merged)} sheets; the limit is {BOOK_SHEETS}')
+            raise InputError(f'{path}: it has {len(merged)} sheets; the limit is {BOOK_SHEETS}')
         files = _files_of_sheets(parts)
         return [WorkbookSheet(name, rows, merged.get(files.get(name, ''), ()))
                 for name, rows in _read(path, _plain(parts))]
@@ -72,8 +72,8 @@ def read_book(path: Path) -> list[WorkbookSheet]:
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, LookupError, NotImplementedError, OSError,
             OverflowError, RuntimeError, ValueError, ElementTree.ParseError) as error:
         if isinstance(error, RuntimeError) and 'password' in str(error):
-            raise InputError(f'{path}: is protected by a password; save it without a password') from None
-        raise InputError(f'{path}: is damaged or truncated ({_said(error)}); save it again as .xlsx') from None
+            raise InputError(f'{path}: it is protected by a password; save it without a password') from None
+        raise InputError(f'{path}: it is damaged or truncated ({_said(error)}); save it again as .xlsx') from None
 
 
 def _bytes_of(path: Path) -> bytes:
@@ -86,11 +86,11 @@ def _bytes_of(path: Path) -> bytes:
     except ValueError as error:
         raise MissingError(f'a file cannot be read: {error}') from None
     if len(data) > BOOK_BYTES:
-        raise InputError(f'{path}: has more than {BOOK_BYTES} bytes, the limit for a workbook; keep only the '
+        raise InputError(f'{path}: it has more than {BOOK_BYTES} bytes, the limit for a workbook; keep only the '
                          'result sheets')
     if data.startswith(_OLD):
-        raise InputError(f'{path}: is protected by a password; save it without a password' if _ENCRYPTED in data else
-                         f'{path}: is a workbook of Excel 97 (.xls); save it as .xlsx')
+        raise InputError(f'{path}: it is protected by a password; save it without a password' if _ENCRYPTED in data else
+                         f'{path}: it is a workbook of Excel 97 (.xls); save it as .xlsx')
     if not data.startswith(b'PK'):
         what = 'is empty' if not data else 'is not an XLSX workbook'
         raise InputError(f'{path}: {what}; save it as an Excel workbook (.xlsx)')
@@ -102,20 +102,21 @@ def _parts(path: Path, data: bytes) -> dict[str, bytes]:
     with zipfile.ZipFile(BytesIO(data)) as book:
         entries = book.infolist()
         if len(entries) > BOOK_PARTS:
-            raise InputError(f'{path}: contains {len(entries)} files; the limit for a workbook is {BOOK_PARTS}')
+            raise InputError(f'{path}: it contains {len(entries)} files; the limit for a workbook is {BOOK_PARTS}')
         names = [entry.filename for entry in entries]
         lower = [name.lower() for name in names]
         if any('vbaproject' in name or 'macrosheets' in name for name in lower):
-            raise InputError(f'{path}: contains macros; save it as .xlsx without macros')
+            raise InputError(f'{path}: it contains macros; save it as .xlsx without macros')
         if any(name.startswith('xl/externallinks/') for name in lower):
-            raise InputError(f'{path}: contains links to other workbooks; replace them with values and save it again')
+            raise InputError(f'{path}: it contains links to other workbooks; replace them with values and '
+                             'save it again')
         if any(name.endswith('.bin') and name.startswith('xl/work') for name in lower):
-            raise InputError(f'{path}: is a binary workbook (.xlsb); save it as .xlsx')
+            raise InputError(f'{path}: it is a binary workbook (.xlsb); save it as .xlsx')
         needed = [entry for entry in entries if _NEEDED.fullmatch(entry.filename)]
         if len({entry.filename.lower() for entry in needed}) < len(needed):
-            raise InputError(f'{path}: contains a part twice; save it again as .xlsx')
+            raise InputError(f'{path}: it contains a part twice; save it again as .xlsx')
         if any(entry.flag_bits & 1 for entry in needed):
-            raise InputError(f'{path}: is protected by a password; save it without a password')
+            raise InputError(f'{path}: it is protected by a password; save it without a password')
         return dict(_unpacked(path, book, needed))
 
 

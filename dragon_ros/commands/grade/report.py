@@ -1,4 +1,4 @@
-"""The report as one self-contained page, light or dark, with a row and a page for each team, and pictures of errors.
+"""The report as a self-contained HTML file, light or dark, with a row and a page for each team, and pictures of errors.
 
 The page has no script and loads nothing; its content policy forbids both. The fragment of the address selects a team's
 page (``:target``).
@@ -82,7 +82,7 @@ def _pill_of(one: SheetGrade | None, lang: str) -> str:
 
 
 def _cell(head: str, content: str, kind: str = '') -> str:
-    """Return a table cell; on a narrow screen, the cell also shows the (escaped) head of its column."""
+    """Return a table cell; on a narrow screen, the cell also shows its column's heading (escaped)."""
     return f'<td{kind} data-head="{head}">{content}</td>'
 
 

@@ -45,7 +45,7 @@ COLUMNS = ('team', *(f'{result}_{sheet}_{what}' for result in RESULTS for sheet 
 
 
 def csv_text(teams: list[TeamGrade]) -> str:
-    """Return a CSV row for each team."""
+    """Return the grades as CSV, with one row per team."""
     return csv_of(COLUMNS, map(_row, teams)).rstrip('\n')
 
 
@@ -67,7 +67,7 @@ def _row(team: TeamGrade) -> Iterable[object]:
 
 
 def _harmless(text: str) -> str:
-    """Return a text in a form that a spreadsheet does not mistake for a formula."""
+    """Return a string in a form that a spreadsheet does not mistake for a formula."""
     return f"'{text}" if text.startswith(('=', '+', '-', '@', '\t', '\r')) else text
 
 

@@ -34,9 +34,9 @@ BOUNDS = (1e-6, 1e-4, 1e-2)     # error bounds for which the share of cells is r
 QUESTIONS = ('t_s', 'pitch_m', 'turn_m', 'speed_m_s')
 SHEETS = ('positions', 'speeds')
 _TIMES = {'result1': 301, 'result2': 1, 'result4': 201}
-_LEAST_DECIMALS = {'t_s': 2}    # smallest number of decimals of a right answer; four for the other questions
+_LEAST_DECIMALS = {'t_s': 2}    # smallest number of decimals of a right answer; it is four for the other questions
 _NAMED = re.compile(r'(?:result|结果|附件|res)[\s_\-]*0?([124])(?!\d)', re.IGNORECASE)
-_HALF_ULP = 0.5000001           # above 0.5, because differences of numbers with six decimals are not exact
+_HALF_ULP = 0.5000001           # above 0.5, because differences between numbers with six decimals are not exact
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class Team:
 
 
 def grade_team(team: Team) -> TeamGrade:
-    """Return the grade of a team, whose problems contain a line for anything that cannot be read."""
+    """Return the grade of a team; ``problems`` contains one line per input that cannot be read."""
     problems: list[str] = []
     notes: list[tuple[str, dict[str, object]]] = []
     given: dict[str, GivenResult] = {}
@@ -166,7 +166,7 @@ def _by_result(found: GivenResult, named: str | None) -> list[tuple[str, GivenRe
 
 
 def grades_of(result: str, given: GivenResult) -> list[SheetGrade]:
-    """Return the grades of positions and speeds of a result."""
+    """Return the grades for a result's positions and speeds."""
     truth = truth_at(result, given.times_s)
     places, speeds = given.cells[..., :2], given.cells[..., 2]
     positions = diagnose_positions(result, given.times_s, places, truth) if given.has('x') or given.has('y') else None
@@ -215,7 +215,7 @@ def _checked(field_name: str, value: object) -> float:
 
 
 def answer_grade(question: str, given: float) -> AnswerGrade:
-    """Return the grade of an answer, which is right if it has enough decimals and all its decimals are right."""
+    """Return the grade of an answer, which is right if it has enough decimals and all of them are right."""
     truth = truth_of(question)
     decimals = len(repr(given).partition('.')[2].rstrip('0')) if 'e' not in repr(given) else 9
     error = abs(given - truth)

@@ -23,7 +23,7 @@ _LATEST_S = 1000.0
 
 
 class TrueStates(NamedTuple):
-    """Handles (T, 224, 2) in m and speeds (T, 224) in m/s; nan if there is no state."""
+    """Handles (m, shape (T, 224, 2)) and speeds (m/s, shape (T, 224)); nan at times without a state."""
 
     handles_m: Floats
     speed_m_s: Floats
@@ -31,14 +31,14 @@ class TrueStates(NamedTuple):
 
 @cache
 def contact_s() -> float:
-    """Return the time in s at which benches first touch."""
+    """Return the time (s) at which benches first touch."""
     found = first_contact(winding())
     assert isinstance(found, Contact)
     return found.t_s
 
 
 def wound_scene(dragon: Dragon | None = None, pitch_m: float = Spiral.pitch_m) -> tuple[Scene, float]:
-    """Return the scene of the dragon that winds in from two turns before its start, and the time in s of this start."""
+    """Return the scene in which the dragon winds in from two turns before its start, and the time (s) of that start."""
     b_m = pitch_m / 2 / pi
     ahead = np.array((START + 2 * pi * _MORE_TURNS, START))
     longer, start = arc_length(ahead).tolist()
@@ -47,7 +47,7 @@ def wound_scene(dragon: Dragon | None = None, pitch_m: float = Spiral.pitch_m) -
 
 
 def turned_scene(dragon: Dragon | None = None, track: STurn | None = None) -> tuple[Scene, float]:
-    """Return the scene of the turning dragon from 300 s before the turn, and the time in s at which the turn begins."""
+    """Return the scene of the turning dragon from 300 s before the turn, and the time (s) at which the turn begins."""
     default = turning().track
     assert isinstance(default, STurn)
     run = Run(stop_s=_BEFORE_S + _LATEST_S)
@@ -74,6 +74,6 @@ def _scene_of(result: str) -> tuple[Scene, float]:
 
 
 def truth_at(result: str, times_s: Floats) -> TrueStates:
-    """Return the true states of a result at its times; for result2, each is the state at the contact."""
+    """Return the true states of a result at its times; for result2, all are the state at the contact."""
     scene, offset_s = _scene_of(result)
     return state_at(scene, (np.full(times_s.size, contact_s()) if result == 'result2' else times_s) + offset_s)

@@ -74,7 +74,7 @@ WORDS: Words = {
     'rigid_turn': ('one angular speed for all handles', '所有把手取同一角速度'),
     # Contact, pitch, turn, speed
     'moment': ('this is the state at {t:.6f} s', '这是 {t:.6f} s 时的状态'),
-    'moment_of_links': ('this is the state at {t:.6f} s, when benches touch with these links',
+    'moment_of_links': ('this is the state at {t:.6f} s, when benches with these links touch',
                         '这是 {t:.6f} s 时的状态，即按上述孔距首次碰撞的时刻'),
     'looked': ('positions are checked every {step:g} s', '每隔 {step:g} s 检查一次位置'),
     'looked_before': ('the last multiple of {step:g} s before the contact', '碰撞前的最后一个 {step:g} s 整步'),
@@ -127,11 +127,11 @@ WORDS: Words = {
     # Reading
     'sheet_empty': ('sheet {sheet} is empty', '工作表 {sheet} 为空'),
 
-    'numbers_as_text': ('numbers of sheet {sheet} are stored as text', '工作表 {sheet} 中的数字以文本存储'),
+    'numbers_as_text': ('the numbers in sheet {sheet} are stored as text', '工作表 {sheet} 中的数字以文本存储'),
     'transposed': ('sheet {sheet} is transposed: times are in rows', '工作表 {sheet} 行列互换：时间在行上'),
-    'without_labels': ('sheet {sheet} names no handles; its rows are read in the order of the contest',
+    'without_labels': ("sheet {sheet} names no handles; its rows are read in the contest's order",
                        '工作表 {sheet} 没有把手名称，按竞赛模板的顺序读取'),
-    'not_understood': ('no cell of sheet {sheet} belongs to a handle and a quantity',
+    'not_understood': ('no cell in sheet {sheet} can be assigned to a handle and a quantity',
                        '工作表 {sheet} 中没有可识别的数据'),
     'merged': ('{sheet}: cells {place} are merged among the values; unmerge them',
                '{sheet}：数据区 {place} 有合并单元格，请取消合并'),

@@ -40,7 +40,7 @@ _FILM_IN = 7.2             # height of a film in inches, for any size in pixels,
 _FILM_INSET = (0.52, 0.66, 0.12, 0.21)
 _HAIR_PX = 0.1              # added to a size, so that the conversion to inches does not lose a pixel
 _CURVE = 400                # number of points on a film's clearance curve
-_GRID = 5                   # smallest number of ground lines across a moving window
+_GRID = 5                   # minimum number of ground lines across a moving window
 
 
 def frame_times(source: Source, start_s: float | None, stop_s: float | None, pace: float, fps: int) -> Floats:
@@ -52,7 +52,7 @@ def frame_times(source: Source, start_s: float | None, stop_s: float | None, pac
     check_times(source, (first, last))
     frames = 1 + int((last - first) * fps / pace)
     if not 2 <= frames <= MOST_FRAMES:
-        raise InputError(f'--pace {pace:g}: gives {frames} frames from {first:g} to {last:g} s, but only 2 to '
+        raise InputError(f'--pace {pace:g}: it gives {frames} frames from {first:g} to {last:g} s, but only 2 to '
                          f'{MOST_FRAMES} can be drawn; change --pace, --fps, --start or --stop')
     times_s = first + np.arange(frames, dtype=np.float64) * pace / fps
     return times_s if last - times_s[-1] < _HAIR_S else np.append(times_s, last)
@@ -177,7 +177,7 @@ class AnimatedFigure:
         return int(width), int(height)
 
     def frame(self, one: Moment) -> Array:
-        """Return the picture of a moment, (H, W, 4) of uint8; it is valid until the next picture is drawn."""
+        """Return the picture of a moment, a uint8 array (H, W, 4) that is valid until the next picture is drawn."""
         self._draw_background()
         self._show(one)
         self._canvas.restore_region(self._background)
@@ -212,7 +212,7 @@ class AnimatedFigure:
 
 
 def _ground_lines(seen: Floats) -> tuple[Floats, float]:
-    """Return the lines (2, K) of a square grid at round coordinates, separated by nan, and their spacing in m."""
+    """Return the lines (2, K) of a square grid at round coordinates, separated by nan, and their spacing (m)."""
     side = float(np.max(seen[1] - seen[0]))
     step = 10.0 ** floor(log10(side / _GRID))
     step = next(step * many for many in (1, 2, 5, 10) if side / (step * many) <= 2 * _GRID)
@@ -228,7 +228,7 @@ class _Beside:
     """The clearance over time and the speeds along the chain, beside the dragon in a film."""
 
     def __init__(self, figure: Figure, source: Source, times_s: Floats, progress: Progress) -> None:
-        """Draw the clearance of the whole film; a line and a point on the curve mark the moment."""
+        """Draw the clearance over the whole film; a line and a point on the curve mark the moment."""
         gap, speed = (figure.add_axes((0.70, bottom, 0.27, 0.30)) for bottom in (0.57, 0.11))
         some = times_s[thinned(0, len(times_s) - 1, _CURVE)]
         at_s, gaps_m = clearances(source, some, progress)
@@ -263,10 +263,10 @@ class _Beside:
 
 
 def film_size(text: str) -> tuple[int, int]:
-    """Return the width and the height in pixels that a text WIDTHxHEIGHT states. Raises InputError."""
+    """Return the width and the height (in pixels) that a string WIDTHxHEIGHT states. Raises InputError."""
     parts = text.lower().split('x')
     if len(parts) != 2 or not all(part.isascii() and part.isdigit() and len(part) < 6 for part in parts):
-        raise InputError(f'--size {text}: is not a size; write WIDTHxHEIGHT in pixels, such as 1920x1080')
+        raise InputError(f'--size {text}: it is not a size; write WIDTHxHEIGHT in pixels, such as 1920x1080')
     width, height = map(int, parts)
     if width % 2 or height % 2 or not (320 <= width <= 7680 and 240 <= height <= 4320):
         raise InputError(f'--size {text}: both numbers must be even, from 320x240 to 7680x4320; try 1920x1080')

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dragon_ros.commands.sources import Source
     Drawing = tuple[Figure, str]        # a figure, and the caption's text about the run and its times
 
-_MOST_TIMES = 8         # largest number of times named in a caption
+_MOST_TIMES = 8         # largest number of times listed in a caption
 _KINDS = {      # description and example of each kind
     'dragon': ('the dragon at one time, or up to six side by side', '--times 60,240 --output dragon.png'),
     'contact': ('the first contact, with a close-up', '--bag run.mcap --output contact.svg'),
@@ -55,8 +55,8 @@ def options() -> argparse.ArgumentParser:
         if kind in ('dragon', 'speeds'):
             command_line.add_times_option(one, 'times in seconds (the start of the run)')
         if kind in ('dragon', 'animation'):
-            one.add_argument('--around', metavar='head|tail|contact|X,Y', help='show only a part, around this centre')
-            one.add_argument('--span', type=float, metavar='METRES', help='side of the window (6 bench lengths)')
+            one.add_argument('--around', metavar='head|tail|contact|X,Y', help='show only a window around this centre')
+            one.add_argument('--span', type=float, metavar='METRES', help='side length of the window (6 bench lengths)')
     _add_animation_options(kinds.choices['animation'])
     return parser
 
@@ -64,13 +64,14 @@ def options() -> argparse.ArgumentParser:
 def _add_animation_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--start', type=float, metavar='S', help='time of the first frame (start of the run)')
     parser.add_argument('--stop', type=float, metavar='S', help='time of the last frame (end of the run)')
-    parser.add_argument('--pace', type=float, default=20.0, help='simulated seconds per second (%(default)g)')
+    parser.add_argument('--pace', type=float, default=20.0, help='simulated seconds per real second (%(default)g)')
     parser.add_argument('--fps', type=int, help='frames per second (20; 30 for .mp4)')
     parser.add_argument('--follow', action='store_true', help='move the window with the head, or with the tail '
                         'if --around is tail')
-    parser.add_argument('--size', default='1920x1080', metavar='WIDTHxHEIGHT', help='pixels of an .mp4 (%(default)s)')
-    parser.add_argument('--codec', choices=('av1', 'h264'), help='codec of an .mp4: av1 by Pillow, h264 by an '
-                        'installed ffmpeg (the first that is available)')
+    parser.add_argument('--size', default='1920x1080', metavar='WIDTHxHEIGHT', help='frame size of an .mp4 in pixels '
+                        '(%(default)s)')
+    parser.add_argument('--codec', choices=('av1', 'h264'), help='codec of an .mp4: av1 (by Pillow) or h264 (by an '
+                        'installed ffmpeg); by default, the first that is available')
 
 
 def _run(arguments: Namespace) -> int:
@@ -80,7 +81,7 @@ def _run(arguments: Namespace) -> int:
     if arguments.kind != 'animation':
         for path in paths:
             if path.suffix.lower() not in figures.FORMATS:
-                raise InputError(f'--output {path}: is not a picture; the suffix must be one of '
+                raise InputError(f'--output {path}: it is not a picture; the suffix must be one of '
                                  f'{", ".join(figures.FORMATS)}')
     from dragon_ros.cli.pool import Pool
     from dragon_ros.commands.sources import opened

@@ -30,7 +30,7 @@ RING: dict[str, Any] = {'linestyle': 'none', 'marker': 'o', 'markersize': 12, 'm
 _LARGEST_IN = 6.4           # longest side of the axes, in inches
 _LEAST_IN = np.array((2.7, 1.6))            # smallest axes that have space for a title and ticks
 _DECORATION_IN = np.array((0.85, 0.85))     # space around the axes for title, labels and ticks
-_TICKS_PER_INCH = 1.3       # few, because labels of places far from the origin are long
+_TICKS_PER_INCH = 1.3       # few, because tick labels far from the origin are long
 _LEGEND_IN = 5.0, 0.7       # width and height of the legend, including the figure's title
 
 
@@ -73,7 +73,7 @@ def dragon_picture(source: Source, times_s: list[float], zoom: Zoom | None = Non
 
 @dataclass(frozen=True)
 class Overlaps:
-    """Pairs of benches that overlap: the number of pairs, the benches, and the overlaps' outlines (K, 2) in m."""
+    """Pairs of benches that overlap: the number of pairs, the benches, and the overlaps' outlines (m, shape (K, 2))."""
 
     pairs: int = 0
     benches: tuple[int, ...] = ()
@@ -86,7 +86,7 @@ class Overlaps:
 
 
 def overlaps(one: Moment) -> Overlaps:
-    """Return the overlaps of benches that are not neighbours; overlaps within rounding are omitted."""
+    """Return the overlaps of benches that are not neighbours; overlaps no larger than rounding errors are omitted."""
     from dragon_ros.core.geometry.near_pairs import closeness
     found = closeness(one.p, one.benches)
     deep = found.gap_m < -_ROUNDING_M
@@ -119,7 +119,7 @@ def contact_picture(source: Source, touch: Touch) -> Figure:
 
 
 def _meeting(touch: Touch) -> str:
-    """Return a text that names the corner and the edge that meet."""
+    """Return a phrase that names the corner and the edge that meet."""
     seen = touch.witness
     if touch.obstacle is not None:
         if seen.owner == NO_BENCH:
@@ -131,7 +131,7 @@ def _meeting(touch: Touch) -> str:
 
 
 def panel(seen: Floats, longest_in: float) -> tuple[Floats, Floats]:
-    """Return the size (2,) of axes in inches for a window, and the window, which is widened if it is too narrow."""
+    """Return the size (in inches) of the axes for a window, and the window, which is widened if it is too narrow."""
     size, middle = seen[1] - seen[0], seen.mean(axis=0)
     inches = np.maximum(size / size.max() * longest_in, _LEAST_IN)
     half = 0.5 * inches * float(np.max(size / inches))
@@ -139,13 +139,13 @@ def panel(seen: Floats, longest_in: float) -> tuple[Floats, Floats]:
 
 
 def sheet(inches: Floats, panels: tuple[int, int], legend: bool = True) -> tuple[float, float]:
-    """Return the size in inches of a figure for panels (columns, rows) whose axes have a given total size."""
+    """Return the size (in inches) of a figure for panels (columns, rows) whose axes have a given total size."""
     width, height = (inches + np.array(panels) * _DECORATION_IN).tolist()
     return (max(width, _LEGEND_IN[0]), height + _LEGEND_IN[1]) if legend else (width, height)
 
 
 class Drawn:
-    """A dragon in axes: its benches, its touching benches, their overlaps (in rings), and its handles.
+    """A dragon in axes: its benches, its touching benches, their overlaps (marked by rings), and its handles.
 
     Outlines and handles scale with the benches' width on paper. Benches that touch are hatched, so that they can be
     told apart without colours.
@@ -185,7 +185,7 @@ class Drawn:
 
 def draw(axes: Axes, seen: Floats, track: Floats | None, one: Moment, touching: Sequence[int] = (),
          venue: Venue | None = None) -> Drawn:
-    """Draw venue, track, benches and handles to scale in a window (2, 2) in m, and return the dragon."""
+    """Draw venue, track, benches and handles to scale in a window (m, shape (2, 2)), and return the dragon."""
     _frame(axes, seen)
     if venue is not None:
         _draw_venue(axes, venue)
@@ -230,7 +230,7 @@ def _frame(axes: Axes, seen: Floats) -> None:
 
 
 def _points_per_m(axes: Any) -> float:
-    """Return the scale of axes in points per m before their layout; this scale is slightly too small."""
+    """Return the scale of axes (points per m) before their layout; it is slightly smaller than the final scale."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     pixels_per_m = min(axes.bbox.width / (right - left), axes.bbox.height / (top - bottom))
     return 72 * float(pixels_per_m) / float(axes.figure.dpi)

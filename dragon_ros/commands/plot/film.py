@@ -24,7 +24,7 @@ from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.numerics.types import Array
 
 FORMATS = '.gif, .html, .mp4'
-_HOLD_MS = 1500             # duration of a GIF's last frame in ms
+_HOLD_MS = 1500             # duration (ms) of a GIF's last frame
 _AHEAD = 4                  # largest number of frames that wait for the encoder
 _QUALITY, _SPEED = 80, 10   # settings of AV1: a quality that keeps fine lines sharp, and the fastest speed
 _WAIT_S = 0.2
@@ -37,7 +37,7 @@ class FilmWriter(Protocol):
 
     @property
     def prepare(self) -> Callable[[Array], Any]:
-        """A function that converts a picture, (H, W, 4) of uint8, to a frame; another process may call it."""
+        """A function that converts a picture, a uint8 array (H, W, 4), to a frame; another process may call it."""
 
     def add(self, frame: Any) -> None:
         """Add a frame."""
@@ -166,7 +166,7 @@ class _Later:
 
 
 class _Av1:
-    """A writer of MP4 with AV1, which Pillow encodes in a thread; Pillow releases the interpreter lock."""
+    """A writer of MP4 files with AV1, which Pillow encodes in a thread while it releases the interpreter lock."""
 
     def __init__(self, path: Path, fps: int, frames: int) -> None:
         self._path, self._frames = path, frames
@@ -258,7 +258,7 @@ def _boxes(data: bytes, start: int, end: int) -> Iterator[tuple[bytes, int, int]
 
 
 class _Ffmpeg:
-    """A writer of MP4 with H.264, which an ffmpeg on the PATH encodes; a pipe carries the frames."""
+    """A writer of MP4 files with H.264; an ffmpeg on the PATH encodes the frames, which it receives through a pipe."""
 
     def __init__(self, path: Path, size: tuple[int, int], fps: int, program: str) -> None:
         raw = ['-f', 'rawvideo', '-pix_fmt', 'rgba', '-s', f'{size[0]}x{size[1]}', '-r', str(fps), '-i', '-']

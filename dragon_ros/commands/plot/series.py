@@ -9,7 +9,7 @@ from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_t
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 
-MOST_POINTS = 1500          # number of points per curve, which is more than a screen can show
+MOST_POINTS = 1500          # number of points per curve, more than a screen can show
 _CLOSE_S = 15.0             # duration in s that is shown before the contact
 _MOST_LABELS = 20           # largest number of labels beside lines
 _WIDE_IN, _NARROW_IN = 7.4, 3.6     # widths of the two panels, in inches
@@ -70,7 +70,7 @@ def speeds_picture(source: Source, times_s: list[float]) -> Figure:
     axes = figure.subplots()
     moments = list(source.moments(np.array(sorted(times_s))))
     if not moments:
-        raise InputError(f'{source.name}: has handles but no benches at {times_s[0]:g} s')
+        raise InputError(f'{source.name}: it has handles but no benches at {times_s[0]:g} s')
     for number, one in enumerate(moments):
         speed = speeds_of(source, one)
         axes.plot(np.arange(speed.size), speed, color=LINES[number % len(LINES)],
@@ -93,7 +93,7 @@ def _label_ends(axes: Axes, source: Source, labelled: list[Moment], moments: lis
 
 
 def speeds_of(source: Source, one: Moment) -> Floats:
-    """Return the speeds of a moment in m/s. Raises InputError if the speeds are unknown."""
+    """Return the speeds (m/s) at a moment. Raises InputError if the speeds are unknown."""
     if one.speed_m_s is None:
         raise InputError(f'{source.name}: it has no velocities; record with the effect velocity, or plot the scene')
     return one.speed_m_s

@@ -135,7 +135,7 @@ def _on_grid(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -
 
 
 def _pairs_panel(figure: Figure, axes: Axes, at: tuple[list[float], list[float]], inner: Floats, outer: Floats) -> None:
-    """Draw which pair of benches touches first; for more than a dozen pairs, draw only the outer bench's number."""
+    """Draw which pair of benches touches first; for more than a dozen pairs, draw only the outer bench."""
     code = inner * 1e6 + outer
     kinds = np.unique(code[~np.isnan(code)])
     place = np.where(np.isnan(code), np.nan, np.searchsorted(kinds, code).astype(float))

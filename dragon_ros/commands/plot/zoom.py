@@ -21,13 +21,13 @@ _MOST_POINTS = 1000         # largest number of points of the dragon in an inset
 
 @dataclass(frozen=True)
 class Zoom:
-    """A window of a picture: its centre, and its side in metres."""
+    """A window of a picture: its centre, and its side length (m)."""
 
     around: str | tuple[float, float]
     span_m: float | None = None
 
     def side_m(self, one: Moment) -> float:
-        """Return the side of the window in m."""
+        """Return the side length (m) of the window."""
         return self.span_m or _LENGTHS * 2 * float(np.median(one.benches.half_length))
 
     def window(self, one: Moment, point_m: tuple[float, float] | None) -> Floats:
@@ -39,7 +39,7 @@ class Zoom:
 
 
 def zoom_of(around: str | None, span_m: float | None) -> Zoom | None:
-    """Return the window that --around and --span select, or None without these options. Raises InputError."""
+    """Return the window that --around and --span select, or None if neither is given. Raises InputError."""
     if span_m is not None:
         number('--span', span_m, above=0.0, high=1e6)
     if around is None:
@@ -49,7 +49,7 @@ def zoom_of(around: str | None, span_m: float | None) -> Zoom | None:
     try:
         x, y = map(float, around.split(','))
     except ValueError:
-        raise InputError(f'--around {around}: is not a place; give {", ".join(_PLACES)}, or X,Y in m, such as '
+        raise InputError(f'--around {around}: it is not a place; give {", ".join(_PLACES)}, or X,Y in m, such as '
                          '--around 1.5,-2') from None
     return Zoom((number('--around', x, low=-1e9, high=1e9), number('--around', y, low=-1e9, high=1e9)), span_m)
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dragon_ros.commands.view.data import ViewData
     from dragon_ros.commands.view.variants import Variants
 
-_LOOKS_S = 0.1         # interval in s at which the server checks whether to end
+_LOOKS_S = 0.1         # interval (s) at which the server checks whether to end
 
 
 def main(argv: list[str]) -> int:

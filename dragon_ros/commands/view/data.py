@@ -25,8 +25,8 @@ def _wanted() -> None:
 class ViewData:
     """The data of a source for a browser; only one thread at a time computes them.
 
-    ``check`` is called at every step of long work. An exception that ``check`` raises ends the work, and no part of the
-    work is kept.
+    ``check`` is called at every step of long work. An exception raised by ``check`` ends the work, and partial results
+    are discarded.
     """
 
     def __init__(self, source: Source, progress: Progress, times_s: Floats | None = None) -> None:
@@ -76,7 +76,7 @@ class ViewData:
         return self._touch[0]
 
     def contact(self, check: Check = _wanted) -> dict[str, Any] | None:
-        """Return the first contact as JSON values, or None without a contact. The search starts at the first call."""
+        """Return the first contact as JSON values, or None if there is none. The search starts at the first call."""
         with self._lock:
             touch = self._first_touch(check)
         return None if touch is None else {'t_s': touch.t_s, 'benches': touch.benches, 'point_m': touch.point_m,
@@ -129,7 +129,10 @@ class ViewData:
 
 
 def _walls(venue: Venue | None) -> list[list[float | None]] | None:
-    """Return x and y of the outlines of a venue and its obstacles, each followed by None; None without a venue."""
+    """Return x and y of the outlines of a venue and its obstacles, each followed by None.
+
+    Return None if there is no venue.
+    """
     if venue is None:
         return None
     x, y = list[float | None](), list[float | None]()
@@ -144,7 +147,7 @@ def _walls(venue: Venue | None) -> list[list[float | None]] | None:
 
 
 def _sizes(one: Moment) -> list[tuple[int, float, float]]:
-    """Return groups of consecutive equal benches: their number, half their length and half their width in m."""
+    """Return groups of consecutive equal benches: their number, half their length (m) and half their width (m)."""
     halves = np.column_stack((one.benches.half_length, one.benches.half_width))
     starts = np.flatnonzero(np.any(np.diff(halves, axis=0, prepend=np.nan) != 0, axis=1))
     counts = np.diff(starts, append=len(halves))

@@ -1,7 +1,7 @@
 """The server of the web view: a page, a plotting library and data, on this host only.
 
 With ``--try``, the data are those of the variant that the query of the address describes. Long work ends early at a
-deadline, or when the page no longer waits for it, for instance because a slider has moved.
+deadline, or when the page no longer waits for it, for instance because the user moved a slider.
 """
 import json
 import re
@@ -37,7 +37,7 @@ _TRY_PATH = '/try.js'
 _ANSWERS: dict[str, Callable[[ViewData, Check], Any]] = {
     '/run.json': lambda data, check: data.run, '/contact.json': ViewData.contact,
     '/clearance.json': ViewData.clearance}
-_ROOM_S = 1.0       # longest wait in s for a connection to end after it was closed to make room for another
+_ROOM_S = 1.0       # longest wait (s) for a connection to end after it was closed to make room for another
 _CHUNK = re.compile('[0-9]{1,9}')
 _JSON, _BINARY = 'application/json', 'application/octet-stream'
 # The page may use only resources of this server; plotly.js adds inline styles.
@@ -52,9 +52,9 @@ class _GoneError(Exception):
 
 
 class ViewServer(ThreadingHTTPServer):
-    """A server of one run or of a scene's variants; if ``port`` is 0, any free port is used.
+    """A server for one run or for a scene's variants; if ``port`` is 0, any free port is used.
 
-    Raises MissingError if the port is taken.
+    Raises MissingError if the port is in use.
     """
 
     daemon_threads = True
@@ -73,7 +73,7 @@ class ViewServer(ThreadingHTTPServer):
     def verify_request(self, request: object, client_address: object) -> bool:
         """Accept a connection. If there are too many connections, close the one that has been idle longest.
 
-        If no connection is idle, close the new connection at once.
+        If no connection is idle, close the new connection immediately.
         """
         return self._room.acquire(blocking=False) or (self._close_oldest() and self._room.acquire(timeout=_ROOM_S))
 
@@ -143,7 +143,7 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = VIEW_IDLE_S
 
     def setup(self) -> None:
-        """Replace the input of the connection by an input with a deadline."""
+        """Replace the connection's input with one that has a deadline."""
         super().setup()
         self.rfile.close()
         self._incoming = _Request(self.connection)
@@ -183,7 +183,7 @@ class _Handler(BaseHTTPRequestHandler):
             return False
 
     def _check(self, deadline_s: float) -> Check:
-        """Return a check that ends the work on an answer when the page closes the connection or the time is up."""
+        """Return a check that ends the work on an answer if the page closes the connection or the time is up."""
         def check() -> None:
             if time.monotonic() > deadline_s:
                 raise DragonError(f'{self.path[:80]}: takes longer than {VIEW_ANSWER_S:g} s; use the command line')
@@ -235,7 +235,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def _data(data: ViewData, path: str, check: Check) -> tuple[bytes, str] | None:
-    """Return the data of a path and their type; None if the path does not exist."""
+    """Return the data of a path and their type, or None if the path does not exist."""
     if path in _ANSWERS:
         return _json(_ANSWERS[path](data, check))
     folder, _, name = path.lstrip('/').partition('/')

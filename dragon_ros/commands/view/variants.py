@@ -95,7 +95,7 @@ class Variant:
         return self.scene if t_s is None else replace(self.scene, run=replace(self.scene.run, stop_s=t_s))
 
     def contact_s(self, check: Check) -> float | None:
-        """Return the time of the first contact in s, or None without a contact."""
+        """Return the time (s) of the first contact, or None if there is none."""
         touch = self.data.contact(check)
         return None if touch is None else float(touch['t_s'])
 
@@ -141,7 +141,7 @@ class Variants:
         changes = []
         for key, text in parse_qsl(query, keep_blank_values=True):
             if key not in known:
-                raise InputError(f'{key[:_CHARACTERS]}: is not a value of this scene that can be changed', field=key)
+                raise InputError(f'{key[:_CHARACTERS]}: it is not a value of this scene that can be changed', field=key)
             changes.append(f'{key}={_number(key, text)}')
         scene = load_scene(self._scene, [*self._overrides, *changes])
         if scene.dragon.benches > SEARCHED_BENCHES:
@@ -185,7 +185,7 @@ def _fields(key: str, value: Any) -> list[PageValue]:
 
 
 def _number(key: str, text: str) -> str:
-    """Return the text of a number in its usual form, or null for an empty text; only some keys accept null."""
+    """Return a number's text in its usual form, or null for an empty string; only some keys accept null."""
     if text.strip() in ('', 'null'):
         return 'null'
     try:
@@ -249,7 +249,7 @@ def _pitch(variant: Variant, check: Check) -> Answer:
 
 
 def _room(variant: Variant, check: Check) -> Answer:
-    """Return the space that the run needs: the gaps to the obstacles of its venue, or a square."""
+    """Return the space that the run requires: the gaps to the obstacles in its venue, or a square."""
     scene, until = variant.until_contact(check), variant.contact_s(check) is not None
     if scene.venue is not None:
         from dragon_ros.core.search.venue_fit import venue_fit
