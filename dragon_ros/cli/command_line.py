@@ -174,7 +174,7 @@ def add_format_option(options: argparse.ArgumentParser, formats: tuple[str, ...]
                       ) -> None:
     """Add --format, whose default follows from --output; ``pictures`` lists further suffixes of --output."""
     options.add_argument('--format', choices=formats, default=_Default(formats[0]),
-                         help='output format (by the suffix of --output; otherwise %(default)s)')
+                         help='output format (%(default)s, unless the suffix of --output determines it)')
     options.set_defaults(formats=formats, pictures=pictures)
 
 

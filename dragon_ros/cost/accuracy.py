@@ -1,4 +1,4 @@
-"""The cost of accuracy for a scene: errors and times of the paper's recipe, simple solvers and every tier."""
+"""The cost of accuracy for a scene: the errors and times of the paper's recipe, of simple solvers and of every tier."""
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -20,17 +20,18 @@ from dragon_ros.cost.baselines import SIMPLE
 from dragon_ros.cost.measure import Timing, timed_in_turn
 from dragon_ros.cost.reference import Reference, reference
 
-_PLACES = (1.0, 0.0, 0.5, 0.25, 0.75)       # times of references as fractions of the run, most important first
-_STEP_S = 0.01                              # step of the paper's recipe, which has no positions between steps
+_PLACES = (1.0, 0.0, 0.5, 0.25, 0.75)       # times of the references as fractions of the run, the most important first
+_STEP_S = 0.01                              # step (s) of the paper's recipe, which has no positions between steps
 _MOST_HANDLES = 20_001                      # largest number of handles in a reference, counted from the head
 MARCHED = ', marched'
 
 
 @dataclass(frozen=True)
 class Solver:
-    """A solver with its largest error and its promise at all instants, and its time per tick.
+    """A solver with its largest error at any of the instants, its promise, and its time per tick.
 
-    ``error_m`` is nan without a reference. A solver that does not support the scene has a note instead of a timing.
+    ``error_m`` is nan if there is no reference. A solver that does not support the scene has a note instead of a
+    timing.
     """
 
     name: str
@@ -44,7 +45,7 @@ class Solver:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """All solvers, the instants in s at which they were compared, and the number of compared handles."""
+    """All solvers, the instants (s) at which they were compared, and the number of compared handles."""
 
     times_s: tuple[float, ...]
     handles: int
@@ -53,13 +54,13 @@ class Accuracy:
 
 @dataclass(frozen=True)
 class _TimedSolver:
-    """A solver with its errors, and the calls to time: positions at every instant, without and with velocities."""
+    """A solver with its errors, and the calls to be timed: positions at every instant, without and with velocities."""
 
     row: Solver
     calls: tuple[Callable[[], None], ...] = ()
 
     def timed(self, spent: Iterator[Timing], count: int) -> Solver:
-        """Return the solver with the times of its calls, each of which covers ``count`` instants."""
+        """Return the solver with the times of its calls; each call covers ``count`` instants."""
         positions, both = [*(next(spent).shared_by(count) for _ in self.calls), None, None][:2]
         return replace(self.row, positions=positions, with_velocities=both)
 
@@ -132,7 +133,7 @@ def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> I
 
 
 def _tier(scene: Scene, name: str, known: dict[float, Reference | None]) -> tuple[_TimedSolver, str]:
-    """Return a tier with its errors and the calls to time, and the name of the solver that placed the handles."""
+    """Return a tier with its errors and the calls to be timed, and the name of the solver that placed the handles."""
     simulation = compile_scene(scene)
     error_m = error_m_s = 0.0
     worst = 1.0
@@ -158,9 +159,12 @@ def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:
 
 
 def _simple(scene: Scene, name: str, known: dict[float, Reference | None]) -> _TimedSolver:
-    """Return a simple solver with its error and the call to time; only a single spiral led by the head is supported."""
+    """Return a simple solver with its error and the call to be timed.
+
+    Simple solvers support only a dragon that is led by its head on a single spiral.
+    """
     if not isinstance(scene.track, Spiral) or scene.head.lead != 'head':
-        return _absent(name, 'supports only one spiral, led by the head')
+        return _absent(name, 'supports only a dragon led by its head on a single spiral')
     solve, error_m = SIMPLE[name], 0.0
     try:
         with np.errstate(all='ignore'):

@@ -18,7 +18,7 @@ _LEAST_TICKS = 2
 
 @dataclass(frozen=True)
 class BagCost:
-    """A bag with the first ticks of a run: the number of ticks, the time to write them, and the sizes in bytes."""
+    """A bag with the first ticks of a run: the number of ticks, the time to write them, and sizes in bytes."""
 
     compression: str
     ticks: int
@@ -56,7 +56,7 @@ def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> tup
 def _written(scene: Scene, compression: str, path: Path, budget_s: float) -> BagCost:
     """Write as many of the run's first ticks to a bag as the budget allows."""
     topics, count, size = list(encoders(scene).items()), compile_scene(scene).last_tick + 1, 0
-    next(ticks(scene, 0, 1))        # builds the tables and templates, once per run
+    next(ticks(scene, 0, 1))        # builds the tables and templates, which happens once per run
     began = time.perf_counter()
     with BagWriter(path, options=BagOptions(compression)) as bag:
         for row in live(scene.effects):

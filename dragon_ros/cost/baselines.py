@@ -14,7 +14,7 @@ Solver = Callable[[Scene, float], Floats]
 
 
 def chain_by(next_angle: Callable[[float, float], float], scene: Scene, t_s: float) -> Floats:
-    """Return handles (N+1, 2) in m, placed by ``next_angle(theta, chord)`` with the chord in units of b."""
+    """Return handles (m, shape (N+1, 2)) placed by ``next_angle(theta, chord)``, with the chord in units of b."""
     b = scene.spiral.b_m
     theta = [compile_scene(scene).model.leader.place(scene.head.travelled_m(t_s)).u.hi]
     for link in scene.dragon.link_lengths_m.tolist():
@@ -29,7 +29,7 @@ def cosine_rule(theta: float, outer: float, chord: float) -> float:
 
 
 def by_newton(tolerance: float, theta: float, chord: float) -> float:
-    """Return the next angle, found by Newton's method on the cosine rule until a step is below ``tolerance`` rad."""
+    """Return the next angle, found with Newton's method on the cosine rule until a step is below ``tolerance`` rad."""
     outer = theta + chord / sqrt(1 + theta * theta)
     for _ in range(100):
         slope = 2 * outer - 2 * theta * cos(outer - theta) + 2 * theta * outer * sin(outer - theta)
@@ -41,7 +41,7 @@ def by_newton(tolerance: float, theta: float, chord: float) -> float:
 
 
 def by_bisection(tolerance: float, theta: float, chord: float) -> float:
-    """Return the next angle, found by bisection of half a turn until the bracket is at most ``tolerance`` rad wide."""
+    """Return the next angle, found by bisecting half a turn until the bracket is at most ``tolerance`` rad wide."""
     low, high = theta, theta + pi
     while high - low > tolerance:
         middle = 0.5 * (low + high)

@@ -23,7 +23,7 @@ _ABOUT = """Measure the cost of accuracy, effects, contact and bags for a scene 
 def main(argv: list[str]) -> int:
     """Measure a scene; return the exit code. Without arguments, print the help."""
     options = _options()
-    arguments = options.parse_args(argv)        # comes first, because it handles shell completion
+    arguments = options.parse_args(argv)        # comes first, because parsing also handles shell completion
     if not argv:
         options.print_help()
         return command_line.BAD_INPUT
@@ -47,7 +47,7 @@ def _options() -> ArgumentParser:
 def _check_folder(output: Path | None) -> None:
     """Reject an output file whose folder does not exist, before the measurements start."""
     if output is not None and not output.parent.is_dir():
-        raise MissingError(f'--output {output}: it cannot be written: there is no folder {output.parent}')
+        raise MissingError(f'--output {output}: it cannot be written, because there is no folder {output.parent}')
 
 
 def _run(arguments: Namespace) -> int:

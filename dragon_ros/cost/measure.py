@@ -1,4 +1,4 @@
-"""Measure times as medians and quartiles, excluding the first call, and describe the machine."""
+"""Measure the times of calls as medians and quartiles, excluding the first call, and describe the machine."""
 import platform
 import sys
 import time
@@ -16,7 +16,7 @@ TIMES = ('median_s', 'low_s', 'high_s', 'calls')
 
 @dataclass(frozen=True)
 class Timing:
-    """The time per call in s, as median and quartiles, and the number of timed calls."""
+    """The time per call (s), as the median and the quartiles, and the number of timed calls."""
 
     median_s: float
     low_s: float
@@ -25,7 +25,7 @@ class Timing:
 
     @property
     def cells(self) -> tuple[float, float, float, int]:
-        """The table cells under the column headings TIMES."""
+        """The table cells for the column headings TIMES."""
         return self.median_s, self.low_s, self.high_s, self.calls
 
     def shared_by(self, count: int) -> 'Timing':
@@ -46,7 +46,7 @@ def timed(call: Callable[[], object], budget_s: float = 0.3, least: int = 5, mos
 
 def timed_in_turn(calls: Sequence[Callable[[], object]], budget_s: float = 0.3, least: int = 5, most: int = 200
                   ) -> list[Timing]:
-    """Time several functions in turn, so that other load on the machine affects them equally.
+    """Time several functions alternately, so that other load on the machine affects all of them equally.
 
     Each function is called twice in a row. Only the second call is timed, because the first call refills the caches.
     """
@@ -63,7 +63,7 @@ def timed_in_turn(calls: Sequence[Callable[[], object]], budget_s: float = 0.3, 
 
 
 def timing_of(spent: Sequence[float]) -> Timing:
-    """Return the median and the quartiles of the times of calls, in s."""
+    """Return the median and the quartiles of call times (s)."""
     low, _, high = quantiles(spent, n=4)
     return Timing(median(spent), low, high, len(spent))
 

@@ -1,4 +1,4 @@
-"""Draw the costs of a scene: error against time, effects, the time for the whole run, and bags."""
+"""Draw the costs of a scene: error against time, the cost of each effect, the time for the whole run, and bags."""
 from typing import TYPE_CHECKING, Any
 
 import numpy as np

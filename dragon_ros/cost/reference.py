@@ -1,12 +1,12 @@
-"""Reference positions and velocities of handles, computed without arithmetic, equations or searches of the solvers.
+"""Reference positions and velocities of handles, computed without the solvers' arithmetic, equations and searches.
 
-A reference is computed with 60 decimal digits and rounded once, to double-doubles. Its errors are below 1e-30 of a
-coordinate, unless a link is so close to locking that the last digit of the leader's distance has a larger effect. The
-scene's floats are treated as exact numbers. Independent code lays out the pieces of a track, and Newton's method finds
-each handle in a bracket in which the distance from the previous handle increases. The distance increases along arcs
-shorter than pi / bend, where bend is the largest curvature. On a single spiral, the distance increases up to half a
-turn behind the previous handle; if the link is longer, the bracket is the first interval after that in which the
-distance increases.
+A reference is computed with 60 decimal digits and rounded once, to double-doubles. Its errors are below 1e-30 relative
+to the coordinates, unless a link is so close to locking that the last digit of the leader's distance has a larger
+effect. The scene's floats are treated as exact numbers. Independent code lays out the pieces of a track, and Newton's
+method finds each handle in a bracket in which the distance from the previous handle increases. The distance increases
+along arcs shorter than pi / bend, where bend is the largest curvature. On a single spiral, the distance increases up to
+half a turn behind the previous handle; if the link is longer than the distance there, the bracket is the next interval
+in which the distance increases.
 """
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -25,10 +25,10 @@ from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc,
 
 _CONTEXT = Context(prec=60)
 _PI = Decimal('3.14159265358979323846264338327950288419716939937510582097494459230781640628620899862803')
-_DONE = Decimal('1e-32')        # last relative Newton step; the remaining error is about its square
+_DONE = Decimal('1e-32')        # relative size of the last Newton step; the remaining error is about its square
 _ZERO, _ONE, _TWO, _HALF = Decimal(0), Decimal(1), Decimal(2), Decimal('0.5')
 _HAIR = Decimal('1e-40')
-_RISE = Decimal('0.0625')       # step in rad of the search for the first rise of the distance
+_RISE = Decimal('0.0625')       # step (rad) of the search for the first rise of the distance
 _MOST_STEPS = 400
 _BACK, _AHEAD = -1, 1
 _OFF = 'the reference cannot place a link'
@@ -40,19 +40,19 @@ Point = tuple[Number, Number, Number, Number]       # a point, and its derivativ
 
 @dataclass(frozen=True)
 class Reference:
-    """Handles (N+1, 2) in m, from the head backwards, as ``high`` + ``low``, and velocities (N+1, 2) in m/s."""
+    """Handles (m), from the head backwards, as ``high`` + ``low``, and velocities (m/s), all of shape (N+1, 2)."""
 
     high: Floats
     low: Floats
     velocity_m_s: Floats
 
     def error_m(self, handles_m: Floats) -> float:
-        """Return the largest distance in m between handles (N+1 or more, 2) and the reference."""
+        """Return the largest distance (m) between handles (N+1 or more, 2) and the reference."""
         off = (handles_m[:len(self.high)] - self.high) - self.low
         return float(np.max(np.hypot(off[:, 0], off[:, 1])))
 
     def speed_error_m_s(self, velocity_m_s: Floats) -> float:
-        """Return the largest difference in m/s between velocities (N+1 or more, 2) and the reference."""
+        """Return the largest difference (m/s) between velocities (N+1 or more, 2) and the reference."""
         off = velocity_m_s[:len(self.velocity_m_s)] - self.velocity_m_s
         return float(np.max(np.hypot(off[:, 0], off[:, 1])))
 
@@ -84,7 +84,7 @@ def chain_at(scene: Scene, t_s: float, most: int | None = None) -> list[Point]:
 
 
 def cos_sin(angle: Number) -> Pair:
-    """Return cosine and sine, from the sine's power series for an eighth of the angle reduced to a quarter turn."""
+    """Return cosine and sine; the angle is reduced to a quarter turn and divided by 8 for the sine's power series."""
     quarters = int((angle / (_PI * _HALF)).to_integral_value())
     left = (angle - quarters * (_PI * _HALF)) / 8
     square, total = left * left, _ZERO
@@ -109,7 +109,7 @@ with localcontext(_CONTEXT):
 
 
 class _ByMetres:
-    """A piece on which u is the distance from the start of the piece, in m."""
+    """A piece on which u is the distance (m) from the start of the piece."""
 
     way = 1
 
@@ -120,7 +120,7 @@ class _ByMetres:
         return metres
 
     def within(self, u: Number, arc_m: float) -> float:
-        """Return the change of u along the given metres of track."""
+        """Return the change in u along a length (m) of track."""
         return abs(arc_m)
 
 
@@ -141,7 +141,7 @@ class _Straight(_ByMetres):
 
 @dataclass
 class _Round(_ByMetres):
-    """An arc, which turns left if ``side`` is 1."""
+    """An arc that turns left if ``side`` is 1."""
 
     start: Pair
     heading: Pair
@@ -205,7 +205,7 @@ class _Winding:
         raise DragonError(_OFF)
 
     def within(self, u: Number, arc_m: float) -> float:
-        """Return the approximate change of u along the given metres of track; positive metres lead outwards."""
+        """Return the approximate change in u along a length (m) of track; positive lengths lead outwards."""
         start, change = float(u), 0.0
         for _ in range(3):
             middle = max(0.0, start + 0.5 * change)
@@ -218,7 +218,7 @@ _Place = tuple[int, Number]         # the number of a piece, and u on that piece
 
 
 def _arc(u: Number) -> Number:
-    """Return the arc length from a spiral's centre in units of b."""
+    """Return the arc length from a spiral's centre, in units of b."""
     root = (1 + u * u).sqrt()
     return (u * root + (u + root).ln()) / 2
 
@@ -238,20 +238,20 @@ class _DecimalTrack:
         return k, self.pieces[k].after(metres - self.origins[k])
 
     def metres(self, k: int, u: Number) -> Number:
-        """Return the distance of a place along the track, in m."""
+        """Return the distance (m) of a place along the track."""
         return self.origins[k] + self.pieces[k].metres(u)
 
     @cached_property
     def bend(self) -> float:
-        """The largest curvature in 1/m."""
+        """The largest curvature (1/m)."""
         return max(piece.bend for piece in self.pieces)
 
     def _hair(self, k: int, u: Number) -> Number:
-        """Return the largest change of u by which rounding may place a handle beyond an end of the track."""
+        """Return the largest change in u by which rounding may place a handle beyond an end of the track."""
         return _ZERO if 0 <= k < len(self.pieces) else _HAIR * (1 + abs(u))
 
     def next(self, place: _Place, chord: Number, way: int, guess: Number | None) -> _Place:
-        """Return the nearest place, behind or ahead, that is a chord away; ``guess`` is the expected change of u."""
+        """Return the nearest place, behind or ahead, that is one chord away; ``guess`` is the expected change in u."""
         k, u = place
         if not chord:
             return place
@@ -277,7 +277,7 @@ class _DecimalTrack:
 
 
 def _longest_m(bend: float, chord_m: float) -> float:
-    """Return an arc length in m longer than any arc with this chord, and along which chords still increase."""
+    """Return an arc length (m) that is longer than any arc with this chord, and along which chords still increase."""
     if not bend:
         return 1.1 * chord_m
     reach_m = 2 / bend * asin(min(1.0, 0.5 * bend * chord_m))
@@ -297,7 +297,7 @@ def _excess(piece: _Piece, here: Pair, chord: Number, start: Number, sense: int)
 
 
 def _on_spiral(excess: _Excess, chord: Number, guess: Number | None) -> Number:
-    """Return the smallest outward angle at which a point of a single spiral is a chord away.
+    """Return the smallest outward angle at which a point on a single spiral is one chord away.
 
     Up to half a turn, the distance grows monotonically: half the slope of its square is d + 2 t sin^2(d/2) + t (t + d)
     sin d.
@@ -360,7 +360,7 @@ def _turn(turn: STurn) -> _DecimalTrack:
 
 
 def _arctangent(tangent: Number) -> Number:
-    """Return the arc tangent, found by Newton's method as the root of tangent * cos - sin."""
+    """Return the arctangent, found by Newton's method as the root of tangent * cos - sin."""
     angle = Decimal(float(np.arctan(float(tangent))))
     for _ in range(_MOST_STEPS):
         cos, sin = cos_sin(angle)
@@ -417,7 +417,7 @@ def _wound(spec: SpiralArc, point: Pair, heading: Pair, first: Number | None) ->
 
 
 def _gone(scene: Scene, t: Number) -> Pair:
-    """Return the leader's travelled distance in m and speed in m/s; profiles are integrated ramp by ramp."""
+    """Return the leader's distance travelled (m) and its speed (m/s); profiles are integrated ramp by ramp."""
     law = scene.head
     if isinstance(law, Head):
         return Decimal(law.speed_m_s) * t, Decimal(law.speed_m_s)
@@ -452,14 +452,14 @@ def _places(track: _DecimalTrack, place: _Place, links: list[Number], way: int) 
 
 
 def _guessed(before: list[Number]) -> Number | None:
-    """Return the next number of a sequence, extrapolated with a cubic from its last four numbers, newest first."""
+    """Return the next number in a sequence, extrapolated by a cubic from its last four numbers, newest first."""
     if len(before) < 4:
         return before[0] if before else None
     return 4 * (before[0] + before[2]) - 6 * before[1] - before[3]
 
 
 def _followed(track: _DecimalTrack, leader: _Place, links: list[Number], way: int, speed: Number) -> Iterator[Point]:
-    """Yield the handles' positions and velocities from the leader on; both ends of a link are equally fast along it."""
+    """Yield the handles' positions and velocities, leader first; both ends of a link have the same speed along it."""
     before: tuple[Pair, Pair] | None = None
     for k, u in _places(track, leader, links, way):
         x, y, dx, dy = track.pieces[k].at(u)

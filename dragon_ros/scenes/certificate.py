@@ -12,14 +12,14 @@ from dragon_ros.core.search.certificate import ALL, Contact, Interval, NoContact
 from dragon_ros.core.search.family import FamilyProof
 from dragon_ros.scenes.load import scene_values
 
-_VERSION = 2        # version of the format and its claims; certificates of 0.2.0 and earlier have none
+_VERSION = 2        # version of the format and its claims; certificates of 0.2.0 and earlier state none
 _WITH_VENUE = 3     # version for a scene with a venue
 _MOST = 20_000      # largest number of rows in a certificate; rows only suggest where to split intervals
 _NAMES = {ALL: 'all', 0: 'head', 1: 'body'}
 
 
 def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
-    """Return a certificate as plain values. Raises InputError if there is none.
+    """Return a certificate as plain values. Raises InputError if the run has none.
 
     The certificate contains the claim and hints on where to split intervals, but not the solver's bounds, because the
     checker does not use them.
@@ -27,12 +27,12 @@ def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
     proof = found.certificate
     if not proof.complete:
         raise InputError('--certificate: this run has no certificate: the benches approach so slowly that the last '
-                         'interval before the contact cannot be distinguished from it')
+                         'interval before the contact cannot be distinguished from the contact')
     return _certificate(scene, _contact(found), _rows(proof.intervals))
 
 
 def claim_of(found: Contact | NoContact) -> dict[str, Any] | None:
-    """Return the claim of a certificate, without its scene and intervals; None if the run has no certificate."""
+    """Return a certificate's claim without its scene and intervals, or None if the run has no certificate."""
     return _contact(found) if found.certificate.complete else None
 
 
@@ -63,7 +63,7 @@ def _contact(found: Contact | NoContact) -> dict[str, Any]:
 
 
 def _rows(intervals: Sequence[Interval]) -> list[dict[str, Any]]:
-    """Return the rows; if there are too many intervals for one per row, each row covers several consecutive ones."""
+    """Return the rows; if there are too many intervals, each row covers several consecutive intervals."""
     most, joined = ceil(len(intervals) / _MOST), 1
     out: list[dict[str, Any]] = []
     for row in map(_row, intervals):

@@ -1,7 +1,7 @@
 """Read the line that a dragon follows from a drawing (SVG, GeoJSON, WKT or CSV), as parts in metres, with y upwards.
 
 svgelements interprets SVG paths, shapes, transforms, units and viewBox. It receives only the chosen element and its
-groups, from a parser that rejects files that are too large, are nested too deeply or declare entities.
+groups. The parser rejects files that are too large, are nested too deeply or declare entities.
 """
 import csv
 import io
@@ -43,7 +43,7 @@ _FAILS = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, R
 
 @dataclass(frozen=True)
 class DrawnLine:
-    """A line of a drawing: its name, and its parts in metres; each part starts where the previous one ends."""
+    """A line in a drawing: its name, and its parts in metres; each part starts where the previous one ends."""
 
     name: str
     parts: tuple[DrawnPart, ...]
@@ -63,7 +63,7 @@ def _turned_round(part: DrawnPart) -> DrawnPart:
 
 
 def metres_a_unit(scale: str | None, unit_m: float | None) -> tuple[float, bool] | None:
-    """Return metres per unit, and whether the unit is a metre on paper; None if neither scale nor unit is given.
+    """Return metres per unit, and whether the unit is a metre on paper, or None if neither scale nor unit is given.
 
     Raises FieldError.
     """
@@ -90,7 +90,7 @@ def bytes_of(path: Path) -> bytes:
 
 
 def chosen(path: Path, what: str, names: list[str], asked: str | None, option: str = '--path') -> int:
-    """Return the index of the requested line of a drawing. Raises InputError with a list of the lines."""
+    """Return the index of the requested line in a drawing. Raises an InputError that lists the lines."""
     if asked is not None and asked in names:
         return names.index(asked)
     if asked is None and len(names) == 1:
@@ -196,8 +196,8 @@ def map_line(path: Path, asked: str | None, origin_deg: tuple[float, float] | No
 def svg_line(path: Path, asked: str | None, scale: tuple[float, bool] | None) -> DrawnLine:
     """Return a path of an SVG file, chosen by id or Inkscape label; the lower left corner of the page is (0, 0).
 
-    ``scale`` is metres per unit of the viewBox, or per metre on paper. Pictures that define their own scale, such as
-    those of ``plot``, do not accept one.
+    ``scale`` is in metres per unit of the viewBox, or per metre on paper. It must be None for pictures that define
+    their own scale, such as those of ``plot``.
     """
     root = _tree(path, bytes_of(path))
     shapes = list(_shapes(root, [root]))
@@ -320,7 +320,7 @@ def _read(path: Path, above: list['Element'], element: 'Element') -> tuple[Any, 
 
 
 def _copy(element: 'Element') -> 'Element':
-    """Return an element without its children, its class and attributes from other namespaces."""
+    """Return an element without its children, its class, or attributes from other namespaces."""
     kept = {key: value for key, value in element.attrib.items() if not key.startswith('{')}
     kept.pop('class', None)
     return ElementTree.Element(element.tag, kept)

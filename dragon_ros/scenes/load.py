@@ -39,14 +39,14 @@ _PAIRS = {'at_m': 'a point; write for example [1.5, 2]', 'origin_deg': 'a positi
 _WORDS = ('lead', 'ramps', 'side', 'name')
 CHOICES = ('solver', 'markers')
 SINGLES = ('accuracy', 'effects', *CHOICES)
-_MOST_SHOWN = 100       # longest --set in an error message, in characters
+_MOST_SHOWN = 100       # largest number of characters of a --set in an error message
 # Lines with the corners of a venue, as written by provenance.
 _CORNERS = re.compile(r"^[ -]*(?:points_m|inside)?:? *'?[-+.e0-9, ]+'?\n", re.MULTILINE)
 ABOUT = 'about'     # notes on a scene, which have no effect
 
 
 def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
-    """Return a scene, given its name or its file, after applying ``key=value`` overrides with dotted keys.
+    """Return the scene with the given name or file, after applying ``key=value`` overrides with dotted keys.
 
     Omitted keys default to the classic values. Raises InputError with file, line and key.
     """
@@ -57,7 +57,7 @@ def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
 
 
 def load_venue(name_or_file: str) -> Venue:
-    """Return the venue of a scene (given its name or file), or of a GeoJSON or WKT file. Raises InputError."""
+    """Return the venue of a scene (a name or a file), or of a GeoJSON or WKT file. Raises InputError."""
     if Path(name_or_file).suffix.lower() in ('.geojson', '.json', '.wkt'):
         document = parse_document(name_or_file, '{}')
         document.values['venue'] = {'file': str(Path(name_or_file).absolute())}
@@ -148,7 +148,7 @@ def _as_lists(value: Any) -> Any:
 
 
 def strangers_scene(name: str, text: str, trust: bool = False) -> Scene:
-    """Return the scene described by a text from a bag or a topic.
+    """Return the scene described by text from a bag or a topic.
 
     Unless ``trust`` is set, the budgets of ``core.limits`` apply. Raises InputError.
     """
@@ -258,7 +258,7 @@ def _plain(value: Any) -> Any:
 
 
 def _build(document: Document, name: str, kinds: dict[str, type]) -> Any:
-    """Build the dataclass of a section from its mapping; the key ``kind`` selects one if there are several."""
+    """Build the dataclass of a section from its mapping; the key ``kind`` selects a dataclass if there are several."""
     return _made(document, name, kinds, dict(document.section(name)))
 
 
@@ -365,6 +365,6 @@ def _below(target: Any, section: str, place: str, key: str) -> Any:
 def _item(items: list[Any], number: str, place: str, key: str) -> int:
     """Return the index of a list item, which dotted keys number from 1."""
     if not (number.isdecimal() and 1 <= int(number) <= len(items)):
-        raise InputError(f'{place}: {shown(number)} is not an item of a list of {len(items)}; '
-                         f'count from 1 to {len(items)}', field=key)
+        raise InputError(f'{place}: {shown(number)} is not the number of a list item; the items are numbered from 1 '
+                         f'to {len(items)}', field=key)
     return int(number) - 1

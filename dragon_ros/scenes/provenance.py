@@ -103,7 +103,7 @@ def run_metadata(text: str, scene: Scene | None, recorder: Mapping[str, str]) ->
 
 
 def _only_in(words: str, others: str) -> str:
-    """Return the words that the other list lacks, since two lists of CPU features differ in few words."""
+    """Return the words that the other list lacks, because two lists of CPU features differ in only a few words."""
     known = set(others.split())
     left = [word for word in words.split() if word not in known]
     return shown(' '.join(left)) if left else 'fewer'
@@ -133,7 +133,7 @@ def _text(value: Any) -> str:
 
 
 def _git(*arguments: str) -> str:
-    """Return the output of a git command in the checkout that contains this code; '' outside a checkout."""
+    """Return the output of a git command in the checkout that contains this code, or '' outside a checkout."""
     root = Path(__file__).resolve().parents[2]
     if not (root / '.git').exists():
         return ''

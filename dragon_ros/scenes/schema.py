@@ -1,6 +1,6 @@
 """The JSON Schema of scene files for editors and other programs, generated from their dataclasses.
 
-It covers names, types and choices. Limits on numbers are checked when a scene is built, with clearer errors.
+The schema covers names, types and choices. Limits on numbers are checked when a scene is built, with clearer errors.
 """
 import json
 from collections.abc import Mapping
@@ -54,7 +54,7 @@ def scene_schema() -> Schema:
     for name, (text, choices) in _WAYS.items():
         parts[name] = {'description': text, 'enum': list(choices), 'default': getattr(defaults, name)}
     return {'$schema': 'https://json-schema.org/draft/2020-12/schema', 'title': 'A scene of dragon_ros',
-            'description': 'Omitted keys have their defaults.', 'type': 'object', 'additionalProperties': False,
+            'description': 'Omitted keys have their default values.', 'type': 'object', 'additionalProperties': False,
             'properties': parts}
 
 

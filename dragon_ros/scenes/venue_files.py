@@ -97,7 +97,7 @@ def _inside(path: Path, geometry: Any) -> tuple[list[list[float]], list[dict[str
 
 
 def _obstacles(path: Path, name: str, geometry: Any) -> list[dict[str, Any]]:
-    """Return a feature as obstacles, one for each part, numbered if there are several."""
+    """Return a feature as obstacles, one per part; several parts are numbered."""
     parts = list(_parts(geometry))
     if not parts:
         raise InputError(f'{path}: {name}: it is empty; draw it or remove it')
@@ -253,9 +253,9 @@ def _projected(path: Path, features: tuple[Feature, ...], crs: str,
 
 
 def degrees_of(geometry: Any, origin_deg: tuple[float, float]) -> Any:
-    """Convert a shapely geometry from metres about an origin to longitude and latitude, to 1e-10 degrees (10 um).
+    """Convert a shapely geometry from metres about an origin to longitude and latitude.
 
-    Raises MissingError if pyproj is not installed.
+    Degrees are rounded to 1e-10 (10 um). Raises MissingError if pyproj is not installed.
     """
     import numpy as np
     from shapely import transform

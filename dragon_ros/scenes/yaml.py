@@ -67,7 +67,7 @@ def read_document(path: Path) -> Document:
         text = data.decode()
     except OSError as error:
         raise MissingError(f'{path}: cannot be read: {error.strerror}') from None
-    except ValueError as error:     # raised also for a path that contains a NUL
+    except ValueError as error:     # also raised for a path that contains a NUL character
         reason = 'it is not UTF-8 text' if isinstance(error, UnicodeDecodeError) else str(error)
         raise MissingError(f'{shown(str(path))[1:-1]}: cannot be read: {reason}') from None
     if len(data) > SCENE_FILE_BYTES:
@@ -100,8 +100,8 @@ def _document(name: str, text: str, kind: Callable[[str], Any]) -> Document:
 def _composed(text: str, kind: Callable[[str], Any]) -> tuple[Any, yaml.Node | None]:
     """Return a loader and the root node of a text. Long texts use libyaml if PyYAML includes it, because it is faster.
 
-    ``kind`` reads texts that libyaml rejects or that are nested too deeply, because its errors quote the text and the
-    position. Raises YAMLError or ValueError.
+    ``kind`` reads texts that libyaml rejects or that are nested too deeply, because the errors of ``kind`` quote the
+    text and the position. Raises YAMLError or ValueError.
     """
     fast = getattr(yaml, 'CSafeLoader', None)
     if fast is not None and kind is _Loader and len(text) > _LONG:

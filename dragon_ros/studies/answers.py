@@ -35,7 +35,7 @@ def main_answers(study: Study) -> list[str]:
 
 
 def numbers(table: pa.Table, name: str) -> Floats:
-    """Return a column as floats (rows,), nan where it is empty."""
+    """Return a column as an array of floats (rows,), with nan for empty cells."""
     return np.asarray(table.column(name).cast(pa.float64()).fill_null(float('nan')).to_numpy(), dtype=np.float64)
 
 

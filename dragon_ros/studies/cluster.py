@@ -1,8 +1,8 @@
 """Run a study with Dask, on new processes on this host or on a running cluster.
 
-A batch takes about ``_BATCH_S`` seconds, to keep the overhead of Dask small. A few batches per worker are submitted in
-advance. The result of a batch is a Parquet file, which is written as received. If a worker dies, Dask computes its
-batch again; if a batch kills several workers in a row, its rows are computed one by one.
+A batch takes about ``_BATCH_S`` seconds, so that the overhead of Dask stays small. A few batches per worker are
+submitted in advance. The result of a batch is a Parquet file, which is written as received. If a worker dies, Dask
+computes its batch again; if a batch kills several workers in a row, its rows are computed one by one.
 """
 import asyncio
 import logging
@@ -45,9 +45,9 @@ _LOOK_S = 2.0           # time between two counts of the workers
 _CONNECT_S = 30.0
 _START_S = 120.0        # longest wait for a thread of this process to start
 _NO_WORKERS_S = 60.0    # time without workers after which the study ends with an error
-# Dask's dashboard and the HTTP routes that serve it are off. Its profiler is off, too: sampling a hundred times per
-# second took a tenth of a worker's time. By default, a worker returns freed blocks of 64 KB or more to the system, and
-# allocating them again takes as long as the arithmetic.
+# Dask's dashboard and the HTTP routes that serve it are disabled. Dask's profiler is also disabled, because sampling a
+# hundred times per second took a tenth of a worker's time. By default, a worker returns freed blocks of 64 KB or more
+# to the system, and allocating them again takes as long as the arithmetic.
 _ALONE: dict[str, Any] = {'distributed.scheduler.http.routes': [], 'distributed.worker.http.routes': [],
                           'distributed.worker.profile.enabled': False, 'distributed.admin.tick.interval': '1s',
                           'distributed.admin.system-monitor.interval': '5s',
@@ -67,7 +67,7 @@ class BatchResult(NamedTuple):
 
 @dataclass
 class StudyProgress:
-    """The progress of a study: the number of existing rows, and the number that this run has computed, by status."""
+    """The progress of a study: the number of existing rows, and the number of rows computed by this run, by status."""
 
     total: int
     done: int
@@ -87,7 +87,7 @@ def versions() -> dict[str, str]:
 
 
 def _scipy() -> str:
-    """Return the version of scipy, or 'none', since only some studies need it."""
+    """Return the version of scipy, or 'none' if it is not installed; only some studies need it."""
     try:
         return version('scipy')
     except PackageNotFoundError:
@@ -106,16 +106,16 @@ def compute(text: str, start: int, stop: int, wanted: dict[str, str]) -> BatchRe
 def _check_same(who: str, found: dict[str, str], wanted: dict[str, str]) -> None:
     for name, mine in wanted.items():
         if found.get(name) != mine:
-            raise InputError(f'scheduler: {who} has {name} {found.get(name)}, this process has {mine}; rows would '
-                             'differ; install the same versions everywhere (docs/studies.md)', field=name)
+            raise InputError(f'scheduler: {who} has {name} {found.get(name)}, but this process has {mine}, so rows '
+                             'would differ; install the same versions everywhere (docs/studies.md)', field=name)
 
 
 @contextmanager
 def local_client(workers: int | None) -> Iterator[Client]:
-    """Yield a client of private worker processes on this host, one per core.
+    """Yield a client of private worker processes on this host; by default, there is one process per core.
 
-    They listen on the loopback address, without a dashboard, and use TLS with keys that exist only in memory, so
-    other users of this host can neither read the traffic nor join.
+    The processes listen on the loopback address, without a dashboard, and use TLS with keys that exist only in memory,
+    so other users of this host can neither read the traffic nor join.
     """
     with TemporaryDirectory(prefix='dragon-study-') as scratch, dask.config.set(_ALONE), \
             ExitStack() as opened:
@@ -131,7 +131,9 @@ def local_client(workers: int | None) -> Iterator[Client]:
 
 
 def _running_loop() -> tuple[IOLoop, Callable[[], None]]:
-    """Return an event loop that runs in its own thread, and a function that ends it. Raises DragonError if none starts.
+    """Return an event loop that runs in its own thread, and a function that ends it.
+
+    Raises DragonError if the loop does not start.
 
     Dask could start a loop itself, but allows only ten seconds, which is too short if the machine stalls briefly.
     """
@@ -148,8 +150,8 @@ def _running_loop() -> tuple[IOLoop, Callable[[], None]]:
     try:
         loop, over = ready.get(timeout=_START_S)
     except Empty:
-        raise DragonError(f'no thread of this process started within {_START_S:g} s; is the machine overloaded? '
-                          'Start the study again') from None
+        raise DragonError(f'a thread of this process did not start within {_START_S:g} s, perhaps because the machine '
+                          'is overloaded; start the study again') from None
 
     def end() -> None:
         loop.add_callback(over.set)
@@ -162,7 +164,7 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
     """Block SIGINT in threads and processes started inside this block; in this thread, the signal stays pending.
 
     A terminal sends SIGINT to all processes, but only this process should react, by stopping the workers; otherwise,
-    each of them would print a traceback. The resource tracker of multiprocessing is started beforehand, since starting
+    every worker would print a traceback. The resource tracker of multiprocessing is started beforehand, since starting
     it would unblock the signal.
     """
     resource_tracker.ensure_running()
@@ -218,8 +220,8 @@ def _asked(call: Callable[[], Any]) -> Any:
 def run(data: DataSet, client: Client, stop: Event, tell: Callable[[StudyProgress], object]) -> StudyProgress:
     """Compute and write the missing rows of a data set until it is complete or ``stop`` is set.
 
-    ``tell`` is called after each batch. Raises DiskError if rows cannot be written, and DragonError if the cluster is
-    lost. Written rows are kept, and the next run continues from them.
+    ``tell`` is called after each batch. Raises DiskError if rows cannot be written, and DragonError if the connection
+    to the cluster is lost. Written rows are kept, and the next run continues from them.
     """
     work = _StudyRun(data, client)
     tell(work.progress)

@@ -1,9 +1,10 @@
 """A study's data set: a folder with the study file and its rows as Parquet parts, each complete or absent.
 
-A part contains the rows of one index range and is named after it. It is written under a temporary name, synchronised to
-disk and renamed, so a killed study, a full disk or a power cut leaves no partial file. The parts of batches are joined
-into larger ones, block by block, and then removed. If the study is killed in between, duplicate rows are ignored until
-the next run removes them. In the end, each block of ``BLOCK`` rows is one file, regardless of the batches.
+A part contains the rows of one index range and is named after it. Each part is written under a temporary name,
+synchronised to disk and renamed, so a killed study, a full disk or a power cut leaves no partial file. The parts of
+batches are joined into larger ones, block by block, and then removed. If the study is killed between these two steps,
+duplicate rows are ignored until the next run removes them. In the end, each block of ``BLOCK`` rows is one file,
+regardless of the sizes of the batches.
 """
 import fcntl
 import os
@@ -124,8 +125,8 @@ class DataSet:
             temporary.replace(part.path)
         except OSError as error:
             temporary.unlink(missing_ok=True)
-            raise DiskError(f'{part.path}: cannot be written: {error.strerror}; {self.count} rows are kept; make room '
-                            'and start the study again to continue') from None
+            raise DiskError(f'{part.path}: cannot be written: {error.strerror}; {self.count} rows are kept; free some '
+                            'space, and start the study again to continue') from None
 
     def _join(self, block: int) -> None:
         """If all rows of a block exist, join its parts into one and remove them."""
@@ -212,8 +213,8 @@ def _check_same(folder: Path, study: Study) -> None:
         raise InputError(f'{folder}: it contains rows of another study, which differs in {key}; give another --output, '
                          'or remove the folder', field=key)
     if before.rows > study.rows:
-        raise InputError(f'{folder}: it has a study of {before.samples} samples, but this one has {study.samples}; '
-                         'give at least as many', field='samples')
+        raise InputError(f'{folder}: it contains a study with {before.samples} samples, but this one has '
+                         f'{study.samples}; give at least as many', field='samples')
     made_by = document.section('about').get('dragon_ros')
     if made_by != versions()['dragon_ros']:
         raise InputError(f'{folder}: it contains rows of dragon_ros {made_by}, but this is {versions()["dragon_ros"]}; '

@@ -109,7 +109,7 @@ class ClearanceQuestion:
             number('ask.clearance.at_s', self.at_s, low=0.0)
 
     def answer(self, asked: Asked) -> Values:
-        """Return the answer. Its bounds follow from tested errors of handles. One or two benches have no gap."""
+        """Return the answer, with bounds from the tested errors of handles. One or two benches have no gap."""
         simulation = compile_scene(asked.scene)
         t_s = simulation.end.t_s if self.at_s is None else self.at_s
         chain = simulation.chain(t_s)

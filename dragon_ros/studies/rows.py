@@ -70,7 +70,7 @@ def rows_of(study: Study, indices: Iterable[int]) -> list[Row]:
 
 @lru_cache(maxsize=8)
 def parsed(text: str) -> Study:
-    """Return the study described by a complete text, the form in which workers receive it."""
+    """Return the study described by a complete YAML text, which is the form in which workers receive it."""
     return study_from('study', text)
 
 

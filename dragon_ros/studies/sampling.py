@@ -103,7 +103,7 @@ def _of_two(study: Study, base: int, which: int) -> Floats:
 
 
 class _Sequence:
-    """A scrambled Sobol sequence and a position in it. Advancing is fast; going back restarts it."""
+    """A scrambled Sobol sequence and a position in it. Advancing is fast; moving backwards restarts the sequence."""
 
     def __init__(self, dimensions: int, seed: int) -> None:
         from scipy.stats import qmc  # imported lazily, because other designs do not need it

@@ -1,7 +1,7 @@
 """The JSON Schema of study files for editors and other programs, generated from the package's dataclasses.
 
-It covers names, types and choices. Checks that need the base scene (for example, whether a key can be varied) are made
-when a study is read, with clearer errors.
+The schema covers names, types and choices. Checks that need the base scene (for example, whether a key can be varied)
+are made when a study is read, with clearer errors.
 """
 import json
 

@@ -1,7 +1,7 @@
 """Statistics of a data set: quantiles and distributions with confidence bands, proportions, and Sobol indices.
 
-Bands have 95 % confidence and, unless stated otherwise, assume nothing about the distribution. They are valid for rows
-of a random design; for a Sobol design they are usually too wide, but this is not proved.
+Bands have 95 % confidence and, unless stated otherwise, assume nothing about the distribution. The bands are valid for
+rows of a random design; for a Sobol design, they are usually too wide, but this is not proved.
 """
 from dataclasses import dataclass
 from math import ceil, inf, log, sqrt
@@ -43,7 +43,7 @@ def safe_rows(share: float, confidence: float = CONFIDENCE) -> int:
 
 
 def upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) -> float:
-    """Return an upper bound for a share of all values, with the given confidence; inf if there are too few rows."""
+    """Return an upper bound for a share of all values, with the given confidence, or inf if there are too few rows."""
     from scipy.stats import binom
     count = values.size
     rank = int(binom.ppf(confidence, count, share)) + 1
@@ -51,7 +51,7 @@ def upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) ->
 
 
 def normal_upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) -> float:
-    """Return a bound like ``upper_bound``, valid only **if** values are normally distributed (tolerance factor)."""
+    """Return a bound like ``upper_bound``, valid only **if** the values are normally distributed (tolerance factor)."""
     from scipy.stats import nct, norm
     count = values.size
     factor = float(nct.ppf(confidence, count - 1, norm.ppf(share) * sqrt(count))) / sqrt(count)
@@ -115,7 +115,7 @@ def indices(study: Study, values: Floats) -> list[Indices]:
 
 
 def _both_of(table: Floats) -> Floats:
-    """Return the indices (2, keys), first order and total, of answers (2 + keys, samples)."""
+    """Return the first-order and total indices (2, keys) of answers (2 + keys, samples)."""
     from scipy.stats import sobol_indices
     functions = {'f_A': table[:1], 'f_B': table[1:2], 'f_AB': table[2:, None, :]}
     found = sobol_indices(func=functions, n=table.shape[1])

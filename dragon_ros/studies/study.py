@@ -1,7 +1,7 @@
 """A study: a base scene, its variations, the design, the samples and the questions. It is loaded like a scene.
 
-A study is self-contained: it includes its complete base scene and can be written as YAML text and restored from it.
-Workers receive this text, and data sets contain it.
+A study is self-contained: it includes its complete base scene, can be written as YAML text, and can be restored from
+that text. Workers receive this text, and data sets contain it.
 """
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -22,7 +22,7 @@ from dragon_ros.studies.questions import QUESTIONS, Question, name_of
 
 DESIGNS = ('grid', 'random', 'sobol', 'saltelli')
 MOST_ROWS = 10**9
-MOST_DIMENSIONS = 10_000        # limit for Sobol sequences: saltelli needs twice as many, and scipy supports 21,201
+MOST_DIMENSIONS = 10_000        # limit on coordinates: saltelli doubles their number, and scipy supports 21,201
 _KEYS = ('scene', 'set', 'vary', 'design', 'samples', 'seed', 'ask', 'budget_s', 'about')
 _MOST_STEPS = 100_000
 _MOST_DIGITS = 6        # largest number of digits in a list index
@@ -32,7 +32,7 @@ Values = dict[str, Any]
 
 @dataclass(frozen=True)
 class Listed:
-    """A list of values; a random design draws each with equal probability."""
+    """A list of values; a random design draws each value with equal probability."""
 
     values: tuple[Any, ...]
     is_per_bench: ClassVar[bool] = False
@@ -130,7 +130,8 @@ class Study:
     """A base scene, the varied keys, the design and the questions; together with an index, they determine a row.
 
     ``samples`` is the number of points of a random or Sobol design; for ``saltelli``, it is the number of base points,
-    each of which has two rows plus one per key. The value is ignored for grids. ``budget_s`` is the CPU time per row.
+    and each base point has two rows plus one row per key. ``samples`` is ignored for grids. ``budget_s`` is the CPU
+    time per row.
     """
 
     scene: Scene = field(default_factory=Scene)
@@ -263,7 +264,7 @@ def study_names() -> list[str]:
 
 
 def load_study(name_or_file: str) -> Study:
-    """Return a study, given its name or its file. Raises InputError, which gives the file, line and key."""
+    """Return the study with the given name or file. Raises InputError, which gives the file, line and key."""
     if '/' in name_or_file or name_or_file.endswith(('.yaml', '.yml')):
         path = Path(name_or_file)
     elif name_or_file in study_names():
@@ -275,7 +276,7 @@ def load_study(name_or_file: str) -> Study:
 
 
 def study_from(name: str, text: str) -> Study:
-    """Return the study described by a complete text. Raises InputError."""
+    """Return the study described by a complete YAML text. Raises InputError."""
     return study_of(parse_document(name, text), None)
 
 
@@ -349,8 +350,8 @@ def _made(document: Document, at: str, given: Values, is_per_bench: bool) -> Var
     if 'uniform' in given:
         return Uniform(*_pair(document, f'{at}.uniform', given['uniform']), is_per_bench)
     if 'within' not in given:
-        document.refuse(f'{at}.within', 'it is missing; normal distributions must be truncated; write within: [low, '
-                                         'high]')
+        document.refuse(f'{at}.within', 'it is missing, but normal distributions must be truncated; write within: '
+                                        '[low, high]')
     return Normal(*_pair(document, f'{at}.normal', given['normal']), *_pair(document, f'{at}.within', given['within']),
                   is_per_bench)
 

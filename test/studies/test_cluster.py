@@ -177,7 +177,8 @@ def test_a_row_that_kills_its_workers_is_a_row_that_says_so(cluster, study, tmp_
 def test_other_versions_are_refused_before_anything_is_computed(cluster, study, shared, tmp_path, monkeypatch):
     wanted = cluster.versions() | {'numpy': '0.9'}
     monkeypatch.setattr(cluster, 'versions', lambda: wanted)
-    with writing(tmp_path, study()) as data, pytest.raises(InputError, match=r'has numpy \S+, this process has 0.9'):
+    with writing(tmp_path, study()) as data, \
+            pytest.raises(InputError, match=r'has numpy \S+, but this process has 0.9'):
         cluster.complete(data, Event(), nothing, scheduler=shared[0])
     assert list((tmp_path / 'rows').iterdir()) == []
 

@@ -72,7 +72,7 @@ def test_what_a_kill_left_behind_is_left_out_and_removed(study, fill, tmp_path, 
 def test_a_full_disk_keeps_what_was_there_and_no_half_of_a_part(study, fill, tmp_path, size):
     with writing(tmp_path, study()) as data:
         fill(data, (0, 3))
-        with small_disk(size), pytest.raises(DiskError, match='File too large; 3 rows are kept; make room'):
+        with small_disk(size), pytest.raises(DiskError, match='File too large; 3 rows are kept; free some space'):
             fill(data, (3, 6))
         assert names(tmp_path) == ['part-0000000000-0000000003.parquet']
         fill(data, (3, 6))

@@ -33,7 +33,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--output', type=Path, metavar='FILE', help='file to write: .html is a page with pictures; '
                          '.json and .csv are tables')
     options.add_argument('--format', choices=('text', 'csv', 'json', 'html'), default=None,
-                         help='output format (by the suffix of --output; otherwise text)')
+                         help='output format (text, unless the suffix of --output determines it)')
     arguments = options.parse_args(argv)
     return command_line.guarded('grade', partial(_run, arguments))
 
