@@ -54,9 +54,9 @@ def _quiet(states: int) -> None:
 def scene(name_or_path: str | PathLike[str] = 'winding', **changes: Any) -> Scene:
     """Return a scene of the package by name, or the scene in a file, with changes applied.
 
-    Changes are given by the keys of a scene file: ``scene('winding', track={'pitch_m': 0.5}, accuracy='fine')``. Scenes
-    are frozen, compare by value and can be pickled. Raises an InputError that names the invalid key, or a MissingError
-    for an unknown scene.
+    The changes use the keys of a scene file: ``scene('winding', track={'pitch_m': 0.5}, accuracy='fine')``. Scenes are
+    frozen, compare by value and can be pickled. Raises an InputError that names the invalid key, or a MissingError for
+    an unknown scene.
     """
     return changed_scene(_path('name_or_path', name_or_path), changes)
 
@@ -67,7 +67,7 @@ def compile(scene: Scene) -> 'Simulated':       # noqa: A001 - the usual term; a
 
 
 def _scene(field: str, value: Any) -> Scene:
-    """Return a scene unchanged, and the scene of a compiled scene. Raises FieldError for any other value."""
+    """Return ``value`` or, if it is a compiled scene, its scene. Raises FieldError for any other value."""
     if isinstance(value, Simulated):
         return value.scene
     if not isinstance(value, Scene):
@@ -84,7 +84,7 @@ def _path(field: str, value: Any) -> str:
 
 
 def _times(values: Any) -> list[float]:
-    """Return times (s) as a list. Raises FieldError unless they are a sequence of numbers."""
+    """Return times (s) as a list. Raises FieldError if ``values`` is not a sequence of numbers."""
     try:
         times = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -171,7 +171,7 @@ class Simulated:
         """Return all handles at many times, several times faster than one call per time.
 
         ``out``, if given, is a pair of arrays (times, N+1, 2) for the handles and velocities, so that a loop can reuse
-        its memory. Raises FieldError if ``out`` is not such a pair.
+        its memory. Raises FieldError if ``out`` has any other value.
         """
         times = _times(times_s)
         if out is not None and not (isinstance(out, (tuple, list)) and len(out) == 2
@@ -334,9 +334,9 @@ class Design:
         """Return the smallest pitch such that the head reaches a circle without contact at this and all larger pitches.
 
         Pitches up to ``largest_m`` are considered. ``dragon`` is a dragon or a scene; None means the classic dragon.
-        The bounds of the result are at most ``within_m`` apart. Mixed benches need ``smallest_m``, a pitch at which
-        benches touch. For them, ``proved`` is false, since pitches above the bracket may have contacts. Raises
-        FieldError.
+        The bounds of the result are at most ``within_m`` apart. For mixed benches, ``smallest_m`` must be given, a
+        pitch at which benches touch, and ``proved`` is false, because contacts may occur at pitches above the bracket.
+        Raises FieldError.
         """
         from dragon_ros.core.search.min_pitch import min_pitch
         if not isinstance(dragon, (Dragon, Mixed, NoneType)):
@@ -372,7 +372,10 @@ class Design:
 
     @staticmethod
     def turn(scene: Scene | Simulated) -> 'TurnAnswer':
-        """Return the length of a scene's S-turn and of shorter alternatives. Raises FieldError if it has no S-turn."""
+        """Return the length of a scene's S-turn and of shorter alternatives.
+
+        Raises FieldError if the scene has no S-turn.
+        """
         from dragon_ros.core.tracks.composite import least_radius_m
         from dragon_ros.core.tracks.s_turn import turn_answer
         given = _scene('scene', scene)
@@ -413,9 +416,9 @@ def study(name_or_path: str | PathLike[str], output: str | PathLike[str] | None 
           workers: int | None = None, scheduler: str | None = None) -> Rows:
     """Compute the missing rows of a study (a name or a file) in the folder ``output``, and return all its rows.
 
-    The folder of a data set can be given instead of a study. Rows are computed by processes on this machine, one per
-    core, or by a Dask cluster (``docs/studies.md``). In a script, put the call below ``if __name__ == '__main__':``.
-    Raises InputError for an invalid study, and MissingError if Dask is not installed.
+    ``name_or_path`` can also be the folder of a data set. Rows are computed by processes on this machine, one per core,
+    or by a Dask cluster (``docs/studies.md``). In a script, put the call below ``if __name__ == '__main__':``. Raises
+    InputError for an invalid study, and MissingError if Dask is not installed.
     """
     try:
         from dragon_ros.studies.cluster import complete

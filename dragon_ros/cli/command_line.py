@@ -13,7 +13,7 @@ if TYPE_CHECKING:       # --help must not import numpy
     from dragon_ros.core.scene import Scene
 
 OK, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
-_MOST_SHOWN = 400       # maximum length of an error message of argparse, in characters
+_MOST_SHOWN = 400       # maximum length of argparse's error messages, in characters
 
 
 class _Default(str):
@@ -28,7 +28,7 @@ DEFAULT_SCENE = _Default('winding')
 
 
 class _StoreIfGiven(argparse.Action):
-    """Store a positional argument if it is given; otherwise keep the option of the same name."""
+    """Store a positional argument if it is given; otherwise, keep the value of the option with the same name."""
 
     def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any,
                  option_string: str | None = None) -> None:
@@ -126,7 +126,7 @@ def add_scene_options(options: argparse.ArgumentParser, scene: str | None = DEFA
                          help='name or file of the scene' + (' (%(default)s)' if scene else ''))
     options.add_argument('--set', action='append', default=[], metavar='KEY=VALUE', dest='overrides',
                          type=_assignment, help='override a scene key, such as track.pitch_m=0.5; repeatable')
-    options.add_argument('--accuracy', metavar='METRES|TIER', help='largest position error, in metres or as a tier')
+    options.add_argument('--accuracy', metavar='METRES|TIER', help='maximum position error, in metres or as a tier')
 
 
 def add_source_options(options: argparse.ArgumentParser) -> None:

@@ -1,4 +1,4 @@
-"""Shell completion by argcomplete, which sets ``_ARGCOMPLETE`` and runs the program to obtain the completions."""
+"""Shell completion with argcomplete, which sets ``_ARGCOMPLETE`` and runs the program to obtain the completions."""
 import argparse
 import os
 from collections.abc import Iterable, Iterator

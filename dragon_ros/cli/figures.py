@@ -7,10 +7,10 @@ from typing import Any
 from dragon_ros.core.errors import MissingError
 from dragon_ros.version import __version__
 
-# Okabe-Ito colours by meaning; colour-blind people can distinguish them.
+# Okabe-Ito colours, named by meaning; colour-blind people can distinguish them.
 BODY, HEAD, TOUCHED, TRACK, POINT = '#56B4E9', '#D55E00', '#E69F00', '#999999', '#000000'
 LINES = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9')
-HATCH = '////'          # hatch of touching benches, because the colours look alike in black and white
+HATCH = '////'          # hatching of touching benches, whose colours look alike in black and white
 DASHES: tuple[Any, ...] = ('solid', (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1, 1, 1, 1, 1)),
                            (0, (8, 3)))
 QUIET = '#555555'       # colour of notes and guide lines

@@ -67,8 +67,8 @@ class Pool:
         """Yield ``work(job)`` for each job, in order; ``count`` is the number of jobs if ``jobs`` has no length.
 
         The other processes receive a pickled copy of ``work``. At most ``4 * workers`` results wait for the results of
-        earlier jobs, which bounds the memory. The other processes ignore signals, and end when this process ends for
-        any reason. Raises DragonError if one of these processes is killed.
+        earlier jobs, which bounds the memory use. The other processes ignore signals, and end when this process ends
+        for any reason. Raises DragonError if one of these processes is killed.
         """
         rest, workers = iter(jobs), self.workers
         if workers > 1 and self.given is None:
@@ -214,7 +214,7 @@ def _end(pool: Any, watch: threading.Thread) -> None:
 
 def _shared(pool: 'ProcessPoolExecutor', work: Callable[[J], R], rest: Iterator[J], workers: int,
             slots: _Slots) -> Iterator[R]:
-    """Yield the results of this process and of a pool in the order of the jobs."""
+    """Yield the results of this process and of a pool in job order."""
     waiting, far = deque[Future[R] | _Elsewhere](), deque[_Elsewhere]()
     while True:
         far = deque(one for one in far if not one.done())

@@ -23,7 +23,8 @@ def table(argv: list[str]) -> int:
                          help="the paper's three tables: printed, reproduced and true values, and errors (no scene "
                          'options)')
     options.add_argument('--contest', type=Path, metavar='FOLDER',
-                         help='write result1 and result2 of the contest and, for the scene turning, result4 (no times)')
+                         help='write result1 and result2 of the contest and, for the scene turning, result4 '
+                         '(incompatible with --times)')
     command_line.add_output_options(options, ('text', 'csv', 'json', 'xlsx'))
     add_lang_option(options, '--paper and --contest')
     arguments = options.parse_args(argv)
@@ -113,10 +114,10 @@ def route(argv: list[str]) -> int:
                          'the table is printed')
     options.add_argument('--path', metavar='NAME', help='the line to walk: id or label of an SVG path, or name of a '
                          'GeoJSON feature')
-    options.add_argument('--scale', metavar='1:N', help='scale of an SVG on paper, such as 1:200')
+    options.add_argument('--scale', metavar='1:N', help='scale of an SVG drawing on paper, such as 1:200')
     options.add_argument('--unit', type=float, metavar='METRES', help='metres per unit of an SVG or CSV file')
     options.add_argument('--origin', metavar='LON,LAT', help='longitude and latitude of the origin (0, 0), for a '
-                         'GeoJSON in degrees (the centre of the file)')
+                         'GeoJSON file in degrees (the centre of the file)')
     options.add_argument('--radius', type=float, metavar='METRES', help='radius of rounded corners (twice the smallest '
                          'radius that these benches can walk)')
     options.add_argument('--tolerance', type=float, metavar='METRES', default=0.02,

@@ -23,7 +23,8 @@ def main(argv: list[str]) -> int:
     options = command_line.parser('contact', 'Find the first contact between two benches that are not neighbours '
                                   'in the chain, or between a bench and an obstacle of the venue.',
                                   'contact --scene winding --format json')
-    command_line.add_bag(options, 'bag whose scene is searched, including the walk of a led dragon (no scene options)')
+    command_line.add_bag(options, 'bag whose scene is searched, including the recorded walk of a led dragon '
+                         '(incompatible with scene options)')
     command_line.add_scene_options(options)
     command_line.add_namespace_option(options)
     options.add_argument('--trust', action='store_true', help='search the scene in the bag even if it exceeds '
@@ -39,7 +40,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--certificate', type=Path, metavar='FILE',
                          help='write the proof that no benches touch earlier, as JSON')
     options.add_argument('--verify', type=Path, metavar='FILE',
-                         help="check a certificate without using the solver's code (no scene options)")
+                         help="check a certificate without using the solver's code (incompatible with scene options)")
     options.add_argument('--effort', metavar='TIMES', help='with --verify: multiple of the usual budget (1); if it is '
                          'too small, the error names a sufficient multiple')
     command_line.add_output_options(options)
@@ -56,9 +57,9 @@ def _check(arguments: Namespace) -> None:
                   '--trust': arguments.trust, '--format': arguments.format != 'text', 'BAG': arguments.bag is not None}
         command_line.check_taken('--verify', given, set())
     elif arguments.effort is not None:
-        raise InputError('--effort: requires --verify; add --verify, or omit --effort')
+        raise InputError('--effort: it requires --verify; add --verify, or omit --effort')
     if arguments.within and arguments.near_misses is not None:
-        raise InputError('--near-misses: not available for a family of dragons; omit --within or --near-misses')
+        raise InputError('--near-misses: it is not available for a family of dragons; omit --within or --near-misses')
     if arguments.near_misses is not None and arguments.format == 'csv':
         raise InputError('--near-misses: --format csv contains only the contact; use text or json')
 
@@ -96,7 +97,7 @@ def _scene_of(arguments: Namespace) -> 'Scene':
     if not arguments.bag:
         if arguments.namespace is not None or arguments.trust:
             option = '--trust' if arguments.trust else '--namespace'
-            raise InputError(f'{option}: requires a BAG; omit {option} for a scene')
+            raise InputError(f'{option}: it requires a BAG; omit {option} for a scene')
         return command_line.scene_from(arguments)
     if command_line.gives_scene(arguments):
         raise InputError('BAG: a bag contains its own scene; omit --scene, --set and --accuracy')

@@ -16,7 +16,7 @@ from dragon_ros.scenes import certificate
 
 
 def run(scene: Scene, arguments: Namespace) -> int:
-    """Print what is proved about the family of dragons that ``--within`` describes; return the exit code."""
+    """Print the time proved for the family of dragons that ``--within`` describes; return the exit code."""
     within, start = _tolerances(arguments.within), time.perf_counter()
     with Progress('contact', 'boxes') as bar:
         proof = first_contact_within(scene, within, bar.update)

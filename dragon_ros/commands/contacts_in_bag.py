@@ -60,7 +60,7 @@ def searched(scene: Scene, trust: bool) -> Contact | NoContact:
 
 
 def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) -> tuple[float | None, str | None]:
-    """Return the time (s) of the contact that ends a run, or None; if no search was made, also the proved statement.
+    """Return the time (s) of the contact that ends a run, and the statement that the checker proved, each or None.
 
     If a search would exceed its budgets, the bag's own claim about the contact is used after the checker has proved it.
     Raises InputError.

@@ -116,7 +116,7 @@ def _compared(folder: Path, live: Path) -> tuple[Comparison, list[Path]]:
 
 
 def _told(comparison: Comparison, live: Path, again: Path, pictures: list[Path]) -> int:
-    """Compare the live and the replayed bag, and print all results."""
+    """Compare the live bag with the replayed bag, and print all results."""
     with BagReader(live) as bag, BagReader(again) as replayed:
         event, second = _event(bag), _event(replayed)
         same = _by_topic(bag) == _by_topic(replayed)
@@ -250,7 +250,7 @@ def _by_topic(bag: BagReader) -> dict[str, list[tuple[int, bytes]]]:
 
 
 def _event(bag: BagReader) -> Status:
-    """Return the only contact in a bag. Raises DragonError if there is none or more than one."""
+    """Return the only contact in a bag. Raises DragonError if there are none or several."""
     events = [status for message in bag.messages(['/dragon/collision']) for status in read_diagnostics(message.data)
               if status.values['phase'] == 'begin']
     if len(events) != 1:

@@ -180,7 +180,7 @@ def _min_pitch_options(parser: ArgumentParser) -> None:
 
 
 def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the bracket of the smallest pitch, for the scene's dragon and its track.start_turns."""
+    """Return the bracket around the smallest pitch, for the scene's dragon and the scene's track.start_turns."""
     from dataclasses import asdict
 
     from dragon_ros.core.search.min_pitch import min_pitch
@@ -237,7 +237,8 @@ def _venue_answer(scene: 'Scene', arguments: Namespace) -> dict[str, Any]:
 
     from dragon_ros.core.search.venue_fit import venue_fit
     if arguments.square is not None:
-        raise InputError('--square: not available for a scene with a venue; omit it, or the venue (--set venue=null)')
+        raise InputError('--square: it is not available for a scene with a venue; omit it, or the venue (--set '
+                         'venue=null)')
     with Progress('fit', 'looks') as bar:
         found = venue_fit(scene, progress=bar.update)
     return {'venue': [asdict(one) for one in found.gaps], 'room': _room(scene), 'margin_m': found.margin_m,
@@ -245,7 +246,7 @@ def _venue_answer(scene: 'Scene', arguments: Namespace) -> dict[str, Any]:
 
 
 def _room(scene: 'Scene') -> Values:
-    """Return how far benches reach to the left and right of the track at every metre; this is sampled, not proved."""
+    """Return how far benches reach to the left and right of the track at every metre; values are sampled, unproved."""
     from dragon_ros.core.search.swept_area import room_every_metre, swept_area
     swept = swept_area(scene)
     at, room = room_every_metre(scene, swept)
@@ -271,7 +272,7 @@ def _venue_text(values: dict[str, Any]) -> str:
         x, y = one['point_m']
         gap = (f'{one["high_m"]:.6f} m, and no more than {one["high_m"] - one["low_m"]:.1e} m smaller' if
                one['high_m'] > 0 else 'it is touched')
-        lines.append(f'{one["name"]}: {gap}: bench {one["bench"]} at {one["t_s"]:.3f} s, its middle at ({x:.3f}, '
+        lines.append(f'{one["name"]}: {gap}: bench {one["bench"]} at {one["t_s"]:.3f} s, with its centre at ({x:.3f}, '
                      f'{y:.3f}) m')
     lines += _room_text(values['room'])
     margin = f'a gap of {values["margin_m"]:g} m'

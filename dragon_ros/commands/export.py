@@ -202,7 +202,7 @@ def _stacked(archive: zipfile.ZipFile, name: str, rows: int, values: Iterator[by
 
 @contextmanager
 def _created(path: Path, overwrite: bool) -> Iterator[IO[bytes]]:
-    """Create a file, and remove it if writing is not completed."""
+    """Create a file, and remove it if it is not written completely."""
     try:
         with whole_or_none(path, overwrite) as file:
             yield file

@@ -274,7 +274,7 @@ def _integrity_lines(values: dict[str, Any]) -> list[str]:
 
 
 def _length_lines(topics: list[dict[str, Any]]) -> list[str]:
-    """Return lines that state how many messages have the length of their type, and why others were not compared."""
+    """Return lines that state how many messages' lengths were compared with their types, and why others were not."""
     compared = sum(row['lengths_compared'] for row in topics)
     return [f'  lengths: {compared} messages were compared with their types',
             *(f'  lengths not compared: {row["messages"] - row["lengths_compared"]} of {row["topic"]} '

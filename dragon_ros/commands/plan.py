@@ -112,7 +112,7 @@ class Plan:
 
     @cached_property
     def marks_m(self) -> Floats:
-        """Distances (m) along the track of the marks that front handles pass."""
+        """Distances (m) along the track of the ten-metre marks that front handles pass."""
         at = self.swept.at_m
         return np.arange(ceil(at[0] / _MARK_M), at[-1] // _MARK_M + 1) * _MARK_M
 

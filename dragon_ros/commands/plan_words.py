@@ -1,4 +1,4 @@
-"""All texts on a plan, in English and Chinese."""
+"""All text on a plan, in English and Chinese."""
 from dragon_ros.cli.language import Words
 
 WORDS: Words = {

@@ -163,7 +163,10 @@ def _without_venue(arguments: Namespace) -> 'Scene':
 
 
 def _on(arguments: Namespace, track: 'Composite') -> 'Scene':
-    """Return the options' scene on the given track. Raises InputError if an obstacle is in the way at the start."""
+    """Return the scene that the options describe, on the given track.
+
+    Raises InputError if an obstacle is in the way at the start.
+    """
     pieces = [{'kind': type(piece).__name__.lower(), **{key: value for key, value in asdict(piece).items()
                                                         if value is not None}} for piece in track.pieces]
     values = json.dumps({'kind': 'joined', 'start_m': track.start_m, 'pieces': pieces})

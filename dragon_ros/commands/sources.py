@@ -37,7 +37,7 @@ if TYPE_CHECKING:       # imported lazily, because a picture of a scene needs at
 _AT_ONCE = 64               # number of states per batch
 _SAG_M = 1e-4               # largest deviation (m) of the drawn track, small enough even for a picture of one bench
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
-Check = Callable[[], None]      # a function that raises an exception when its caller's work is no longer wanted
+Check = Callable[[], None]      # a function that raises an exception if its caller's work is no longer needed
 _REMEMBERED = 8             # number of ticks before a contact that the tracker may use
 _HAIR_S = 1e-9
 _AROUND = 2.0               # largest extent of the shown track beyond the dragon, relative to the dragon's size
@@ -480,7 +480,7 @@ class _Searched(NamedTuple):
 
     Without a contact, ``last`` contains only the last few ticks.
 
-    The ticks are regular if each tick directly follows the previous one.
+    The ticks are regular if each tick is later than the previous one and has the same number of handles.
     """
 
     ticks: int
@@ -524,7 +524,7 @@ def opened(arguments: Namespace, pool: Pool = ALONE) -> Iterator[Source]:
     """Open the source that the options of ``command_line.add_source_options`` select, for the duration of a block."""
     if arguments.bag is None:
         if arguments.namespace is not None:
-            raise InputError('--namespace: requires --bag; omit --namespace for a scene')
+            raise InputError('--namespace: it requires --bag; omit --namespace for a scene')
         yield SceneSource(Path(arguments.scene).stem, command_line.scene_from(arguments), pool)
         return
     if command_line.gives_scene(arguments):

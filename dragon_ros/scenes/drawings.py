@@ -78,7 +78,7 @@ def metres_a_unit(scale: str | None, unit_m: float | None) -> tuple[float, bool]
 
 
 def bytes_of(path: Path) -> bytes:
-    """Return the bytes of a drawing, whose size is limited. Raises MissingError or InputError."""
+    """Return the bytes of a drawing; its size is limited. Raises MissingError or InputError."""
     try:
         with path.open('rb') as file:
             data = file.read(DRAWING_BYTES + 1)

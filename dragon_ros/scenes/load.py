@@ -48,7 +48,7 @@ ABOUT = 'about'     # notes on a scene, which have no effect
 def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
     """Return the scene with the given name or file, after applying ``key=value`` overrides with dotted keys.
 
-    Omitted keys default to the classic values. Raises InputError with file, line and key.
+    Omitted keys default to the classic values. Raises an InputError that names file, line and key.
     """
     document = _read(name_or_file)
     for override in overrides:
@@ -125,8 +125,8 @@ def _scene_with_plugin(document: Document) -> Scene:
 def changed_scene(name_or_file: str, changes: Mapping[str, Any]) -> Scene:
     """Return a scene, given its name or file, changed by a mapping that is laid out like a scene file.
 
-    Keys of a section are changed one by one; if the kind changes, the section's other keys are dropped.
-    Raises InputError with the key.
+    Keys of a section are changed one by one; if the kind changes, the section's other keys are dropped. Raises an
+    InputError that names the key.
     """
     document = _read(name_or_file)
     for key, value in changes.items():
@@ -365,6 +365,6 @@ def _below(target: Any, section: str, place: str, key: str) -> Any:
 def _item(items: list[Any], number: str, place: str, key: str) -> int:
     """Return the index of a list item, which dotted keys number from 1."""
     if not (number.isdecimal() and 1 <= int(number) <= len(items)):
-        raise InputError(f'{place}: {shown(number)} is not the number of a list item; the items are numbered from 1 '
-                         f'to {len(items)}', field=key)
+        raise InputError(f'{place}: {shown(number)} is not the number of an item; the items in this list are numbered '
+                         f'from 1 to {len(items)}', field=key)
     return int(number) - 1

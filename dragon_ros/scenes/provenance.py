@@ -39,7 +39,7 @@ def versions() -> dict[str, str]:
 
 @lru_cache(maxsize=1)
 def kernels() -> dict[str, str]:
-    """Return the kernels of BLAS and numpy on this machine, which determine the last bits of results.
+    """Return this machine's kernels of BLAS and numpy, which determine the last bits of results.
 
     The entry for BLAS contains name, version and kernel (``unknown`` if BLAS reports none); the entry for numpy lists
     its CPU features.

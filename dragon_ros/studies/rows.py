@@ -126,5 +126,5 @@ def _tried(what: str, answer: Callable[[], object], reasons: list[tuple[str, str
 
 
 def _hash_of(scene: dict[str, Any]) -> str:
-    """Return the SHA-256 of a complete scene, as JSON with sorted keys."""
+    """Return the SHA-256 digest of a complete scene, written as JSON with sorted keys."""
     return hashlib.sha256(json.dumps(scene, sort_keys=True).encode()).hexdigest()

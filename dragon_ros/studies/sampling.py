@@ -75,7 +75,7 @@ def levels_of(variation: Variation) -> list[Any]:
 
 
 def _typed(study: Study, key: str, value: Any) -> Any:
-    """Return a value, rounded to an integer if the scene's value of this key is an integer."""
+    """Return a value; if the scene's value for this key is an integer, round the value to an integer."""
     last, target = target_of(study.base, key)
     return round(value) if isinstance(target[last], int) and isinstance(value, float) else value
 

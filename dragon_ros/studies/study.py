@@ -181,7 +181,7 @@ class Study:
             raise FieldError(at, variation.as_value, f'its value is a word, {value}', 'list the words')
         if variation.is_per_bench and not (key.startswith('dragon.groups.') and key.endswith('.length_m')):
             raise FieldError(at, variation.as_value, 'only a group of mixed benches has a value for each bench',
-                             'name dragon.groups.N.length_m of a scene with dragon.kind: mixed')
+                             'use dragon.groups.N.length_m in a scene with dragon.kind: mixed')
 
     @cached_property
     def base(self) -> Values:
@@ -264,7 +264,7 @@ def study_names() -> list[str]:
 
 
 def load_study(name_or_file: str) -> Study:
-    """Return the study with the given name or file. Raises InputError, which gives the file, line and key."""
+    """Return the study with the given name or file. Raises an InputError that names file, line and key."""
     if '/' in name_or_file or name_or_file.endswith(('.yaml', '.yml')):
         path = Path(name_or_file)
     elif name_or_file in study_names():

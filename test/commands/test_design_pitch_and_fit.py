@@ -57,7 +57,7 @@ def test_fit_in_a_venue_tells_each_gap_and_what_lacks_margin(capsys, margin_m, c
     assert (float(text[1]), float(text[2])) == (pytest.approx(width, abs=6e-4), at)
     assert np.diff(room['at_m']).tolist() == [1.0] * (len(room['at_m']) - 1)
     code, _, err = run(capsys, 'fit', '--scene', 'street', '--square', '9')
-    assert (code, '--square: not available for a scene with a venue' in err) == (2, True)
+    assert (code, '--square: it is not available for a scene with a venue' in err) == (2, True)
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [

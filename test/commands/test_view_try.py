@@ -180,7 +180,7 @@ def test_plain_view_has_none_of_it(server):
 
 def test_a_bag_cannot_be_tried(capsys, bag):
     assert main(['view', '--try', '--no-browser', '--bag', str(bag)]) == 2
-    assert '--try: requires a scene' in capsys.readouterr().err
+    assert '--try: it requires a scene' in capsys.readouterr().err
 
 
 SET = """const field = document.getElementById(arguments[0]); field.value = arguments[1];

@@ -155,4 +155,4 @@ def test_an_effort_is_a_positive_number(files, effort):
 
 def test_an_effort_without_a_certificate_is_refused(capsys):
     assert contact.main(['--effort', '2']) == 2
-    assert '--effort: requires --verify' in capsys.readouterr().err
+    assert '--effort: it requires --verify' in capsys.readouterr().err

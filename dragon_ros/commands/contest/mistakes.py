@@ -44,7 +44,7 @@ class MistakenAnswer(NamedTuple):
 
 # Question 1: the position of the head and the next handle.
 def arc_length(theta: Floats) -> Floats:
-    """Return the arc length of r = theta from its centre."""
+    """Return the arc length of r = theta, measured from its centre."""
     length: Floats = 0.5 * (theta * np.sqrt(1 + theta * theta) + np.arcsinh(theta))
     return length
 

@@ -1,4 +1,4 @@
-"""All texts of the paper's tables and of ``table --contest``, in English and Chinese."""
+"""All text in the paper's tables and in ``table --contest``, in English and Chinese."""
 from dragon_ros.cli.language import Words
 
 WORDS: Words = {

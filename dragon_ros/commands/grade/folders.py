@@ -16,12 +16,12 @@ from dragon_ros.core.limits import GRADED_BOOKS
 _BOOKS = ('.xlsx', '.xlsm', '.xls', '.xlsb', '.xltx')
 _ANSWERS = ('.yaml', '.yml')
 _RESULT = re.compile(r'[\s_\-]*(?:result|结果|附件|res)[\s_\-]*0?[124](?!\d)[\s_\-]*', re.IGNORECASE)
-_AT_ONCE_S = 0.2        # interval in s between checks for a signal to stop
+_AT_ONCE_S = 0.2        # interval (s) between checks for a signal to stop
 _ALONE = 2              # for at most this many teams, starting processes would take longer than grading
 
 
 def teams_of(paths: list[Path]) -> list[Team]:
-    """Return the teams of files and folders.
+    """Return the teams in the given files and folders.
 
     The given files form one team. In a given folder, each subfolder with workbooks is a team; workbooks in one folder
     belong to several teams if their names differ in more than the number of the result. Raises InputError or

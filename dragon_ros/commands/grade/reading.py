@@ -26,7 +26,7 @@ from dragon_ros.core.limits import (
 )
 
 Cell = float | str | None
-_OLD = b'\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1'                # start of an .xls file, and of a workbook with a password
+_OLD = b'\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1'                # start of .xls files and of workbooks with a password
 _ENCRYPTED = 'EncryptedPackage'.encode('utf-16-le')
 _SHEET = re.compile(r'xl/worksheets/[^/]*\.xml')
 _NEEDED = re.compile(r'\[content_types\]\.xml|_rels/\.rels|xl/workbook\.xml|xl/_rels/workbook\.xml\.rels|'
@@ -98,7 +98,7 @@ def _bytes_of(path: Path) -> bytes:
 
 
 def _parts(path: Path, data: bytes) -> dict[str, bytes]:
-    """Return the needed parts of the archive, unpacked within the budget. Raises InputError or zipfile's errors."""
+    """Return the required parts of the archive, unpacked within the budget. Raises InputError or zipfile's errors."""
     with zipfile.ZipFile(BytesIO(data)) as book:
         entries = book.infolist()
         if len(entries) > BOOK_PARTS:
@@ -138,7 +138,7 @@ def _unpacked(path: Path, book: zipfile.ZipFile, needed: list[zipfile.ZipInfo]) 
 
 
 def _checked(path: Path, name: str, part: bytes) -> tuple[tuple[int, int, int, int], ...]:
-    """Return the merged ranges of a sheet. Raises InputError for too large a sheet and for formulas without values.
+    """Return the merged ranges of a sheet. Raises InputError if a sheet is too large or a formula has no value.
 
     A reader allocates a full rectangle of rows and columns, so a budget limits their product.
     """
@@ -146,8 +146,8 @@ def _checked(path: Path, name: str, part: bytes) -> tuple[tuple[int, int, int, i
     for what, size, most in (('rows', rows, BOOK_ROWS), ('columns', columns, BOOK_COLUMNS),
                              ('cells', rows * columns, BOOK_CELLS)):
         if size > most:
-            raise InputError(f'{path}: {name} has {size} {what}; the limit for a sheet is {most}; delete what is not '
-                             'part of the result')
+            raise InputError(f'{path}: {name} has {size} {what}; the limit for a sheet is {most}; delete everything '
+                             'that is not part of the result')
     if b'f>' in part and _FORMULA.search(part) and (empty := _UNVALUED.search(part)):
         place = re.search(rb'r\s*=\s*["\'](\w+)["\']', empty[1])
         raise InputError(f'{path}: {name} has a formula without a value{f" in {place[1].decode()}" if place else ""}; '

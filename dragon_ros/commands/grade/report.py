@@ -18,8 +18,8 @@ from dragon_ros.commands.grade.truth import RESULTS
 from dragon_ros.commands.grade.words import sentence
 from dragon_ros.version import __version__
 
-# Anchors of the colour map viridis by Smith and van der Walt (CC0). Its lightness increases evenly, and colour-blind
-# people can read it.
+# Anchor colours of the colour map viridis by Smith and van der Walt (CC0). Its lightness increases evenly, and
+# colour-blind people can read it.
 _VIRIDIS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))
 _WIDE, _HIGH = 448, 304         # width and height of a picture of errors, in the picture's units
 _LINE_HIGH = 110

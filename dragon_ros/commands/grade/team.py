@@ -41,7 +41,7 @@ _HALF_ULP = 0.5000001           # above 0.5, because differences between numbers
 
 @dataclass(frozen=True)
 class SheetGrade:
-    """The grade of one quantity of a result: errors in m or m/s, and the mistakes that explain them.
+    """The grade for one quantity in a result: its errors (m or m/s), and the mistakes that explain them.
 
     ``worst`` and its place are None if nothing is given; ``within`` contains the share of cells within each of
     ``BOUNDS``.
@@ -191,7 +191,7 @@ def _grade(result: str, sheet: str, times_s: Floats, given: Floats, right: Float
 
 # Answers that are a single number.
 def answers_of(path: Path) -> dict[str, float]:
-    """Return the answers in a YAML file, by question. Raises InputError with file, line and key."""
+    """Return the answers in a YAML file, by question. Raises an InputError that names file, line and key."""
     document = read_document(path)
     document.check_keys('', document.values, QUESTIONS)
     return {key: _checked(f'{document.place(key)}: {key}', plain_number(value))
@@ -199,7 +199,7 @@ def answers_of(path: Path) -> dict[str, float]:
 
 
 def answers_by_team(path: Path) -> dict[str, dict[str, float]]:
-    """Return the answers of all teams in a YAML file, by team. Raises InputError with file, line and key."""
+    """Return the answers of all teams in a YAML file, by team. Raises an InputError that names file, line and key."""
     document = read_document(path)
     out = {}
     for name in document.values:

@@ -49,7 +49,7 @@ def _run(arguments: Namespace) -> int:
     if arguments.tries:
         from dragon_ros.commands.view.variants import Variants
         if arguments.bag is not None:
-            raise InputError('--try: requires a scene; the run in a bag cannot be changed')
+            raise InputError('--try: it requires a scene; the run in a bag cannot be changed')
         name = Path(arguments.scene).stem
         return _serve(name, Variants(name, arguments.scene, command_line.overrides_from(arguments)), arguments)
     from dragon_ros.commands.sources import opened

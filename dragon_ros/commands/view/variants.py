@@ -1,4 +1,4 @@
-"""Variants of a scene for ``view --try``: values changed by the address of the page, and answers about each variant.
+"""Variants of a scene for ``view --try``: values that the page's address changes, and answers about each variant.
 
 An address such as ``/?dragon.benches=40&track.pitch_m=0.6`` contains the changed values in the form of ``--set``. The
 address alone selects the variant; the server caches the last few variants, so that a page need not wait for them again.
@@ -141,7 +141,7 @@ class Variants:
         changes = []
         for key, text in parse_qsl(query, keep_blank_values=True):
             if key not in known:
-                raise InputError(f'{key[:_CHARACTERS]}: it is not a value of this scene that can be changed', field=key)
+                raise InputError(f'{key[:_CHARACTERS]}: it is not a value that can be changed in this scene', field=key)
             changes.append(f'{key}={_number(key, text)}')
         scene = load_scene(self._scene, [*self._overrides, *changes])
         if scene.dragon.benches > SEARCHED_BENCHES:
