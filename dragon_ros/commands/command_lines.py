@@ -20,8 +20,8 @@ def table(argv: list[str]) -> int:
     command_line.add_times_option(options, 'times in seconds (0, or the start of the bag)')
     command_line.add_handles_option(options)
     options.add_argument('--paper', action='store_true',
-                         help="the paper's three tables: printed, reproduced and true values, and errors (no scene "
-                         'options)')
+                         help="the paper's three tables: printed, reproduced and true values, and errors "
+                         '(incompatible with scene options)')
     options.add_argument('--contest', type=Path, metavar='FOLDER',
                          help='write result1 and result2 of the contest and, for the scene turning, result4 '
                          '(incompatible with --times)')

@@ -158,9 +158,10 @@ def _repair(arguments: Namespace) -> tuple[dict[str, Any], int]:
 
 def _bag_text(values: dict[str, Any]) -> str:
     """Return the result of an inspection as text."""
-    chunks = ', '.join(f'{count} chunks in {name}' for name, count in values['chunks'].items()) or 'no chunks'
+    chunks = ', '.join(f'{count} chunk{"s"[:count != 1]} in {name}' for name, count in values['chunks'].items())
     lines = [f'{values["bag"]}: {len(values["files"])} file{"s"[:len(values["files"]) != 1]}, '
-             f'{values["bytes"] / 1e6:.3f} MB, {chunks}; written by {", ".join(sorted(set(values["written_by"])))}']
+             f'{values["bytes"] / 1e6:.3f} MB, {chunks or "no chunks"}; '
+             f'written by {", ".join(sorted(set(values["written_by"])))}']
     lines += _about_lines(values['about'])
     lines += _scene_lines(values['scene']) + _topic_lines(values['topics'])
     if 'start_s' in values:
@@ -268,7 +269,8 @@ def _integrity_lines(values: dict[str, Any]) -> list[str]:
     lines = [f'  NOT READ: {values["unread"]}'] if 'unread' in values else []
     lines += [f'  {line}' for line in values['notes']] + _length_lines(values['topics'])
     count = values['problem_count']
-    lines.append(f'  integrity: {count} problems' if count else '  integrity: every length, index and CRC is correct')
+    found = f'{count} problem{"s"[:count != 1]}' if count else 'every length, index and CRC is correct'
+    lines.append(f'  integrity: {found}')
     return lines + [f'    {line}' for line in values['problems'][:_SHOWN]] + _more(
         len(values['problems'][:_SHOWN]), count)
 

@@ -1,4 +1,4 @@
-"""The cost of contact for a scene: time and result of the proved search for the first contact."""
+"""The cost of contact for a scene: the time and the result of the proved search for the first contact."""
 import time
 from dataclasses import dataclass
 

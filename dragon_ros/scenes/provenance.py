@@ -29,7 +29,7 @@ _CORE_NAMES = ('openblas_get_corename', 'openblas_get_corename64_', 'scipy_openb
 
 @lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
-    """Return the versions of the software and, in a checkout, the git commit (with ``+`` if modified)."""
+    """Return the software versions and, in a checkout, the git commit (followed by ``+`` if files are modified)."""
     found = {'dragon_ros': __version__, 'python': platform.python_version(), 'numpy': np.__version__}
     commit = _git('rev-parse', 'HEAD')
     if commit:
@@ -41,8 +41,8 @@ def versions() -> dict[str, str]:
 def kernels() -> dict[str, str]:
     """Return this machine's kernels of BLAS and numpy, which determine the last bits of results.
 
-    The entry for BLAS contains name, version and kernel (``unknown`` if BLAS reports none); the entry for numpy lists
-    its CPU features.
+    The entry for BLAS contains the name, the version and the kernel (``unknown`` if BLAS reports none); the entry for
+    numpy lists its CPU features.
     """
     about: Mapping[str, Any] = np.show_config(mode='dicts')
     blas = about.get('Build Dependencies', {}).get('blas', {})

@@ -88,7 +88,7 @@ def _lines(found: dict[str, Any]) -> Iterator[str]:
     yield (f'{found["folder"]}: {found["rows"]:,} of {found["total"]:,} rows ({counts or "none"}), '
            f'{found["cpu_s"]:.1f} s of CPU')
     for reason, count in found['reasons'].items():
-        yield f'  {count} rows: {reason}'
+        yield f'  {count} row{"s"[:count != 1]}: {reason}'
     for name, one in found['answers'].items():
         yield f'{name}: {one["least"]:.9g} to {one["greatest"]:.9g}, median {one["median"]:.9g}{_between(one)}'
         yield from _bounds(name, one)

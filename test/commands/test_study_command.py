@@ -78,7 +78,7 @@ def test_rows_that_are_refused_are_counted_with_their_reason_and_left_out_of_pic
     assert main(['study', 'data', '--plot']) == 0
     out = capsys.readouterr().out
     assert 'data: 3 of 3 rows (2 ok, 1 refused)' in out
-    assert '1 rows: scene: scene: track.pitch_m: -1' in out
+    assert '1 row: scene: scene: track.pitch_m: -1' in out
     assert drawn(folder) == ['lock_t_s.png', 'lock_t_s.svg']
 
 

@@ -92,7 +92,7 @@ def _state(scene: Scene, times_s: list[float]) -> tuple[Floats, Floats]:
 
 
 def write(folder: Path, wound: Scene, turning: Scene, progress: Callable[[], object] = lambda: None) -> list[Path]:
-    """Write all results into a folder and return the paths; XLSX files are written only if openpyxl is installed.
+    """Write all results to a folder and return the paths; XLSX files are written only if openpyxl is installed.
 
     ``progress()`` is called after each of the 3 results and each of up to 8 files.
     """
@@ -119,7 +119,7 @@ def write(folder: Path, wound: Scene, turning: Scene, progress: Callable[[], obj
 def _cells(sheet: ResultSheet) -> list[list[str]]:
     """Return values rounded to six decimals, without a minus sign on zero."""
     rounded: Floats = np.round(sheet.values, 6) + 0.0
-    return [['%.6f' % value for value in row] for row in rounded.tolist()]      # noqa: UP031 - half the time
+    return [['%.6f' % value for value in row] for row in rounded.tolist()]      # noqa: UP031 - takes half the time
 
 
 def _write_csv(folder: Path, name: str, sheet: ResultSheet) -> Path:

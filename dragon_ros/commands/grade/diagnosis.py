@@ -263,7 +263,7 @@ def _matched(given: Floats, right: Floats) -> Callable[[Floats], Floats] | None:
 
 
 def _rigid(given: Floats, right: Floats, before: float, otherwise: float) -> tuple[Finding, Floats] | None:
-    """Return the best rigid motion of the front handles, and the handles moved back, unless a simpler change fits."""
+    """Return the best rigid motion of front handles, and the handles moved back, or None if a simpler change fits."""
     front, wanted = given[:, :_FRONT].reshape(-1, 2), right[:, :_FRONT].reshape(-1, 2)
     there = np.isfinite(front).all(axis=1) & np.isfinite(wanted).all(axis=1)
     if there.sum() < 8 or before < 10 * RIGHT:
@@ -375,7 +375,7 @@ def _head_candidates(times_s: Floats, head: Floats, theta: Floats,
     radial_arc = mistakes.solved(mistakes.without_radial)(times_s)
     yield 'radial_arc', {}, radial_arc, PITCH_M
     yield 'bracket_slip', {}, mistakes.bracket_slip()(times_s), PITCH_M
-    late = (arc_length(np.array(START)) - arc_length(theta)) * _B_M - times_s       # in m and, at 1 m/s, also in s
+    late = (arc_length(np.array(START)) - arc_length(theta)) * _B_M - times_s       # in m or, at 1 m/s, in s
     there = np.isfinite(late)
     if not there.any():
         return
@@ -465,7 +465,7 @@ def _named_links(head_m: float, body_m: float, last_m: float, noise_m: float) ->
 
 def _grid_of(theta: Floats, step: Floats, off: Floats, noise_m: float,
              ) -> tuple[Rule, list[Finding]] | None:
-    """Return the rule if every handle is on a grid of angles that starts at the previous handle."""
+    """Return the rule for handles on a grid of angles that starts at the previous handle, or None if they are not."""
     grid = _step_of(step, noise_m / float(np.nanmin(theta) * _B_M))
     if grid is None:
         return None
@@ -614,7 +614,7 @@ def _turn_links(head_m: Floats, given: Floats, off: Floats, turn: STurn, noise_m
     one = piece[:, 1:] == piece[:, :-1]
     for of_angle, at, per_unit_m in ((True, angle.of(metres), least_m), (False, metres, 1.0)):
         steps = -np.diff(at, axis=1)
-        steps[~one & of_angle] = np.nan         # steps of angles restart at each piece
+        steps[~one & of_angle] = np.nan         # angular steps restart at each piece
         step = _step_of(steps, noise_m / per_unit_m, 99.9)
         if step is None:
             continue

@@ -27,7 +27,7 @@ _STYLE = Path(__file__).with_name('report.css')
 
 
 def page(teams: list[TeamGrade], whole: int, lang: str) -> str:
-    """Return the page of all teams; ``whole`` is the number of teams, including those that were not graded."""
+    """Return the page for all teams; ``whole`` is the number of teams, including those that were not graded."""
     many = len(teams) != 1
     policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
     title = _said('title', lang)

@@ -18,7 +18,7 @@ from dragon_ros.core.tracks.spec import Spiral, STurn
 
 RESULTS = ('result1', 'result2', 'result4')
 _MORE_TURNS = 2                 # number of turns added before the start, for results with shifted times
-_BEFORE_S = 300.0               # time in s added before the turn, for results with shifted times
+_BEFORE_S = 300.0               # time (s) added before the turn, for results with shifted times
 _LATEST_S = 1000.0
 
 
@@ -74,6 +74,6 @@ def _scene_of(result: str) -> tuple[Scene, float]:
 
 
 def truth_at(result: str, times_s: Floats) -> TrueStates:
-    """Return the true states of a result at its times; for result2, all are the state at the contact."""
+    """Return the true states of a result at its times; for ``result2``, every state is the state at the contact."""
     scene, offset_s = _scene_of(result)
     return state_at(scene, (np.full(times_s.size, contact_s()) if result == 'result2' else times_s) + offset_s)

@@ -84,9 +84,9 @@ class _Frames:
 class AnimatedFigure:
     """A figure that shows one moment at a time; the parts that do not move are drawn only once.
 
-    Without a ``zoom``, the window contains the dragon at all times. With a zoom that follows, the window moves with the
-    head or tail, and lines on the ground make this motion visible. A film also shows the clearance over time and the
-    speeds beside the dragon.
+    Without a ``zoom``, the window contains the dragon at all times. With a zoom that follows the dragon, the window
+    moves with the head or tail, and lines on the ground make this motion visible. A film also shows the clearance over
+    time and the speeds beside the dragon.
     """
 
     def __init__(self, source: Source, times_s: Floats, zoom: Zoom | None = None, follow: bool = False,

@@ -160,7 +160,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.server.wait_no_more(self.connection)
         self.connection.settimeout(VIEW_IDLE_S)
         if not self._is_for_us():       # prevents DNS rebinding, in which a foreign page uses another host name
-            self.send_error(HTTPStatus.FORBIDDEN, 'this page is for 127.0.0.1 and localhost')
+            self.send_error(HTTPStatus.FORBIDDEN, 'this page is available only at 127.0.0.1 and localhost')
             return
         path, _, query = self.path.partition('?')
         try:

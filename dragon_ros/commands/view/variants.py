@@ -77,7 +77,7 @@ class _Searched(SceneSource):
 
 
 class Variant:
-    """The scene of an address, and the page's data about this scene."""
+    """The scene that an address describes, and the page's data about this scene."""
 
     def __init__(self, name: str, scene: Scene) -> None:
         """Take a scene."""
@@ -124,7 +124,7 @@ class Variants:
                 'left_out': max(0, len(fields) - _MOST_FIELDS), 'error': error}
 
     def variant(self, query: str) -> Variant:
-        """Return the variant of an address. Raises InputError."""
+        """Return the variant that an address describes. Raises InputError."""
         with self._lock:
             if query in self._made:
                 self._made.move_to_end(query)
