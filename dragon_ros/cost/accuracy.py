@@ -164,7 +164,7 @@ def _simple(scene: Scene, name: str, known: dict[float, Reference | None]) -> _T
     Simple solvers support only a dragon that is led by its head on a single spiral.
     """
     if not isinstance(scene.track, Spiral) or scene.head.lead != 'head':
-        return _absent(name, 'supports only a dragon led by its head on a single spiral')
+        return _absent(name, 'requires one spiral, led by the head')
     solve, error_m = SIMPLE[name], 0.0
     try:
         with np.errstate(all='ignore'):

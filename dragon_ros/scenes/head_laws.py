@@ -1,9 +1,9 @@
 """Custom head laws: Python entry points in the group ``dragon_ros.head_laws``.
 
 An entry point is a function that receives the settings from a scene file as keyword arguments and returns a ``Head`` or
-a ``Profile`` of ``dragon_ros.core.chain.head_law``. It must return the same law for the same settings. The scene stores
-the returned law instead of the entry point's name, so a bag can be recomputed without the plug-in. Entry points are
-loaded only for scene files and command lines, never for bags or topics.
+a ``Profile`` of ``dragon_ros.core.chain.head_law``. The function must return the same law for the same settings. The
+scene stores the returned law instead of the entry point's name, so a bag can be recomputed without the plug-in. Entry
+points are loaded only for scene files and command lines, never for bags or topics.
 """
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ KEYS = ('kind', 'law', 'settings')
 
 
 def plugged(document: Document) -> Head | Profile:
-    """Return the custom head law named in the section head. Raises InputError if it is missing or invalid."""
+    """Return the custom head law named in the section head. Raises InputError if the law is missing or invalid."""
     given = document.section('head')
     document.check_keys('head.', given, KEYS)
     name, settings = given.get('law'), given.get('settings', {})

@@ -39,7 +39,7 @@ _PAIRS = {'at_m': 'a point; write for example [1.5, 2]', 'origin_deg': 'a positi
 _WORDS = ('lead', 'ramps', 'side', 'name')
 CHOICES = ('solver', 'markers')
 SINGLES = ('accuracy', 'effects', *CHOICES)
-_MOST_SHOWN = 100       # largest number of characters of a --set in an error message
+_MOST_SHOWN = 100       # maximum length of a --set in an error message, in characters
 # Lines with the corners of a venue, as written by provenance.
 _CORNERS = re.compile(r"^[ -]*(?:points_m|inside)?:? *'?[-+.e0-9, ]+'?\n", re.MULTILINE)
 ABOUT = 'about'     # notes on a scene, which have no effect
@@ -141,7 +141,7 @@ def changed_scene(name_or_file: str, changes: Mapping[str, Any]) -> Scene:
 
 
 def _as_lists(value: Any) -> Any:
-    """Return a value with its tuples as lists, as in YAML."""
+    """Return a value with its tuples converted to lists, as in YAML."""
     if isinstance(value, Mapping):
         return {key: _as_lists(one) for key, one in value.items()}
     return [_as_lists(one) for one in value] if isinstance(value, (tuple, list)) else value
@@ -289,7 +289,7 @@ def _part(document: Document, name: str, key: str, given: Any) -> Any:
 
 
 def _value(document: Document, name: str, value: Any) -> Any:
-    """Return the value of a key, with text such as 1e-9 as a number and the lists of certain keys as tuples."""
+    """Return the value of a key; text such as 1e-9 becomes a number, and the lists of certain keys become tuples."""
     key = name.rpartition('.')[2]
     if key == 'knots':
         if not isinstance(value, list) or not all(_is_pair(knot) for knot in value):
@@ -363,8 +363,8 @@ def _below(target: Any, section: str, place: str, key: str) -> Any:
 
 
 def _item(items: list[Any], number: str, place: str, key: str) -> int:
-    """Return the index of a list item, which dotted keys number from 1."""
+    """Return the index of a list item; dotted keys number the items from 1."""
     if not (number.isdecimal() and 1 <= int(number) <= len(items)):
-        raise InputError(f'{place}: {shown(number)} is not the number of an item; the items in this list are numbered '
-                         f'from 1 to {len(items)}', field=key)
+        raise InputError(f'{place}: {shown(number)} is not the number of a list item; count from 1 to {len(items)}',
+                         field=key)
     return int(number) - 1

@@ -1,8 +1,8 @@
 """Read venues and drawings from GeoJSON, where degrees are projected to metres, or from WKT in metres.
 
-A feature's name is its property ``name``. Benches must stay in the polygon named ``inside``. Coordinates in GeoJSON are
-degrees (RFC 7946) unless the file has ``"units": "m"`` at its top level, or a ``crs`` member as in the older
-specification.
+The property ``name`` of a feature is its name. Benches must stay in the polygon named ``inside``. Coordinates in
+GeoJSON are degrees (RFC 7946) unless the file has ``"units": "m"`` at its top level, or a ``crs`` member as in the
+older specification.
 """
 import json
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ class Feature:
 
 @dataclass(frozen=True)
 class Drawing:
-    """The features of a file, and the longitude and latitude of its origin (None if unknown)."""
+    """The features of a file, and the longitude and latitude of its origin, or None if unknown."""
 
     features: tuple[Feature, ...]
     origin_deg: tuple[float, float] | None = None

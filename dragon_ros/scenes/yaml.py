@@ -39,7 +39,7 @@ class Document:
         return self.places.get(key, self.name)
 
     def section(self, key: str) -> dict[str, Any]:
-        """Return the mapping under ``key`` (empty if it is omitted)."""
+        """Return the mapping under ``key``, which is empty if the key is omitted."""
         value = self.values.get(key, {})
         if not isinstance(value, dict):
             self.refuse(key, f'its value is {shown(value)}; write a mapping of keys to values')
@@ -60,7 +60,7 @@ def read_own(path: Path) -> Document:
 
 
 def read_document(path: Path) -> Document:
-    """Read a YAML mapping. Raises MissingError or InputError with the file and, if known, the line."""
+    """Read a YAML mapping. Raises MissingError or InputError, which name the file and, if known, the line."""
     try:
         with path.open('rb') as file:
             data = file.read(SCENE_FILE_BYTES + 1)

@@ -206,7 +206,7 @@ def check_versions(client: Client) -> None:
     for who, one in found.items():
         if isinstance(one, Exception):
             raise InputError(f'scheduler: {who} cannot import dragon_ros.studies ({type(one).__name__}: {one}); '
-                             'install dragon_ros with its extra study there (docs/studies.md)', field='dragon_ros')
+                             'install dragon_ros[study] there (docs/studies.md)', field='dragon_ros')
         _check_same(who, one, wanted)
 
 
@@ -335,7 +335,7 @@ class _StudyRun:
             return
         row = dict.fromkeys(columns_of(self._data.study)) | {
             'index': start, 'status': FAILED, 'version': __version__,
-            'reason': 'every worker that computed it died, possibly from lack of memory'}
+            'reason': 'every worker that computed it died, possibly because memory ran out'}
         self._written(start, stop, BatchResult(part_of(self._data.study, [row]), {FAILED: 1}, 0.0))
 
 

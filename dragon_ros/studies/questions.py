@@ -46,7 +46,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class FirstContactQuestion:
-    """The first contact of the run: time, pair (benches, or bench and obstacle) and point; otherwise, the run's end."""
+    """The first contact of the run: its time, pair (benches, or bench and obstacle) and point; or the run's end."""
 
     columns: ClassVar[dict[str, type]] = {
         'contact': bool, 'contact_t_s': float, 'contact_low_s': float, 'contact_high_s': float, 'contact_inner': int,
@@ -196,7 +196,7 @@ def _pitch_of(key: _Key) -> MinPitch:
 
 @dataclass(frozen=True)
 class FitQuestion:
-    """The smallest squares around the run, and whether it fits into a given one; in a venue, also the smallest gap."""
+    """The smallest squares around the run, and whether a given square suffices; in a venue, also the smallest gap."""
 
     square_m: float | None = None
     columns: ClassVar[dict[str, type]] = {

@@ -117,7 +117,7 @@ def _tried(what: str, answer: Callable[[], object], reasons: list[tuple[str, str
     try:
         return answer()
     except _OverBudget:
-        reasons.append((OVER_BUDGET, f'{what}: took more than its budget of {study.budget_s:g} s'))
+        reasons.append((OVER_BUDGET, f'{what}: it took more than its budget of {study.budget_s:g} s'))
     except DragonError as error:
         reasons.append((REFUSED, f'{what}: {" ".join(str(error).split())}'))
     except Exception as error:  # noqa: BLE001 - a failing scene is reported in its row

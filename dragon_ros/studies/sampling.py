@@ -1,4 +1,4 @@
-"""Designs of experiments: the values of a row as a function of the study and the row's index alone.
+"""Designs of experiments; the values in a row depend only on the study and on the row's index.
 
 Each random point has its own generator, seeded by (seed, index); a Sobol point is reached by advancing one scrambled
 sequence. Rows can therefore be drawn in any order, batch or process.
@@ -75,7 +75,7 @@ def levels_of(variation: Variation) -> list[Any]:
 
 
 def _typed(study: Study, key: str, value: Any) -> Any:
-    """Return a value; if the scene's value for this key is an integer, round the value to an integer."""
+    """Return a value, rounded to an integer if the key has an integer value in the scene."""
     last, target = target_of(study.base, key)
     return round(value) if isinstance(target[last], int) and isinstance(value, float) else value
 

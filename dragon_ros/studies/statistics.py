@@ -93,8 +93,8 @@ class Indices:
 def indices(study: Study, values: Floats) -> list[Indices]:
     """Return the Sobol indices of an answer (rows,) in a study of design ``saltelli``, with bootstrapped intervals.
 
-    The estimators are those of Saltelli 2010. Raises FieldError for any other design, or if an answer is missing, since
-    the indices need every row.
+    The estimators are those of Saltelli 2010. Raises FieldError for any other design, or if an answer is missing,
+    because the indices need every row.
     """
     if study.design != 'saltelli':
         raise FieldError('design', study.design, 'Sobol indices need paired rows', 'write design: saltelli')

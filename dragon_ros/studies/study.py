@@ -1,4 +1,4 @@
-"""A study: a base scene, its variations, the design, the samples and the questions. It is loaded like a scene.
+"""A study: a base scene, its variations, the design, the samples and the questions. A study is loaded like a scene.
 
 A study is self-contained: it includes its complete base scene, can be written as YAML text, and can be restored from
 that text. Workers receive this text, and data sets contain it.
@@ -22,7 +22,7 @@ from dragon_ros.studies.questions import QUESTIONS, Question, name_of
 
 DESIGNS = ('grid', 'random', 'sobol', 'saltelli')
 MOST_ROWS = 10**9
-MOST_DIMENSIONS = 10_000        # limit on coordinates: saltelli doubles their number, and scipy supports 21,201
+MOST_DIMENSIONS = 10_000        # largest number of coordinates; saltelli needs twice as many, and scipy supports 21,201
 _KEYS = ('scene', 'set', 'vary', 'design', 'samples', 'seed', 'ask', 'budget_s', 'about')
 _MOST_STEPS = 100_000
 _MOST_DIGITS = 6        # largest number of digits in a list index
@@ -248,8 +248,8 @@ def target_of(scene: Values, key: str) -> tuple[str, Values]:
         else:
             target = target.get(section) if isinstance(target, dict) else None
     if not isinstance(target, dict) or last not in target:
-        raise FieldError(f'vary.{key}', key, 'the base scene has no such key', 'name one from docs/reference.md; '
-                         'list items are counted from 1: dragon.groups.2.length_m')
+        raise FieldError(f'vary.{key}', key, 'the base scene has no such key', 'give one from docs/reference.md; list '
+                         'items are counted from 1: dragon.groups.2.length_m')
     return last, target
 
 

@@ -552,7 +552,7 @@ def test_a_table_of_a_bag_is_the_table_of_its_scene(capsys, bag):
     (['inspect', CORPUS / 'good_none.mcap', '--check', '--looks', '3'], '--looks: --check does not accept it'),
     (['inspect', CORPUS / 'good_none.mcap', '--repair', 'a.mcap', '--check'], '--check: --repair does not accept it'),
     (['contact', CORPUS / 'good_none.mcap', '--verify', 'a.json'], 'BAG: --verify does not accept it'),
-    (['contact', '--near-misses', '1', '--format', 'csv'], '--near-misses: --format csv has only the row'),
+    (['contact', '--near-misses', '1', '--format', 'csv'], '--near-misses: --format csv contains only the contact'),
     (['cost', 'tick'], 'PAGE tick: it is available only in a checkout: ./dragon cost tick'),
     (['table', CORPUS / 'good_none.mcap', '--times', '99'], 'ends at'),
     (['table', CORPUS / 'good_none.mcap', '--times', 'inf'], '--times: t_s: inf is not valid'),

@@ -62,7 +62,7 @@ CALLS = {
     'state nan': (lambda: run().state(float('nan')), 'finite'), 'state early': (lambda: run().state(-1), 'at least 0'),
     'frame': (lambda: run().frame(1.5), 'whole number'), 'frame late': (lambda: run().frame(10**9), 'has ticks'),
     'out': (lambda: run().states([1.0], out=5), 'give arrays for handles and velocities'),
-    'scene': (lambda: dr.scene('windig'), 'did you mean winding'), 'scene 5': (lambda: dr.scene(5), 'give text'),
+    'scene': (lambda: dr.scene('windig'), 'did you mean winding'), 'scene 5': (lambda: dr.scene(5), 'give a string'),
     'scene key': (lambda: dr.scene(track={'pitch': 1}), 'did you mean pitch_m'),
     'scene section': (lambda: dr.scene(dragon=5), 'write a mapping'),
     'read_bag': (lambda: dr.read_bag('nowhere'), 'nowhere'),

@@ -373,7 +373,7 @@ def test_an_animation_that_ends_before_the_contact_says_so(tmp_path, scene, page
     write_page(source, source.ticks_s(412.0, 412.2, 3), 2.0, path, iter)
     page.open_view(path.as_uri())
     facts = page.run('return document.getElementById("facts").textContent')
-    assert facts.endswith('benches 0 and 8 touch at 412.473838 s, after the end of what is shown')
+    assert facts.endswith('benches 0 and 8 touch at 412.473838 s, after the end of the period shown')
 
 
 def window_of(page):
@@ -448,7 +448,7 @@ def test_webgl_draws_the_picture_of_the_canvas_and_gives_way_to_it(big_server, p
         assert head < 0.01 < 0.02 < moved_head
     page.press('g')
     page.press('g')
-    assert 'one draw call per frame by WebGL' in page.run('return document.getElementById("scale").textContent')
+    assert 'one draw call per frame with WebGL' in page.run('return document.getElementById("scale").textContent')
     page.run('canvas.getContext("webgl2").getExtension("WEBGL_lose_context").loseContext()')
     page.wait('return !cost.webgl && cost.calls > 1')
     assert 'on a canvas' in page.run('return document.getElementById("scale").textContent')

@@ -65,7 +65,7 @@ def test_the_paper_and_simple_solvers_stand_beside_the_tiers(winding):
 def test_solvers_of_one_spiral_have_a_note_on_other_tracks():
     rows = {row.name: row for row in accuracy.measure(load_scene('turning', SMALL), SOON, quiet).solvers}
     for name in ('paper', 'plain Newton 1e-6 rad'):
-        assert 'led by its head on a single spiral' in rows[name].note
+        assert 'one spiral, led by the head' in rows[name].note
         assert rows[name].positions is None
 
 

@@ -86,7 +86,7 @@ def test_more_samples_of_a_random_study_go_on_and_fewer_are_refused(study, fill,
         assert data.missing == [(12, 14)]
         fill(data, (12, 14))
     assert without_times(open_set(tmp_path).table()) == without_times(rows_of(study().with_samples(14), range(14)))
-    with pytest.raises(InputError, match='has a study of 14 samples'), writing(tmp_path, study()):
+    with pytest.raises(InputError, match='contains a study with 14 samples'), writing(tmp_path, study()):
         pass
 
 

@@ -86,7 +86,7 @@ def test_a_question_that_is_refused_leaves_the_others_their_answers(study):
 def test_a_row_over_its_budget_says_so(study):
     one = study('vary: {track.pitch_m: [0.55]}\nask: [contact, lock]\nbudget_s: 1e-6')
     row = row_of(one, 0)
-    assert (row['status'], row['reason']) == ('over_budget', 'contact: took more than its budget of 1e-06 s')
+    assert (row['status'], row['reason']) == ('over_budget', 'contact: it took more than its budget of 1e-06 s')
     assert row['lock_t_s'] is None
 
 

@@ -1,4 +1,4 @@
-// Draws a dragon of many benches by WebGL, as benches.js does on a canvas: one upload and one draw call per frame. Six
+// Draws a dragon of many benches with WebGL, as benches.js does on a canvas: one upload and one draw call per frame. Six
 // vertices of that call form a rectangle, which is a piece of the track, a bench or its outline. Each pixel is shaded
 // by the fraction of it that the rectangle covers. Positions are in pixels, computed by the page in double precision.
 // (Instances would need only four vertices, but software renderers draw them one by one, a hundred times more slowly.)
@@ -78,7 +78,7 @@ float covered(float x, float h) { return clamp(min(h, x + 0.5) - max(-h, x - 0.5
 float inside(vec2 h) { return h.x > 0.0 && h.y > 0.0 ? covered(at.x, h.x) * covered(at.y, h.y) : 0.0; }
 
 void main() {
-  // A pixel at the joint of two pieces of a line belongs to the piece beside its middle, so none counts twice.
+  // A pixel at the joint of two pieces of a line belongs to the piece beside its middle, so no pixel is counted twice.
   float share = edge < 0.0 ? (at.x >= -reach.x && at.x < reach.x ? covered(at.y, reach.y) : 0.0)
     : edge > 0.0 ? inside(reach + edge) - inside(reach - edge) : inside(reach);
   colour = vec4(shade, 1.0) * share;

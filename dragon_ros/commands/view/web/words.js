@@ -1,4 +1,4 @@
-// Every text of the page in English and Chinese; --lang or, by default, the browser selects the language.
+// All text on the page, in English and Chinese; --lang or, by default, the browser selects the language.
 'use strict';
 
 const WORDS = {
@@ -19,18 +19,18 @@ const WORDS = {
   facts: ['{benches} benches, {first} to {last} s', '{benches} 节板凳，{first} 至 {last} s'],
   touch: ['benches {first} and {second} touch at {t} s', '{t} s 时第 {first} 号与第 {second} 号板凳相碰'],
   touch_obstacle: ['bench {first} touches {obstacle} at {t} s', '{t} s 时第 {first} 号板凳碰到 {obstacle}'],
-  late: [', after the end of what is shown', '（在所示时间之后）'], no_touch: ['no benches touch', '没有板凳相碰'],
+  late: [', after the end of the period shown', '（在所示时间之后）'], no_touch: ['no benches touch', '没有板凳相碰'],
   server: ['is the server still running?', '服务器还在运行吗？'],
   follow: ['Follow head', '跟随龙头'],
   scale: ['a bench is {long} × {wide} pixels here', '此处一节板凳为 {long} × {wide} 像素'],
   by_canvas: ['; {kb} kB and {calls} draw calls per frame on a canvas', '；画布绘制，每帧 {kb} kB、{calls} 次绘制调用'],
-  by_webgl: ['; {kb} kB and one draw call per frame by WebGL', '；WebGL 绘制，每帧 {kb} kB、一次绘制调用'],
+  by_webgl: ['; {kb} kB and one draw call per frame with WebGL', '；WebGL 绘制，每帧 {kb} kB、一次绘制调用'],
   rate: [', {rate} frames per second', '，每秒 {rate} 帧'],
   // The values of --try
   what_if: ['What if', '试改参数'], as_it_was: ['Reset values', '恢复原值'], working: ['working', '正在计算'], the_end: ['the end', '到结束'],
   slider: ['{key}: the slider goes from {low} to {high}', '{key}：滑块范围 {low} 至 {high}'],
   more: ["{count} more values are in the scene's file", '场景文件中还有 {count} 个参数'],
-  ask_contact: ['First contact', '首次碰撞'], ask_speed: ['Fastest handle', '最快的把手'], ask_room: ['Room needed', '所需空间'],
+  ask_contact: ['First contact', '首次碰撞'], ask_speed: ['Fastest handle', '最快的把手'], ask_room: ['Room required', '所需空间'],
   ask_pitch: ['Smallest pitch', '最小螺距'], ask_clearance: ['Smallest gap', '最小间隙'],
   no_contact: ['no benches touch in this run, which ends at {end} s', '本次运行到 {end} s 结束，没有板凳相碰'],
   meet: ['{t} s, benches {first} and {second}', '{t} s，第 {first} 号与第 {second} 号板凳'],
@@ -38,11 +38,11 @@ const WORDS = {
   meet_obstacle: ['{t} s, bench {first} and obstacle {obstacle}', '{t} s，第 {first} 号板凳与障碍物 {obstacle}'],
   graze_obstacle: ['grazing, {t} s, bench {first} and obstacle {obstacle}', '擦碰，{t} s，第 {first} 号板凳与障碍物 {obstacle}'],
   no_gap: ['no two benches come near each other', '没有两节板凳彼此靠近'],
-  least_gap: ['{gap} mm at {t} s, of {times} times', '{t} s 时为 {gap} mm（取自 {times} 个时刻）'],
-  fastest: ['handle {handle}: {ratio} times the leader, which is then {along} m along the track', '第 {handle} 号把手：为领头把手速度的 {ratio} 倍，此时领头把手位于轨迹 {along} m 处'],
+  least_gap: ['{gap} mm at {t} s, the smallest of {times} samples', '{t} s 时为 {gap} mm（取自 {times} 个时刻）'],
+  fastest: ["handle {handle}: {ratio} times the leader's speed, when the leader is {along} m along the track", '第 {handle} 号把手：为领头把手速度的 {ratio} 倍，此时领头把手位于轨迹 {along} m 处'],
   least_pitch: ['{pitch} m, to wind in to a circle of {circle} m', '{pitch} m，可盘入直径 {circle} m 的圆'],
-  no_spiral: ['only for a track that is one spiral', '仅适用于单条螺线的轨迹'],
-  gap_to: ['smallest gap {gap} m, to {name}; wanted {wanted} m', '最小间隙 {gap} m（到 {name}）；要求 {wanted} m'],
+  no_spiral: ['only for a track that is a single spiral', '仅适用于单条螺线的轨迹'],
+  gap_to: ['smallest gap {gap} m, to {name}; required {wanted} m', '最小间隙 {gap} m（到 {name}）；要求 {wanted} m'],
   square: ['a square of {free} m, or of {centred} m about the origin', '边长 {free} m 的正方形；以原点为中心则为 {centred} m'],
   until_contact: ['; up to the contact', '；到碰撞为止'], refused: ['{text}', '无法计算：{text}'],
   proved: ['proved', '已证明'], sampled: ['sampled', '抽样'],
@@ -57,7 +57,7 @@ const NAMES = {
 };
 const CHINESE = (document.documentElement.dataset.lang || navigator.language).toLowerCase().startsWith('zh');
 
-/** A text of the page in its language, with its values. */
+/** Return a message in the page's language, with its values inserted. */
 const say = (key, values = {}) => WORDS[key][CHINESE ? 1 : 0].replace(/\{(\w+)\}/g, (_, name) => values[name]);
 
 /** Set the texts of the page's elements: data-say is the content, and data-label and data-title are attributes. */
