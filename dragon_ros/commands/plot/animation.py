@@ -233,8 +233,8 @@ class _Beside:
         some = times_s[thinned(0, len(times_s) - 1, _CURVE)]
         at_s, gaps_m = clearances(source, some, progress)
         gap.plot(at_s, 1e3 * gaps_m, color=LINES[0], linewidth=1.6)
-        which = ', also to obstacles' if source.has_obstacles else ' of all benches'
-        gap.set(title=f'smallest gap{which} (mm)', xlabel='time (s)', xlim=(times_s[0], times_s[-1]))
+        which = 'to benches or obstacles' if source.has_obstacles else 'between benches'
+        gap.set(title=f'smallest gap {which} (mm)', xlabel='time (s)', xlim=(times_s[0], times_s[-1]))
         gap.axhline(0.0, color=QUIET, linewidth=0.8)
         self._now = gap.axvline(times_s[0], color=QUIET, linewidth=1.0)
         self._gap, = gap.plot([], [], marker='o', markersize=8, color=HEAD, linestyle='none', clip_on=False)
