@@ -1,4 +1,8 @@
-"""``cost first``: the time of a run's first tick with the shift map and with the march, and when the map pays off."""
+"""``cost first``: the time of a run's first tick with the shift map and with the march, and when the map pays off.
+
+The limit of a first tick is the shortest time in which the machine could compute the series of its tables from values
+at as many nodes, by multiplications with a matrix, or copy the tables. It leaves out the placing of links at the nodes.
+"""
 from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil, inf
@@ -7,10 +11,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from benchmarks.rates import Amounts, limit, tick_rates, times
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
+from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.shift_map.build import Table
 from dragon_ros.core.step import state
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed, timed_in_turn
 from dragon_ros.scenes.load import load_scene
@@ -26,12 +33,16 @@ _STYLES = {_FIRST: ('#0072B2', 'o'), _LATER: ('#0072B2', '.'), _FIRST_MARCHED: (
 
 @dataclass(frozen=True)
 class Row:
-    """A scene, the number of segments of its track, and the times of its first and later ticks, for map and march."""
+    """A scene, the number of segments of its track, and the times of its first and later ticks, for map and march.
+
+    ``limit_s`` is the shortest possible time for the tables of the first tick.
+    """
 
     scene: str
     handles: int
     segments: int
     timings: dict[str, Timing]
+    limit_s: float
 
     @property
     def pays_from(self) -> float:
@@ -48,23 +59,39 @@ def measure(budget_s: float = 0.3) -> list[Row]:
     scenes |= {case.name: case.scene for case in dances()}
     served = {name: scene for name, scene in scenes.items()
               if state(scene, scene.run.start_s).solver.startswith('table')}
-    return [_row(name, scene, budget_s) for name, scene in tqdm(served.items(), desc='cost first', unit='scene',
-                                                               disable=None)]
+    rates = tick_rates(budget_s)
+    return [_row(name, scene, rates, budget_s) for name, scene in tqdm(served.items(), desc='cost first', unit='scene',
+                                                                      disable=None)]
 
 
-def _row(name: str, scene: Scene, budget_s: float) -> Row:
+def _row(name: str, scene: Scene, rates: Amounts, budget_s: float) -> Row:
     marched = replace(scene, solver='march')
     first, first_marched = (timed(partial(first_tick, one), budget_s) for one in (scene, marched))
     later, later_marched = (timing.shared_by(_TICKS) for timing in timed_in_turn(
         [partial(_later, one) for one in (scene, marched)], budget_s))
     return Row(name, scene.dragon.benches + 1, len(compile_scene(scene).model.track.segments),
-               dict(zip(CALLS, (first, later, first_marched, later_marched), strict=True)))
+               dict(zip(CALLS, (first, later, first_marched, later_marched), strict=True)),
+               sum(limit(needs_of_table(table), rates)[0] for table in tables_of(scene)))
 
 
-def first_tick(scene: Scene) -> object:
+def first_tick(scene: Scene) -> Chain:
     """Place all handles at the start of a run with a new model, whose track, leader and table are rebuilt."""
+    return replace(compile_scene(scene).model).place(scene.head.travelled_m(scene.run.start_s))
+
+
+def tables_of(scene: Scene) -> list[Table]:
+    """Return the tables that the first tick builds."""
     fresh = replace(compile_scene(scene).model)
-    return fresh.placement.place(fresh.leader.place(scene.head.travelled_m(scene.run.start_s)))
+    fresh.place(scene.head.travelled_m(scene.run.start_s))
+    return [tile.table for shift in fresh.placement.maps.values() for tile in shift.tiles]
+
+
+def needs_of_table(table: Table) -> Amounts:
+    """Return the amounts of a table: its bytes, and the products that turn values at the nodes into its series.
+
+    Each row of a part has five series: the coordinate, two of the position and two of the velocity.
+    """
+    return {'product': 2.0 * 5 * table.rows * table.parts * table.nodes**2, 'cache': float(table.memory_bytes)}
 
 
 def _later(scene: Scene) -> None:
@@ -75,7 +102,8 @@ def _later(scene: Scene) -> None:
 def table(rows: list[Row]) -> str:
     """Return the rows as a Markdown table, below a line with the machine, versions and date."""
     head = ('| scene | handles | segments | first tick (ms) | quartiles | later (µs) | first, marched (ms) | '
-            'later, marched (µs) | the map pays off from tick |\n|---|---:|---:|---:|---|---:|---:|---:|---:|')
+            'later, marched (µs) | the map pays off from tick | limit of the first tick (ms) | times the limit |\n'
+            '|---|---:|---:|---:|---|' + '---:|' * 6)
     return '\n'.join([f'{circumstances()}. Times are medians that exclude the first call.', '', head,
                       *map(_line, rows)])
 
@@ -85,13 +113,14 @@ def _line(row: Row) -> str:
     pays = f'{row.pays_from:,.0f}' if row.pays_from < inf else '-'
     return (f'| {row.scene} | {row.handles:,} | {row.segments} | {first.median_s * 1e3:.3g} | '
             f'{first.low_s * 1e3:.3g} to {first.high_s * 1e3:.3g} | {later.median_s * 1e6:.3g} | '
-            f'{first_marched.median_s * 1e3:.3g} | {marched.median_s * 1e6:.4g} | {pays} |')
+            f'{first_marched.median_s * 1e3:.3g} | {marched.median_s * 1e6:.4g} | {pays} | '
+            f'{row.limit_s * 1e3:.3g} | {times(first.median_s, row.limit_s)} |')
 
 
 def csv_text(rows: list[Row]) -> str:
     """Return the rows as CSV, one line per timing, with times in seconds."""
-    return csv_of(['scene', 'handles', 'segments', 'tick', *TIMES],
-                  [(row.scene, row.handles, row.segments, name, *timing.cells)
+    return csv_of(['scene', 'handles', 'segments', 'tick', 'limit_s', *TIMES],
+                  [(row.scene, row.handles, row.segments, name, row.limit_s if name == _FIRST else '', *timing.cells)
                    for row in rows for name, timing in row.timings.items()])
 
 

@@ -7,6 +7,7 @@ from itertools import count
 import numpy as np
 from matplotlib.axes import Axes
 
+from benchmarks.rates import NUMBER, copy_rate, times
 from benchmarks.stages import ticks_from
 from dragon_ros.cli.figures import TEXT_PT, legend_below
 from dragon_ros.core.chain.dragon import Dragon
@@ -32,13 +33,17 @@ METHODS = tuple(_COLOURS)
 
 @dataclass(frozen=True)
 class Check:
-    """One check of all benches of a dragon: candidates and gaps. ``right`` is true if the smallest gap is correct."""
+    """One check of all benches of a dragon: candidates and gaps. ``right`` is true if the smallest gap is correct.
+
+    ``limit_s`` is the time in which the machine copies the position and the direction of each bench once.
+    """
 
     method: str
     benches: int
     pairs: int
     right: bool
     timing: Timing
+    limit_s: float
 
 
 def checks_of(size: int, budget_s: float) -> list[Check]:
@@ -53,11 +58,12 @@ def checks_of(size: int, budget_s: float) -> list[Check]:
     if size > _MOST_OF_ALL_PAIRS:
         del ways[_ALL]
     found = {way: _smallest_of(benches, *pairs()) for way, pairs in ways.items()}
-    least = min(gap for _, gap in found.values())
+    least, size_bytes = min(gap for _, gap in found.values()), 4 * NUMBER * size
+    limit_s = size_bytes / copy_rate(size_bytes, budget_s)
     out = [Check(way, size, found[way][0], _agree(found[way][1], least, reach),
-                 timed(partial(_checked, benches, pairs), budget_s, 3))
+                 timed(partial(_checked, benches, pairs), budget_s, 3), limit_s)
            for way, pairs in ways.items()]
-    return [*out, _watched(scene, candidates(chain.p, benches)[0].size, least, budget_s)]
+    return [*out, _watched(scene, candidates(chain.p, benches)[0].size, least, limit_s, budget_s)]
 
 
 def _checked(benches: Benches, pairs: Callable[[], tuple[Ints, Ints]]) -> tuple[int, float]:
@@ -68,13 +74,14 @@ def _agree(gap: float, least: float, reach: float) -> bool:
     return gap <= least + _SAME_M or least > reach
 
 
-def _watched(scene: Scene, pairs: int, least: float, budget_s: float) -> Check:
+def _watched(scene: Scene, pairs: int, least: float, limit_s: float, budget_s: float) -> Check:
     """Check tick by tick as the monitor does, but without messages: order, near pairs and contact intervals."""
     tracker, ticks, looks = ContactTracker(), count(1), ticks_from(scene, _AT_S)
 
     def check() -> float:
         return tracker.add(Observation(next(ticks) * 20_000_000, *next(looks)))[0].clearance_m
-    return Check(_WATCH, scene.dragon.benches, pairs, abs(check() - least) <= _SAME_M, timed(check, budget_s, 3))
+    return Check(_WATCH, scene.dragon.benches, pairs, abs(check() - least) <= _SAME_M, timed(check, budget_s, 3),
+                 limit_s)
 
 
 def _every(size: int) -> tuple[Ints, Ints]:
@@ -97,15 +104,17 @@ def exponent(checks: list[Check], method: str) -> float:
 def check_table(checks: list[Check]) -> str:
     """Return the checks as a Markdown table, with one line per size."""
     methods = list(METHODS)
-    lines = ['| ms for one check of N benches | ' + ' | '.join(methods) + ' | pairs: ' + ', '.join(methods) + ' |',
-             '|---:|' + '---:|' * len(methods) + '---:|']
+    lines = ['| ms for one check of N benches | ' + ' | '.join(methods)
+             + f' | {_WATCH}: times the limit | pairs: ' + ', '.join(methods) + ' |',
+             '|---:|' + '---:|' * (len(methods) + 2)]
     for size in dict.fromkeys(check.benches for check in checks):
         mine = {check.method: check for check in checks if check.benches == size}
         cells = [_cell(mine[method]) if method in mine else '-' for method in methods]
         pairs = ', '.join(f'{mine[method].pairs:,}' if method in mine else '-' for method in methods)
-        lines.append(f'| {size:,} | ' + ' | '.join(cells) + f' | {pairs} |')
+        lines.append(f'| {size:,} | ' + ' | '.join(cells)
+                     + f' | {times(mine[_WATCH].timing.median_s, mine[_WATCH].limit_s)} | {pairs} |')
     powers = ' | '.join(f'N^{exponent(checks, method):.2f}' for method in methods)
-    return '\n'.join([*lines, f'| from 1,000 on it grows as | {powers} | |'])
+    return '\n'.join([*lines, f'| from 1,000 on it grows as | {powers} | | |'])
 
 
 def _cell(check: Check) -> str:

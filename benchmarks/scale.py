@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from benchmarks.live import RATES_HZ, ROLES, Live, highest, run
+from benchmarks.rates import copy_rate, limit, product_rate, times
 from benchmarks.solvers import CHAIN_SOLVERS
-from benchmarks.stages import STAGES, stages_of
+from benchmarks.stages import STAGES, needs_of, stages_of
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.core.chain.dragon import Dragon
@@ -55,12 +56,16 @@ class Build:
 
 @dataclass(frozen=True)
 class Measured:
-    """All rows of the page; ``free`` are runs as fast as the readers can follow."""
+    """All rows of the page; ``free`` are runs as fast as the readers can follow.
+
+    ``limits_s`` holds the machine's limit of all stages together by the number of benches, in seconds.
+    """
 
     stages: list[Stage]
     free: list[Live]
     rates: list[Live]
     builds: list[Build]
+    limits_s: dict[int, float]
 
 
 def measure(budget_s: float = 0.3) -> Measured:
@@ -68,12 +73,21 @@ def measure(budget_s: float = 0.3) -> Measured:
     ways = [(solver, size) for solver in CHAIN_SOLVERS for size in SIZES]
     stages = [row for solver, size in tqdm(ways, desc='cost scale: stages', unit='size', disable=None)
               for row in _stages(solver, size, budget_s)]
+    product = product_rate(budget_s)
+    limits_s = {size: limit_of(Scene(dragon=Dragon(size)), product, budget_s) for size in SIZES}
     built = [build(Scene(dragon=Dragon(size))) for size in SIZES]
     free, rates = [], [run(*USUAL, round(USUAL[1] * _LIVE_TIMES * budget_s))]
     for benches in tqdm(LIVE, desc='cost scale: processes', unit='size', disable=None):
         free.append(run(benches, 0, max(20, round(_LIVE_TIMES * budget_s * 1e5 / (benches + 200)))))
         rates += highest(benches, _LIVE_TIMES * budget_s, free[-1].reached_hz)
-    return Measured(stages, free, rates, [row for row in built if row])
+    return Measured(stages, free, rates, [row for row in built if row], limits_s)
+
+
+def limit_of(scene: Scene, product: float, budget_s: float) -> float:
+    """Return the shortest possible time of all stages, if copying is as fast as in blocks of the bytes of a tick."""
+    needs = needs_of(scene, _AT_S).values()
+    copied = copy_rate(sum(amounts.get('cache', 0.0) for amounts in needs), budget_s)
+    return sum(limit(amounts, {'product': product, 'cache': copied})[0] for amounts in needs)
 
 
 def _stages(solver: str, benches: int, budget_s: float) -> list[Stage]:
@@ -118,17 +132,23 @@ def table(rows: Measured) -> str:
     parts = [f'{circumstances()}. Times are medians that exclude the first call.']
     for solver in dict.fromkeys(row.solver for row in rows.stages):
         mine = [row for row in rows.stages if row.solver == solver]
-        parts += [_stage_table(f'ms of N benches ({solver}, exact)', mine, _milliseconds, '.3g'),
+        parts += [_stage_table(f'ms of N benches ({solver}, exact)', mine, _milliseconds, '.3g', rows.limits_s),
                   _stage_table(f'MB at once ({solver}, exact)', mine, _megabytes, '.3g')]
     return '\n\n'.join([*parts, _build_table(rows.builds), _live_table(rows)])
 
 
-def _stage_table(title: str, rows: list[Stage], value: Callable[[Stage], float], form: str) -> str:
-    lines = [f'| {title} | ' + ' | '.join(STAGES) + ' |', '|---:|' + '---:|' * len(STAGES)]
+def _stage_table(title: str, rows: list[Stage], value: Callable[[Stage], float], form: str,
+                 limits_s: dict[int, float] | None = None) -> str:
+    columns = [*STAGES, 'times the limit'] if limits_s else STAGES
+    lines = [f'| {title} | ' + ' | '.join(columns) + ' |', '|---:|' + '---:|' * len(columns)]
     for size in dict.fromkeys(row.benches for row in rows):
-        cells = [f'{value(row):{form}}' for row in rows if row.benches == size]
+        mine = [row for row in rows if row.benches == size]
+        cells = [f'{value(row):{form}}' for row in mine]
+        if limits_s:
+            cells.append(times(sum(row.timing.median_s for row in mine), limits_s[size]))
         lines.append(f'| {size:,} | ' + ' | '.join(cells) + ' |')
     powers = [f'N^{exponent([row for row in rows if row.stage == stage], value):.2f}' for stage in STAGES]
+    powers += [''] if limits_s else []
     return '\n'.join([*lines, '| from 1,000 on | ' + ' | '.join(powers) + ' |'])
 
 
@@ -166,18 +186,18 @@ def _live_table(rows: Measured) -> str:
                                'over DDS on this host.')
 
 
-
 def csv_text(rows: Measured) -> str:
     """Return the rows as CSV: stages with time and memory, then the runs of processes."""
     stages = [(row.stage, row.solver, row.benches, *row.timing.cells, row.peak_bytes, *[''] * 9)
               for row in rows.stages]
     builds = [('build', 'table', one.benches, one.seconds, '', '', 2, one.memory_bytes, *[''] * 9)
               for one in rows.builds]
+    limits = [('limit', '', size, limit_s, *[''] * 13) for size, limit_s in rows.limits_s.items()]
     lives = [('live', '', live.benches, *[''] * 5, live.rate_hz, live.ticks, live.wall_s, live.overruns, live.lost,
               *(live.usage[role].cores for role in ROLES), live.usage['record'].grown_mb)
              for live in [*rows.free, *rows.rates]]
     return csv_of(['what', 'solver', 'benches', *TIMES, 'peak_bytes', 'rate_hz', 'ticks', 'wall_s', 'overruns', 'lost',
-                   *(f'{role}_cores' for role in ROLES), 'record_grown_mb'], [*stages, *builds, *lives])
+                   *(f'{role}_cores' for role in ROLES), 'record_grown_mb'], [*stages, *limits, *builds, *lives])
 
 
 def picture(rows: Measured) -> Figure:

@@ -37,18 +37,20 @@ def stages_of(scene: Scene, solver: str, t_s: float) -> dict[str, Callable[[], o
 
 
 def needs_of(scene: Scene, t_s: float) -> dict[str, Amounts]:
-    """Return the amounts that each stage must process at the given time, by any method; the head needs almost nothing.
-
-    Handles and velocities are one product with a table, which is read once, or at least as many numbers as they have.
-    """
+    """Return the amounts that each stage must process at the given time, by any method; the head has none."""
     simulation, handles = compile_scene(scene), scene.dragon.benches + 1
     chain, rectangles = simulation.chain(t_s), 4.0 * scene.dragon.benches
-    count = multiplications(chain)
-    placed = {'product': 2.0 * count, 'cache': NUMBER * max(count, 2.0 * handles)}
+    placed = needs_of_chain(chain)
     frame = frame_of(simulation, None, round(t_s * NS), chain)
     return {'head': {}, 'chain': placed, 'velocities': placed,
             'benches': {'cache': NUMBER * (2.0 * handles + rectangles)}, 'look': {'cache': NUMBER * rectangles},
             'encode': {'cache': float(sum(len(one(frame)) for one in encoders(scene).values()))}}
+
+
+def needs_of_chain(chain: Chain) -> Amounts:
+    """Return the amounts of placing a chain: one product with a table, which is read once, or only the coordinates."""
+    count = multiplications(chain)
+    return {'product': 2.0 * count, 'cache': NUMBER * max(float(count), 2.0 * (len(chain.links_m) + 1))}
 
 
 def multiplications(chain: Chain) -> int:

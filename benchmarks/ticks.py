@@ -1,18 +1,22 @@
-"""``cost tick``: the time of each stage of a tick, for solvers and tiers, with messages as objects and as bytes."""
+"""``cost tick``: the time of each stage of a tick, for solvers and tiers, with messages as objects and as bytes.
+
+Each stage is compared with the machine's limit: the shortest time in which it could multiply and copy the same amounts.
+"""
 import json
 import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from statistics import median, quantiles
+from statistics import mean, median, quantiles
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from benchmarks.rates import limit, tick_rates, times
 from benchmarks.solvers import CHAIN_SOLVERS
-from benchmarks.stages import STAGES, stages_of
+from benchmarks.stages import STAGES, needs_of, stages_of
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 from dragon_ros.cli.figures import PAGE_IN, TEXT_PT
@@ -47,7 +51,19 @@ class Row:
         return f'{self.solver}, {self.tier}, {self.messages}'
 
 
-def measure(budget_s: float = 0.3) -> list[Row]:
+@dataclass(frozen=True)
+class Measured:
+    """All rows of the page, and the machine's limit of each stage in seconds."""
+
+    rows: list[Row]
+    limits_s: dict[str, float]
+
+    def limit_s(self, row: Row) -> float:
+        """Return the limit of all stages of a row together."""
+        return sum(self.limits_s[stage] for stage in row.stages)
+
+
+def measure(budget_s: float = 0.3) -> Measured:
     """Measure everything; progress goes to standard error. In the first row, messages are built as objects."""
     messages = _messages(budget_s)
     ways = [(solver, name) for solver in CHAIN_SOLVERS for name, tier in TIERS.items()
@@ -56,9 +72,16 @@ def measure(budget_s: float = 0.3) -> list[Row]:
             tqdm(ways, desc='cost tick', unit='row', disable=None)]
     exact = next(row for row in rows if row.tier == 'exact')
     if 'objects encode' not in messages:
-        return rows
+        return Measured(rows, _limits_s(budget_s))
     before = {**exact.stages, 'encode': messages['objects encode'], 'publish': messages['objects publish']}
-    return [Row(exact.solver, exact.tier, _OBJECTS, before), *rows]
+    return Measured([Row(exact.solver, exact.tier, _OBJECTS, before), *rows], _limits_s(budget_s))
+
+
+def _limits_s(budget_s: float) -> dict[str, float]:
+    """Return the machine's limit of each stage; publishing must at least copy the bytes of the messages."""
+    rates, needs = tick_rates(budget_s), [needs_of(Scene(), t_s) for t_s in _TIMES_S]
+    limits_s = {name: mean(limit(at[name], rates)[0] for at in needs) for name in STAGES}
+    return limits_s | {'publish': limits_s['encode']}
 
 
 def _all_of(calls: list[Callable[[], object]]) -> list[object]:
@@ -88,30 +111,33 @@ def _messages(budget_s: float) -> dict[str, Timing]:
             for name, each in spent.items()}
 
 
-def table(rows: list[Row]) -> str:
+def table(rows: Measured) -> str:
     """Return the rows as a Markdown table, below a line with the machine, versions and date."""
     head = ('| solver | tier | messages | ' + ' | '.join(f'{name} (µs)' for name in _ALL)
-            + ' | all (µs) | times faster |\n|---|---|---|' + '---:|' * (len(_ALL) + 2))
-    lines = [_line(row, rows[0].total_s) for row in rows]
+            + ' | all (µs) | times faster | times the limit |\n|---|---|---|' + '---:|' * (len(_ALL) + 3))
+    lines = [_line(row, rows.rows[0].total_s, rows.limit_s(row)) for row in rows.rows]
+    limits = ' | '.join(f'{1e6 * rows.limits_s[name]:.3g}' if rows.limits_s[name] else '-' for name in _ALL)
+    lines.append(f'| limit of the machine | | | {limits} | {1e6 * sum(rows.limits_s.values()):.3g} | | 1.00 |')
     return '\n'.join([f'{circumstances()}. Times are medians that exclude the first call.', '', head, *lines])
 
 
-def _line(row: Row, before_s: float) -> str:
+def _line(row: Row, before_s: float, limit_s: float) -> str:
     cells = [f'{row.stages[name].median_s * 1e6:.1f}' if name in row.stages else '-' for name in _ALL]
     return (f'| {row.solver} | {row.tier} | {row.messages} | ' + ' | '.join(cells)
-            + f' | {row.total_s * 1e6:.0f} | {before_s / row.total_s:.1f} |')
+            + f' | {row.total_s * 1e6:.0f} | {before_s / row.total_s:.1f} '
+            f'| {times(row.total_s, limit_s)} |')
 
 
-
-def csv_text(rows: list[Row]) -> str:
+def csv_text(rows: Measured) -> str:
     """Return the rows as CSV, one line per stage, times in seconds."""
-    return csv_of(['solver', 'tier', 'messages', 'stage', *TIMES],
-                  [(row.solver, row.tier, row.messages, stage, *timing.cells)
-                   for row in rows for stage, timing in row.stages.items()])
+    return csv_of(['solver', 'tier', 'messages', 'stage', 'limit_s', *TIMES],
+                  [(row.solver, row.tier, row.messages, stage, rows.limits_s[stage], *timing.cells)
+                   for row in rows.rows for stage, timing in row.stages.items()])
 
 
-def picture(rows: list[Row]) -> Figure:
+def picture(measured: Measured) -> Figure:
     """Return a figure of stacked bars: all rows and, on a larger scale, the rows that build messages as bytes."""
+    rows = measured.rows
     figure = Figure(figsize=(PAGE_IN, 0.8 * len(rows) + 3.2), layout='constrained')
     before, after = figure.subplots(2, 1)
     _bars(before, rows)

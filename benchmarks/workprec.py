@@ -1,4 +1,8 @@
-"""``cost accuracy``: error against time for every tier and for alternative solvers, in one run."""
+"""``cost accuracy``: error against time for every tier and for alternative solvers, in one run.
+
+The limit of a tick is the shortest time in which the machine could multiply and copy what the product with the table of
+the shift map takes, or copy the coordinates of the handles if no table covers them.
+"""
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -9,6 +13,8 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from benchmarks.baselines import SOLVERS, euler_steps
+from benchmarks.rates import NUMBER, Amounts, limit, tick_rates, times
+from benchmarks.stages import needs_of_chain
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.core.batches import states, velocity_of
@@ -40,7 +46,7 @@ _WRONG_M = 0.01         # without a promise, a solver with a larger error is mar
 class Row:
     """One solver on one problem: its largest error, and its time per tick for positions and, if computed, velocities.
 
-    ``promise_m`` is None for a solver without a promise.
+    ``promise_m`` is None for a solver without a promise. ``limit_s`` is the limit of the positions of a tick.
     """
 
     problem: str
@@ -50,6 +56,7 @@ class Row:
     timing: Timing | None
     note: str = ''
     with_velocities: Timing | None = None
+    limit_s: float = 0.0
 
     @property
     def verdict(self) -> str:
@@ -63,19 +70,43 @@ class Row:
 
 def measure(budget_s: float = 0.3) -> list[Row]:
     """Measure everything; progress goes to standard error."""
-    jobs = list(_jobs(budget_s))
-    return [row for job in tqdm(jobs, desc='cost accuracy', unit='job', disable=None) for row in job()]
+    rates = tick_rates(budget_s)
+    jobs = list(_jobs(budget_s, rates))
+    rows = [row for job in tqdm(jobs, desc='cost accuracy', unit='job', disable=None) for row in job()]
+    limits_s = {problem.name: tick_limit_s(problem, rates) for problem in hard_cases()}
+    return [row if row.limit_s else replace(row, limit_s=limits_s[row.problem]) for row in rows]
 
 
-def _jobs(budget_s: float) -> Iterator[Callable[[], list[Row]]]:
+def tick_limit_s(problem: Problem, rates: Amounts) -> float:
+    """Return the machine's limit of placing all handles at one time, on average over the times of a problem.
+
+    The tick is that of the finest tier that double precision can keep.
+    """
+    for tier in [name for name in reversed(TIERS) if name != 'paper']:
+        try:
+            scene = replace(problem.scene, accuracy=tier)
+            compile_scene(scene)
+        except FieldError:
+            continue
+        return float(np.mean([limit(needs_of_chain(state(scene, t_s)), rates)[0] for t_s in problem.times_s]))
+    return 0.0
+
+
+def batch_limit_s(scene: Scene, times_s: Sequence[float], rates: Amounts) -> float:
+    """Return the machine's limit for each of many ticks at once, which share what they read of the table."""
+    needs = needs_of_chain(state(scene, times_s[len(times_s) // 2]))
+    return limit({'product': needs['product'], 'cache': NUMBER * 2.0 * (scene.dragon.benches + 1)}, rates)[0]
+
+
+def _jobs(budget_s: float, rates: Amounts) -> Iterator[Callable[[], list[Row]]]:
     for problem in hard_cases():
         yield partial(_tiers, problem, tuple(_ways(problem)), budget_s)
         if problem.name != 'long' and _is_one_spiral(problem.scene):     # the only track that the other solvers support
             for name in SOLVERS:
                 yield partial(_baseline, problem, name, budget_s)
         if problem.name == 'classic':
-            yield partial(_batch, problem, 301, budget_s)
-            yield partial(_batch, problem, 1000, budget_s)
+            yield partial(_batch, problem, 301, rates, budget_s)
+            yield partial(_batch, problem, 1000, rates, budget_s)
             for step_s in _EULER_S:
                 yield partial(_euler, problem, step_s)
 
@@ -140,7 +171,7 @@ def _tier(problem: Problem, tier: str, solver: str) -> Row:
     return Row(problem.name, name, error, promise, None, note)
 
 
-def _batch(problem: Problem, ticks: int, budget_s: float) -> list[Row]:
+def _batch(problem: Problem, ticks: int, rates: Amounts, budget_s: float) -> list[Row]:
     """Measure the exact tier for a whole table, from 0 to 300 s, in one call."""
     scene, table_s = problem.scene, np.linspace(0, 300, ticks).tolist()
     chains = states(scene, problem.times_s)
@@ -149,7 +180,8 @@ def _batch(problem: Problem, ticks: int, budget_s: float) -> list[Row]:
     both = timed(lambda: velocity_of(scene, states(scene, table_s), table_s), budget_s).shared_by(ticks)
     handle_ns = both.median_s * 1e9 / (scene.dragon.benches + 1)
     note = f'{ticks:,} ticks in one call; {handle_ns:.1f} ns per handle with velocities'
-    return [Row(problem.name, f'exact, {ticks:,} at once', error, compile_scene(scene).promise_m, alone, note, both)]
+    return [Row(problem.name, f'exact, {ticks:,} at once', error, compile_scene(scene).promise_m, alone, note, both,
+                batch_limit_s(scene, table_s, rates))]
 
 
 def _timed_all(solve: Callable[[float], object], times: Sequence[float], budget_s: float) -> Timing:
@@ -201,7 +233,7 @@ def _us(seconds: float) -> str:
 def table(rows: list[Row]) -> str:
     """Return the rows as a Markdown table, below a line with the machine, versions and date."""
     head = ('| problem | solver | largest error (m) | promise (m) | verdict | µs per tick | quartiles | '
-            'with velocities | note |\n|---|---|---:|---:|---|---:|---|---:|---|')
+            'times the limit | with velocities | note |\n|---|---|---:|---:|---|---:|---|---:|---:|---|')
     return '\n'.join([f'{circumstances()}. Times are medians that exclude the first call.', '', head,
                       *map(_line, rows)])
 
@@ -212,6 +244,7 @@ def _line(row: Row) -> str:
              f'{row.promise_m:.1e}' if row.promise_m else '-',
              'rejected' if row.note.startswith('rejected') else row.verdict, _us(t.median_s) if t else '-',
              f'{_us(t.low_s)} to {_us(t.high_s)}' if t else '-',
+             times(t.median_s, row.limit_s) if t else '-',
              _us(row.with_velocities.median_s) if row.with_velocities else '-',
              row.note.removeprefix('rejected: '))
     return '| ' + ' | '.join(cells) + ' |'
@@ -233,9 +266,9 @@ def summary(rows: list[Row]) -> str:
 def csv_text(rows: list[Row]) -> str:
     """Return the rows as CSV, with times in seconds."""
     none = Timing(np.nan, np.nan, np.nan, 0)
-    return csv_of(['problem', 'solver', 'error_m', 'promise_m', 'verdict', *TIMES, 'note'],
-                  [(row.problem, row.solver, row.error_m, row.promise_m, row.verdict, *(row.timing or none).cells,
-                    row.note) for row in rows])
+    return csv_of(['problem', 'solver', 'error_m', 'promise_m', 'verdict', 'limit_s', *TIMES, 'note'],
+                  [(row.problem, row.solver, row.error_m, row.promise_m, row.verdict, row.limit_s,
+                    *(row.timing or none).cells, row.note) for row in rows])
 
 
 def picture(rows: list[Row]) -> Figure:

@@ -3,8 +3,13 @@ import numpy as np
 import pytest
 
 from benchmarks import command
+from benchmarks.stages import multiplications
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.step import state
+from dragon_ros.cost.measure import Timing
 from hard_cases import hard_cases
 
+RATES = {'product': 1e9, 'cache': 1e9}
 CASES = {problem.name: problem for problem in hard_cases()}
 
 
@@ -30,7 +35,7 @@ def test_a_tier_that_double_precision_cannot_keep_is_refused_in_its_row(workprec
 
 
 def test_other_solvers_have_rows_for_single_spirals_alone(workprec):
-    named = [job.args[0].name for job in workprec._jobs(0.0) if job.func is workprec._baseline]
+    named = [job.args[0].name for job in workprec._jobs(0.0, RATES) if job.func is workprec._baseline]
     assert {'classic', 'far-1e9', 'mixed'} <= set(named)
     assert not {'turning', 'unwinding', 'long'} & set(named)
     row, = workprec._baseline(CASES['classic'], 'scipy brentq', 0.0)
@@ -44,6 +49,27 @@ def test_integration_starts_exactly_and_drifts(workprec):
     assert np.all(advance(chain).u < chain.u)
     row, = workprec._euler(CASES['classic'], 1.0)
     assert 1e-3 < row.error_m < 10
+
+
+def test_a_tick_is_compared_with_the_product_that_places_its_handles(workprec):
+    problem = CASES['classic']
+    counts = [multiplications(state(problem.scene, t_s)) for t_s in problem.times_s]
+    assert workprec.tick_limit_s(problem, RATES) == pytest.approx(8e-9 * np.mean(counts))
+    assert workprec.tick_limit_s(problem, RATES | {'product': 1e8}) == pytest.approx(2e-8 * np.mean(counts))
+    assert workprec.batch_limit_s(problem.scene, [0.0, problem.times_s[0], 1.0], RATES) == pytest.approx(
+        max(2e-9 * counts[0], 16e-9 * 224))
+
+
+def test_without_a_table_a_tick_takes_at_least_its_coordinates(workprec):
+    problem = next(one for one in CASES.values() if not compile_scene(one.scene).model.placement.maps)
+    assert workprec.tick_limit_s(problem, RATES) == pytest.approx(16e-9 * (problem.scene.dragon.benches + 1))
+
+
+def test_a_line_shows_the_time_as_a_multiple_of_its_limit(workprec):
+    timing = Timing(3e-5, 2e-5, 4e-5, 9)
+    row = workprec.Row('classic', 'exact', 1e-15, 2e-12, timing, 'table', timing, 2e-6)
+    assert '| kept | 30 | 20 to 40 | 15 | 30 | table |' in workprec.table([row])
+    assert '| 20 to 40 | - | 30 |' in workprec.table([workprec.replace(row, limit_s=0.0)])
 
 
 def test_the_page_is_written_as_table_csv_and_pictures(workprec, tmp_path):

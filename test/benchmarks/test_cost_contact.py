@@ -21,7 +21,7 @@ def test_a_time_is_wrong_where_it_misses_what_was_wanted(late_s, wanted_s, verdi
 
 
 def checks(power):
-    return [growth.Check(method, size, size, True, Timing(*(3 * [1e-6 * size ** power]), 9))
+    return [growth.Check(method, size, size, True, Timing(*(3 * [1e-6 * size ** power]), 9), 1e-9 * size)
             for method in growth.METHODS for size in (10, 1000, 3000, 10_000)]
 
 
@@ -30,18 +30,38 @@ def test_growth_is_the_slope_in_logarithms():
 
 
 def test_the_page_is_written_as_table_csv_and_pictures(tmp_path):
-    rows = contacts.Measured([search(0.0), search(0.5)], checks(1.0))
+    rows = contacts.Measured([search(0.0), search(0.5)], checks(1.0), 4e-3)
     with np.errstate(all='warn'):
         paths = command.write('contact', rows, tmp_path)
     assert [path.name for path in paths] == ['contact.md', 'contact.csv', 'contact.png', 'contact.svg']
     assert all(path.stat().st_size for path in paths)
     assert 'WRONG' in contacts.table(rows)
     assert 'N^1.00' in contacts.table(rows)
+    assert '| right | 10 | 0.1 | 2.50 |' in contacts.table(rows)       # 10 states of 4 ms each would take 0.04 s
+    assert '| 1 | 1,000 | 1,000, 1,000, 1,000, 1,000 |' in contacts.table(rows)
 
 
 def test_every_method_of_checking_finds_the_same_smallest_gap():
     for size in (10, 223):
-        assert [check.right for check in growth.checks_of(size, 0.0)] == [True] * 4
+        checks = growth.checks_of(size, 0.0)
+        assert [check.right for check in checks] == [True] * 4
+        assert checks[0].limit_s > 0
+        assert {check.limit_s for check in checks} == {checks[0].limit_s}
+
+
+def test_the_limit_of_a_check_is_to_copy_four_numbers_of_each_bench(monkeypatch):
+    monkeypatch.setattr(growth, 'copy_rate', lambda size, budget_s: 1e3 * size)
+    assert growth.checks_of(10, 0.0)[0].limit_s == pytest.approx(1e-3)
+    monkeypatch.setattr(growth, 'copy_rate', lambda size, budget_s: 1e6)
+    assert growth.checks_of(10, 0.0)[0].limit_s == pytest.approx(320e-6)
+
+
+def test_a_state_is_evaluated_as_sampling_does(monkeypatch):
+    seen = []
+    monkeypatch.setattr(contacts, '_smallest', lambda scene, t_s: seen.append(t_s))
+    monkeypatch.setattr(contacts, 'timed', lambda call, budget_s: Timing(len(call()), 0.0, 0.0, 9))
+    assert contacts._state_s(Scene(), 0.0) == 1.0
+    assert np.diff(seen) == pytest.approx(contacts.T_STAR_S / (len(seen) - 1))
 
 
 def test_the_short_contact_of_a_wider_dragon_is_where_the_page_says():

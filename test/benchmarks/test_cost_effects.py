@@ -1,10 +1,12 @@
 """The page ``cost effects`` lists the costs of effects and of whole ticks, and writes its files."""
 import numpy as np
+import pytest
 
 from benchmarks import command, effects, wholes
+from benchmarks.stages import multiplications
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import tick
+from dragon_ros.core.step import state, tick
 from dragon_ros.cost import effects as prices
 from dragon_ros.cost.measure import Timing
 from dragon_ros.messages.encode import encoders
@@ -38,15 +40,26 @@ def test_a_build_without_effects_makes_the_same_bytes_as_a_scene_with_none():
     assert [with_effects() for _ in range(3)] == [without() for _ in range(3)]
 
 
+def test_the_limit_of_a_whole_tick_is_to_place_its_handles_and_to_copy_its_messages():
+    scene = load_scene('minimal')
+    terms = multiplications(state(scene, 0.0)) / 448
+    size = len(encoders(scene)['handles'](tick(scene, 0)))
+    rates = {'product': 1e12, 'cache': 1e9}
+    assert wholes.limit_of(scene, rates) == pytest.approx(1e-9 * (8 * 448 * terms + size))
+    more = load_scene('minimal', ['effects=[benches]'])
+    added = len(encoders(more)['benches'](tick(more, 0)))
+    assert wholes.limit_of(more, rates) - wholes.limit_of(scene, rates) == pytest.approx(1e-9 * added)
+
+
 def test_the_page_is_written_as_table_csv_and_pictures(tmp_path):
     rows = effects.Measured(
         [prices.Price('benches', scene, 100, TIMING) for scene in (prices.ALONE, 'first_contact')]
         + [prices.Price('clock', scene, 0, None) for scene in (prices.ALONE, 'first_contact')],
-        [wholes.Whole('minimal', TIMING, 0.2, 'everything on')])
+        [wholes.Whole('minimal', TIMING, 0.2, 'everything on', 4e-6)])
     with np.errstate(all='warn'):
         paths = command.write('effects', rows, tmp_path)
     assert [path.name for path in paths] == ['effects.md', 'effects.csv', 'effects.png', 'effects.svg']
     assert all(path.stat().st_size for path in paths)
     assert '| benches | 100 | 10 | 10 |' in effects.table(rows)
     assert '| clock | 0 | - | - |' in effects.table(rows)
-    assert '0.200' in effects.table(rows)
+    assert '| minimal | 10 | 9 to 11 | 0.200 | everything on | 4 | 2.50 |' in effects.table(rows)

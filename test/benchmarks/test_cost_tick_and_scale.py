@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from benchmarks import command, first_ticks, live, scale, ticks
+from benchmarks import command, first_ticks, live, scale, stages, ticks
 from benchmarks.scale import build
 from benchmarks.solvers import CHAIN_SOLVERS
 from benchmarks.stages import STAGES, stages_of
@@ -27,10 +27,14 @@ def test_the_stages_of_a_tick_are_those_of_the_model(solver):
     assert calls['look']().clearance_m > 0
 
 
+LIMITS_S = {'head': 0.0, 'chain': 1e-6, 'velocities': 1e-6, 'benches': 5e-7, 'look': 5e-7, 'encode': 2e-6,
+            'publish': 2e-6}
+
+
 def tick_rows():
-    stages = {name: timing(1e-5) for name in (*STAGES, 'publish')}
-    return [ticks.Row('march', 'exact', 'objects', {**stages, 'encode': timing(73e-5)}),
-            ticks.Row('march', 'exact', 'bytes', stages)]
+    spent = {name: timing(1e-5) for name in (*STAGES, 'publish')}
+    return ticks.Measured([ticks.Row('march', 'exact', 'objects', {**spent, 'encode': timing(73e-5)}),
+                           ticks.Row('march', 'exact', 'bytes', spent)], LIMITS_S)
 
 
 def test_the_tick_page_says_how_many_times_faster_than_before(tmp_path):
@@ -38,7 +42,9 @@ def test_the_tick_page_says_how_many_times_faster_than_before(tmp_path):
         paths = command.write('tick', tick_rows(), tmp_path)
     assert [path.name for path in paths] == ['tick.md', 'tick.csv', 'tick.png', 'tick.svg']
     assert all(path.stat().st_size for path in paths)
-    assert '| 70 | 11.3 |' in ticks.table(tick_rows())
+    assert '| 70 | 11.3 | 10 |' in ticks.table(tick_rows())     # 70 us, where the machine needs 7
+    last = ticks.table(tick_rows()).splitlines()[-1]
+    assert last == '| limit of the machine | | | - | 1 | 1 | 0.5 | 0.5 | 2 | 2 | 7 | | 1.00 |'
     assert len(ticks.csv_text(tick_rows()).splitlines()) == 1 + 2 * 7
 
 
@@ -47,7 +53,15 @@ def test_without_ros_the_tick_page_leaves_publishing_out(monkeypatch, capsys):
     assert ticks._messages(0.0) == {}
     assert 'publishing is omitted' in capsys.readouterr().err
     row = ticks.Row('march', 'exact', 'bytes', {name: timing(1e-5) for name in STAGES})
-    assert '| - | 60 |' in ticks.table([row])
+    assert '| - | 60 | 1.0 | 12 |' in ticks.table(ticks.Measured([row], LIMITS_S))      # the limit is 5 us
+
+
+def test_the_limits_of_stages_are_what_they_need_at_the_rates_of_the_machine(monkeypatch):
+    monkeypatch.setattr(ticks, 'tick_rates', lambda budget_s: {'product': 1e9, 'cache': 1e9})
+    found = ticks._limits_s(0.0)
+    assert (found['head'], found['look'], found['publish']) == (0.0, pytest.approx(8e-9 * 4 * 223), found['encode'])
+    terms = [stages.multiplications(state(Scene(), t_s)) for t_s in ticks._TIMES_S]
+    assert found['chain'] == found['velocities'] == pytest.approx(8e-9 * np.mean(terms))
 
 
 def test_publishing_is_measured_where_ros_is():
@@ -56,7 +70,7 @@ def test_publishing_is_measured_where_ros_is():
 
 
 def first_row(*seconds):
-    return first_ticks.Row('bend', 224, 3, dict(zip(first_ticks.CALLS, map(timing, seconds), strict=True)))
+    return first_ticks.Row('bend', 224, 3, dict(zip(first_ticks.CALLS, map(timing, seconds), strict=True)), 2e-4)
 
 
 @pytest.mark.parametrize(('seconds', 'tick'), [
@@ -75,8 +89,8 @@ def test_the_page_of_first_ticks_has_a_line_a_scene_and_a_picture(tmp_path):
     with np.errstate(all='warn'):
         paths = command.write('first', rows, tmp_path)
     assert [path.name for path in paths] == ['first.md', 'first.csv', 'first.png', 'first.svg']
-    assert '| bend | 224 | 3 | 10.2 | 10.2 to 10.2 | 10 | 0.2 | 210 | 51 |' in first_ticks.table(rows)
-    assert first_ticks.table(rows).endswith('| 200 | - |')
+    assert '| bend | 224 | 3 | 10.2 | 10.2 to 10.2 | 10 | 0.2 | 210 | 51 | 0.2 | 51 |' in first_ticks.table(rows)
+    assert first_ticks.table(rows).endswith('| 200 | - | 0.2 | 50 |')
     assert len(first_ticks.csv_text(rows).splitlines()) == 1 + 2 * 4
 
 
@@ -87,6 +101,19 @@ def test_a_first_tick_is_that_of_the_run_with_a_table_of_its_own():
     np.testing.assert_array_equal(chain.p, state(scene, scene.run.start_s).p)
     assert chain.solver == 'table'
     assert compile_scene(scene).model.placement is kept
+
+
+def test_a_table_needs_the_products_that_make_its_series():
+    scene = Scene(dragon=Dragon(30))
+    state(scene, scene.run.start_s)
+    (tile,) = (tile for shift in compile_scene(scene).model.placement.maps.values() for tile in shift.tiles)
+    (table,) = first_ticks.tables_of(scene)
+    assert table is not tile.table
+    assert first_ticks.needs_of_table(table) == first_ticks.needs_of_table(tile.table)
+    series = table.coordinates.size + table.places.size + table.motions.size
+    assert first_ticks.needs_of_table(table)['product'] == 2 * table.nodes * series
+    assert first_ticks.needs_of_table(table)['cache'] == table.memory_bytes
+    assert first_ticks.tables_of(Scene(dragon=Dragon(3))) == []
 
 
 def run(benches, rate_hz, overruns=0, missing=0, wall_s=2.0):
@@ -119,10 +146,11 @@ def test_the_search_ends_with_the_highest_rate_that_is_held(monkeypatch, guess_h
 
 
 def test_the_scale_page_has_exponents_and_verdicts(tmp_path):
-    stages = [scale.Stage('march', name, size, timing(1e-6 * size), 100 * size) for size in scale.SIZES
+    spent = [scale.Stage('march', name, size, timing(1e-6 * size), 100 * size) for size in scale.SIZES
               for name in STAGES]
     rates = [run(223, 50), run(223, 70, overruns=3)]
-    rows = scale.Measured(stages, [run(223, 0)], rates, [build(Scene(dragon=Dragon(30)))])
+    rows = scale.Measured(spent, [run(223, 0)], rates, [build(Scene(dragon=Dragon(30)))],
+                          {size: 2e-6 * size for size in scale.SIZES})
     with np.errstate(all='warn'):
         paths = command.write('scale', rows, tmp_path)
     assert [path.name for path in paths] == ['scale.md', 'scale.csv', 'scale.png', 'scale.svg']
@@ -130,6 +158,19 @@ def test_the_scale_page_has_exponents_and_verdicts(tmp_path):
     assert text.count('N^1.00') == 2 * len(STAGES)
     assert '| 3 of 100 | 0 | no |' in text
     assert '| 0 of 100 | 0 | yes |' in text
+    assert '| 3,000 | 3 | 3 | 3 | 3 | 3 | 3 | 3.00 |' in text       # six stages of 1 us a bench, where 2 us are needed
+    assert len({line.count(',') for line in scale.csv_text(rows).splitlines()}) == 1
+
+
+def test_the_limit_of_a_size_copies_as_fast_as_its_bytes_are_copied(monkeypatch):
+    sizes = []
+    monkeypatch.setattr(scale, 'copy_rate', lambda size, budget_s: sizes.append(size) or 1e9)
+    scene = Scene(dragon=Dragon(30))
+    needs = stages.needs_of(scene, 300.0)
+    assert scale.limit_of(scene, 1e15, 0.0) == pytest.approx(1e-9 * sum(one.get('cache', 0) for one in needs.values()))
+    assert sizes == [sum(one.get('cache', 0) for one in needs.values())]
+    slow = sum(one['product'] for one in needs.values() if 'product' in one)
+    assert scale.limit_of(scene, 1.0, 0.0) == pytest.approx(slow, rel=1e-3)
 
 
 def test_processes_over_dds_are_counted_to_the_last_message():
