@@ -96,5 +96,6 @@ def readable(save):
     def saved(figure, stem):
         seen = Picture(figure)
         assert (seen.cropped(), seen.hidden(), seen.small()) == ([], [], [])
+        figure.set_layout_engine('none')        # the layout stays as it was examined, and is not computed twice more
         return save(figure, stem)
     return saved

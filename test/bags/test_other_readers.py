@@ -16,8 +16,9 @@ from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.provenance import ATTACHMENT, RECORD, run_metadata, scene_file
 
 SCENE, SMALL = (Scene(dragon, run=Run(412, 412.2)) for dragon in (Dragon(), Dragon(20)))
-FORMS = [('run.mcap', {}, SCENE), ('run', {}, SMALL), ('run', {'split_duration_s': 0.1}, SMALL),
-         ('run.mcap', {'compression': 'lz4'}, SMALL), ('run', {'compression': 'none'}, SMALL)]
+FORMS = [('run.mcap', {}, SCENE), pytest.param(('run', {}, SMALL), marks=pytest.mark.long),
+         ('run', {'split_duration_s': 0.1}, SMALL), ('run.mcap', {'compression': 'lz4'}, SMALL),
+         pytest.param(('run', {'compression': 'none'}, SMALL), marks=pytest.mark.long)]
 
 
 @pytest.fixture(params=FORMS, ids=lambda form: f'{form[0]} {form[1]}')

@@ -231,10 +231,10 @@ def test_a_recorder_that_missed_the_beginning_says_so_and_exits_3(start, tmp_pat
 
 
 def test_a_closed_terminal_ends_every_node_as_ctrl_c_does_and_bags_are_whole(start, tmp_path):
-    publisher = sim(start, 'run.start_s=400', readers=2, anew=True)
+    publisher = sim(start, 'run.start_s=400', readers=2)
     record, kept = (start('record', '--output', tmp_path / f'{name}.mcap', '--flush-s', '0.1', anew=True, under=under)
                     for name, under in (('a', []), ('b', ['nohup'])))
-    monitor = start('monitor', anew=True)
+    monitor = start('monitor')
     for bag in tmp_path / 'a.mcap', tmp_path / 'b.mcap':
         while not bag.exists() or not [row for row in streamed(bag) if row[0] == '/dragon/benches']:
             assert publisher.running

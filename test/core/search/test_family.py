@@ -72,15 +72,15 @@ def test_no_dragon_of_a_family_touches_before_the_time_that_is_proved(request):
     ('track.pitch_m', {'track': replace(SMALL.track, pitch_m=0.545)}),
 ], lambda case: case[0] == 'dragon.width_m'))
 def test_the_worst_dragon_of_a_family_touches_within_centimetres_of_what_is_proved(key, change):
-    proof = first_contact_within(LATE, {key: 0.005})
-    worst_s = contact_s(replace(LATE, **change))
+    proof = proof_of(SMALL, (key, 0.005))
+    worst_s = contact_s(replace(SMALL, **change))
     assert worst_s - 0.03 < proof.proved_s < worst_s
     assert proof.limit_s == pytest.approx(worst_s, abs=0.02)
 
 
 def test_a_wider_family_is_proved_no_further():
-    times = [first_contact_within(LATE, {'dragon.width_m': width, 'dragon.body_length_m': 0.002}).proved_s
-             for width in (0.0, 0.004, 0.02)]
+    within = (), (('dragon.width_m', 0.005),), (('dragon.width_m', 0.02), ('dragon.body_length_m', 0.002))
+    times = [proof_of(SMALL, *one).proved_s for one in within]
     assert times == sorted(times, reverse=True)
     assert times[-1] < times[0] - 1
 
@@ -100,8 +100,8 @@ def test_where_links_might_lock_the_proof_ends_and_says_so():
 
 
 def test_a_profile_of_speeds_is_proved_at_its_own_times():
-    steady = first_contact_within(SMALL, {'dragon.width_m': 0.002})
-    slow = first_contact_within(replace(SMALL, head=Profile(((0.0, 0.0), (4.0, 0.5)))), {'dragon.width_m': 0.002})
+    steady = proof_of(SMALL, ('dragon.width_m', 0.005))
+    slow = first_contact_within(replace(SMALL, head=Profile(((0.0, 0.0), (4.0, 0.5)))), {'dragon.width_m': 0.005})
     assert slow.proved_s == pytest.approx(2 + 2 * steady.proved_s, abs=1e-6)
 
 
