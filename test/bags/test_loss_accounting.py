@@ -40,6 +40,14 @@ def test_ticks_that_were_lost_on_the_way_are_named():
     assert account.report(ended=True)['/d/handles missing ticks'] == '7, 12-14'
 
 
+def test_a_single_lost_tick_is_reported_in_the_singular():
+    ticks = [k for k in range(1, 31) if k != 7]
+    account = account_of(ticks, [k + 1 for k in ticks])
+    assert account.lines(ended=True) == [
+        '/d/handles: the beginning is missing: 1 tick was published before the first one received',
+        '/d/handles: 1 tick is missing: 7', '/d/handles: 1 message was lost in transit, of 30 published']
+
+
 def test_ticks_that_were_never_published_are_missing_but_not_lost():
     account = account_of([0, 1, 5, 6])
     assert account.missing(ended=True) == {HANDLES: [(2, 4)]}

@@ -313,7 +313,7 @@ def test_no_scene_on_the_topic_ends_or_blinds_a_recorder(start, node, tmp_path):
     node.until(lambda: len([row for row in streamed(bag) if row[0] == '/dragon/handles']) == 4)
     assert record.stop() == 3, record.text
     assert 'Traceback' not in record.text
-    assert '1 ticks are missing: 3' in record.text      # only the last scene counts
+    assert '1 tick is missing: 3' in record.text      # only the last scene counts
     with bag.open('rb') as file:
         assert 1 <= len(list(make_reader(file).iter_attachments())) <= RECORDED_SCENES
 

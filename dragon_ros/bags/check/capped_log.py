@@ -6,7 +6,7 @@ _MOST = 100
 
 @dataclass
 class CappedLog:
-    """The first lines of a log and the total number of lines."""
+    """A log that keeps its first lines and counts all of them."""
 
     lines: list[str] = field(default_factory=list)
     count: int = 0

@@ -1,9 +1,9 @@
 """Compare a bag with the model tick by tick: bit for bit or, if bits differ, to within its tier's promise.
 
 The last bits may differ between machines and between versions of this software. Handles, benches and velocities must
-then agree to within twice the tier's promise, because the error of each side may reach one promise. If the bag was made
-by a different version or with different BLAS or numpy kernels, the same tolerance applies to everything derived from
-them.
+then agree to within twice the tier's promise, because each side may be wrong by up to one promise. If the bag was made
+by a different version or with different BLAS or numpy kernels, the same tolerance applies to all topics derived from
+handles, benches and velocities.
 
 Every message in the bag is either compared or listed as unchecked, with the reason.
 """
@@ -48,12 +48,12 @@ from dragon_ros.version import __version__
 
 _HUGE = 1e100
 _MOST_LAST = 128        # final ticks of a led run in which topics may be missing because the recorder was killed
-_PART_BYTES = 2**23     # size of a part of a run: about eight chunks of messages, processed in a tenth of a second
+_PART_BYTES = 2**23     # size of a part of a run: about eight message chunks, which take a tenth of a second
 _Instant = tuple[int, dict[str, list[bytes]]]
 _Span = tuple[int, int]
-_SHOWN = 'model/markers'        # markers may differ between versions; the contacts themselves are in model/contacts
+_SHOWN = 'model/markers'        # drawings may differ between versions; model/contacts has the contacts themselves
 _SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # solver diagnostics, which may differ between versions
-_POINT_FIELDS = {6: '<u4', 7: '<f4', 8: '<f8'}       # datatypes of a cloud's fields: handle number, coordinate, speed
+_POINT_FIELDS = {6: '<u4', 7: '<f4', 8: '<f8'}       # datatypes in point clouds: handle number, coordinate, speed
 MOST_FAULTS = 1000      # limit on the stored fault lines; all faults are counted
 _VIEWS: dict[str, Callable[[bytes | bytearray], list[Array]]] = {
     'handles': lambda data: [read_pose_array(data).poses],
@@ -62,7 +62,7 @@ _VIEWS: dict[str, Callable[[bytes | bytearray], list[Array]]] = {
 
 
 class _Fault(NamedTuple):
-    """A fault that one topic has in consecutive ticks."""
+    """A fault that affects one topic in consecutive ticks."""
 
     name: str
     what: str
@@ -79,13 +79,13 @@ class _Fault(NamedTuple):
 class Comparison:
     """The result of a comparison: counts of bit-identical and ``close`` messages, and one line per range of faults.
 
-    ``close`` messages agree to within twice the tier's promise (one promise per side); ``worst_m`` is the largest
-    position difference among them. ``fault_count`` counts messages that are missing, extra or different;
-    ``missing_count`` counts only missing ones. ``other_version`` is the version that made the bag, if it differs from
-    the present version; ``other_kernel`` names the bag's numpy and kernels, if they differ from this machine's. In both
+    ``close`` counts messages that agree to within twice the tier's promise (one promise per side); ``worst_m`` is the
+    largest position difference in such a message. ``fault_count`` counts missing, extra and different messages;
+    ``missing_count`` counts only missing messages. ``other_version`` is the version that made the bag, if it differs
+    from this one; ``other_kernel`` names the bag's numpy and kernels, if they differ from this machine's. In both
     cases, messages on any topic may be close instead of identical. ``once`` counts the once-per-run messages that match
     the scene. ``unchecked`` maps a topic to the number of messages that were not compared and the reason; ``seen``
-    counts the compared messages of each per-tick topic.
+    counts the compared messages on each per-tick topic.
     """
 
     other_version: str | None = None
@@ -129,7 +129,7 @@ class Comparison:
         self._last[fault.name] = line, fault
 
     def add(self, part: 'Comparison') -> None:
-        """Add the result for the ticks that follow, as if they had been compared by this object."""
+        """Add the result for the following ticks, as if this object had compared them."""
         self.equal += part.equal
         self.close += part.close
         self.worst_m = max(self.worst_m, part.worst_m)
@@ -200,7 +200,7 @@ class _PartOfRun:
     """Compares parts of a run that is fully determined by its scene; a pickled copy reopens the bag."""
 
     def __init__(self, bag: BagReader, *settings: Any) -> None:
-        """``settings`` are the scene, namespace, frame ID, contact time, and the other version and kernel."""
+        """``settings`` holds the scene, namespace, frame ID and contact time, and the bag's version and kernel."""
         self._bag, self._settings = bag, settings
         self._scene, self._namespace, frame_id, contact_s, self._made_by = settings
         self._encode = encoders(self._scene, frame_id)
@@ -214,7 +214,7 @@ class _PartOfRun:
         return _reopened, (self._bag.path, *self._settings)
 
     def spans(self) -> list[_Span]:
-        """Return the parts as (first tick, tick after the last): at most one more than there are messages."""
+        """Return the parts as (first tick, tick after the last); there is at most one part more than messages."""
         if not log_times_are_ticks(self._bag, self._namespace):
             return [(0, self._ticks)]
         size = sum(len(encode(tick(self._scene, 0))) for encode in self._encode.values())
@@ -255,8 +255,8 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
                  most: int, progress: Callable[[int], object]) -> None:
     """Compare the ticks of a led dragon, recomputed from the speeds recorded on its topic ``leader``.
 
-    A led run may end at any tick. In up to ``most`` final ticks, topics may be missing because a killed recorder had
-    not received them yet, but messages that exist must not differ. Nothing can be recomputed after a missing speed.
+    A led run may end at any tick. In up to ``most`` final ticks, messages may be missing because a killed recorder had
+    not received them yet, but those that exist must not differ. After a missing speed, no tick can be recomputed.
     """
     law, waiting, left = None, list[tuple[int, Frame, dict[str, list[bytes]]]](), iter(instants)
     for k, (t_ns, recorded) in enumerate(left):
@@ -337,7 +337,7 @@ def _nearly(scene: Scene, kind: str, wanted: bytes, found: bytes) -> bool:
 
 
 def _walked_m_s(found: list[bytes], t_ns: int) -> float | None:
-    """Return the recorded speed; None unless there is exactly one message and its stamp is the tick's."""
+    """Return the recorded speed, or None unless there is exactly one message and its stamp is the tick's."""
     if len(found) != 1:
         return None
     stamp_ns, speed_m_s = read_odometry(found[0])
@@ -346,16 +346,16 @@ def _walked_m_s(found: list[bytes], t_ns: int) -> float | None:
 
 def _compare_tick(result: Comparison, scene: Scene, encode: Mapping[str, Encode], k: int, frame: Frame,
                   recorded: Mapping[str, list[bytes]]) -> None:
-    """Compare all messages of frame k of a run."""
+    """Compare all messages of a run's frame k."""
     for name in encode:
         _compare(result, name, k, frame, encode[name](frame), recorded.get(name, []), scene)
 
 
 def _instants(bag: BagReader, namespace: str, names: Iterable[str], start_ns: int | None = None,
               end_ns: int | None = None) -> Iterator[_Instant]:
-    """Yield (time of a tick, messages by topic name) for the topics of a namespace.
+    """Yield (tick time, messages by topic name) for the topics in a namespace.
 
-    Only a bag whose log times are ticks can be read in part: from ``start_ns`` up to, but not including, ``end_ns``.
+    ``start_ns`` and ``end_ns`` (exclusive) limit the messages; give them only if the bag's log times are tick times.
     """
     if log_times_are_ticks(bag, namespace):
         rows: Iterable[tuple[int, str, bytes]] = (
@@ -371,15 +371,15 @@ def _instants(bag: BagReader, namespace: str, names: Iterable[str], start_ns: in
         recorded: dict[str, list[bytes]] = {}
         for _, name, data in group:
             found = recorded.setdefault(name, [])
-            found.append(data if not found else b'')        # if there are several messages, only their number matters
+            found.append(data if not found else b'')        # for several messages, only their number matters
         yield t_ns, recorded
 
 
 def _stamped(bag: BagReader, namespace: str, name: str, stamps: Ints) -> Iterator[tuple[int, str, bytes]]:
     """Yield (stamp, name, message) for one topic of a bag with wall-clock log times.
 
-    A message without a stamp is paired with the handles message of the same index: topics may overtake each other, but
-    each topic arrives in order.
+    A message without a stamp is paired with the handles message of the same index: messages on different topics may
+    overtake each other, but those on one topic arrive in order.
     """
     kind = channels()[name].type
     for n, message in enumerate(bag.messages([f'{namespace}/{name}'])):
@@ -388,7 +388,7 @@ def _stamped(bag: BagReader, namespace: str, name: str, stamps: Ints) -> Iterato
 
 
 def _missing(result: Comparison, names: Iterable[str], k: int, stop: int) -> int:
-    """Count the ticks k <= tick < stop as missing; return the next tick."""
+    """Count the ticks from ``k`` up to but not including ``stop`` as missing; return the next tick to compare."""
     if stop <= k:
         return k
     for name in names:
@@ -421,7 +421,7 @@ def _allowed_m(frame: Frame, scene: Scene) -> float:
 
 
 def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:
-    """Return the deviation of a message in metres; inf if anything but numbers differs.
+    """Return the deviation of a message in metres, or inf if anything but numbers differs.
 
     Quaternions are scaled by the shortest link, and speeds by their promise (``speed_promise_m_s``).
     """
@@ -437,10 +437,10 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, r
         return inf
     offs = [np.abs(one - other) for one, other in zip(got, expected, strict=True)]
     for view in (*expected, *got):
-        view[...] = 0.0         # clears these numbers in the message itself, so that the rest can be compared
+        view[...] = 0.0         # clears the numbers in the message itself, so that only the rest is compared
     if ours != theirs:
         return inf
-    if not any(np.any(off) for off in offs):        # the bytes may differ in the sign of a zero speed
+    if not any(np.any(off) for off in offs):        # the bytes may still differ in the sign of a zero
         return 0.0
     if name == 'velocities':
         return _in_metres(float(np.max(offs[0])), frame, scene)
@@ -449,7 +449,7 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, r
 
 
 def _in_metres(off_m_s: float, frame: Frame, scene: Scene) -> float:
-    """Convert a speed error to the position error that is the same fraction of its promise."""
+    """Convert a speed error to the position error that is the same fraction of the promise for positions."""
     compiled = compile_scene(scene)
     one = speed_promise_m_s(compiled.tier, compiled.size_m, compiled.model.length_m / scene.dragon.benches,
                             conditioning(frame.chain), _speed_m_s(frame, scene))
@@ -457,7 +457,7 @@ def _in_metres(off_m_s: float, frame: Frame, scene: Scene) -> float:
 
 
 def _farthest_m(off: Array, link_m: float) -> float:
-    """Return the largest difference, in metres, of points (K, 3) or poses (K, 7); ``link_m`` scales quaternions."""
+    """Return the largest difference (m) of points (shape (K, 3)) or poses ((K, 7)); ``link_m`` scales quaternions."""
     turned = float(np.max(off[:, 3:], initial=0.0)) * link_m
     return max(float(np.max(np.hypot(off[:, 0], off[:, 1]))), float(np.max(off[:, 2])), turned)
 
@@ -467,11 +467,11 @@ def _speed_m_s(frame: Frame, scene: Scene) -> float:
 
 
 def _off_of_others_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:
-    """Return the deviation in metres of a message from another version or kernel; inf if anything but numbers differs.
+    """Return the deviation (m) of a message from another version or kernel, or inf if anything but numbers differs.
 
     Accelerations and tensions contain second derivatives of positions. These multiply a position error by (leader's
-    speed)^2 / link^2, and by a further power of the conditioning per derivative. A tension is the sum of the forces on
-    all handles up to the free end. Each link transmits force in a direction whose relative error is position error /
+    speed)^2 / link^2, and by the conditioning once more for each derivative. A tension is the sum of the forces on all
+    handles up to the free end. The direction in which a link transmits force has a relative error of position error /
     link length.
     """
     kind = channels()[name].type

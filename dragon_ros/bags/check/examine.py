@@ -33,17 +33,17 @@ from dragon_ros.messages.schemas import is_schema_of
 
 _BLOCK = 2**20
 _MOST_RANGES = 20
-_REGULAR = 0.8      # a topic has ticks if this fraction of its steps is within a tenth of the median
+_REGULAR = 0.8      # a topic has ticks if at least this fraction of its steps is within 10 % of the median step
 _LEAST = 3
 Checks = dict[int, LengthCheck | str]       # by channel: its length check, or the reason why it has none
 
 
 @dataclass
 class TopicSeen:
-    """A topic of a bag: type, encoding, count and bytes of its messages, and their log times in file order.
+    """A topic of a bag: the type, encoding, count and total size of its messages, and their log times in file order.
 
-    ``measured`` is the number of messages whose lengths were compared with the type; ``unmeasured`` is the reason why
-    the others were not.
+    ``measured`` is the number of messages whose length was checked against their type; ``unmeasured`` is the reason why
+    the other messages were not checked.
     """
 
     type: str
@@ -57,7 +57,7 @@ class TopicSeen:
 
 @dataclass
 class Contents:
-    """The contents of a bag's files; ``problems`` are faults; ``notes`` are harmless observations."""
+    """The contents of a bag's files; ``problems`` lists faults, and ``notes`` lists harmless observations."""
 
     files: list[Path]
     size: int = 0
@@ -78,7 +78,7 @@ def examine(path: Path, progress: Callable[[int], object] = lambda size: None) -
         except InputError as error:
             if len(contents.files) == 1:
                 raise
-            contents.problems.note(error)       # a killed recorder had just begun this part
+            contents.problems.note(error)       # the recorder was killed just after it began this part
             continue
         with closing(file):
             _examine(contents, file, progress)
@@ -176,7 +176,7 @@ def _check_of(index: Index, channel: Channel) -> LengthCheck | str:
 
 
 def _check_others(contents: Contents, file: McapFile, scanned: Index) -> None:
-    """Report metadata and attachments that do not parse, since other readers stop there; skip large records."""
+    """Report metadata and attachments that cannot be parsed, since other readers stop there; skip large records."""
     for places, parse in ((scanned.metadata, Metadata.read), (scanned.attachments, Attachment.read)):
         for place in places:
             try:
@@ -206,8 +206,8 @@ def _hold_summary(contents: Contents, file: McapFile, scanned: Index) -> None:
     said, found = summary.statistics, +scanned.counts
     if said is not None and not scanned.damage and (
             said.message_count != found.total() or (summary.counts and +summary.counts != found)):
-        contents.problems.note(f'{file.path}: the summary counts {said.message_count} messages, but there are '
-                               f'{found.total()}')
+        contents.problems.note(f'{file.path}: according to the summary, the number of messages is '
+                               f'{said.message_count}; it is {found.total()}')
 
 
 def _check_data_crc(contents: Contents, file: McapFile, scanned: Index) -> None:
@@ -222,7 +222,7 @@ def _check_data_crc(contents: Contents, file: McapFile, scanned: Index) -> None:
 
 @dataclass(frozen=True)
 class Gaps:
-    """Messages per second and, for a topic with ticks, the missing ticks and the number of duplicate messages.
+    """The message rate of a topic and, if it has ticks, its missing ticks and the number of duplicate messages.
 
     Ticks are numbered as in the scene's run or, if the bag has no scene, from the first message; ``ranges`` lists the
     first missing ticks as (first, last). If messages are irregularly spaced, all fields except ``rate_hz`` are None.
@@ -244,7 +244,7 @@ def gaps_of(times_ns: 'array[int]', run: Run | None, each_tick: bool = True) -> 
     steps = np.diff(distinct(times))
     if not each_tick or steps.size + 1 < _LEAST:
         return Gaps(rate_hz)
-    usual = float(np.mean(np.sort(steps)[(steps.size - 1) // 2:steps.size // 2 + 1]))     # median spacing of times
+    usual = float(np.mean(np.sort(steps)[(steps.size - 1) // 2:steps.size // 2 + 1]))     # median step
     if np.mean(np.abs(steps - usual) <= 0.1 * usual) < _REGULAR:
         return Gaps(rate_hz)
     start_ns, period_ns = (run.start_ns, NS / run.rate_hz) if run else (times[0], usual)

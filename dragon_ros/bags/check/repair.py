@@ -37,7 +37,7 @@ from dragon_ros.version import __version__
 class Repaired:
     """The number of recovered messages, and a line for each part that was lost.
 
-    ``unsaved`` counts messages that parse but were not saved.
+    ``unsaved`` counts messages that can be parsed but were not saved.
     """
 
     messages: int = 0
@@ -46,7 +46,7 @@ class Repaired:
 
 
 class _Sink:
-    """Writes recovered messages; channels keep their properties but are renumbered."""
+    """Writes recovered messages; channels are renumbered but keep all other properties."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self.writer = Writer(file, compression=CompressionType.ZSTD)
@@ -55,7 +55,7 @@ class _Sink:
         self._schemas: dict[tuple[object, ...], int] = {}
 
     def channel(self, index: Index, channel: Channel) -> int:
-        """Return the number of a channel; equal channels in several files share a number."""
+        """Return the number of a channel; equal channels from several files share one number."""
         schema = index.schemas.get(channel.schema_id)
         named = (schema.name, schema.encoding, schema.data) if schema else ('', '', b'')
         if schema and named not in self._schemas:
@@ -78,7 +78,7 @@ def repair(path: Path, output: Path, progress: Callable[[int], object] = lambda 
             except InputError as error:
                 if len(parts) == 1:
                     raise
-                done.lost.note(error)       # a killed recorder had just begun this part
+                done.lost.note(error)       # the recorder was killed just after it began this part
                 continue
             with closing(file):
                 _save(done, sink, file, progress)
@@ -117,7 +117,7 @@ def _save(done: Repaired, sink: _Sink, file: McapFile, progress: Callable[[int],
     parsed, saved = messages_that_parse(file), done.messages - before
     if parsed > saved:
         done.unsaved += parsed - saved
-        done.lost.note(f'{file.path}: {parsed} messages parse, but only {saved} were saved')
+        done.lost.note(f'{file.path}: only {saved} of {parsed} readable messages were saved')
 
 
 def _put(done: Repaired, sink: _Sink, index: Index, row: StoredMessage, data: bytes) -> None:
@@ -137,7 +137,7 @@ def messages_that_parse(file: McapFile) -> int:
     """
     found, offset = 0, len(MAGIC)
     while offset < file.size:
-        if file.read(offset, min(len(MAGIC), file.size - offset)) == MAGIC:      # separates two bags in one file
+        if file.read(offset, min(len(MAGIC), file.size - offset)) == MAGIC:      # separates two bags
             offset += len(MAGIC)
             continue
         try:

@@ -31,7 +31,7 @@ def files_of(path: Path) -> list[Path]:
 
 
 def unlisted(path: Path) -> list[Path]:
-    """Return the parts that a bag's metadata.yaml does not list; none if that file is missing. Raises BagError."""
+    """Return the parts that a bag's metadata.yaml does not list, or [] if there is no such file. Raises BagError."""
     folder = _folder_of(path)
     return [] if folder is None or not (folder / METADATA).is_file() else _parts(folder)[1]
 

@@ -38,7 +38,10 @@ FRAME_ID = 'dragon'
 
 @dataclass(frozen=True)
 class BagFrame:
-    """One tick of a bag: stamp, handles (N+1, 2) in m; if recorded, benches and velocities (N+1, 2) in m/s."""
+    """One tick of a bag; ``benches`` and ``velocity_m_s`` are None if they were not recorded.
+
+    ``handles_m`` and ``velocity_m_s`` are of shape (N+1, 2).
+    """
 
     t_ns: int
     handles_m: Floats
@@ -48,7 +51,7 @@ class BagFrame:
 
     @cached_property
     def clearance_m(self) -> float | None:
-        """Smallest signed gap (m) of non-adjacent benches; inf if there is no such pair, None without benches."""
+        """The smallest signed gap (m) of non-adjacent benches; inf without such pairs, None without benches."""
         if self.benches is None:
             return None
         from dragon_ros.core.geometry.near_pairs import closeness  # imported lazily, because few readers need it
@@ -82,7 +85,7 @@ def namespace_of(bag: BagReader, asked: str | None = None) -> str:
 
 
 def scene_of_bag(bag: BagReader, namespace: str | None = None, trust: bool = False) -> Scene | None:
-    """Return the scene in a bag's metadata or messages; None if the bag has no scene.
+    """Return the scene in a bag's metadata or messages, or None if the bag has no scene.
 
     Raises InputError for an invalid scene, or one that exceeds the budgets.
     """
@@ -91,15 +94,16 @@ def scene_of_bag(bag: BagReader, namespace: str | None = None, trust: bool = Fal
 
 
 def frame_of_bag(bag: BagReader, namespace: str | None = None) -> str:
-    """Return the coordinate frame that a bag's scene names, or the default frame."""
+    """Return the coordinate frame that a bag's scene names, or the default frame if it has no scene."""
     return str(_about(bag, namespace).get('frame_id', FRAME_ID))
 
 
 class RecordedObstacles:
     """The obstacles in a bag at successive ticks; obstacles in another coordinate frame are ignored.
 
-    They come from the last message on the topic ``venue``. From the first stamp on the topic ``collision/obstacles``
-    onwards, they come from that topic, on which a monitor publishes all obstacles that it checks.
+    Obstacles come from the last message on the topic ``venue`` until the first stamp on the topic
+    ``collision/obstacles``; from then on, they come from that topic, on which a monitor publishes all obstacles that it
+    checks.
     """
 
     def __init__(self, bag: BagReader, namespace: str, frame_id: str) -> None:
@@ -144,12 +148,12 @@ def ends_in_contact(bag: BagReader, namespace: str | None = None) -> bool:
 
 
 def claimed_contact(bag: BagReader, namespace: str | None = None) -> Any:
-    """Return the unverified claim about the first contact from a bag's scene; None if there is none."""
+    """Return the unverified claim about the first contact from a bag's scene, or None if there is no claim."""
     return _about(bag, namespace).get(CLAIM)
 
 
 def _about(bag: BagReader, namespace: str | None) -> dict[str, Any]:
-    """Return the ``about`` section of the scene file in a bag; empty if the file is too long to read."""
+    """Return the ``about`` section of the scene file in a bag, or an empty one if the file is too long to read."""
     text = _scene_text(bag, namespace)
     if text is None or len(text) > SCENE_CHARACTERS:
         return {}
@@ -191,12 +195,12 @@ def law_on(scene: Scene, law: Walked | None, t_ns: int, speed_m_s: float) -> Wal
 
 
 def keep_s(scene: Scene) -> float:
-    """Return the seconds of past speeds on which a tick of a led scene depends: the duration of its trails."""
+    """Return how far back (s) the speeds affect a tick of a led scene: the duration of its trails."""
     return scene.trails.seconds if Effect.TRAILS in scene.effects else 0.0
 
 
 def walked_scene(bag: BagReader, scene: Scene, namespace: str) -> Scene:
-    """Return a led scene with the recorded speeds as its profile, up to the first missing one.
+    """Return a led scene with the recorded speeds as its profile, up to the first missing speed.
 
     Any other scene is returned unchanged. Raises InputError if the run has too many ticks, or too many speed changes
     for a profile.
@@ -241,8 +245,8 @@ def frames_of_part(bag: BagReader, root: str, start_ns: int | None, end_ns: int 
                    is_last: bool) -> Generator[BagFrame, None, bool]:
     """Yield the ticks of a part of a bag, as ``frames`` does; return whether the whole bag would yield the same ticks.
 
-    Returns False if, at the end of a part other than the last, benches are missing for a tick, or a tick is missing for
-    some benches; such incomplete ticks are not yielded.
+    Returns False if a part other than the last ends with handles without their benches or with benches without their
+    handles; such incomplete ticks are not yielded.
     """
     names = {topic.name: name for name in _TOPICS for topic in bag.topics if topic.name == f'{root}/{name}'}
     ticks = _Ticks('benches' not in names.values())
@@ -270,7 +274,7 @@ class _Ticks:
     """Groups messages by tick, in bounded memory."""
 
     def __init__(self, alone: bool) -> None:
-        """``alone`` means that the bag has no benches to wait for."""
+        """Set ``alone`` if the bag has no benches, so that handles need not wait for them."""
         self._alone = alone
         self._waiting: OrderedDict[int, _FrameParts] = OrderedDict()
         self._early: OrderedDict[int, ShownBenches] = OrderedDict()
@@ -290,7 +294,7 @@ class _Ticks:
 
     @property
     def are_complete(self) -> bool:
-        """Whether no message is missing: every tick has its benches, and all benches belong to a tick."""
+        """Whether no message is missing: all handles have benches, and all benches have handles."""
         return not self._early and (self._alone or all(parts.shown for parts in self._waiting.values()))
 
     def _add_benches(self, shown: ShownBenches) -> None:

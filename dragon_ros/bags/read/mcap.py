@@ -35,10 +35,10 @@ _FIXED = struct.Struct('<QQQII')
 _MESSAGE = struct.Struct('<HIQQ')
 _INDEX_HEAD, _INDEX_ENTRY = struct.Struct('<HI'), 16     # head: channel, bytes of its entries; entry: time, offset
 MESSAGE_HEAD = _MESSAGE.size    # bytes before the data in a message's content
-_LONGEST_NAME = 32              # largest number of characters in the name of a compression
+_LONGEST_NAME = 32              # limit on the length of a compression's name
 _MOST_FAULTS = 100      # limit on the stored faults
-_PACKED_MORE = 1 / 128          # largest fraction by which compression enlarges a chunk of random bytes
-_RUN = 4 * 2**20            # largest size in bytes of a batch of consecutive messages outside chunks
+_PACKED_MORE = 1 / 128          # largest fraction by which compression can enlarge a chunk (of random bytes)
+_RUN = 4 * 2**20            # limit on the size (bytes) of a batch of consecutive messages outside chunks
 
 
 class BagError(InputError):
@@ -55,12 +55,12 @@ class Location:
 
     @property
     def content(self) -> int:
-        """Offset of the content."""
+        """The offset of the content."""
         return self.offset + HEAD.size
 
     @property
     def end(self) -> int:
-        """Offset of the next record."""
+        """The offset of the next record."""
         return self.content + self.length
 
 
@@ -85,7 +85,7 @@ class McapFile:
         return BagError(f'{self.path}: is damaged at byte {offset} of {self.size}: {what}', offset=offset)
 
     def read(self, offset: int, length: int) -> bytes:
-        """Return exactly the requested bytes. Raises BagError if there are fewer."""
+        """Return exactly the requested bytes. Raises BagError if the file has fewer."""
         if not 0 <= length <= self.size - offset:
             raise self.fault(offset, f'{length} bytes should follow, but only {max(0, self.size - offset)} do')
         try:
@@ -98,7 +98,7 @@ class McapFile:
         return data
 
     def place(self, offset: int, end: int | None = None) -> Location:
-        """Return the record at an offset. Raises BagError if it ends after ``end`` (by default the file's end)."""
+        """Locate the record at an offset. Raises BagError if it ends after ``end`` (by default, the file's end)."""
         end = self.size if end is None else min(end, self.size)
         if offset + HEAD.size > end:
             raise self.fault(offset, f'a record should begin, but only {max(0, end - offset)} bytes remain')
@@ -111,7 +111,7 @@ class McapFile:
         return place
 
     def places(self, offset: int, end: int | None = None) -> Iterator[Location]:
-        """Yield the records from ``offset`` to exactly ``end`` (by default the file's end)."""
+        """Locate the records from ``offset`` to exactly ``end`` (by default, the end of the file)."""
         end = self.size if end is None else end
         while offset < end:
             place = self.place(offset, end)
@@ -119,7 +119,7 @@ class McapFile:
             offset = place.end
 
     def fields(self, place: Location, parse: Callable[[ReadDataStream], T]) -> T:
-        """Return the fields of a small record; ``parse`` is a reader from ``mcap.records``."""
+        """Return the fields of a small record, parsed by ``parse``, a ``read`` method from ``mcap.records``."""
         if place.length > RECORD_BYTES:
             raise self.fault(place.offset, f'a record with opcode {place.opcode} has {place.length} bytes; '
                              f'the limit is {RECORD_BYTES}')
@@ -182,7 +182,7 @@ def _open(path: Path) -> IO[bytes]:
 
 @dataclass(frozen=True)
 class ChunkHead:
-    """The head of a chunk: message times in ns, and size, CRC and location of its records."""
+    """The head of a chunk: its range of message times (ns), and the size, CRC and location of its records."""
 
     start_ns: int
     end_ns: int
@@ -194,7 +194,7 @@ class ChunkHead:
 
 
 class StoredMessage(NamedTuple):
-    """One message in a chunk; its data are bytes ``start`` to ``end``."""
+    """One message in a chunk; its data are the bytes from ``start`` to ``end``."""
 
     t_ns: int
     start: int
@@ -277,7 +277,7 @@ def records_in(data: bytes) -> Iterator[StoredMessage | OtherRecord]:
 
 
 def row_of(data: bytes, start: int, end: int) -> StoredMessage:
-    """Return the message whose data are bytes ``start`` to ``end``."""
+    """Return the message whose data are the bytes from ``start`` to ``end``."""
     channel, sequence, t_ns, publish_ns = _MESSAGE.unpack_from(data, start - _MESSAGE.size)
     return StoredMessage(t_ns, start, end, channel, sequence, publish_ns)
 
@@ -336,10 +336,10 @@ _UNPACK: dict[str, Callable[[bytes, int], bytes]] = {'': _plain, 'zstd': _zstd, 
 
 @dataclass(frozen=True)
 class MessageBatch:
-    """A chunk, or consecutive messages outside chunks: its location, and the times of its messages in ns.
+    """A chunk, or a run of messages outside chunks, with its location and its range of message times (ns).
 
-    ``messages`` is the number of messages in a chunk according to the indexes that follow it; None if it need not be
-    checked.
+    ``messages`` is the number of messages in a chunk according to the indexes that follow it, or None if this number
+    need not be checked.
     """
 
     file: McapFile
@@ -369,11 +369,10 @@ class MessageBatch:
 class Index:
     """The contents of one file.
 
-    ``damage`` describes where and why a scan ended early; ``cut`` is the incomplete chunk at its end. ``faults`` lists
-    the first of ``fault_count`` unreadable records between readable ones. ``data_end`` is the end of the data section,
-    or None if unknown. ``stray`` lists the DataEnd records that are followed by data or by another DataEnd.
-    ``numbered`` counts messages by channel according to the chunk indexes. ``reach`` is the offset where the last
-    record ends.
+    ``damage`` describes where and why a scan ended early; ``cut`` is the incomplete chunk there. ``faults`` lists the
+    first of ``fault_count`` unreadable records between readable ones. ``data_end`` is the last DataEnd record, or None
+    if there is none. ``stray`` lists the DataEnd records that are followed by data or by another DataEnd. ``numbered``
+    counts messages by channel according to the chunk indexes. ``reach`` is the offset where the last record ends.
     """
 
     file: McapFile
@@ -418,7 +417,10 @@ class Index:
             self.faults.append(error)
 
     def survey(self, batch: MessageBatch) -> Iterator[tuple[StoredMessage, bytes]]:
-        """Yield (message, records) of a batch; count messages, register schemas and channels. Raises BagError."""
+        """Yield each message of a batch with the batch's records; count messages, register schemas and channels.
+
+        Raises BagError.
+        """
         data = batch.records()
         for record in batch.inside(data):
             if isinstance(record, StoredMessage):
@@ -436,7 +438,7 @@ class Index:
 
 
 def summary_index(file: McapFile) -> Index | None:
-    """Return the index from the summary; None if there is no summary. Raises BagError."""
+    """Return the index from the summary, or None if there is no summary. Raises BagError."""
     at, footer = file.footer()
     if footer.summary_start == 0:
         return None
@@ -519,8 +521,8 @@ class _Scan:
     def __init__(self, index: Index) -> None:
         self.index = index
         self._run: list[tuple[Location, int]] = []
-        self._numbered: int | None = None       # messages in the last chunk according to its indexes
-        self._end: Location | None = None       # the DataEnd record, if nothing but a summary has followed so far
+        self._numbered: int | None = None       # number of messages in the last chunk, from its indexes
+        self._end: Location | None = None       # the last DataEnd record, unless data followed it
 
     def take(self, place: Location) -> bool:
         """Process a record; return whether further records may follow."""
@@ -549,7 +551,7 @@ class _Scan:
         index.cut = None if self._end or error is None else _cut(file, error.fields.get('offset'))
 
     def _end_stray(self) -> None:
-        """Note that further data, or another DataEnd, follows the last DataEnd."""
+        """Note that the last DataEnd, if there was one, did not end the data section after all."""
         if self._end:
             self.index.stray.append(self._end)
             self._end = None
@@ -574,7 +576,7 @@ class _Scan:
             index.attachments.append(place)
 
     def _number(self, place: Location) -> None:
-        """Count the messages that one of a chunk's indexes lists."""
+        """Count the messages listed in one of a chunk's indexes."""
         if self._numbered is None or place.length < _INDEX_HEAD.size:
             raise self.index.file.fault(place.offset, 'a message index that belongs to no chunk')
         channel, size = _INDEX_HEAD.unpack(self.index.file.read(place.content, _INDEX_HEAD.size))
@@ -592,7 +594,7 @@ class _Scan:
         self._run.append((place, t_ns))
 
     def _end_batch(self) -> None:
-        """End the current chunk or run of messages."""
+        """End the current batch: a chunk or a run of messages outside chunks."""
         batches = self.index.batches
         if self._numbered is not None:
             batches[-1] = replace(batches[-1], messages=self._numbered)

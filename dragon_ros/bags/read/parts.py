@@ -9,7 +9,7 @@ from dragon_ros.bags.read.frames import BagFrame, frames, frames_of_part
 from dragon_ros.bags.read.reader import END_OF_TIME_NS, BagReader
 from dragon_ros.messages.decode import read_stamp_ns
 
-_TICKS = 64         # ticks per part if this process reads alone
+_TICKS = 64         # number of ticks per part if a single process reads the bag
 R = TypeVar('R')
 _Span = tuple[int, int]
 Mapped = Callable[[Callable[[_Span], R], Sequence[_Span]], Generator[R, None, None]]
@@ -43,9 +43,9 @@ def in_parts(bag: BagReader, root: str, body: Callable[[Iterator[BagFrame]], R],
              start_ns: int = 0, end_ns: int = END_OF_TIME_NS) -> Generator[R, None, None]:
     """Apply ``body`` to each part of a bag, or of a range of its log times, and yield the results in order.
 
-    ``body`` receives the ticks of a part and must consume all of them. ``mapped(work, jobs)`` computes the parts, in
-    this process or others. If a tick straddles two parts, as may happen with wall-clock log times, this process reads
-    the rest of the bag alone.
+    ``body`` receives the ticks of a part and must consume all of them. ``mapped(work, jobs)`` processes the parts, in
+    this process or in others. If a tick straddles two parts, as may happen with wall-clock log times, this process
+    reads the rest of the bag alone.
     """
     spans = bag.spans(start_ns, end_ns)
     made = mapped(_PartReader(bag, root, body, end_ns), spans)
@@ -76,5 +76,5 @@ class _Stamps:
 
 
 def stamps_of(bag: BagReader, topic: str, mapped: Mapped[list[tuple[int, int]]]) -> Iterator[tuple[int, int]]:
-    """Yield the stamp and the log time, in ns, of each message of a topic; ``mapped`` is as for ``in_parts``."""
+    """Yield the stamp and the log time, in ns, of each message of a topic; for ``mapped``, see ``in_parts``."""
     return chain.from_iterable(mapped(_Stamps(bag, topic), bag.spans(0, END_OF_TIME_NS)))

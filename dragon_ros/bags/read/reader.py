@@ -31,8 +31,8 @@ from dragon_ros.scenes.yaml import values_of
 
 __all__ = ['BagError', 'BagReader', 'Message', 'Topic']
 END_OF_TIME_NS = 2**64
-_SPAN_BYTES = 2**20     # smallest span, in bytes of the file: processed in tens of milliseconds
-_MOST_SPANS = 2000      # largest number of spans: more would be slow, since each span searches all batches
+_SPAN_BYTES = 2**20     # minimum size of a span in the file; reading it takes tens of milliseconds
+_MOST_SPANS = 2000      # limit on the number of spans, since each span searches all batches
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Message:
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of a bag: full name, type, encoding, QoS as in rosbag2, and number of messages."""
+    """One topic of a bag: its full name, type, encoding, QoS as in rosbag2, and number of messages."""
 
     name: str
     type: str
@@ -58,7 +58,7 @@ class Topic:
 
 
 class BagReader:
-    """Reads a complete bag or, if it is ``damaged``, its intact batches."""
+    """Reads a complete bag or, with ``damaged``, the intact batches of a damaged one."""
 
     def __init__(self, path: Path, damaged: bool = False) -> None:
         """Open a bag and read its index. Raises MissingError or BagError."""
@@ -98,7 +98,7 @@ class BagReader:
 
     def messages(self, topics: list[str] | None = None, start_ns: int | None = None,
                  end_ns: int | None = None) -> Iterator[Message]:
-        """Yield messages with start_ns <= t < end_ns, in order of log time. Raises BagError when it reaches damage."""
+        """Yield messages with start_ns <= t < end_ns, in order of log time. Raises BagError on reaching damage."""
         wanted = None if topics is None else set(topics)
 
         def choose(batch: MessageBatch, row: StoredMessage) -> bool:
@@ -109,9 +109,9 @@ class BagReader:
             yield Message(self._name(batch, row), data[row.start:row.end], row.t_ns, row.sequence, row.publish_ns)
 
     def spans(self, start_ns: int, end_ns: int) -> list[tuple[int, int]]:
-        """Return consecutive spans from start_ns to end_ns with about equal shares of the bag's bytes.
+        """Return consecutive spans of time from start_ns to end_ns with about equal shares of the bag's bytes.
 
-        Spans begin at batches, so that few batches belong to two spans.
+        Each span begins where a batch begins, so that few batches belong to two spans.
         """
         starts = sorted((batch.start_ns, batch.place.length) for index in self._indexes for batch in index.batches)
         each = max(_SPAN_BYTES, sum(size for _, size in starts) // _MOST_SPANS)
@@ -135,7 +135,7 @@ class BagReader:
                                    'not declared') from None
 
     def metadata(self, name: str) -> dict[str, str]:
-        """Return the first metadata record with the given name; {} if there is none. Raises BagError."""
+        """Return the first metadata record with the given name, or {} if there is none. Raises BagError."""
         for index in self._indexes:
             for place in index.metadata:
                 record = index.file.fields(place, Metadata.read)
@@ -144,7 +144,7 @@ class BagReader:
         return {}
 
     def attachment(self, name: str) -> bytes | None:
-        """Return the first attachment that has the given name and is small enough to read; None if there is none."""
+        """Return the first attachment with the given name that is small enough to read, or None if there is none."""
         for index in self._indexes:
             for place in index.attachments:
                 with suppress(BagError):
@@ -178,7 +178,7 @@ def _opened(file: Path, bag: Path) -> McapFile:
 
 
 def _index_of(file: McapFile) -> Index:
-    """Return the index of a complete file; if the summary lacks counts, count the messages in the chunks."""
+    """Return the index of a complete file; count its messages unless a consistent summary states their number."""
     index = None
     try:
         summary, index = summary_index(file), scanned_index(file)
@@ -218,7 +218,7 @@ def _readable(file: McapFile) -> Index:
 
 
 def _spans(index: Index) -> list[tuple[int, int]]:
-    """Return the time ranges of a file's batches in ns."""
+    """Return the time ranges (ns) of a file's batches."""
     return [(batch.start_ns, batch.end_ns) for batch in index.batches if batch.messages != 0]
 
 
@@ -235,7 +235,7 @@ def _topics(channels: list[tuple[Index, Channel]]) -> list[Topic]:
 
 
 def qos_of(metadata: dict[str, str]) -> dict[str, Any]:
-    """Return the first QoS profile of a channel; {} if none is readable."""
+    """Return the first QoS profile of a channel, or {} if none is readable."""
     text = metadata.get('offered_qos_profiles', '')
     try:
         profiles = values_of(text) if len(text) <= QOS_CHARACTERS else None
@@ -253,7 +253,7 @@ class ChosenMessage(NamedTuple):
 
 
 class _OpenBatch(NamedTuple):
-    """The records of a batch, and the times and offsets of its chosen messages, ordered by time."""
+    """The records of a batch, and the times and offsets of the accepted messages, ordered by time."""
 
     data: bytes
     times: 'array[int]'
@@ -266,14 +266,14 @@ class _OpenBatch(NamedTuple):
 
 
 class TimeOrder:
-    """Yields messages that ``choose`` accepts, ordered by time and then by position in the file.
+    """Yields the messages that ``choose`` accepts, ordered by time and then by position in the file.
 
-    ``learn`` receives all other records of the batches, and raises BagError if one contradicts the index.
+    ``learn`` receives all records other than messages, and raises BagError if a record contradicts the index.
     """
 
     def __init__(self, batches: Sequence[MessageBatch], choose: Callable[[MessageBatch, StoredMessage], bool],
                  learn: Callable[[MessageBatch, OtherRecord, bytes], None]) -> None:
-        """``batches`` are in file order."""
+        """``batches`` must be in file order."""
         self._pieces, self._choose, self._learn = batches, choose, learn
         self._open: OrderedDict[int, _OpenBatch] = OrderedDict()
 
@@ -299,7 +299,7 @@ class TimeOrder:
             heappush(heap, (times[position], number, position))
 
     def _opened(self, number: int) -> _OpenBatch:
-        """Return an open batch; close the least recently used ones when too many are open."""
+        """Return an open batch; close the least recently used batches when too many are open."""
         if number in self._open:
             self._open.move_to_end(number)
             return self._open[number]

@@ -8,13 +8,13 @@ _MOST_SHOWN = 20
 
 
 class IntervalSet:
-    """The numbers seen so far. Memory grows with the number of gaps; at most 10,000 gaps are kept."""
+    """The numbers seen so far. Memory use grows with the number of gaps; at most 10,000 gaps are kept."""
 
     def __init__(self) -> None:
         """Start empty."""
         self._lows: list[int] = []
         self._highs: list[int] = []
-        self.forgotten = 0      # missing numbers in early gaps, which were dropped to bound memory use
+        self.forgotten = 0      # how many numbers are missing in early gaps that were dropped to bound memory use
 
     def add(self, k: int) -> None:
         """Add a number; adding it twice is harmless."""
@@ -33,7 +33,7 @@ class IntervalSet:
             del self._lows[1], self._highs[0]
 
     def _join(self, at: int) -> None:
-        """Merge an interval with the next one if they touch."""
+        """Merge an interval with the next interval if they touch."""
         if 0 <= at < len(self._lows) - 1 and self._highs[at] + 1 == self._lows[at + 1]:
             del self._highs[at], self._lows[at + 1]
 

@@ -1,11 +1,11 @@
-"""Decides whether a monitor has reported on the last tick, so that a recorder does not end before that report.
+"""Decides whether a monitor has reported on the last tick, so that a recorder does not exit before that report.
 
-A monitor begins its report on a tick with a stamped clearance. Every second, and when it ends, it publishes its health:
-the last tick on which it has reported, and the number of messages that it has yet to read.
+A monitor begins its report on a tick with a stamped clearance. Every second, and when it exits, the monitor publishes
+its health: the last tick that it has reported on, and the number of messages that it has yet to read.
 """
 from dragon_ros.messages.decode import Health
 
-_IDLE = 2       # idle health messages after which no reports are expected; the first may be outdated
+_IDLE = 2       # number of idle health messages after which no reports are expected; the first may be outdated
 
 
 class LastWord:
@@ -21,7 +21,7 @@ class LastWord:
         self._idle = 0
 
     def examinable(self, t_ns: int) -> None:
-        """Note a tick that a monitor can examine: the recorder has received its benches."""
+        """Note a tick that a monitor can examine, because the recorder has received its benches."""
         if not self._fixed:
             self._due_ns, self._idle = t_ns, 0
 
@@ -55,7 +55,7 @@ class LastWord:
         return self.heard and not self.is_said
 
     def _note_passed(self) -> None:
-        """Remember that the fixed tick has been reported: if the run loops, later reports are on earlier ticks."""
+        """Remember that the fixed tick has been reported on: if the run loops, later reports are on earlier ticks."""
         self._has_passed = self._has_passed or (self._fixed and self._is_done())
 
     def _is_done(self) -> bool:

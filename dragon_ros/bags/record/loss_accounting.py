@@ -1,7 +1,7 @@
 """Loss accounting: compares received with published messages so that every loss is reported.
 
-It has two sources. Publishers number their messages (DDS publication sequence numbers): a gap in the numbers means that
-messages were lost in transit, and a first number above 1 shows how many were published before the recorder subscribed.
+Losses are found in two ways. Publishers number their messages (DDS publication sequence numbers): a gap in the numbers
+means that messages were lost in transit, and a first number above 1 tells how many were published too early to record.
 If the scene is known, a stamp also identifies a tick: a gap in the ticks means that ticks are missing (lost or never
 published), and a first tick after tick 0 means that the beginning of the run is missing.
 """
@@ -16,20 +16,20 @@ from dragon_ros.messages.channels import channel_of, live
 
 RECEIVED = 'dragon_ros.received'     # name of the metadata record that contains the account
 _MOST_STEPS = 1000
-_MOST_EARLY = 100_000       # largest number of stamps that are kept until the scene is known
+_MOST_EARLY = 100_000       # maximum number of stamps kept until the scene is known
 
 
 @dataclass
 class TopicCount:
-    """The account of one topic."""
+    """The loss account of one topic."""
 
     received: int = 0
-    left_out: int = 0           # messages dropped because the disk was too slow
-    lost: int = 0               # messages lost from earlier publishers
+    left_out: int = 0           # number of messages dropped because the disk was too slow
+    lost: int = 0               # number of lost messages from earlier publishers
     sequence: IntervalSet = field(default_factory=IntervalSet)
     ticks: IntervalSet = field(default_factory=IntervalSet)
     off_ticks: int = 0
-    early: list[int] | None = None      # stamps that arrived before their publisher's scene; None once it is known
+    early: list[int] | None = None      # stamps that arrived before their publisher's scene, or None if it is known
     scene_ahead: bool = False           # the next publisher's scene arrived before its first message
     shared: bool = False        # there are several simultaneous publishers, whose sequence numbers cannot be separated
 
@@ -58,12 +58,12 @@ class TopicCount:
 
     @property
     def lost_on_the_way(self) -> int:
-        """The number of messages that were published after the first received one but not received."""
+        """The number of messages that were published after the first received message but were not received."""
         return 0 if self.shared else self.lost + interval_set.count(self.sequence.gaps()) + self.sequence.forgotten
 
     @property
     def before(self) -> int:
-        """The number of messages published before the first received one."""
+        """The number of messages published before the first received message."""
         return 0 if self.shared else (self.sequence.first or 1) - 1
 
 
@@ -93,7 +93,7 @@ class LossAccount:
         self.scene_again()
 
     def scene_again(self) -> None:
-        """Count the stamps that arrived just before a scene that equals the previous one."""
+        """Count the stamps that arrived just before a repetition of the previous scene."""
         for topic, row in self.topics.items():
             for t_ns in row.scene_came():
                 if self._run is not None and topic in self._each_tick:
@@ -104,7 +104,7 @@ class LossAccount:
         self._offered.add(topic)
 
     def share(self, topics: Iterable[str]) -> None:
-        """Mark topics with several simultaneous publishers, whose missing messages cannot be counted."""
+        """Mark topics with several simultaneous publishers, since their missing messages cannot be counted."""
         for topic in topics:
             self._row(topic).shared = True
 
@@ -128,7 +128,7 @@ class LossAccount:
             row.tick(self._run, t_ns)
 
     def stamp(self, t_ns: int) -> None:
-        """Record the stamp of a handles message; the spacing of these stamps is reported if no scene is known."""
+        """Record the stamp of a handles message; if no scene is known, the spacing of these stamps is reported."""
         if self._last_ns is not None and (len(self._steps) < _MOST_STEPS or t_ns - self._last_ns in self._steps):
             self._steps[t_ns - self._last_ns] += 1
         self._last_ns = t_ns
@@ -146,7 +146,7 @@ class LossAccount:
         return {topic: gaps for topic, gaps in found.items() if gaps}
 
     def beginnings(self) -> dict[str, int]:
-        """Return, by topic, the number of messages that are missing before the first one received.
+        """Return, by topic, how many messages are missing before the first received message.
 
         The number follows from the ticks or, without a scene, from the sequence numbers. Only topics with one message
         per tick are counted and, without a scene, only those of ``sim``, because other topics continue across runs.
@@ -195,18 +195,18 @@ class LossAccount:
 
     def lines(self, ended: bool) -> list[str]:
         """Return a line for each topic with missing messages."""
-        what = 'messages' if self._run is None else 'ticks'
-        out = [f'{topic}: the beginning is missing: {count} {what} were published before the first one received'
+        what = 'message' if self._run is None else 'tick'
+        out = [f'{topic}: the beginning is missing: {_were(count, what)} published before the first one received'
                for topic, count in self.beginnings().items()]
         out += [f'{topic}: no message was received' for topic in self.unheard()]
-        out += [f'{topic}: {interval_set.count(gaps)} ticks are missing: {interval_set.text(gaps)}'
-                for topic, gaps in self.missing(ended).items()]
-        out += [f'{topic}: {row.lost_on_the_way} messages were lost in transit, of '
+        out += [f'{topic}: {"1 tick is" if count == 1 else f"{count} ticks are"} missing: {interval_set.text(gaps)}'
+                for topic, gaps in self.missing(ended).items() for count in (interval_set.count(gaps),)]
+        out += [f'{topic}: {_were(row.lost_on_the_way, "message")} lost in transit, of '
                 f'{row.received + row.lost_on_the_way} published' for topic, row in self.topics.items()
                 if row.lost_on_the_way]
-        out += [f'{topic}: {row.left_out} messages were left out because the disk was too slow'
+        out += [f'{topic}: {_were(row.left_out, "message")} left out because the disk was too slow'
                 for topic, row in self.topics.items() if row.left_out]
-        out += [f'{topic}: several publishers at once, so missing messages cannot be counted'
+        out += [f'{topic}: there are several publishers, so missing messages cannot be counted'
                 for topic, row in self.topics.items() if row.shared]
         return out
 
@@ -218,3 +218,7 @@ class LossAccount:
         odd = sum(count for step, count in self._steps.items() if abs(step - usual) > 1)
         more = sum(count for step, count in self._steps.items() if step > 1.5 * usual)
         return f'{usual} ns apart' + (f', but {odd} of {self._steps.total()} are not: {more} are longer' if odd else '')
+
+
+def _were(count: int, noun: str) -> str:
+    return f'1 {noun} was' if count == 1 else f'{count} {noun}s were'

@@ -10,9 +10,10 @@ from dragon_ros.scenes.load import strangers_scene
 
 
 class ReadScene(NamedTuple):
-    """A text, its scene (None if it cannot be read; ``why`` then gives the reason), and the metadata record for a bag.
+    """A scene text, the scene that it describes, and the metadata record for a bag.
 
-    A text that exceeds the budgets has no metadata; a recorder stores it only as a message.
+    If the text is invalid, the scene is None, and ``why`` gives the reason. A text that exceeds the budgets has no
+    metadata; a recorder stores it only as a message.
     """
 
     text: str
@@ -25,7 +26,7 @@ class SceneReader:
     """Reads one scene at a time; of the scenes that arrive in the meantime, it reads only the newest."""
 
     def __init__(self, settings: dict[str, str], trust: bool = False) -> None:
-        """``settings`` are the recorder's settings, which the metadata record contains."""
+        """``settings`` holds the recorder's settings, which become part of the metadata record."""
         self._settings, self._trust = settings, trust
         self._thread = ThreadPoolExecutor(1, 'scene')
         self._job: Future[ReadScene] | None = None
@@ -37,14 +38,14 @@ class SceneReader:
         return self._job is not None
 
     def read(self, text: str) -> None:
-        """Read a text as soon as the previous one has been read."""
+        """Read a scene text as soon as the previous one has been read."""
         if self._job is None:
             self._job = self._thread.submit(self._read, text)
         else:
             self._next = text
 
     def take(self, wait: bool = False) -> ReadScene | None:
-        """Return the newest scene if it has been read and not yet returned; with ``wait``, wait for it."""
+        """Return the newest scene unless it is still being read or was already returned; ``wait`` waits for it."""
         while self._job is not None and (wait or self._job.done()):
             found, self._job = self._result(self._job), None
             if self._next is None:
@@ -58,7 +59,7 @@ class SceneReader:
         self._thread.shutdown(cancel_futures=True)
 
     def _result(self, job: 'Future[ReadScene]') -> ReadScene:
-        """Return the result of reading; even an unexpected error must not end the recording."""
+        """Return the result of reading a scene; even an unexpected error must not end the recording."""
         error = job.exception()
         return job.result() if error is None else ReadScene('', None, f'{type(error).__name__}: {error}')
 

@@ -1,11 +1,12 @@
 """Assigns a simulation time to every recorded message, with or without a stamp.
 
 A message with a stamp is logged at that time. A message without a stamp belongs to the tick of the last stamped message
-that its publisher sent before it. Source times determine this order, since topics overtake each other in transit. The
-stamped message of a sim is the handles message, which is followed by the velocities; the stamped message of a monitor,
-which lags behind the sim, is the clearance. A message that cannot be assigned to a tick is left out and counted.
+that its publisher sent before it. The order of sending follows from source times, since messages on different topics
+may overtake each other in transit. The stamped message of a sim is the handles message, which is followed by the
+velocities; the stamped message of a monitor, which lags behind the sim, is the clearance. A message that cannot be
+assigned to a tick is left out and counted.
 
-Source times come from the system clock, which may be set back during a run. The next message of a topic then has an
+Source times come from the system clock, which may be set back during a run. The next message on a topic then has an
 earlier source time than the previous one. Messages are therefore ordered by a "moment": the number of times that the
 clock has been set back so far, and the source time.
 """
@@ -19,7 +20,7 @@ from dragon_ros.core.limits import HELD_BYTES
 
 Write = Callable[[str, bytes, int, int, int], None]
 _KEEP = 1000
-_SURELY_NS = 10**9      # delays in transit never make source times go back further than this
+_SURELY_NS = 10**9      # delays in transit never make source times decrease by more than this
 _Moment = tuple[int, int]       # how often the clock has been set back so far, and the source time in ns
 
 
@@ -40,7 +41,7 @@ class _Mark(NamedTuple):
 
 
 class _Sent(NamedTuple):
-    """The last message of a topic."""
+    """The last message on a topic."""
 
     moment: _Moment
     sequence: int
@@ -52,22 +53,22 @@ class _Sent(NamedTuple):
 
 
 class SimulationClock:
-    """Holds a publisher's messages without a stamp until their tick is known."""
+    """Holds each unstamped message of a publisher until its tick is known."""
 
     def __init__(self, write: Write) -> None:
         """``write(topic, data, t_ns, sequence, source_ns)`` is called once for each logged message."""
         self._write = write
-        self._moments: list[_Moment] = []       # moments of the marks, in order
+        self._moments: list[_Moment] = []       # moments of the stamped messages, in order
         self._marks: list[_Mark] = []
         # How often the clock was set back, and the source times just before and after it was last set back.
         self._set_back, self._turn_ns = 0, (0, 0)
         self._sent: dict[str, _Sent] = {}
         self._held: list[_Held] = []
         self._held_bytes = 0
-        self._last: dict[str, _Mark] = {}       # tick of the last message, by topic
+        self._last: dict[str, _Mark] = {}       # by topic: the tick of its last message
         self.first_ns: int | None = None        # time of the first tick
-        self.left_out = 0                       # messages from before the first tick
-        self.unpaired: Counter[str] = Counter()     # messages with an unknown tick, by topic
+        self.left_out = 0                       # number of messages from before the first tick
+        self.unpaired: Counter[str] = Counter()     # by topic: the number of messages with an unknown tick
 
     def mark(self, source_ns: int, t_ns: int, sequence: int = 0) -> None:
         """Record the source time and the sequence number of a tick's stamped message; ``t_ns`` is the stamp."""
@@ -112,10 +113,9 @@ class SimulationClock:
         return times, source_ns
 
     def _is_after_turn(self, source_ns: int) -> bool:
-        """Return whether a message was sent after the clock was last set back, and not merely delayed in transit.
+        """Return whether a message was sent after the clock was last set back, rather than delayed in transit.
 
-        If the clock was set back by less than a second, source times may, in rare cases, be ambiguous for up to a
-        second.
+        If the clock was set back by less than a second, source times can be ambiguous for up to a second.
         """
         before_ns, after_ns = self._turn_ns
         if before_ns - after_ns < _SURELY_NS:
@@ -158,7 +158,7 @@ class SimulationClock:
             self._write(held.topic, held.data, t_ns, held.sequence, held.moment[1])
 
     def _time_of(self, held: _Held, first_ns: int | None) -> int | None:
-        """Return the time of a message; if it has none, count it and return None."""
+        """Return the log time of a message; if it has no tick, count it and return None."""
         at = bisect_right(self._moments, held.moment) - 1
         if at < 0:
             return self._early_time_of(held, first_ns)
@@ -172,7 +172,7 @@ class SimulationClock:
         return mark.t_ns
 
     def _early_time_of(self, held: _Held, first_ns: int | None) -> int | None:
-        """Return the time of a message from before the first tick."""
+        """Return the log time of a message from before the first tick, or None if the message is left out."""
         if held.latched or not (held.exact or self._marks):
             return self._marks[0].t_ns if self._marks else held.moment[1] if first_ns is None else first_ns
         if self._marks:

@@ -1,4 +1,4 @@
-"""A thread that writes a bag, fed by a queue of bounded size."""
+"""A thread that writes a bag from a queue of bounded size."""
 import threading
 import time
 from collections import deque
@@ -97,7 +97,7 @@ class WriterThread:
                 due = time.monotonic() + self._flush_s
 
     def _do(self, write: Callable[[], object]) -> None:
-        """Do one write; an error ends all writing."""
+        """Execute one write; after an error, nothing more is written."""
         if self.error is not None:
             return
         start = time.monotonic()

@@ -13,7 +13,7 @@ _METADATA = 'metadata.yaml'
 class BagFolder:
     """A folder with the parts of one bag.
 
-    While a part is being written, ``metadata.yaml.new`` already has the size that the metadata will need, so the parts
+    While a part is being written, ``metadata.yaml.new`` already has the final size of the metadata, so that the parts
     can be listed even if the disk fills up.
     """
 

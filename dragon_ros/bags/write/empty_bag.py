@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from dragon_ros.bags.read.mcap import Index
 
 _HOLDING = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.ATTACHMENT)
-_CUT_BYTES = 4096       # a remainder longer than this is not taken for a truncated record
+_CUT_BYTES = 4096       # a longer remainder is not considered a truncated record
 
 
 def holds_no_message(path: Path) -> bool:

@@ -32,14 +32,14 @@ from dragon_ros.core import limits
 from dragon_ros.core.errors import DiskError, MissingError
 from dragon_ros.version import __version__
 
-_CHUNK = struct.Struct('<QQQQQH')       # start, size, raw size, first and last log time, number of channels
-_COUNT = struct.Struct('<HQ')           # channel, messages; one row per channel, before the row of the chunk
-_CHUNK_HEAD, _INDEX_HEAD, _INDEX_ENTRY = 49, 15, 16     # bytes of Chunk (without its compression name), MessageIndex
+_CHUNK = struct.Struct('<QQQQQH')       # start, size, raw size, first log time, last log time, number of channels
+_COUNT = struct.Struct('<HQ')           # channel, number of messages; each chunk's channels come before the chunk
+_CHUNK_HEAD, _INDEX_HEAD, _INDEX_ENTRY = 49, 15, 16     # bytes: Chunk without its compression name, MessageIndex
 CHUNK_BYTES = 2**20
 _BUFFER_BYTES = 2 * CHUNK_BYTES
 _MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; the data follow
 MESSAGE_HEAD_BYTES = _MESSAGE.size
-MESSAGE_BYTES = limits.CHUNK_BYTES - _MESSAGE.size      # limit for a message's data, since readers reject larger chunks
+MESSAGE_BYTES = limits.CHUNK_BYTES - _MESSAGE.size      # limit on a message's data, since readers reject larger chunks
 MAGIC = b'\x89MCAP0\r\n'
 _Bytes = bytes | bytearray | memoryview
 
@@ -48,7 +48,7 @@ class Worker:
     """Runs jobs on a thread, in order; at most one is pending, which bounds memory use."""
 
     def __init__(self, name: str) -> None:
-        """``name`` names the thread, which starts with the first job."""
+        """``name`` is the name of the thread, which starts with the first job."""
         self._pool = ThreadPoolExecutor(1, name)
         self._job: Future[None] | None = None
 
@@ -100,12 +100,12 @@ def _after(begun: Lock, job: Callable[[], None]) -> None:
 
 
 def packed_bytes(topics: int) -> int:
-    """Return the size in bytes of the entry for a chunk with messages on this many topics."""
+    """Return the size in bytes of the index entry for a chunk with messages on this many topics."""
     return _CHUNK.size + topics * _COUNT.size
 
 
 class Stored(NamedTuple):
-    """A chunk in a file: offset, compressed and raw bytes, first and last log time, (channel, messages)."""
+    """A chunk in a file: offset, compressed and raw size, first and last log time, and (channel, message count)."""
 
     start: int
     size: int
@@ -214,7 +214,7 @@ class OpenChunk:
         return min(times), max(times)
 
     def counts(self) -> tuple[tuple[int, int], ...]:
-        """Return (channel, messages) for each channel with messages."""
+        """Return (channel, number of messages) for each channel that has messages."""
         return tuple((channel, len(entries)) for channel, entries in self.index.items())
 
 
@@ -234,8 +234,8 @@ def record_bytes(*rows: records.McapRecord) -> bytes:
 def around(chunk: records.Chunk, size: int, messages: dict[int, list[tuple[int, int]]]) -> tuple[bytes, bytes]:
     """Return the bytes before and after the data of a chunk.
 
-    ``chunk`` has no data, to save a copy; ``size`` bytes of data follow it. ``messages`` lists (log time, offset in the
-    chunk) by channel.
+    ``chunk`` has no data, to save a copy; ``size`` is the size of its data in bytes. ``messages`` lists, by channel,
+    (log time, offset in the chunk).
     """
     assert not chunk.data
     head = record_bytes(chunk)
@@ -245,7 +245,7 @@ def around(chunk: records.Chunk, size: int, messages: dict[int, list[tuple[int, 
 
 
 class PackedChunk(NamedTuple):
-    """A compressed chunk with the bytes around it, raw size, first and last log time, and (channel, messages)."""
+    """A compressed chunk: the bytes around it, raw size, first and last log time, and (channel, message count)."""
 
     head: bytes
     data: _Bytes
@@ -455,7 +455,7 @@ class McapWriter:
         self._write_packed(packed(done, self._compression, self._compress))
 
     def _write_packed(self, chunk: PackedChunk) -> None:
-        """Write a chunk with a single call, because each call releases and retakes the interpreter lock."""
+        """Write a chunk with a single system call, because each call releases and retakes the interpreter lock."""
         start = self._append([chunk.head, chunk.data, chunk.tail])
         self.parts.add(Stored(start, len(chunk.data), chunk.raw_size, *chunk.times_ns, chunk.counts))
         if self._fsync:
@@ -502,7 +502,7 @@ class McapWriter:
             raise full
 
     def _append(self, data: list[_Bytes]) -> int:
-        """Append all of the bytes or none; return their offset."""
+        """Append all of the bytes, or none of them if writing fails; return their offset."""
         if os.fstat(self._file.fileno()).st_size < self._end:
             raise self._truncated()
         try:
@@ -518,7 +518,7 @@ class McapWriter:
         return start
 
     def _truncated(self) -> DiskError:
-        """Remove truncated parts from the list, after another program truncated the file; return the error."""
+        """Remove the lost parts from the list after another program truncated the file; return the error."""
         size = os.fstat(self._file.fileno()).st_size
         while self.parts and self._end > size:
             self._end = self.parts.pop()
@@ -532,7 +532,7 @@ class McapWriter:
                          'rest is lost')
 
     def _write(self, data: list[_Bytes]) -> None:
-        """Write buffers at the current position; an almost full disk may first accept only a part of them."""
+        """Write buffers at the current position, in several calls if an almost full disk accepts only a part."""
         done, whole = os.writev(self._file.fileno(), data), sum(map(len, data))
         if done < whole:
             rest = memoryview(b''.join(data))[done:]

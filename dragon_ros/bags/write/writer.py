@@ -25,10 +25,10 @@ from dragon_ros.messages.schemas import schema_text, type_hash
 
 MB = 10**6
 _SWITCH_S = 2e-5        # shorter than the intervals at which numpy releases the interpreter lock
-_VERSION = 9            # version of metadata.yaml, as ROS 2 Jazzy writes it
+_VERSION = 9            # the version of metadata.yaml that ROS 2 Jazzy writes
 _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
-_INDEX_BYTES, _INDEX_BYTES_A_CHUNK = 100_000, 600        # schemas, channels and metadata; a chunk with 10 channels
-_LISTED_BYTES, _LISTED_BYTES_A_PART = 65_536, 512       # size of metadata.yaml: for its topics; per part
+_INDEX_BYTES, _INDEX_BYTES_A_CHUNK = 100_000, 600        # schemas, channels and metadata; per chunk, with 10 channels
+_LISTED_BYTES, _LISTED_BYTES_A_PART = 65_536, 512       # size of metadata.yaml: for the topics; per part
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class BagOptions:
 
 
 class BagPart(NamedTuple):
-    """One file of a bag: name, first and last log time, messages by topic, bytes."""
+    """One file of a bag: name, first and last log time, number of messages by topic, and size in bytes."""
 
     name: str
     start_ns: int
@@ -106,7 +106,7 @@ class BagWriter:
         self._limited = self.options.splits or self.options.max_size_mb is not None
         self.counts: dict[str, int] = {}
         self._closed = False
-        self.left_out: Counter[str] = Counter()     # messages too large for any reader, by topic
+        self.left_out: Counter[str] = Counter()     # by topic: the number of messages too large for any reader
         try:
             self._file = self._new_file()
         except BaseException:
@@ -187,7 +187,7 @@ class BagWriter:
         self.close()
 
     def _open_file(self) -> McapWriter:
-        """Return the file being written; if an earlier DiskError left none, raise that error."""
+        """Return the file being written, or raise the earlier DiskError after which no file was opened."""
         if self._broken is not None:
             raise self._broken
         return self._file
@@ -288,7 +288,7 @@ def qos_text(channel: Channel) -> str:
 
 def _metadata_text(files: Sequence[BagPart], topics: Mapping[str, tuple[str, str, str]],
                    custom: Mapping[str, str]) -> str:
-    """Return the text of metadata.yaml; ``topics`` maps each name to type, offered QoS (as text) and type hash."""
+    """Return the text of metadata.yaml; ``topics`` maps each name to its type, offered QoS (as text) and type hash."""
     filled = [file for file in files if file.messages]
     start = min((file.start_ns for file in filled), default=0)
     end = max((file.end_ns for file in filled), default=0)
@@ -319,7 +319,7 @@ def _topic(name: str, kind: str, qos: str, type_hash: str, count: int) -> dict[s
 def prompt_switches() -> Iterator[None]:
     """Let the compression thread obtain the interpreter lock quickly, since the thread is idle until then.
 
-    By default, a thread may demand the lock only after waiting for 5 ms, and each release restarts that wait.
+    By default, a thread can demand the lock only after waiting for 5 ms, and each release restarts that wait.
     """
     before = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCH_S)
