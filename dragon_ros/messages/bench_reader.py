@@ -1,4 +1,4 @@
-"""Reads the benches of a run, whose successive messages differ only in stamps and poses."""
+"""Reads the benches from a run's messages, which differ only in stamps and poses."""
 import struct
 import sys
 
@@ -10,19 +10,19 @@ from dragon_ros.messages.decode import MessageError
 from dragon_ros.messages.markers import CUBE
 from dragon_ros.messages.observation import BenchCubes, BenchMarkers, checked_stamp, half_sizes, read_benches
 
-_NATIVE = 1 if sys.byteorder == 'little' else 0     # second byte of the encapsulation header for the native byte order
+_NATIVE = 1 if sys.byteorder == 'little' else 0     # the encapsulation header's second byte in the native order
 _WORD = 4
 
 
 class BenchReader:
-    """Reads the benches of successive messages; a message with the layout of the previous one is not parsed again."""
+    """Reads benches from successive messages; a message with the same layout as the previous message is not parsed."""
 
     def __init__(self) -> None:
         """Start without a message."""
         self._last: _Pattern | None = None
 
     def read(self, data: bytes) -> BenchMarkers | BenchCubes:
-        """Return the benches of a MarkerArray, ignoring other markers in it. Raises MessageError."""
+        """Return the benches in a MarkerArray, ignoring other markers. Raises MessageError."""
         if self._last and self._last.fits(data):
             return self._last.benches(data)
         read = read_benches(data)
@@ -31,7 +31,7 @@ class BenchReader:
 
 
 class _Pattern:
-    """The words that determine the layout of a message whose markers are equal cubes, in the order of the benches."""
+    """The words that determine the layout of a message if its markers are equal cubes in the order of the benches."""
 
     def __init__(self, read: BenchMarkers) -> None:
         """Keep all words except stamps, poses, colours and lifetimes. Raises MessageError for invalid sizes."""
@@ -56,7 +56,7 @@ class _Pattern:
             np.not_equal(mine, its).any() for mine, its in zip(self._same, self._words(data), strict=True))
 
     def benches(self, data: bytes) -> BenchCubes:
-        """Return the benches of a message for which ``fits`` is true. Raises MessageError if its stamp is invalid."""
+        """Return the benches in a message that ``fits``. Raises MessageError if its stamp is invalid."""
         sec, nanosec = struct.unpack_from('=iI', data, self._stamp)
         poses = strided(data, 'f8', self._pose, self._stride, self._count, 7)
         return BenchCubes(checked_stamp(sec * NS + nanosec), self._frame_id, poses, self._half_length,
@@ -64,7 +64,7 @@ class _Pattern:
 
 
 def _pattern_of(read: BenchMarkers) -> _Pattern | None:
-    """Return the pattern of a message; None if the next message has to be parsed in any case."""
+    """Return the pattern of a message, or None if the next message must be parsed in any case."""
     markers = read.markers
     plain = (markers.data[1] == _NATIVE and len(markers.runs) == 1 and markers.type[0] == CUBE
              and np.array_equal(read.order, np.arange(markers.type.size)))

@@ -26,7 +26,7 @@ class Writer:
         self.data = bytearray(LITTLE)
 
     def put(self, kind: str, *values: float) -> int:
-        """Append aligned values of one struct type ('i', 'I', 'd', 'f', '?') and return the offset of the first."""
+        """Append aligned values of one struct type ('i', 'I', 'd', 'f', '?'); return the offset of the first value."""
         size = struct.calcsize(kind)
         self.data += bytes(-(len(self.data) - 4) % size)
         offset = len(self.data)
@@ -34,7 +34,7 @@ class Writer:
         return offset
 
     def room(self, kind: str, count: int) -> int:
-        """Append ``count`` aligned zeros of one struct type and return the offset of the first zero."""
+        """Append ``count`` aligned zeros of one struct type; return the offset of the first zero."""
         offset = self.put(kind) if count else len(self.data)
         self.data += bytes(count * struct.calcsize(kind))
         return offset
@@ -65,21 +65,21 @@ def string_message(text: str) -> bytes:
 
 
 def stamp_of(t_ns: int) -> tuple[int, int]:
-    """Return (sec, nanosec) of a time in nanoseconds."""
+    """Convert a time in nanoseconds to (sec, nanosec)."""
     return t_ns // NS, t_ns % NS
 
 
 def stamp_number(t_ns: int) -> int:
-    """Return the two fields of a stamp as the 64-bit number that they form in memory."""
+    """Return a stamp as the 64-bit number that its two fields form in memory."""
     seconds, rest_ns = stamp_of(t_ns)
     return seconds | rest_ns << 32
 
 
 class RowLayout:
-    """Rows of equal layout in a message: their number, start, stride and fields."""
+    """Rows of equal layout in a message: their count, offset, stride and fields."""
 
     def __init__(self, count: int, start: int, stride: int, fields: dict[str, tuple[str, int]]) -> None:
-        """``fields`` maps the name of each field to its numpy type and its offset in the row."""
+        """``fields`` maps the name of each field to its numpy type and its offset in a row."""
         kinds, offsets = zip(*fields.values(), strict=True)
         self._dtype = np.dtype({'names': list(fields), 'formats': kinds, 'offsets': offsets})
         self._count, self._start, self._stride = count, start, stride
@@ -94,8 +94,8 @@ class Template:
     """The bytes of a message, laid out once and patched in place for each tick.
 
     BytesIO returns the bytes without copying them, unless the caller still holds the previous message when the next
-    message is made. This matters because copying megabytes takes longer than patching them. Python caches the hash of
-    bytes, so a caller that hashes a message must keep this message until the next message is made.
+    message is made. This matters because copying megabytes takes longer than patching them. Python caches the hash of a
+    ``bytes`` object, so a caller that hashes a message must hold on to it until the next message is made.
     """
 
     def __init__(self, data: bytearray) -> None:
@@ -122,7 +122,7 @@ class PoseArrayTemplate(Template):
         super().__init__(writer.finish())
 
     def encode(self, t_ns: int, p: Floats, axis: Floats) -> bytes:
-        """Return the bytes for handles at ``p`` (N+1, 2) m and links along ``axis`` (N, 2)."""
+        """Return the bytes for handles at ``p`` (m, shape (N+1, 2)) and links along ``axis`` (shape (N, 2))."""
         return self.patched(lambda data: self._patch(data, t_ns, p, axis))
 
     def _patch(self, data: memoryview, t_ns: int, p: Floats, axis: Floats) -> None:
@@ -149,7 +149,7 @@ class VelocitiesTemplate(Template):
         super().__init__(writer.finish())
 
     def encode(self, velocity_m_s: Floats) -> bytes:
-        """Return the bytes for velocities (N+1, 2) in m/s."""
+        """Return the bytes for velocities (m/s, shape (N+1, 2))."""
         return self.patched(lambda data: self._patch(data, velocity_m_s))
 
     def _patch(self, data: memoryview, velocity_m_s: Floats) -> None:
@@ -186,7 +186,7 @@ class CloudTemplate(Template):
         super().__init__(writer.finish())
 
     def encode(self, t_ns: int, p: Floats, velocity_m_s: Floats) -> bytes:
-        """Return the bytes for handles at ``p`` (N+1, 2) m with velocities (N+1, 2) in m/s."""
+        """Return the bytes for handles at ``p`` (m) with these velocities (m/s), both of shape (N+1, 2)."""
         return self.patched(lambda data: self._patch(data, t_ns, p, velocity_m_s))
 
     def _patch(self, data: memoryview, t_ns: int, p: Floats, velocity_m_s: Floats) -> None:
@@ -213,7 +213,7 @@ class JointsTemplate(Template):
         super().__init__(writer.finish())
 
     def encode(self, t_ns: int, position_rad: Floats) -> bytes:
-        """Return the bytes for positions in rad."""
+        """Return the bytes for joint positions (rad)."""
         return self.patched(lambda data: self._patch(data, t_ns, position_rad))
 
     def _patch(self, data: memoryview, t_ns: int, position_rad: Floats) -> None:
@@ -227,7 +227,7 @@ def float64_of(value: float) -> bytes:
 
 
 def half_turns(axis: Floats) -> Floats:
-    """Return (z, w) of the quaternions that rotate x onto ``axis`` (N, 2), from square roots of complex axes."""
+    """Return (z, w) of the quaternions that rotate x onto ``axis`` (shape (N, 2)): square roots of complex axes."""
     half, out = np.sqrt(plane(axis)), np.empty(axis.shape)
     out[:, 0], out[:, 1] = half.imag, half.real
     return out
@@ -240,7 +240,7 @@ class _Turns:
         self._last: tuple[Floats | None, Array] = None, np.empty(0, np.complex128)
 
     def of(self, axis: Floats) -> Array:
-        """Return (z, w) of the quaternions that rotate x onto ``axis`` (N, 2), each pair as a complex number."""
+        """Return (z, w) of the quaternions that rotate x onto ``axis`` (shape (N, 2)), as complex numbers."""
         known, turns = self._last
         if axis is not known or axis.flags.writeable:
             turns = plane(half_turns(axis))
@@ -249,7 +249,7 @@ class _Turns:
 
 
 def plane(points: Floats) -> Array:
-    """Return x and y (N, 2) as complex numbers (N,), which numpy copies in a single loop."""
+    """View points (shape (N, 2)) as complex numbers (shape (N,)), which numpy copies in a single loop."""
     out: Array = np.ascontiguousarray(points).view(np.complex128)[:, 0]
     return out
 
@@ -259,7 +259,7 @@ turns_of = _Turns().of
 
 def strided(data: bytes | bytearray | memoryview, kind: str, offset: int, stride: int, rows: int,
             columns: int) -> Array:
-    """Return a (rows, columns) view of equal fields, ``stride`` bytes apart."""
+    """Return a view of shape (rows, columns) of equal fields that are ``stride`` bytes apart."""
     width = np.dtype(kind).itemsize
     out: Array = np.ndarray((rows, columns), kind, data, offset, (stride, width))
     return out

@@ -14,7 +14,7 @@ _QOS = {'reliability': ('reliable', 'best_effort'), 'durability': ('volatile', '
 
 @dataclass(frozen=True)
 class Channel:
-    """One topic: relative name, message type, publisher, QoS, and the effect that enables it (or None)."""
+    """One topic: its relative name, message type, publisher and QoS, and the effect that enables it (or None)."""
 
     name: str
     type: str
@@ -55,7 +55,7 @@ def channel_of(topic: str) -> Channel | None:
 
 
 def live(effects: Effect) -> list[Channel]:
-    """Return the topics that sim publishes every tick for these effects, excluding latched topics."""
+    """Return the topics on which ``sim`` publishes in every tick for these effects, excluding latched topics."""
     return [channel for channel in channels().values()
             if channel.each_tick and (channel.effect is None or channel.effect in effects)]
 
@@ -65,7 +65,7 @@ def _channel(document: Document, name: str) -> Channel:
     document.check_keys(f'{name}.', row, _KEYS)
     for key in ('type', 'from', 'meaning'):
         if not isinstance(row.get(key), str):
-            document.refuse(f'{name}.{key}', f'{row.get(key)!r} is not text; every topic needs a text here')
+            document.refuse(f'{name}.{key}', f'{row.get(key)!r} is not text; every topic needs this text')
     if row['type'].count('/') != 2:
         document.refuse(f'{name}.type', f'{row["type"]!r} is not of the form package/msg/Type')
     qos = _qos(document, f'{name}.qos', row.get('qos'))

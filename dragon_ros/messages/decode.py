@@ -1,8 +1,8 @@
-"""Decode CDR messages into numpy views by the schema of each type, in either byte order.
+"""Decode CDR messages into numpy views, using the schema of each type, in either byte order.
 
-The decoder is written by hand for speed: it decodes a MarkerArray of 223 benches in 0.21 ms, whereas a general
-library takes 17.5 ms. Every reader checks lengths before it reads. If the bytes are truncated, the reader raises
-MessageError with the offset.
+The decoder is written by hand for speed: it decodes a MarkerArray with 223 benches in 0.21 ms, whereas a general
+library takes 17.5 ms. Lengths are checked before anything is read. If the bytes are truncated, a MessageError gives the
+offset.
 """
 import re
 import struct
@@ -19,12 +19,12 @@ from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints
 from dragon_ros.messages.cdr import NS, strided
 from dragon_ros.messages.schemas import TEXT, Field, fields_of
 
-_MOST_LISTS = 2         # number of markers in a message that contains all benches in two lists: faces and edges
+_MOST_LISTS = 2         # number of markers if all benches are in two lists: faces and edges
 _SMALLEST_MARKER = 180
-_HEALTH_BYTES = 65_536      # limit of accepted messages; a message from a monitor has about 100 bytes
+_HEALTH_BYTES = 65_536      # limit on accepted messages; a monitor's messages have about 100 bytes
 _SECONDS = re.compile(r'([0-9]{1,10})\.([0-9]{9})')
 _COUNT = re.compile('[0-9]{1,9}')
-_MARKER_BYTES, _RUN_BYTES = 200, 4096       # upper bounds on the memory per marker and per run
+_MARKER_BYTES, _RUN_BYTES = 200, 4096       # upper bounds on memory use per marker and per run
 
 
 class MessageError(InputError):
@@ -105,7 +105,7 @@ def _one(reader: Reader, field: Field) -> Any:
 
 @dataclass
 class Layout:
-    """Offsets of the fields of one message, by dotted name, and of all words that hold lengths."""
+    """The offsets of a message's fields, by dotted name, and the offsets of all words that hold lengths."""
 
     start: int
     at: dict[str, int] = field(default_factory=dict)
@@ -150,7 +150,7 @@ def _pass_many(reader: Reader, each: Field, layout: Layout, name: str) -> None:
 
 @dataclass(frozen=True)
 class Poses:
-    """A PoseArray: stamp, frame and a view (N, 7) of x, y, z and quaternion x, y, z, w."""
+    """A PoseArray: its stamp, its frame, and a view of its poses (shape (N, 7): x, y, z and quaternion x, y, z, w)."""
 
     t_ns: int
     frame_id: str
@@ -158,7 +158,7 @@ class Poses:
 
     @property
     def size_bytes(self) -> int:
-        """Upper bound on the memory in bytes: the poses, and the name of the frame as bytes and as text."""
+        """An upper bound on memory use in bytes: the poses, and the frame's name as bytes and as text."""
         return self.poses.nbytes + 8 * len(self.frame_id)
 
 
@@ -167,12 +167,12 @@ _STAMP_AT = {'visualization_msgs/msg/MarkerArray': 8, 'std_msgs/msg/Float64Multi
 
 
 def stamp_at_of(kind: str) -> int | None:
-    """Return the byte offset after the CDR header of the first stamp in a type; None if the type has no stamp."""
+    """Return the offset in bytes, after the CDR header, of a type's first stamp, or None if the type has no stamp."""
     return _STAMP_AT.get(kind, 4)
 
 
 def stamp_of_message(kind: str, data: bytes) -> int | None:
-    """Return the first stamp of a message in ns; None if it has no stamp. Raises MessageError."""
+    """Return the first stamp (ns) of a message, or None if its type has no stamp. Raises MessageError."""
     at = stamp_at_of(kind)
     return None if at is None else read_stamp_ns(data[:4] + data[at:at + 8])
 
@@ -191,7 +191,7 @@ def read_odometry(data: bytes) -> tuple[int, float]:
 
 @dataclass(frozen=True)
 class PathMessage:
-    """The poses of a nav_msgs/Path as complex points (n,) in m, without heights and headings."""
+    """The poses of a nav_msgs/Path as complex points (m, shape (n,)), without heights and headings."""
 
     t_ns: int
     frame_id: str
@@ -199,7 +199,7 @@ class PathMessage:
 
 
 def read_path(data: bytes | bytearray) -> PathMessage:
-    """Return a nav_msgs/Path. Raises MessageError for too many poses or a pose in another frame."""
+    """Return a nav_msgs/Path. Raises MessageError if there are too many poses or a pose is in another frame."""
     reader = Reader(data)
     t_ns, frame_id, count = reader.stamp_ns(), reader.text(), reader.take('I')
     if count > DRAWING_POINTS:
@@ -227,13 +227,13 @@ def read_pose_array(data: bytes | bytearray) -> Poses:
 
 
 def read_multi_array(data: bytes | bytearray) -> tuple[list[str], Floats]:
-    """Return the labels of a std_msgs/Float64MultiArray, and its values in the shape of its dimensions."""
+    """Return the labels of a std_msgs/Float64MultiArray, and its values as an array with the stated dimensions."""
     message = decode('std_msgs/msg/Float64MultiArray', data)
     dimensions = message['layout']['dim']
     shape = [row['size'] for row in dimensions]
     values = message['data'][message['layout']['data_offset']:]
     if int(np.prod(shape, dtype=object)) != values.size:
-        raise MessageError(f'{values.size} values do not fill the shape {shape}')
+        raise MessageError(f'{values.size} values do not match the shape {shape}')
     return [row['label'] for row in dimensions], values.reshape(shape)
 
 
@@ -255,10 +255,10 @@ def read_diagnostics(data: bytes) -> list[Status]:
 
 @dataclass(frozen=True)
 class Health:
-    """What a monitor publishes on /diagnostics about itself: the time of the last tick on which it has reported.
+    """The status that a monitor publishes on /diagnostics about itself.
 
-    ``t_ns`` is None before the first tick; ``waiting`` is the number of messages that have arrived and are not yet
-    read, and ``leaves`` is true for the last message of a monitor that ends.
+    ``t_ns`` is the time of the last tick that it has reported on, or None before the first tick. ``waiting`` is the
+    number of messages that have arrived but have not been read yet. ``leaves`` is true in a monitor's last message.
     """
 
     t_ns: int | None
@@ -267,10 +267,10 @@ class Health:
 
 
 def read_health(data: bytes, dragon: str) -> Health | None:
-    """Return the health of a dragon's monitor from its diagnostics; None for other messages."""
+    """Return the health of a dragon's monitor from its diagnostics, or None for any other message."""
     try:
         statuses = read_diagnostics(data) if len(data) <= _HEALTH_BYTES else []
-    except MessageError:        # the message may be invalid, because a recorder stores it unchanged
+    except MessageError:        # a recorder does not reject invalid messages
         return None
     for status in statuses:
         if status.name == f'{dragon}: clearance':
@@ -287,7 +287,7 @@ def read_string(data: bytes) -> str:
 
 @dataclass(frozen=True)
 class MarkerRun:
-    """Consecutive markers with equal layout, frame and namespace, ``stride`` bytes apart."""
+    """Consecutive markers of equal layout, frame and namespace, ``stride`` bytes apart."""
 
     layout: Layout
     stride: int
@@ -298,7 +298,10 @@ class MarkerRun:
 
 @dataclass(frozen=True)
 class Markers:
-    """All markers in columns: stamp, index of the marker run, id, type, action, pose (N, 7) and scale (N, 3)."""
+    """All markers of a message, as one array per field.
+
+    ``poses`` has the shape (N, 7), and ``scale`` has the shape (N, 3).
+    """
 
     runs: tuple[MarkerRun, ...]
     run_of: Ints
@@ -311,7 +314,7 @@ class Markers:
     data: bytes | bytearray
 
     def points_of(self, marker: int) -> Floats:
-        """Return a view of the points (K, 3) of one marker."""
+        """Return a view of one marker's points (shape (K, 3))."""
         first = int(np.searchsorted(self.run_of, self.run_of[marker]))
         run, reader = self.runs[self.run_of[marker]], Reader(self.data)
         reader.at = run.layout.at['points'] + (marker - first) * run.stride
@@ -327,13 +330,13 @@ class Markers:
 
     @property
     def size_bytes(self) -> int:
-        """Upper bound on the memory in bytes: the message, the columns, and the layout and names of each run."""
+        """An upper bound on memory use in bytes: the message, the columns, and the layout and names of each run."""
         names = sum(len(run.frame_id) + len(run.ns) for run in self.runs)
         return len(self.data) + _MARKER_BYTES * self.type.size + _RUN_BYTES * len(self.runs) + 4 * names
 
     @property
     def geometry(self) -> list[Floats]:
-        """All coordinates: the poses or, for lists of faces and edges, the points of each marker."""
+        """All coordinates: the poses or, if there are lists of faces and edges, the points of each marker."""
         points = [self.points_of(marker) for marker in range(self.type.size)] if self.type.size <= _MOST_LISTS else []
         return points if any(some.size for some in points) else [self.poses]
 
@@ -342,7 +345,7 @@ def read_marker_array(data: bytes | bytearray) -> Markers:
     """Return a visualization_msgs/MarkerArray.
 
     Consecutive markers of equal layout (string lengths and counts) become one view if their stride is a multiple of 8
-    bytes. When the layout changes, a new run begins, and its first marker is parsed by the schema.
+    bytes. When the layout changes, a new run begins, and its first marker is parsed using the schema.
     """
     reader = Reader(data)
     count = reader.take('I')
@@ -366,7 +369,7 @@ _LAST_LAYOUT: list[tuple[str, Layout, tuple[int, ...]]] = []     # layout of the
 def _first_layout(reader: Reader, fields: Sequence[Field]) -> Layout:
     """Return the layout of a message's first marker; reuse the previous message's layout if all lengths are equal.
 
-    Only the words that hold lengths determine the layout, because each of them fixes the position of the next.
+    The words that hold lengths determine the layout completely, because each of them determines where the next word is.
     """
     for order, layout, lengths in _LAST_LAYOUT:
         if (order, layout.start) == (reader.order, reader.at) and layout.end <= len(reader.data) and (
@@ -395,11 +398,11 @@ def _runs(reader: Reader, count: int) -> Iterator[MarkerRun]:
         yield MarkerRun(layout, stride, same, _text(reader, layout.at['header.frame_id']),
                         _text(reader, layout.at['ns']))
         count -= same
-        most = 8 * same         # keeps the time linear if a message has many short runs
+        most = 8 * same         # so that the time stays linear if a message has many short runs
 
 
 def _alike(reader: Reader, layout: Layout, stride: int, most: int) -> int:
-    """Return how many consecutive markers, from this marker on, have equal lengths, frame and namespace."""
+    """Return how many consecutive markers, from this one on, have equal lengths, frames and namespaces."""
     most = min(most, 1 + (len(reader.data) - layout.end) // stride)
     if most == 1:
         return 1
@@ -427,7 +430,7 @@ def _text(reader: Reader, at: int) -> str:
 
 
 def _column(reader: Reader, runs: tuple[MarkerRun, ...], name: str, kind: str, columns: int) -> Array:
-    """Return one field of all markers, one row per marker; the result is a view if there is only one run."""
+    """Return one field of all markers, with one row per marker; the result is a view if there is only one run."""
     parts = [strided(reader.data, reader.order + kind, run.layout.at[name], run.stride, run.count, columns)
              for run in runs]
     if len(parts) == 1:

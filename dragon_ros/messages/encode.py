@@ -11,7 +11,7 @@ Encode = Callable[[Frame], bytes]
 
 
 def encoders(scene: Scene, frame_id: str = 'dragon') -> dict[str, Encode]:
-    """Return the functions that encode frames of this scene, by topic; each template is built once."""
+    """Return, by topic, the functions that encode frames of this scene; each template is built once."""
     return {channel.name: _builder(channel.name)(scene, frame_id) for channel in live(scene.effects)}
 
 
@@ -44,7 +44,7 @@ _BUILDERS = {'handles': _handles, 'benches': _benches, 'velocities': _velocities
 
 
 def _builder(topic: str) -> Callable[[Scene, str], Encode]:
-    """Return the builder of a topic; import the module for rarely used effects only when it is needed."""
+    """Return the builder for a topic; import the module for rarely used effects only when it is needed."""
     if topic in _BUILDERS:
         return _BUILDERS[topic]
     from dragon_ros.messages.encode_effects import BUILDERS

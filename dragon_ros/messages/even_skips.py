@@ -1,7 +1,7 @@
 """Skips whole ticks evenly if they arrive too fast to be processed; a fuller queue skips more ticks."""
 from dataclasses import dataclass, field
 
-FROM_FILL = 0.5     # used fraction of a queue's budget above which ticks are skipped
+FROM_FILL = 0.5     # fraction of a queue's budget above which ticks are skipped
 _REMEMBERED = 8192      # number of remembered stamps, because one topic may run ahead of another
 
 
@@ -14,8 +14,8 @@ class _Tick:
 class EvenSkips:
     """Decides for each stamp when its first message arrives; the decision applies to all messages with that stamp.
 
-    All ticks are kept up to a fill of ``FROM_FILL``, and none at a fill of 1; in between, the kept fraction decreases
-    linearly. The queue settles at the fill at which ticks are kept as fast as they are processed.
+    Up to a fill level of ``FROM_FILL``, all ticks are kept; at a fill level of 1, none are; in between, the fraction of
+    kept ticks decreases linearly. The queue settles at the level where ticks are kept as fast as they are processed.
     """
 
     def __init__(self) -> None:
@@ -25,9 +25,9 @@ class EvenSkips:
         self._credit = 0.0
 
     def keeps(self, topic: str, t_ns: int, fill: float) -> bool:
-        """Return whether to keep a message of a tick; ``fill`` is the used fraction of the queue, and 1 is full.
+        """Return whether to keep a message of a tick; ``fill`` is the fill level of the queue, from 0 to 1 (full).
 
-        A topic that repeats a stamp indicates that the run has restarted.
+        If a stamp is repeated on a topic, the run has restarted.
         """
         tick = self._ticks.get(t_ns)
         if tick is None or topic in tick.topics:

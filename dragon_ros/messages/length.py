@@ -9,7 +9,7 @@ _ALIGNED = 4        # a message may be padded to a multiple of this number of by
 
 
 class LengthCheck:
-    """Checks messages of one type; a message with the same lengths as the previous message is not parsed."""
+    """Checks the length of messages of one type; a message laid out like the previous message is not parsed."""
 
     def __init__(self, name: str) -> None:
         """Start with the name of a message type whose schema is in the package."""
@@ -17,7 +17,7 @@ class LengthCheck:
         self._last: tuple[str, Layout, Array, Array] | None = None
 
     def fault(self, data: bytes) -> str | None:
-        """Return the reason why the bytes are not exactly one message, or None if they are."""
+        """Return why the bytes are not exactly one message, or None if they are."""
         try:
             end = self._end(Reader(data))
         except MessageError as error:
@@ -27,7 +27,7 @@ class LengthCheck:
         return None
 
     def _end(self, reader: Reader) -> int:
-        """Return the offset of the message's end. Raises MessageError if the bytes end earlier."""
+        """Return the offset at which the message ends. Raises MessageError if the bytes end earlier."""
         if self._last is not None:
             order, layout, places, words = self._last
             if order == reader.order and layout.end <= len(reader.data) and np.array_equal(

@@ -30,7 +30,7 @@ ADD, DELETE, DELETE_ALL = 0, 2, 3
 BENCH_HEIGHT_M = 0.1
 BENCH, EDGES = 'bench', 'bench edges'       # namespaces of the markers
 _EDGE_WIDTH_M, _ABOVE_M = 0.02, 0.002       # edges are drawn slightly above the faces
-_TRACK_WIDTH_M, _TRACK_Z_M, _TRAIL_WIDTH_M = 0.03, -0.06, 0.04      # the track is drawn just below the benches
+_TRACK_WIDTH_M, _TRACK_Z_M, _TRAIL_WIDTH_M = 0.03, -0.06, 0.04      # the track is just below the benches
 _PROUD = 1.1        # height of a red bench relative to the bench that it covers
 Colour = tuple[float, float, float, float]
 # Okabe-Ito colours, which colour-blind people can distinguish.
@@ -66,7 +66,7 @@ class MarkerSpec:
 
 
 class Offsets(NamedTuple):
-    """Offsets of the fields of a marker that change from tick to tick."""
+    """The offsets of the fields of a marker that change from tick to tick."""
 
     stamp: int
     pose: int
@@ -74,7 +74,7 @@ class Offsets(NamedTuple):
 
 
 def put_marker(writer: Writer, spec: MarkerSpec, frame_id: str, t_ns: int = 0) -> Offsets:
-    """Append one Marker with all points zero, and return the offsets of its stamp, pose and points."""
+    """Append one Marker with all points set to zero; return the offsets of its stamp, pose and points."""
     stamp = writer.header(frame_id, t_ns)
     writer.text(spec.ns)
     writer.put('i', spec.id, spec.type, spec.action)
@@ -103,7 +103,7 @@ class CubesTemplate(Template):
     """A visualization_msgs/MarkerArray with one CUBE per bench, centred at z = 0."""
 
     def __init__(self, lengths_m: Floats, width_m: float, frame_id: str) -> None:
-        """Lay out the message for benches with these full lengths and this width."""
+        """Lay out the message for benches with these full lengths and this common width."""
         writer = Writer()
         writer.put('I', lengths_m.size)
         specs = [MarkerSpec(BENCH, bench, CUBE, (length_m, width_m, BENCH_HEIGHT_M), _BODY if bench else _HEAD)
@@ -117,7 +117,7 @@ class CubesTemplate(Template):
             'stamp': ('<u8', 0), 'place': ('<c16', pose), 'turn': ('<c16', pose + 40)})
 
     def encode(self, t_ns: int, centre: Floats, axis: Floats) -> bytes:
-        """Return the bytes for benches at ``centre`` (N, 2) m along ``axis`` (N, 2)."""
+        """Return the bytes for benches centred at ``centre`` (m) along ``axis``, both of shape (N, 2)."""
         return self.patched(lambda data: self._patch(data, t_ns, centre, axis))
 
     def _patch(self, data: memoryview, t_ns: int, centre: Floats, axis: Floats) -> None:
@@ -134,7 +134,7 @@ class TrianglesTemplate(Template):
     """
 
     def __init__(self, lengths_m: Floats, width_m: float, frame_id: str) -> None:
-        """Lay out the message for benches with these full lengths and this width."""
+        """Lay out the message for benches with these full lengths and this common width."""
         benches = lengths_m.size
         writer = Writer()
         writer.put('I', 2)
@@ -150,7 +150,7 @@ class TrianglesTemplate(Template):
         super().__init__(data)
 
     def encode(self, t_ns: int, centre: Floats, axis: Floats) -> bytes:
-        """Return the bytes for benches at ``centre`` (N, 2) m along ``axis`` (N, 2)."""
+        """Return the bytes for benches centred at ``centre`` (m) along ``axis``, both of shape (N, 2)."""
         middle, forward = plane(centre), plane(axis)
         along, side = self._half_length * forward, 1j * self._half_width * forward
         front, rear = middle + along, middle - along
@@ -167,20 +167,20 @@ class TrianglesTemplate(Template):
 
 
 def _points(data: memoryview, benches: int, start: int, each: int, z_m: float) -> RowLayout:
-    """Lay out ``each`` points per bench at the height ``z_m``, and return the layout of the rows."""
+    """Lay out ``each`` points per bench at the height ``z_m``; return the layout of the rows."""
     strided(data, '<f8', start + 16, 24, each * benches, 1)[:] = z_m
     return RowLayout(benches, start, 24 * each, {f'place {n}': ('<c16', 24 * n) for n in range(each)})
 
 
 def contact_markers(t_ns: int, frame_id: str, benches: Iterable[MarkerSpec], others: Iterable[MarkerSpec]) -> bytes:
-    """Return a MarkerArray that replaces the previous one: DELETEALL, ``red_benches`` and other markers, if any."""
+    """Return a MarkerArray that replaces all earlier markers, with these benches (see ``red_benches``) and others."""
     return _marker_array(t_ns, frame_id, [delete_all(), *benches, *others])
 
 
 def red_benches(ns: str, ids: Iterable[int], centre: Floats, axis: Floats, size: Floats) -> list[MarkerSpec]:
-    """Return the markers of M benches in contact, given centres, unit axes and full sizes (M, 2 each) in m.
+    """Return the markers of M benches in contact, given centres (m), unit axes and full sizes (m), all of shape (M, 2).
 
-    These markers are vermilion and slightly higher than the benches that they cover.
+    The markers are vermilion and slightly higher than the benches that they cover.
     """
     rows = zip(ids, centre.tolist(), half_turns(axis).tolist(), size.tolist(), strict=True)
     return [MarkerSpec(ns, number, CUBE, (length, width, _PROUD * BENCH_HEIGHT_M), VERMILION, place=(x, y, 0.0),
@@ -195,17 +195,17 @@ def single_marker(t_ns: int, frame_id: str, spec: MarkerSpec) -> bytes:
 
 
 def delete_all() -> MarkerSpec:
-    """Return the marker that deletes all markers of its topic."""
+    """Return the marker that deletes all markers on its topic."""
     return MarkerSpec('', 0, 0, _NO_SCALE, _NO_COLOUR, action=DELETE_ALL)
 
 
 def deleted(ns: str) -> MarkerSpec:
-    """Return the marker that deletes marker 0 of a namespace."""
+    """Return the marker that deletes marker 0 in a namespace."""
     return MarkerSpec(ns, 0, 0, _NO_SCALE, _NO_COLOUR, action=DELETE)
 
 
 def trail_marker(t_ns: int, points: Floats, frame_id: str) -> bytes:
-    """Return a MarkerArray with one LINE_STRIP through points (K, 2) in m."""
+    """Return a MarkerArray with one LINE_STRIP through points (m, shape (K, 2))."""
     writer = Writer()
     writer.put('I', 1)
     _put_line(writer, 'trail', _TRAIL_WIDTH_M, _TRAIL_GREY, points, 0.0, t_ns, frame_id)
@@ -230,7 +230,7 @@ def _marker_array(t_ns: int, frame_id: str, specs: list[MarkerSpec]) -> bytes:
 
 def _put_line(writer: Writer, ns: str, width_m: float, colour: Colour, points: Floats, z_m: float, t_ns: int,
               frame_id: str) -> None:
-    """Append a LINE_STRIP through points (K, 2) in m, all at the height ``z_m``."""
+    """Append a LINE_STRIP through points (m, shape (K, 2)) at the height ``z_m``."""
     spec = MarkerSpec(ns, 0, LINE_STRIP, (width_m, 0.0, 0.0), colour, len(points))
     start = put_marker(writer, spec, frame_id, t_ns).points
     out = np.frombuffer(writer.data, '<f8', 3 * len(points), start).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""The monitor's markers of a tick, as bytes: the deepest contacts, and the clearance as a label and as a vector."""
+"""The monitor's markers for a tick, as bytes: the deepest contacts, and the clearance as a label and as a vector."""
 import numpy as np
 
 from dragon_ros.core.geometry.signed_distance import shortest_vector, witness
@@ -25,7 +25,7 @@ def report_markers(report: Report) -> bytes:
     if not report.touching:
         return contact_markers(observation.t_ns, observation.frame_id, [], [])
     all_benches = observation.benches
-    count = len(all_benches.centre)         # the numbers of obstacles start at this value
+    count = len(all_benches.centre)         # obstacles are numbered from this value on
     ids = sorted({bench for pair in report.touching for bench in pair if bench < count})
     size = 2 * np.stack((all_benches.half_length[ids], all_benches.half_width[ids]), axis=1)
     benches = red_benches('bench in contact', ids, all_benches.centre[ids], all_benches.axis[ids], size)
@@ -35,7 +35,7 @@ def report_markers(report: Report) -> bytes:
 def clearance_marker(report: Report) -> bytes:
     """Return the clearance as a text marker.
 
-    The marker is a DELETE if there is no closest pair, or during a contact, which has its own label.
+    If there is no closest pair, or during a contact (which has a label of its own), the marker deletes the old text.
     """
     spec = deleted('clearance')
     if report.closest and not report.touching:
@@ -47,7 +47,7 @@ def clearance_marker(report: Report) -> bytes:
 
 
 def stamped_clearance(report: Report) -> bytes:
-    """Return the clearance of a tick with its stamp, as x of a geometry_msgs/Vector3Stamped."""
+    """Return the clearance of a tick, with its stamp, in field x of a geometry_msgs/Vector3Stamped."""
     writer = Writer()
     writer.header(report.observation.frame_id, report.observation.t_ns)
     writer.put('d', report.clearance_m, 0.0, 0.0)
@@ -55,7 +55,7 @@ def stamped_clearance(report: Report) -> bytes:
 
 
 def vector_of(report: Report) -> bytes:
-    """Return the shortest vector between the closest pair, which must exist, as a geometry_msgs/Vector3Stamped."""
+    """Return the shortest vector between the closest pair as a geometry_msgs/Vector3Stamped; the pair must exist."""
     assert report.closest
     observation, writer = report.observation, Writer()
     writer.header(observation.frame_id, observation.t_ns)
@@ -72,7 +72,7 @@ def _point_and_label(report: Report) -> list[MarkerSpec]:
 
 
 def _text(namespace: str, point_m: tuple[float, float], text: str) -> MarkerSpec:
-    """Return a text marker beside a point and above the benches, where nothing covers it and it covers no contact."""
+    """Return a text marker beside a point and above the benches, so that it neither is hidden nor hides a contact."""
     x, y = point_m
     return MarkerSpec(namespace, 0, TEXT_VIEW_FACING, (0.0, 0.0, _TEXT_M), BLACK,
                       place=(x, y - 2 * _TEXT_M, 2 * _TEXT_M), text=text)

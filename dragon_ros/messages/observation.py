@@ -1,7 +1,7 @@
 """Convert the bytes of a PoseArray and a MarkerArray into a checked observation for the contact tracker.
 
-For the dragon of another publisher, this module also computes the MarkerArray of benches from the handles, so that a
-monitor can observe that dragon.
+If a dragon is published by another program, this module also computes the MarkerArray of its benches from its handles,
+so that a monitor can observe that dragon.
 """
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ _SKEW = 1e-6        # largest relative deviation of a bench's two triangles from
 
 @dataclass(frozen=True)
 class BenchMarkers:
-    """The benches of one message: stamp, frame, markers, and the indices of the bench markers."""
+    """The benches in one message: stamp, frame, markers, and the indices of the bench markers."""
 
     t_ns: int
     frame_id: str
@@ -30,14 +30,14 @@ class BenchMarkers:
     order: Ints
 
     def rectangles(self, handles_m: Floats) -> Benches:
-        """Return the benches; ``handles_m`` (N+1, 2) determine the direction of benches made of triangles."""
+        """Return the benches; ``handles_m`` (shape (N+1, 2)) determines the direction of benches made of triangles."""
         if self.markers.type[self.order[0]] == CUBE:
             return _cubes(self.markers, self.order)
         return _facing(*_triangles(self.markers, int(self.order[0]), len(handles_m)), handles_m)
 
     @property
     def size_bytes(self) -> int:
-        """Memory in bytes of the part of the message that is kept."""
+        """The memory, in bytes, of the part of the message that is kept."""
         return self.markers.size_bytes
 
     def to_wait(self) -> 'BenchMarkers | WaitingBenches':
@@ -59,7 +59,7 @@ class BenchMarkers:
 
 @dataclass(frozen=True)
 class BenchCubes:
-    """The benches of a message of cubes: stamp, frame, unchecked poses (N, 7), and checked sizes."""
+    """The benches in a message with cubes: stamp, frame, unchecked poses (shape (N, 7)), and checked sizes."""
 
     t_ns: int
     frame_id: str
@@ -83,7 +83,7 @@ class BenchCubes:
 
 @dataclass(frozen=True)
 class WaitingBenches:
-    """The benches of a message that is no longer kept: arrays for ``Benches`` or, for triangles, for ``_facing``."""
+    """The benches from a message that is no longer kept: arrays for ``Benches`` or, for triangles, for ``_facing``."""
 
     t_ns: int
     frame_id: str
@@ -100,7 +100,7 @@ class WaitingBenches:
 
     @property
     def size_bytes(self) -> int:
-        """Memory in bytes of the arrays."""
+        """The memory of the arrays in bytes."""
         return sum(each.nbytes for each in self.arrays)
 
 
@@ -108,7 +108,7 @@ ShownBenches = BenchMarkers | BenchCubes | WaitingBenches
 
 
 def observation_of(poses: Poses, shown: ShownBenches) -> Observation:
-    """Return the observation from two messages of one tick. Raises MessageError with the message and the field."""
+    """Return the observation from the two messages of a tick. Raises MessageError, naming the message and the field."""
     handles_m = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
     rectangles = shown.rectangles(handles_m)
     _counted(len(rectangles.centre), len(handles_m))
@@ -118,7 +118,7 @@ def observation_of(poses: Poses, shown: ShownBenches) -> Observation:
 
 
 def read_benches(data: bytes) -> BenchMarkers:
-    """Return the benches of a MarkerArray, ignoring other markers in it. Raises MessageError."""
+    """Return the benches in a MarkerArray, ignoring other markers. Raises MessageError."""
     markers = read_marker_array(data)
     order = _bench_markers(markers)
     t_ns = checked_stamp(int(markers.t_ns[order[0]]))
@@ -126,7 +126,7 @@ def read_benches(data: bytes) -> BenchMarkers:
 
 
 def checked_stamp(t_ns: int) -> int:
-    """Return the stamp of benches. Raises MessageError if the stamp is invalid."""
+    """Return the stamp of a message with benches. Raises MessageError if the stamp is invalid."""
     if not 0 <= t_ns < 2**31 * NS:
         raise MessageError(f'benches: stamp: {t_ns} ns; expected a non-negative time below 2**31 s')
     return t_ns
@@ -136,7 +136,7 @@ def read_handles(data: bytes) -> Poses:
     """Return the poses of a PoseArray. Raises MessageError if the poses cannot be the handles of a dragon."""
     poses = read_pose_array(data)
     if len(poses.poses) < 2:
-        raise MessageError(f'handles: {len(poses.poses)} poses; a dragon has at least two handles')
+        raise MessageError(f'handles: the number of poses is {len(poses.poses)}; a dragon has at least two handles')
     _finite('handles: position', poses.poses[:, :2])
     return poses
 
@@ -149,13 +149,13 @@ class BenchesFromHandles:
     """
 
     def __init__(self, width_m: float = 0.3, hole_inset_m: float = 0.275) -> None:
-        """Start with the hole inset and the width, in metres, that all benches share."""
+        """Start with the common hole inset and width of all benches, in metres."""
         self._width_m, self._hole_inset_m = width_m, hole_inset_m
-        self._frame_id, self._lengths_m = '', np.empty(0)       # lengths in the order of the template
+        self._frame_id, self._lengths_m = '', np.empty(0)       # lengths for which the template was built
         self._template: CubesTemplate | None = None
 
     def encode(self, handles: bytes) -> bytes:
-        """Return the MarkerArray, with the same stamp and frame, for the bytes of a geometry_msgs/PoseArray.
+        """Return a MarkerArray, with the same stamp and frame, for the bytes of a geometry_msgs/PoseArray.
 
         Raises MessageError if handles are invalid or two consecutive handles coincide.
         """
@@ -173,7 +173,7 @@ class BenchesFromHandles:
 
 
 def _bench_markers(markers: Markers) -> Ints:
-    """Return the indices of the markers in namespace ``bench``: one TRIANGLE_LIST, or CUBEs by id, 0 to N-1."""
+    """Return the indices of the markers in namespace ``bench``: one TRIANGLE_LIST, or CUBEs with ids from 0 to N-1."""
     named = np.array([run.ns == BENCH for run in markers.runs], dtype=bool)
     mine = np.flatnonzero(named[markers.run_of] & (markers.action == _ADD))
     kind = markers.type[mine]
@@ -198,7 +198,7 @@ def _cubes(markers: Markers, order: Ints) -> Benches:
 
 
 def half_sizes(scale: Floats) -> tuple[Floats, Floats]:
-    """Return half lengths and half widths (N,) m of cubes with these scales (N, 3). Raises MessageError."""
+    """Return the half lengths and half widths (m) of cubes, given their scales (shape (N, 3)). Raises MessageError."""
     scale = _finite('benches: scale', scale)
     if np.any(scale[:, :2] <= 0):
         raise MessageError('benches: scale: lengths and widths must be positive')
@@ -206,13 +206,13 @@ def half_sizes(scale: Floats) -> tuple[Floats, Floats]:
 
 
 def placed(poses: Floats) -> tuple[Floats, Floats]:
-    """Return centres and axes (N, 2) of cubes at these poses (N, 7). Raises MessageError."""
+    """Return the centres and axes (shape (N, 2)) of cubes, given their poses (shape (N, 7)). Raises MessageError."""
     poses = _finite('benches: pose', poses)
     return poses[:, :2], _axes(poses[:, 3:])
 
 
 def _axes(quaternion: Floats) -> Floats:
-    """Return the x axis rotated by quaternions (N, 4), as unit vectors (N, 2) in the plane."""
+    """Rotate the x axis by quaternions (shape (N, 4)); return unit vectors in the plane (shape (N, 2))."""
     x, y, z, w = quaternion.T
     axis = np.empty((len(quaternion), 2))
     if quaternion[:, :2].any():
@@ -227,7 +227,7 @@ def _axes(quaternion: Floats) -> Floats:
 
 
 def _triangles(markers: Markers, marker: int, handles: int | None = None) -> tuple[Floats, Floats, Floats]:
-    """Return centres, sides and half sizes of pairs of triangles, for either diagonal and either winding."""
+    """Return the centres, sides and half sizes of rectangles made of two triangles with any diagonal and winding."""
     points = _placed(_finite('benches: point', markers.points_of(marker)), markers, marker)
     if len(points) % 6:
         raise MessageError(f'benches: {len(points)} points; expected six points (two triangles) per bench')
@@ -235,7 +235,7 @@ def _triangles(markers: Markers, marker: int, handles: int | None = None) -> tup
         _counted(len(points) // 6, handles)
     first, second = np.moveaxis(points.reshape(-1, 2, 3, 2), 1, 0)
     if np.array_equal(first[:, 0], second[:, 0]) and np.array_equal(first[:, 2], second[:, 1]):
-        # This is the diagonal and the winding in the messages of this package.
+        # Messages from this package have this diagonal and this winding.
         start, corner, end, far = first[:, 0], first[:, 1], first[:, 2], second[:, 2]
     else:
         start, corner, end, far = _around(first, second)
@@ -246,7 +246,7 @@ def _triangles(markers: Markers, marker: int, handles: int | None = None) -> tup
     bent = _norm(start + end - corner - far) > _SKEW * size
     bad = bent | (skew > _SKEW * size * size) | (length[:, 0] <= 0) | (length[:, 1] <= 0)
     if bad.any():
-        raise MessageError(f'benches: points: the two triangles of bench {int(np.argmax(bad))} are not a rectangle')
+        raise MessageError(f'benches: points: the two triangles of bench {int(np.argmax(bad))} do not form a rectangle')
     return 0.5 * (start + end), sides / length[..., None], 0.5 * length
 
 
@@ -256,9 +256,10 @@ def _norm(vectors: Floats) -> Floats:
 
 
 def _around(first: Floats, second: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return the corners (N, 2), in order, of pairs of triangles (N, 3, 2) that share their longest sides.
+    """Return the corners, in order, of N quadrilaterals made of two triangles that share their longest side.
 
-    If the longest sides differ, the last corner is moved by the distance between these sides.
+    The triangles have the shape (N, 3, 2). If their longest sides differ, the last corner is moved by the distance
+    between these sides.
     """
     (corner, start, end), (far, one, other) = _from_right_angle(first), _from_right_angle(second)
     apart = np.minimum(_norm(start - one) + _norm(end - other), _norm(start - other) + _norm(end - one))
@@ -266,7 +267,7 @@ def _around(first: Floats, second: Floats) -> tuple[Floats, Floats, Floats, Floa
 
 
 def _from_right_angle(triangles: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the corner opposite the longest side of triangles (N, 3, 2), and the ends of that side."""
+    """Return the corner opposite the longest side of each triangle (shape (N, 3, 2)), and the ends of that side."""
     opposite = _norm(np.roll(triangles, -1, axis=1) - np.roll(triangles, 1, axis=1))
     turn = (np.argmax(opposite, axis=1)[:, None] + np.arange(3)) % 3
     corner, start, end = np.moveaxis(np.take_along_axis(triangles, turn[..., None], axis=1), 1, 0)
@@ -274,9 +275,9 @@ def _from_right_angle(triangles: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _facing(centre: Floats, sides: Floats, half: Floats, handles_m: Floats) -> Benches:
-    """Return benches whose axes are the ``sides`` (N, 2, 2) that align best with the links, from rear to front.
+    """Return benches; the axis of each is the one of its two ``sides`` that best aligns with its link, rear to front.
 
-    The longer side is used if a bench's two handles coincide.
+    ``sides`` has the shape (N, 2, 2). If the two handles of a bench coincide, its longer side is used.
     """
     link = handles_m[:-1] - handles_m[1:]
     along = sides[..., 0] * link[:, :1] + sides[..., 1] * link[:, 1:]
@@ -289,7 +290,7 @@ def _facing(centre: Floats, sides: Floats, half: Floats, handles_m: Floats) -> B
 
 
 def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
-    """Apply a marker's scale and pose to its points (K, 3); return the points in the plane."""
+    """Apply a marker's scale and pose to its points (shape (K, 3)); return the points in the plane."""
     pose = _finite('benches: pose', markers.poses[marker:marker + 1])[0]
     scale = _finite('benches: scale', markers.scale[marker:marker + 1])[0]
     x, y, z, w = pose[3:] / max(float(np.linalg.norm(pose[3:])), 1e-150)
@@ -303,7 +304,7 @@ def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
 
 
 def _finite(what: str, values: Floats) -> Floats:
-    """Return values as native floats. Raises MessageError unless all values are finite and below the limit."""
+    """Return values as native floats. Raises MessageError unless all of them are finite and below the limit."""
     values = np.ascontiguousarray(values, dtype=np.float64)
     size = np.abs(values)
     if not np.max(size, initial=0.0) < COORDINATE_M:

@@ -13,14 +13,14 @@ DESCRIPTION = 'robot_description'
 
 
 def once(scene: Scene, frame_id: str) -> dict[str, bytes]:
-    """Return the latched messages of a scene by topic, except the message that contains the scene itself."""
+    """Return, by topic, the latched messages of a scene, except the message that contains the scene itself."""
     wanted = ['track', *(['path'] if Effect.PATH in scene.effects else []),
               *(['venue'] if scene.venue is not None else [])]
     return {name: ENCODE[name](scene, frame_id) for name in wanted}
 
 
 def path_message(scene: Scene, frame_id: str) -> bytes:
-    """Return the part of the track that handles cover during the run as a nav_msgs/Path, from rear to front.
+    """Return, as a nav_msgs/Path from rear to front, the part of the track that the handles cover during the run.
 
     Each pose has the stamp and frame of the path, and its x axis points to the next pose.
     """
@@ -43,7 +43,7 @@ def _venue(scene: Scene, frame_id: str) -> bytes:
 
 
 def _robot(scene: Scene, _: str) -> bytes:
-    from dragon_ros.messages.urdf import urdf_of  # imports an XML library, which few runs need
+    from dragon_ros.messages.urdf import urdf_of  # imported lazily, because few runs need its XML library
     return string_message(urdf_of(scene))
 
 

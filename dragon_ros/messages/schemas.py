@@ -51,7 +51,7 @@ def _types() -> dict[str, str]:
 
 
 def _plain(text: str) -> list[str]:
-    """Return a schema's lines without comments and white space; a separator between types may have any length."""
+    """Return a schema's lines without comments and white space, and with type separators of equal length."""
     lines = (' '.join(line.partition('#')[0].split()) for line in text.splitlines())
     return ['=' if set(line) == {'='} else line for line in lines if line]
 
@@ -66,7 +66,7 @@ def fields_of(name: str) -> tuple[Field, ...]:
 
 
 def _fields(text: str, package: str, texts: dict[str, str]) -> tuple[Field, ...]:
-    """Return the fields of one section, excluding constants."""
+    """Return the fields declared in one section of a schema, excluding constants."""
     lines = (_FIELD.match(line.partition('#')[0].strip()) for line in text.splitlines())
     return tuple(_field(line, package, texts) for line in lines if line and not line[4])
 

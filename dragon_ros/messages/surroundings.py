@@ -14,16 +14,16 @@ from dragon_ros.messages.decode import Markers, MessageError, Reader, read_marke
 from dragon_ros.messages.markers import ADD, LINE_LIST, LINE_STRIP, TEXT_VIEW_FACING
 from dragon_ros.messages.venue_markers import EDGES, KINDS, NAMES
 
-MAP = 'map'             # name of the obstacles in a grid
-_FLAT = 1e-6            # largest sine of the tilt of a plane
+MAP = 'map'             # name of the obstacles from a grid
+_FLAT = 1e-6            # limit on the sine of a plane's tilt
 _SIDES = {text: side for side, text in KINDS.items()}
 
 
 @dataclass(frozen=True)
 class Located:
-    """Surroundings (None if there are no obstacles) in a frame; ``left_out`` names the unused parts of the message.
+    """Surroundings and their frame; ``left_out`` describes the parts of the message that were not used.
 
-    ``frame_id`` is None for the frame of the dragon, regardless of that frame's name.
+    ``around`` is None if there are no obstacles. ``frame_id`` is None for the dragon's frame, whatever its name.
     """
 
     frame_id: str | None
@@ -34,9 +34,9 @@ class Located:
 def read_venue(data: bytes) -> Located:
     """Return the obstacles in a MarkerArray: the LINE_LIST and LINE_STRIP markers in the namespace ``venue``.
 
-    The name of an obstacle is the text with the same id in the namespace ``venue names``. The text of a marker is its
-    kind: polygon, line or inside. A marker without text is a line. Raises MessageError if a marker is invalid or the
-    markers are in several frames.
+    The text of a marker gives its kind (polygon, line or inside); a marker without text is a line. An obstacle is named
+    by the text marker with the same id in the namespace ``venue names``. Raises MessageError if a marker is invalid or
+    if the markers are in several frames.
     """
     markers = read_marker_array(data)
     of = np.array([run.ns for run in markers.runs], dtype=object)[markers.run_of]
@@ -44,7 +44,8 @@ def read_venue(data: bytes) -> Located:
     lines = (markers.type == LINE_LIST) | (markers.type == LINE_STRIP)
     drawn = np.flatnonzero((of == EDGES) & added & lines)
     others = int(np.count_nonzero((of == EDGES) & added & ~lines))
-    left_out = f'{others} markers in the namespace {EDGES} are neither LINE_LIST nor LINE_STRIP' if others else ''
+    what, are = ('marker', 'is') if others == 1 else ('markers', 'are')
+    left_out = f'{others} {what} in the namespace {EDGES} {are} neither LINE_LIST nor LINE_STRIP' if others else ''
     if not drawn.size:
         return Located('', None, left_out)
     frames = {run.frame_id for n, run in enumerate(markers.runs) if n in set(markers.run_of[drawn].tolist())}
@@ -56,7 +57,7 @@ def read_venue(data: bytes) -> Located:
 
 
 def _surroundings(markers: Markers, drawn: list[int], names: dict[int, str]) -> Surroundings | None:
-    """Return the surroundings that markers describe."""
+    """Return the surroundings described by markers."""
     starts, stops, owner, titles, sides = [], [], [], list[str](), list[int]()
     for marker in drawn:
         start, stop = _edges(markers, marker)
@@ -80,7 +81,7 @@ def _edges(markers: Markers, marker: int) -> tuple[Complexes, Complexes]:
     points = markers.points_of(marker)
     size: Floats = np.abs(points[:, :2])
     if not np.max(size, initial=0.0) < FARTHEST_M:
-        raise MessageError(f'venue: marker {int(markers.id[marker])} has a point that is not finite, or beyond '
+        raise MessageError(f'venue: marker {int(markers.id[marker])} has a point that is not finite or is beyond '
                            f'{FARTHEST_M:g} m')
     shift, turn = plane_pose_of(markers.poses[marker], 'venue: pose')
     z: Complexes = np.ascontiguousarray(points[:, :2], dtype=np.float64).view(np.complex128).ravel()
@@ -89,13 +90,13 @@ def _edges(markers: Markers, marker: int) -> tuple[Complexes, Complexes]:
 
 
 def plane_pose_of(pose: Floats, what: str) -> PlanePose:
-    """Return a pose (7,) in the plane; its height is ignored. Raises MessageError for a tilted or infinite pose.
+    """Return a pose (shape (7,)) in the plane, ignoring its height. Raises MessageError for a tilted or infinite pose.
 
     A quaternion of zeros, which many programs send, means no rotation.
     """
     x, y, _, *quaternion = pose.tolist()
     if not all(abs(one) < FARTHEST_M for one in pose.tolist()):
-        raise MessageError(f'{what}: {pose.tolist()} is not finite, or beyond {FARTHEST_M:g} m')
+        raise MessageError(f'{what}: {pose.tolist()} is not finite or is beyond {FARTHEST_M:g} m')
     a, b, c, w = quaternion if any(quaternion) else (0.0, 0.0, 0.0, 1.0)
     size = a * a + b * b + c * c + w * w
     if a * a + b * b > _FLAT**2 * size:
@@ -133,7 +134,7 @@ def read_grid(data: bytes, rules: CellRules) -> Located:
     occupied = cells >= rules.occupied
     if rules.unknown:
         occupied |= cells < 0
-    cell_m = float(f'{resolution_m:.7g}')       # for example 0.05 instead of the nearest 32-bit float
+    cell_m = float(f'{resolution_m:.7g}')       # for example, exactly 0.05 instead of the nearest 32-bit float
     return Located(frame_id, outlines(occupied, MAP, shift, turn * cell_m) if count else None)
 
 

@@ -1,6 +1,6 @@
-"""Pairs the handles and benches of a tick, which arrive on two topics, by their stamps, within bounded memory and time.
+"""Pairs the handles and benches of each tick, which arrive on two topics, by stamp, within bounded memory and time.
 
-If a topic has several publishers, ``Streams`` distinguishes their messages.
+If a topic has several publishers, ``Streams`` tells their messages apart.
 """
 from collections import Counter, deque
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from dragon_ros.core.limits import MONITOR_BYTES
 from dragon_ros.messages.decode import Poses
 from dragon_ros.messages.observation import BenchCubes, BenchMarkers, ShownBenches
 
-_EACH_BYTES = 4096      # largest overhead of one message, in bytes
-_LONGEST_JUMP = 1000    # largest number of consecutive messages that a publisher may lose
-_MOST_OTHERS = 7        # largest number of distinguished publishers in addition to the adopted one
-_EXACT = 0.25           # largest deviation, in steps, of a stamp that still identifies its publisher
+_EACH_BYTES = 4096      # maximum overhead per message
+_LONGEST_JUMP = 1000    # limit on consecutive lost messages before a publisher is considered new
+_MOST_OTHERS = 7        # limit on the number of publishers tracked in addition to the adopted one
+_EXACT = 0.25           # limit on the deviation (in steps) of a stamp that still identifies its publisher
 _HANDLES, _BENCHES = 'handles', 'benches'
 Pair = tuple[Poses, ShownBenches]
 
@@ -36,8 +36,8 @@ class Unmatched(NamedTuple):
 class Synchronizer:
     """Holds unpaired messages in order of arrival, and drops them when a later pair is complete or a limit is reached.
 
-    If a run restarts while one topic lags, a stamp may occur again; the oldest messages are then paired first. One
-    topic may run ahead while the other is resent, so the bound applies to the bytes of both topics together.
+    If a run restarts while one topic lags, a stamp may occur again; the oldest messages are then paired first. Since
+    one topic may run ahead while the other is being resent, the limit applies to the total bytes of both topics.
     """
 
     def __init__(self) -> None:
@@ -56,7 +56,7 @@ class Synchronizer:
         return self._add(_BENCHES, shown if self._stamps[_HANDLES][shown.t_ns] else shown.to_wait(), now_s)
 
     def add(self, topic: str, message: Poses | BenchMarkers | BenchCubes, now_s: float) -> Pair | None:
-        """Add handles or benches, by the name of their topic."""
+        """Add handles or benches, as given by the name of the topic."""
         return self.add_handles(message, now_s) if isinstance(message, Poses) else self.add_benches(message, now_s)
 
     def expire(self, before_s: float) -> None:
@@ -71,7 +71,7 @@ class Synchronizer:
         return out
 
     def _add(self, topic: str, message: Any, now_s: float) -> Pair | None:
-        """Add a message and return its pair, if any; if too many bytes wait, drop the oldest messages."""
+        """Add a message and return its pair, if any; if too many bytes are waiting, drop the oldest messages."""
         new = _Waiting(message.t_ns, message, now_s, message.size_bytes + _EACH_BYTES)
         self._waiting[topic].append(new)
         self._stamps[topic][new.t_ns] += 1
@@ -83,7 +83,7 @@ class Synchronizer:
         return pair
 
     def _match(self, t_ns: int) -> Pair | None:
-        """Return the oldest pair with a stamp, if any; drop messages that arrived before either message of the pair."""
+        """Return the oldest pair with this stamp, if any; drop messages older than either message of the pair."""
         if not all(stamps[t_ns] for stamps in self._stamps.values()):
             return None
         for topic, waiting in self._waiting.items():
@@ -106,20 +106,20 @@ class Synchronizer:
 
 @dataclass
 class _Stream:
-    """The state of one publisher: its last sequence number and stamp, and the increase of the stamp per number."""
+    """The state of one publisher: its last sequence number and stamp, and the step between consecutive stamps."""
 
     sequence: int
     t_ns: int
     step_ns: float | None = None
 
     def off(self, sequence: int, t_ns: int) -> float:
-        """Return by how many steps a stamp deviates from the expected stamp for a number; inf if this is unknown."""
+        """Return how many steps a stamp is away from the one expected for a number, or inf if the step is unknown."""
         if self.step_ns is None:
             return inf
         return abs(t_ns - self.t_ns - self.step_ns * (sequence - self.sequence)) / max(self.step_ns, 1.0)
 
     def jump(self, sequence: int) -> float:
-        """Return how far a sequence number is ahead of the expected number; inf if it is too far ahead or too old."""
+        """Return how far a sequence number is ahead of the expected one, or inf if it is too far ahead or too old."""
         ahead = sequence - self.sequence - 1
         return ahead if 0 <= ahead <= _LONGEST_JUMP else inf
 
@@ -131,12 +131,12 @@ class _Stream:
 
 
 class Streams:
-    """Distinguishes the messages of a topic's publishers, because the middleware does not name the sender.
+    """Tells the publishers of a topic apart by their messages, because the middleware does not name the sender.
 
-    Each publisher numbers its messages, and its stamps grow evenly with the numbers. A message belongs to the publisher
-    whose sequence it continues. Publishers with equal numbers and stamps cannot be distinguished, nor can publishers
-    with equal numbers at the moment when one of them seeks. Messages of all publishers are accepted until one publisher
-    is adopted; from then on, only its messages are accepted.
+    Each publisher numbers its messages, and its stamps increase evenly with the numbers. A message belongs to the
+    publisher whose sequence it continues. Publishers with equal numbers and stamps cannot be told apart; the same is
+    true of publishers with equal numbers at the moment when one of them seeks. Until a publisher is adopted, messages
+    from all publishers are accepted; from then on, only messages from the adopted publisher are.
     """
 
     def __init__(self) -> None:
@@ -145,11 +145,11 @@ class Streams:
         self._known: _Stream | None = None
 
     def follows(self, sequence: int) -> bool:
-        """Return whether a message's number continues the sequence of a publisher."""
+        """Return whether a message's number continues the sequence of any known publisher."""
         return any(sequence == stream.sequence + 1 for stream in self._all)
 
     def take(self, sequence: int, t_ns: int, alone: bool) -> bool:
-        """Return whether to accept a message; the result is always true if its publisher is ``alone``."""
+        """Return whether to accept a message; always true if the topic has a single publisher (``alone``)."""
         if alone:
             self._all = self._all if len(self._all) == 1 and self.follows(sequence) else [_Stream(sequence, t_ns)]
             self._known = self._known and self._all[0]
@@ -158,12 +158,12 @@ class Streams:
         return self._known is None or stream is self._known
 
     def adopt(self, t_ns: int) -> None:
-        """Adopt the publisher whose last stamp is nearest to this one, unless one is already adopted."""
+        """Adopt the publisher whose last stamp is nearest to this stamp, unless a publisher is already adopted."""
         if self._known is None and self._all:
             self._known = min(self._all, key=lambda stream: abs(stream.t_ns - t_ns))
 
     def forget(self) -> None:
-        """Forget all publishers, because the adopted publisher is gone."""
+        """Forget all publishers because the adopted publisher is gone."""
         self._known = None
         self._all.clear()
 

@@ -1,4 +1,4 @@
-"""The tree of coordinate frames that /tf and /tf_static describe, and the pose of one frame in another."""
+"""The tree of coordinate frames described by /tf and /tf_static, and the pose of one frame in another."""
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,13 +9,13 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.venue import FARTHEST_M
 from dragon_ros.messages.decode import MessageError, Reader
 
-_FLAT = 1e-6            # largest sine of the tilt of one plane against another
-_UNIT = 1e-3            # largest deviation of a quaternion's squared norm from 1
+_FLAT = 1e-6            # limit on the sine of the angle between two planes
+_UNIT = 1e-3            # limit on the deviation of a quaternion's squared norm from 1
 
 
 @dataclass(frozen=True)
 class _Parent:
-    """The parent of a frame, and the frame's pose in the parent: rotation matrix (3, 3) and origin (3,)."""
+    """The parent of a frame, and the frame's pose in it: rotation matrix (shape (3, 3)) and origin (shape (3,))."""
 
     frame_id: str
     turn: Floats
@@ -39,7 +39,7 @@ class FrameTree:
             if known is None and len(self._parents) >= KNOWN_FRAMES:
                 continue
             if not np.max(np.abs(values)) < FARTHEST_M:
-                raise MessageError(f'/tf: the pose of the frame {child!r} is not finite, or beyond {FARTHEST_M:g} m')
+                raise MessageError(f'/tf: the pose of the frame {child!r} is not finite or is beyond {FARTHEST_M:g} m')
             parent = _Parent(frame_id, _matrix(values[3:], child), values[:3])
             if known is None or known.frame_id != frame_id or not (
                     np.array_equal(known.turn, parent.turn) and np.array_equal(known.shift, parent.shift)):
@@ -47,7 +47,7 @@ class FrameTree:
         return new
 
     def pose(self, frame: str, into: str) -> PlanePose | None:
-        """Return the pose of a frame in another frame; None if they are not connected.
+        """Return the pose of a frame in another frame, or None if the frames are not connected.
 
         Raises MessageError if one frame is tilted in the other.
         """
@@ -63,7 +63,7 @@ class FrameTree:
         return complex(shift[0], shift[1]), along / abs(along)
 
     def _ancestors(self, frame: str) -> dict[str, tuple[Floats, Floats]]:
-        """Return a frame and its ancestors, nearest first, with the frame's rotation and origin in each."""
+        """Return the frame and its ancestors, nearest first, each with the rotation and origin of the frame in it."""
         turn, shift = np.eye(3), np.zeros(3)
         out = {frame: (turn, shift)}
         while (parent := self._parents.get(frame)) and parent.frame_id not in out:
@@ -73,7 +73,7 @@ class FrameTree:
 
 
 def _bare(frame_id: str) -> str:
-    """Return the name of a frame without the leading slash that older programs write."""
+    """Return a frame's name without the leading slash that older programs write."""
     return frame_id.lstrip('/')
 
 

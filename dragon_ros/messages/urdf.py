@@ -1,7 +1,7 @@
-"""The dragon as a life-size URDF robot: benches are links, and handles are revolute joints.
+"""The dragon as a life-size URDF robot, with benches as links and handles as revolute joints.
 
 The frame of bench i is at its front handle, with x towards the head. Joint i rotates bench i relative to bench i - 1
-about handle i, by its angle in the topic ``joint_states``.
+about handle i; its angle is published on the topic ``joint_states``.
 """
 from math import pi
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -10,8 +10,8 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.messages.markers import BENCH_HEIGHT_M
 
 ROOT = 'bench_0'
-_UNLIMITED = 1e3        # in N m and rad/s; nothing drives the joints, but importers require positive numbers
-_MASS_KG = 1.0          # scenes have no masses, but importers drop links without mass
+_UNLIMITED = 1e3        # N m and rad/s; nothing drives the joints, but importers require positive limits
+_MASS_KG = 1.0          # scenes define no masses, but importers drop links without a mass
 
 
 def joint_names(benches: int) -> list[str]:
@@ -20,7 +20,7 @@ def joint_names(benches: int) -> list[str]:
 
 
 def urdf_of(scene: Scene) -> str:
-    """Return the dragon of a scene as a URDF document."""
+    """Return a URDF document that describes the dragon of a scene."""
     dragon = scene.dragon
     robot = Element('robot', name='dragon')
     size = zip(dragon.bench_lengths_m.tolist(), dragon.link_lengths_m.tolist(), strict=True)
@@ -33,7 +33,7 @@ def urdf_of(scene: Scene) -> str:
 
 
 def _add_bench(robot: Element, n: int, size_m: tuple[float, float, float], link_m: float) -> None:
-    """Add a box that is centred between the bench's handles and has the moments of inertia of a homogeneous box."""
+    """Add a homogeneous box, with its moments of inertia, centred between the bench's handles."""
     link = SubElement(robot, 'link', name=f'bench_{n}')
     x, y, z = size_m
     for kind in ('visual', 'collision'):

@@ -11,11 +11,11 @@ from dragon_ros.core.venue import INSIDE, LineObstacle, Points, Venue
 from dragon_ros.messages.cdr import Writer
 from dragon_ros.messages.markers import BLACK, LINE_LIST, TEXT_VIEW_FACING, Colour, MarkerSpec, delete_all, put_marker
 
-# Namespaces of the markers. The id is the number of the obstacle, and the inside has the last id.
+# Namespaces of the markers. The id of a marker is the number of its obstacle; the inside has the last id.
 EDGES, NAMES = 'venue', 'venue names'
 _WIDTH_M, _LETTER_M, _ABOVE_M = 0.08, 0.6, 0.5
 _GREY: Colour = (0.35, 0.35, 0.35, 1.0)
-# Texts of the markers with edges, which RViz does not show. A marker without text is treated as a line.
+# Texts of the markers with edges; RViz does not show these texts. A marker without text is treated as a line.
 KINDS = {OUTSIDE: 'polygon', LINE: 'line', WITHIN: 'inside'}
 
 
@@ -28,12 +28,12 @@ def venue_message(scene: Scene, frame_id: str) -> bytes:
 
 
 def fits_message(around: Surroundings) -> bool:
-    """Return whether surroundings are small enough for ``obstacles_message``, and for readers of messages."""
-    return around.start.size <= SHOWN_EDGES and 2 * len(around.names) < MARKER_RUNS     # a DELETEALL is the first run
+    """Return whether surroundings fit into ``obstacles_message`` and into the limits of programs that read it."""
+    return around.start.size <= SHOWN_EDGES and 2 * len(around.names) < MARKER_RUNS     # DELETEALL is the first run
 
 
 def obstacles_message(around: Surroundings | None, frame_id: str, t_ns: int) -> bytes:
-    """Return a DELETEALL and the markers of ``venue_message`` for the surroundings that are valid from t_ns on."""
+    """Return a DELETEALL followed by markers, as in ``venue_message``, for surroundings valid from ``t_ns`` on."""
     return _message(_drawn_around(around) if around else [], frame_id, t_ns, [delete_all()])
 
 
@@ -57,20 +57,20 @@ def _colour(name: str) -> Colour:
 
 
 def _put_edges(writer: Writer, spec: MarkerSpec, edges: Floats, frame_id: str, t_ns: int) -> None:
-    """Append a marker with the ends (2 n, 2) of edges, at z = 0."""
+    """Append a marker with n edges, given by their ends (shape (2 n, 2)), at z = 0."""
     start = put_marker(writer, spec, frame_id, t_ns).points
     np.frombuffer(writer.data, '<f8', 3 * len(edges), start).reshape(-1, 3)[:, :2] = edges
 
 
 def _drawn(venue: Venue) -> list[tuple[str, int, Floats]]:
-    """Return the name, the side and the ends (2 n, 2) in m of the n edges of each obstacle and of the inside."""
+    """Return the name, side and edges of each obstacle and of the inside; n edges are given by 2 n ends (m)."""
     out = [(one.name, LINE, _edges([one.points_m], False)) if isinstance(one, LineObstacle) else
            (one.name, OUTSIDE, _edges(one.rings_m, True)) for one in venue.obstacles]
     return [*out, *([] if venue.inside is None else [(INSIDE, WITHIN, _edges([venue.inside], True))])]
 
 
 def _drawn_around(around: Surroundings) -> list[tuple[str, int, Floats]]:
-    """Return the name, the side and the ends (2 n, 2) in m of the n edges of each obstacle, in order."""
+    """Return the name, side and edges of each obstacle, in order; n edges are given by 2 n ends (m)."""
     ends = np.stack((around.start, around.stop), axis=1)
     order = np.argsort(around.owner, kind='stable')
     parts = np.split(ends[order], np.flatnonzero(np.diff(around.owner[order])) + 1)

@@ -180,8 +180,8 @@ def test_unusable_benches_are_rejected_by_field(change, says):
 
 @pytest.mark.parametrize(('change', 'says'), [
     (lambda m: setattr(m.poses[1].position, 'y', float('inf')), 'position'),
-    (lambda m: m.poses.clear(), '0 poses'),
-    (lambda m: [m.poses.pop() for _ in range(5)], '1 poses'),
+    (lambda m: m.poses.clear(), 'the number of poses is 0'),
+    (lambda m: [m.poses.pop() for _ in range(5)], 'the number of poses is 1'),
 ])
 def test_unusable_handles_are_rejected_by_field(change, says):
     with pytest.raises(MessageError, match=says):

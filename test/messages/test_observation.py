@@ -140,10 +140,11 @@ def second_list(message):
 
 @pytest.mark.parametrize(('change', 'says'), [
     (lambda m: setattr(m.markers[0].points[9], 'x', float('nan')), 'point 9'),
-    (lambda m: setattr(m.markers[0].points[9], 'x', 100.0), 'bench 1 are not a rectangle'),
-    (lambda m: setattr(m.markers[0].points[9], 'y', m.markers[0].points[9].y + 1e-3), 'bench 1 are not a rectangle'),
-    (lambda m: m.markers[0].points.__setitem__(9, m.markers[0].points[10]), 'bench 1 are not a rectangle'),
-    (lambda m: [setattr(p, 'x', 0.0) or setattr(p, 'y', 0.0) for p in m.markers[0].points], 'are not a rectangle'),
+    (lambda m: setattr(m.markers[0].points[9], 'x', 100.0), 'bench 1 do not form a rectangle'),
+    (lambda m: setattr(m.markers[0].points[9], 'y', m.markers[0].points[9].y + 1e-3),
+     'bench 1 do not form a rectangle'),
+    (lambda m: m.markers[0].points.__setitem__(9, m.markers[0].points[10]), 'bench 1 do not form a rectangle'),
+    (lambda m: [setattr(p, 'x', 0.0) or setattr(p, 'y', 0.0) for p in m.markers[0].points], 'do not form a rectangle'),
     (lambda m: m.markers[0].points.pop(), '29 points; expected six'),
     (lambda m: [m.markers[0].points.pop() for _ in range(6)], '4 benches for 6 handles'),
     (lambda m: m.markers[0].points.clear(), '0 benches for 6 handles'),

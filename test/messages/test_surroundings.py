@@ -65,7 +65,7 @@ def test_lines_of_other_publishers_are_obstacles_with_their_pose_and_a_name_or_n
     assert (found.frame_id, around.names, around.side.tolist()) == ('hall', ('fence', 'obstacle 9'), [LINE, LINE])
     assert np.allclose(around.start, [10, 10 + 2j, 0, 5 + 5j], atol=1e-14)
     assert np.allclose(around.stop, [10 + 2j, 9 + 2j, 1 + 1j, 6 + 6j], atol=1e-14)
-    assert found.left_out == '1 markers in the namespace venue are neither LINE_LIST nor LINE_STRIP'
+    assert found.left_out == '1 marker in the namespace venue is neither LINE_LIST nor LINE_STRIP'
 
 
 def test_a_message_without_edges_empties_the_venue():
