@@ -23,7 +23,7 @@ _COUNTED = ('handles', 'benches', 'velocities')
 _START_S = 100.0
 _LONGEST_S = 300.0
 _POLL_S = 0.05
-_OVERRUNS, _SEEN = re.compile(r'; (\d+) overruns'), re.compile(r'saw (\d+) ticks')
+_OVERRUNS, _SEEN = re.compile(r'; (\d+) overruns?\b'), re.compile(r'saw (\d+) ticks?\b')
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,11 @@ from dragon_ros.nodes.params import NAMES, Parameter
 
 
 def given_to(node: Node) -> dict[str, Any]:
-    """Return the parameter values that the command line, files and ``parameter_overrides`` set for a node, by name.
+    """Return, by name, the parameter values that the command line, files and ``parameter_overrides`` set for a node.
 
     rclpy does not expose all of these values: it either declares the parameters itself (and fails on an empty list,
-    which has no type) or returns the values of given names. Therefore this function, and no other, reads rclpy's
-    internal list, without changing it.
+    which has no type) or returns only the values of requested names. This function therefore reads rclpy's internal
+    list, without changing it; no other function does so.
     """
     return {name: [] if given.value is None else given.value for name, given in node._parameter_overrides.items()}
 
@@ -82,10 +82,10 @@ def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
 NAMESPACE = '/dragon'
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 _NO_CLOCK_S = 3.0
-_QOS = 'qos_overrides.'         # ROS 2's prefix of parameters that override the QoS of a topic
+_QOS = 'qos_overrides.'         # ROS 2's prefix for parameters that override a topic's QoS
 _POLICIES = ('history', 'depth', 'reliability', 'durability', 'deadline', 'lifespan', 'liveliness',
              'liveliness_lease_duration')
-_WAITING = {'history': 'keep_all', 'reliability': 'reliable', 'lifespan': None}     # fixed if the publisher waits
+_WAITING = {'history': 'keep_all', 'reliability': 'reliable', 'lifespan': None}     # fixed if a publisher waits
 _MISSPELT = 0.85                # difflib ratio: rate_hx is a misspelt rate_hz (0.86); publish_rate is unknown (0.82)
 
 
@@ -101,8 +101,8 @@ class DragonNode(Node):
     def __init__(self, name: str, table: tuple[Parameter, ...] = (), overrides: dict[str, Any] | None = None) -> None:
         """Declare the parameters of the table.
 
-        ``overrides`` take precedence over the command line, but lists are appended to the command line's lists. Raises
-        InputError for an invalid value or a misspelt name.
+        ``overrides`` takes precedence over the command line, except that lists are appended to the command line's
+        lists. Raises InputError for an invalid value or a misspelt name.
         """
         lists = {key: value for key, value in (overrides or {}).items() if isinstance(value, list)}
         super().__init__(name, namespace=NAMESPACE, parameter_overrides=[
@@ -146,12 +146,12 @@ class DragonNode(Node):
             self.get_logger().warning(f'{unknown} and ignores it; {hint}')
 
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any, **options: Any) -> Publisher:
-        """Create a publisher as rclpy does, with its QoS overrides. Raises InputError if they are invalid."""
+        """Create a publisher as rclpy does, with its QoS overrides. Raises InputError if an override is invalid."""
         return self._overridden(super().create_publisher, 'publisher', topic, (msg_type, topic, qos_profile), options)
 
     def create_subscription(self, msg_type: Any, topic: str, callback: Any, qos_profile: Any,
                             **options: Any) -> Subscription:
-        """Create a subscription as rclpy does, with its QoS overrides. Raises InputError if they are invalid."""
+        """Create a subscription as rclpy does, with its QoS overrides. Raises InputError if an override is invalid."""
         return self._overridden(super().create_subscription, 'subscription', topic,
                                 (msg_type, topic, callback, qos_profile), options)
 
@@ -186,7 +186,7 @@ class DragonNode(Node):
                     f'{_QOS}TOPIC.publisher.POLICY or {_QOS}TOPIC.subscription.POLICY with the full name of the topic')
 
     def refuse(self, name: str, value: Any) -> None:
-        """Raise DragonError with the reason if a live parameter must not be set to a value."""
+        """Raise DragonError, with the reason, if a live parameter must not be set to this value."""
 
     def changed(self, name: str) -> None:
         """React to the new value of a live parameter."""

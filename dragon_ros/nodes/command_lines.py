@@ -46,7 +46,7 @@ def record(argv: list[str]) -> int:
     options.add_argument('--output', type=Path, metavar='FILE.mcap|FOLDER', help='bag to write: one file, or a rosbag2 '
                          'directory (default: dragon_DATE_TIME.mcap)')
     options.add_argument('--keep-going', action='store_true', help='continue after the publisher leaves, until a '
-                         'signal')
+                         'signal arrives')
     options.add_argument('--force', action='store_true', help='replace an existing bag')
     _add_bag_options(options)
     options.add_argument('--trust', action='store_true', help='read scenes from the topic even if they exceed the '
@@ -55,7 +55,7 @@ def record(argv: list[str]) -> int:
                                                                                  'if the recorder is killed '
                                                                                  '(%(default)g)')
     options.add_argument('--queue-mb', type=float, default=256.0, metavar='MB',
-                         help='largest size of the write queue (%(default)g)')
+                         help='maximum size of the write queue (%(default)g)')
     arguments = _parse(options, argv)
     from dragon_ros.nodes import shell
     return shell.run('record', argv, partial(_record, arguments), arguments.json)
@@ -72,11 +72,11 @@ def replay(argv: list[str]) -> int:
     options.add_argument('--rate', type=float, metavar='FACTOR',
                          help='speed factor (1); 0: as fast as the readers can follow')
     options.add_argument('--start', type=float, default=0.0, metavar='S',
-                         help='seconds of the bag to skip (%(default)g)')
+                         help='seconds to skip at the start of the bag (%(default)g)')
     options.add_argument('--end', type=float, metavar='S', help='seconds from the start of the bag at which to stop '
                          '(default: its end)')
     options.add_argument('--loop', action='store_true', help='restart at the end')
-    options.add_argument('--clock', action='store_true', help='publish the time of the bag on /clock')
+    options.add_argument('--clock', action='store_true', help="publish the bag's time on /clock")
     options.add_argument('--topics', type=_names, metavar='NAME,...', help='publish only these topics: full names or, '
                          'if the bag has only one dragon, names in its namespace, such as handles')
     options.add_argument('--into', metavar='NAMESPACE', help="publish the bag's dragon in this namespace (default: "

@@ -9,29 +9,30 @@ from std_msgs.msg import Header
 from dragon_ros.core.geometry.contacts import pair_words
 from dragon_ros.core.geometry.tracker import NS, PARTED, RESTART, EpisodeEnd, Event, Report
 from dragon_ros.messages.cdr import stamp_of
+from dragon_ros.nodes.logs import counted
 
-_LABEL_S = 0.1      # shortest interval between messages on clearance/marker
+_LABEL_S = 0.1      # minimum interval between messages on clearance/marker
 _AGAIN_S = 1.0      # interval between reports of unseen ticks
-_OVER_S = 3.0       # time for which a WARN continues after the last unseen tick
+_OVER_S = 3.0       # how long a WARN lasts after the last unseen tick
 _HOW = {PARTED: 'end of contact', RESTART: 'contact ended by a restart'}
 
 
 def header_of(frame_id: str, t_ns: int) -> Header:
-    """Return a header with a frame and a time in ns."""
+    """Return a header with this frame and this time (ns)."""
     out = Header(frame_id=frame_id)
     out.stamp.sec, out.stamp.nanosec = stamp_of(t_ns)
     return out
 
 
 def collision_of(report: Report) -> DiagnosticArray | None:
-    """Return the contacts that began or ended at a tick; None if there are none."""
+    """Return the contacts that began or ended at a tick, or None if there are none."""
     rows = [end_status_of(end) for end in report.ends] + [status_of(event, report.more) for event in report.begins]
     observation = report.observation
     return DiagnosticArray(header=header_of(observation.frame_id, observation.t_ns), status=rows) if rows else None
 
 
 def status_of(event: Event, more: int = 0) -> DiagnosticStatus:
-    """Return a diagnostic status with all data of the start of a contact; ``more`` is the number of further pairs.
+    """Return a diagnostic status with all data on the start of a contact; ``more`` is the number of further pairs.
 
     Obstacles are numbered in the venue's order, after the last bench; the key ``obstacle`` holds the obstacle's name.
     """
@@ -83,7 +84,7 @@ def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: 
               leaves: bool = False) -> DiagnosticStatus:
     """Return a status (OK, WARN or ERROR) with the data of the last observed tick; ``dragon`` is the namespace.
 
-    ``waiting`` messages have not been read yet; ``leaves`` marks the last message of a monitor that ends.
+    ``waiting`` is the number of unread messages; ``leaves`` marks the monitor's last message before it exits.
     """
     state = {'dropped': str(dropped), 'waiting': str(waiting), **({'leaves': 'true'} if leaves else {})}
     name = f'{dragon}: clearance'
@@ -105,7 +106,7 @@ def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: 
 
 
 class Changes:
-    """Holds the last report, and decides whether topics that show only changes have anything new to publish."""
+    """Holds the last report, and decides whether there is anything new for topics that publish only changes."""
 
     def __init__(self) -> None:
         """Start without a report."""
@@ -123,25 +124,25 @@ class Changes:
         return level != before
 
     def label(self, now_s: float, at_once: bool) -> bool:
-        """Return whether to label the clearance now: if ``at_once``, or if there was time to read the last label."""
+        """Return whether to label the clearance now: always if ``at_once``, otherwise at most every 0.1 s."""
         due = at_once or now_s - self._labelled_s >= _LABEL_S
         self._labelled_s = now_s if due else self._labelled_s
         return due
 
 
 class Pace:
-    """Counts the ticks that a monitor does not see, and measures the longest gap; shorter contacts may be missed."""
+    """Counts the ticks that a monitor does not see, and measures the longest gap, which may hide shorter contacts."""
 
     def __init__(self) -> None:
         """Start without any unseen tick."""
-        self.skipped = 0        # unseen ticks that were skipped because ticks arrive faster than they can be read
+        self.skipped = 0        # number of ticks skipped because ticks arrive faster than they can be read
         self._unseen, self._step_ns = 0, 0
         self._since_s = self._told_s = -inf         # times of the last event to report and of the last report
         self._last: tuple[int, int] | None = None       # stamp and sequence number of the last tick that was seen
-        self.before = 0         # ticks published before the first one seen
+        self.before = 0         # number of ticks published before the first seen tick
 
     def see(self, t_ns: int, number: int, now_s: float) -> bool:
-        """Record the tick just seen, and the sequence number of its handles; return whether to report now."""
+        """Record a seen tick and the sequence number of its handles; return whether to report now."""
         last, self._last = self._last, (t_ns, number)
         if last is None:
             self.before = max(0, number - 1)
@@ -162,12 +163,12 @@ class Pace:
         return due
 
     def text(self) -> str:
-        """Return one line about the unseen ticks; empty if there are none."""
+        """Return one line about the unseen ticks, or '' if there are none."""
         if not (self._unseen or self.skipped):
             return ''
         missed = f'; contacts shorter than {self._step_ns / NS:.9f} s may be missed' if self._step_ns else ''
-        return (f'{max(self._unseen, self.skipped)} ticks were not seen; {self.skipped} of them were skipped because '
-                f'ticks arrive faster than they can be read{missed}')
+        return (f'{counted(max(self._unseen, self.skipped), "unseen tick")}, {self.skipped} skipped because ticks '
+                f'arrive faster than they can be read{missed}')
 
     def warnings(self, dragon: str, now_s: float) -> list[DiagnosticStatus]:
         """Return a WARN while ticks are missed, and for a few seconds afterwards."""

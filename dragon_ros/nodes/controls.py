@@ -15,9 +15,9 @@ from dragon_ros.nodes import logs
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.pacer import Pacer
 
-STANDARD = 'simulation_interfaces'      # package of the standard services, which are also offered if it is installed
+STANDARD = 'simulation_interfaces'      # package of the standard services; they are offered if it is installed
 _POLL_NS = 20_000_000       # interval between checks of whether playback may start
-_SLICE_S = 0.005            # longest playback before other callbacks run
+_SLICE_S = 0.005            # maximum time of playback before other callbacks run
 _PROGRESS_S = 1.0               # interval between progress messages
 
 
@@ -25,7 +25,7 @@ class PlaySource(Protocol):
     """A source of frames in order of simulation time, with a current position."""
 
     def next_ns(self) -> int | None:
-        """Return the time of the next frame; None at the end."""
+        """Return the time of the next frame, or None at the end."""
 
     def last_ns(self) -> int:
         """Return the time of the last frame."""
@@ -43,10 +43,10 @@ class PlaySource(Protocol):
         """Move to the last frame at or before ``t_ns`` (None: the first frame). Raises DragonError if there is none."""
 
     def place(self) -> str:
-        """Return the position of the last frame shown, as text."""
+        """Describe the position of the last frame shown."""
 
     def ending(self) -> str:
-        """Return the reason why there is no next frame, as text."""
+        """Return why there is no next frame."""
 
 
 def _nothing() -> None:
@@ -54,7 +54,7 @@ def _nothing() -> None:
 
 
 class Steps:
-    """Frames to show immediately; ``shown`` and ``left`` count them; ``ended`` is true when no more will be shown."""
+    """Frames to show immediately: ``shown`` so far, ``left`` to show; ``ended`` when no more will be shown."""
 
     def __init__(self, frames: int, each: Callable[[], None] = _nothing, end: Callable[[], None] = _nothing) -> None:
         """``each`` is called after each frame, and ``end`` is called once when no more will be shown."""
@@ -150,7 +150,7 @@ class Player:
         self._wake()
 
     def stands(self) -> bool:
-        """Return whether time is stopped, as it is before the start, during a pause and at the end."""
+        """Return whether time is stopped: before the start, during a pause, or at the end."""
         return self._waiting or self.paused or self.done
 
     def is_stepping(self) -> bool:
@@ -187,7 +187,7 @@ class Player:
         before.finish()
 
     def _play_owed(self) -> bool:
-        """Show the next frame that remains; return whether that was possible."""
+        """Show the next of the frames to show immediately; return whether that was possible."""
         t_ns = self._source.next_ns()
         if t_ns is None:
             self._owed.finish()
@@ -201,7 +201,7 @@ class Player:
         return True
 
     def _wake(self, delay_ns: int = 0) -> None:
-        """Call the timer after ``delay_ns`` of wall time."""
+        """Let the timer fire after ``delay_ns`` of wall time."""
         self._timer.timer_period_ns = delay_ns
         self._timer.reset()
 
@@ -213,7 +213,7 @@ class Player:
             self._wake(delay_ns)
 
     def _play(self) -> int | None:
-        """Play the due frames; return the wall time in ns until the next action, None to wait for a service call."""
+        """Play the due frames; return the wall time (ns) until the next action, or None to wait for a service call."""
         if self._waiting and not self.is_stepping():
             if not self._ready():
                 return _POLL_NS
@@ -227,7 +227,7 @@ class Player:
         return delay_ns
 
     def _play_one(self) -> int | None:
-        """Play one frame if it is due; return the same as ``_play``."""
+        """Play one frame if it is due; the result is that of ``_play``."""
         if not self._source.flush():
             return 0
         if self.is_stepping():
@@ -246,7 +246,7 @@ class Player:
         return 0
 
     def _end(self) -> int | None:
-        """Act at the end according to ``at_end``; return the same as ``_play``."""
+        """Do what ``at_end`` requires at the end; the result is that of ``_play``."""
         at_end = self._node.setting['at_end']
         if at_end == 'loop':
             self._source.rewind()
@@ -259,7 +259,8 @@ class Player:
     def _log_end(self, then: str) -> None:
         pacer = self.pacer
         if pacer.overruns:
-            self._node.get_logger().warning(f'{self._source.ending()}{then}; {pacer.overruns} overruns, the worst '
+            self._node.get_logger().warning(f'{self._source.ending()}{then}; '
+                                            f'{logs.counted(pacer.overruns, "overrun")}, the worst '
                                             f'{pacer.worst_late_s:.3f} s late')
         else:
             self._node.get_logger().info(f'{self._source.ending()}{then}')
@@ -270,13 +271,13 @@ class Player:
             pacer, left_s = self.pacer, self._left_s()
             left = '' if left_s is None else f', {left_s:.0f} s left'
             self._node.get_logger().info(
-                f'{self._source.place()}{left}, {pacer.overruns} overruns',
+                f'{self._source.place()}{left}, {logs.counted(pacer.overruns, "overrun")}',
                 data={'t_s': (pacer.last_ns or 0) / NS, 'left_s': left_s, 'overruns': pacer.overruns,
                       'time_scale': pacer.scale})
             self._note_place()
 
     def _left_s(self) -> float | None:
-        """Return the wall time until the end at the recent speed; None if time has not advanced."""
+        """Return the wall time (s) until the end at the recent speed, or None if time has not advanced."""
         t_ns = self.pacer.last_ns
         if t_ns is None or self._logged_ns is None or t_ns <= self._logged_ns:
             return None

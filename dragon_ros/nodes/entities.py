@@ -16,7 +16,7 @@ from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.messages.decode import MessageError, Poses, read_multi_array
 from dragon_ros.messages.observation import observation_of, placed, read_benches, read_handles
 
-TOPICS = ('handles', 'benches', 'velocities', 'accelerations')     # topics from which the state of a dragon is read
+TOPICS = ('handles', 'benches', 'velocities', 'accelerations')     # topics from which a dragon's state is read
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Bodies:
         return 0 if self.benches is None else len(self.benches.centre)
 
     def tags_of(self, entity: int) -> list[str]:
-        """Return the tags of an entity: bench or handle, and head or tail if it is at that end."""
+        """Return the tags of an entity: bench or handle, and head or tail if it is at that end of the dragon."""
         is_bench = entity >= self.handle_count
         i, count = (entity - self.handle_count, self.bench_count) if is_bench else (entity, self.handle_count)
         return ['bench' if is_bench else 'handle'] + ['head'] * (i == 0) + ['tail'] * (i == count - 1)
@@ -75,9 +75,10 @@ def bodies_of_frame(frame: Frame, dragon: AnyDragon, frame_id: str) -> Bodies:
 
 
 def bodies_of_messages(last: Mapping[str, Message]) -> Bodies | None:
-    """Return the bodies described by the last message of each topic; None if there are no handles. Raises MessageError.
+    """Return the bodies described by the last message on each topic, or None if there are no handles.
 
-    Benches must have the stamp of the handles; messages without a stamp must have the log time of the handles.
+    Benches must have the stamp of the handles; messages without a stamp must have the log time of the handles. Raises
+    MessageError.
     """
     if 'handles' not in last:
         return None
@@ -95,7 +96,7 @@ def _benches(poses: Poses, last: Mapping[str, Message]) -> Benches | None:
 
 
 def _same_tick(name: str, last: Mapping[str, Message], handles: int) -> Floats | None:
-    """Return the first two columns of a message without a stamp if it has the log time of the handles."""
+    """Return the first two columns of an unstamped message, or None unless it has the log time of the handles."""
     if name not in last or last[name].t_ns != last['handles'].t_ns:
         return None
     labels, values = read_multi_array(last[name].data)
@@ -108,7 +109,8 @@ def _bodies(t_ns: int, frame_id: str, links: tuple[Floats, Floats], benches: Ben
             known: tuple[Floats | None, Floats | None]) -> Bodies:
     """Return the bodies, given the handles, the directions of the links and any known velocities and accelerations.
 
-    A rigid link of length L in direction e turns at w = e x (v[i] - v[i+1]) / L, and w' = e x (a[i] - a[i+1]) / L.
+    A rigid link of length L in direction e has the yaw rate w = e x (v[i] - v[i+1]) / L, and its derivative is
+    w' = e x (a[i] - a[i+1]) / L.
     """
     (p, axis), (v, a) = links, (np.full_like(links[0], np.nan) if each is None else each for each in known)
     length = np.hypot(*(p[:-1] - p[1:]).T)
@@ -130,14 +132,14 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 
 class Region(NamedTuple):
-    """The points of the plane within a distance in metres of a shapely geometry."""
+    """All points of the plane within a given distance, in metres, of a shapely geometry."""
 
     shape: Any
     within_m: float = 0.0
 
 
 def sphere(points: Floats) -> Region:
-    """Return the part of the plane inside a sphere; ``points`` (2, 3) holds the centre and (radius, unused, unused)."""
+    """Return the part of the plane inside a sphere, given its centre and the point (radius, unused, unused)."""
     _check(len(points) == 2 and points[1, 0] >= 0, points,
            'a sphere needs its centre, and a second point whose x is its radius, at least 0 m')
     from shapely import Point
@@ -146,7 +148,7 @@ def sphere(points: Floats) -> Region:
 
 
 def box(points: Floats) -> Region:
-    """Return the part of the plane inside a box with two opposite corners (2, 3)."""
+    """Return the part of the plane inside a box, given two opposite corners (shape (2, 3))."""
     _check(len(points) == 2, points, 'a box needs two opposite corners')
     import shapely
     low, high = points.min(axis=0), points.max(axis=0)
@@ -154,7 +156,7 @@ def box(points: Floats) -> Region:
 
 
 def convex_hull(points: Floats) -> Region:
-    """Return the part of the plane inside the convex hull of at least three points (n, 3) that are not collinear."""
+    """Return the part of the plane inside the convex hull of points (shape (n, 3)) that are not collinear."""
     _check(3 <= len(points) <= FILTER_POINTS, points, f'a hull needs 3 to {FILTER_POINTS} points')
     _check(np.linalg.matrix_rank(points - points[0]) > 1, points, 'the points lie on one line')
     from shapely import MultiPoint
@@ -170,10 +172,10 @@ def _check(is_valid: Any, points: Floats, limit: str) -> None:
 
 
 def chosen(bodies: Bodies, pattern: str, tags: Collection[str], every: bool, region: Region | None) -> list[int]:
-    """Return the entities that pass all filters, in order; an empty filter passes all. Raises InputError.
+    """Return the entities that pass all filters, in order; an empty filter accepts every entity. Raises InputError.
 
-    ``pattern`` is a regular expression that must match the whole name. An entity must have one of the ``tags``, or all
-    of them if ``every`` is true. It must overlap or touch the ``region``.
+    ``pattern`` is a regular expression that must match the whole name. An entity must have one of the ``tags`` (all of
+    them if ``every`` is true), and it must overlap or touch the ``region``.
     """
     names, wanted = bodies.names, set(tags)
     found = range(len(names)) if region is None else np.flatnonzero(_overlapping(bodies, region)).tolist()
@@ -208,7 +210,7 @@ def _matching(pattern: str, names: Sequence[str], found: Sequence[int]) -> list[
 
 
 def _left_s(end_s: float) -> float:
-    """Return the remaining time. Raises TimeoutError if no time remains."""
+    """Return the remaining time in seconds. Raises TimeoutError if no time remains."""
     left_s = end_s - time.monotonic()
     if left_s <= 0:
         raise TimeoutError

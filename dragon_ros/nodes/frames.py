@@ -1,4 +1,4 @@
-"""The frames of a run in order, with a current position: the ticks and, if the run ends in a contact, its frame."""
+"""The frames of a run in order, with a current position: the ticks and, if the run ends in a contact, that frame."""
 from threading import Thread
 
 from dragon_ros.core.errors import FieldError
@@ -7,6 +7,7 @@ from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.search.certificate import Contact
 from dragon_ros.core.step import contact_frame, tick, ticks_before
+from dragon_ros.nodes.logs import counted
 
 
 def build_tables(simulation: Simulation) -> Thread:
@@ -38,7 +39,7 @@ class Frames:
         self.tables = build_tables(compile_scene(self._scene))
 
     def next_ns(self) -> int | None:
-        """Return the time of the next frame; None at the end."""
+        """Return the time of the next frame, or None at the end."""
         return self._time_ns(self.k) if self.k < self.count else None
 
     def last_ns(self) -> int:
@@ -58,7 +59,7 @@ class Frames:
         self.k = 0
 
     def seek(self, t_ns: int | None) -> None:
-        """Move to the last frame at or before ``t_ns`` (None: the first). Raises FieldError if outside the run."""
+        """Move to the last frame at or before ``t_ns`` (None: the first). Raises FieldError (see ``check_time``)."""
         if t_ns is None:
             self.rewind()
             return
@@ -75,17 +76,17 @@ class Frames:
                              'give a time in this range')
 
     def place(self) -> str:
-        """Return the position of the last frame taken, as text."""
+        """Describe the position of the last frame taken."""
         k = max(self.k - 1, 0)
         return f'at {self._time_ns(k) / NS:.3f} s, tick {k} of {self.count}'
 
     def ending(self) -> str:
-        """Return the reason why there is no next frame, as text."""
+        """Return why there is no next frame."""
         if self._contact:
             return f'the run ends at the contact of {self._contact.between} at {self._contact.t_s:.9f} s'
         end = compile_scene(self._scene).end
         why = {'stop': 'the run ends', 'lock': f'the chain locks at link {end.link}', 'track': 'the track ends'}
-        return f'{why[end.reason]} at {end.t_s:.6f} s after {self.count} ticks'
+        return f'{why[end.reason]} at {end.t_s:.6f} s after {counted(self.count, "tick")}'
 
     def _time_ns(self, k: int) -> int:
         return self._last.t_ns if self._last and k == self._ticks else self._scene.run.time_ns(k)

@@ -11,7 +11,7 @@ from dragon_ros.nodes import raw_subscription
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.publishers import Publishers
 
-_SLICE_S = 0.01     # longest time spent reading before new messages are taken
+_SLICE_S = 0.01     # maximum time spent reading before new messages are taken
 
 
 class Inbox:
@@ -45,7 +45,7 @@ class Inbox:
 
     @property
     def fill(self) -> float:
-        """The used fraction of the budget."""
+        """The fraction of the budget in use."""
         return max(self._bytes / INBOX_BYTES, len(self._waiting) / INBOX_MESSAGES)
 
     def put(self, topic: str, kind: str, data: bytes, info: Any) -> None:

@@ -18,7 +18,7 @@ _POLL_S = 0.05
 
 @contextmanager
 def keys(node: Node, actions: Mapping[str, Callable[[], str]]) -> Iterator[bool]:
-    """Inside the block, run the action of each pressed key and log the result; yield False without a terminal."""
+    """Within the block, run the action of each pressed key and log its result; yield False if there is no terminal."""
     number = _terminal()
     if number is None:
         yield False
@@ -34,7 +34,7 @@ def keys(node: Node, actions: Mapping[str, Callable[[], str]]) -> Iterator[bool]
 
 
 def split(text: str, known: Mapping[str, object]) -> list[str]:
-    """Return the known keys in the input; an arrow key sends three characters."""
+    """Return the known keys in the input, in which an arrow key is a sequence of three characters."""
     found = []
     while text:
         key = next((key for key in sorted(known, key=len, reverse=True) if text.startswith(key)), None)

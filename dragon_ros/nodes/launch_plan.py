@@ -55,7 +55,7 @@ ARGUMENTS = (
              concerns='monitor'),
     Argument('map', '/map', 'topic of a map (nav_msgs/OccupancyGrid) with obstacles for the monitor; empty: none',
              concerns='monitor'),
-    Argument('map_occupied', '65', 'value in percent from which a cell of the map is an obstacle',
+    Argument('map_occupied', '65', 'lowest value, in percent, at which a map cell is an obstacle',
              concerns='monitor'),
     Argument('map_unknown', 'free', 'how to treat unknown cells of the map', ('free', 'occupied'), concerns='monitor'),
     Argument('venue_pose', '', "X,Y,DEGREES: pose of the map's or venue's frame in the dragon's frame; empty: from /tf",
@@ -87,7 +87,7 @@ class LaunchedNode:
 class LaunchPlan:
     """The readers to start (the recorder last), the source, and the namespace and frame of the dragon.
 
-    ``notes`` tell the user what is omitted and why.
+    ``notes`` tells the user what was omitted and why.
     """
 
     namespace: str
@@ -112,7 +112,7 @@ class _ObservedNode:
 
 
 def plan(given: Mapping[str, str]) -> LaunchPlan:
-    """Return the plan for the launch arguments, which are all text. Raises InputError, naming the invalid argument."""
+    """Return the plan for the launch arguments, all of them strings. Raises InputError, naming an invalid argument."""
     namespace = '/' + given['namespace'].strip('/')
     watching = _on(given, 'monitor')
     source = _replay(given, namespace, watching) if given['replay'] else _sim(given, namespace, watching)
@@ -196,7 +196,7 @@ def _at_end(given: Mapping[str, str]) -> str:
 def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _ObservedNode:
     """Return the simulator.
 
-    Its run starts when the monitor and the recorder have subscribed and all nodes have had time to discover each other,
+    The run starts when the monitor and the recorder have subscribed and all nodes have had time to discover each other,
     because the recorder also records the monitor, and other recorders may be running.
     """
     optional = {key: _number(given, name) for key, name in (

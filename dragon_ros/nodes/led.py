@@ -16,6 +16,7 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import led_tick
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.frames import build_tables
+from dragon_ros.nodes.logs import counted
 
 TOPIC = 'cmd_vel'
 _DEPTH = 10
@@ -41,7 +42,7 @@ class Commands:
         return self._speed_m_s if time.monotonic() < self._until_s else 0.0
 
     def _look(self) -> None:
-        """Warn once about each node that publishes commands of the other type, since its commands do not arrive."""
+        """Warn once about each node that publishes commands of the other type, since they are not received."""
         topic = self._node.resolve_topic_name(TOPIC)
         for one in self._node.get_publishers_info_by_topic(topic):
             name = f'{one.node_namespace.rstrip("/")}/{one.node_name}'
@@ -54,12 +55,12 @@ class Commands:
                     f'publish {self._type}' + (' (teleop_twist_keyboard: -p stamped:=true)' if stamped else ''))
 
     def summary(self) -> str:
-        """Return, as text, how many commands were accepted and how many were dropped."""
+        """Return a message about how many commands were accepted and how many were dropped."""
         why = ', '.join(f'{count} {what}' for what, count in self.dropped.items())
         return f'commands: {self.taken} accepted, {self.dropped.total()} dropped' + (f' ({why})' if why else '')
 
     def _on_stamped(self, message: TwistStamped) -> None:
-        """Accept a command if its stamp is 0, or current and not older than that of the last command."""
+        """Accept a command if its stamp is 0, or if it is current and not older than the last command's stamp."""
         stamp_ns = message.header.stamp.sec * NS + message.header.stamp.nanosec
         off_s = (self._node.get_clock().now().nanoseconds - stamp_ns) / NS
         if stamp_ns and (abs(off_s) > self._timeout_s or stamp_ns < self._stamp_ns):
@@ -84,7 +85,7 @@ class Commands:
 
 
 class LedFrames:
-    """Ticks 0, 1, 2, ... of a led scene; each is computed from the speed that is commanded when it is due."""
+    """Ticks 0, 1, 2, ... of a led scene; when a tick is due, it is computed from the speed commanded at that time."""
 
     def __init__(self, scene: Scene, wanted_m_s: Callable[[], float], on_contact: str, say: Callable[[str], None],
                  keep_s: float) -> None:
@@ -104,11 +105,11 @@ class LedFrames:
         self.tables = build_tables(self._simulation)
 
     def next_ns(self) -> int | None:
-        """Return the time of the next frame; None at the end, and after a contact that stops the run."""
+        """Return the time of the next frame, or None at the end and after a contact that stops the run."""
         return None if self._stopped or self.k >= self.count else self._scene.run.time_ns(self.k)
 
     def last_ns(self) -> int:
-        """Return the time of the last frame, if nothing stops the run."""
+        """Return the time of the last frame, unless the run stops earlier."""
         return self._scene.run.time_ns(self.count - 1)
 
     def take(self) -> Frame:
@@ -132,7 +133,7 @@ class LedFrames:
         return law
 
     def _mind(self, limit: TravelEnd | None) -> None:
-        """Report once that the dragon brakes before an end."""
+        """Report once that the dragon brakes, because it approaches a lock or the end of the track."""
         if limit and not self._brakes:
             what = f'the chain would lock at link {limit.link}' if limit.reason == 'lock' else 'the track ends'
             self._say(f'braking: {what} when the leader has travelled {limit.gone_m:.6f} m')
@@ -152,10 +153,10 @@ class LedFrames:
         self.seek(t_ns)
 
     def place(self) -> str:
-        """Return the position of the last frame taken, as text."""
+        """Describe the position of the last frame taken."""
         k, gone_m = max(self.k - 1, 0), float(self._law.reached_m[-1]) if self._law else 0.0
         return f'at {self._scene.run.time_ns(k) / NS:.3f} s, tick {k}, {gone_m:.3f} m travelled'
 
     def ending(self) -> str:
-        """Return the reason why there is no next frame, as text."""
-        return self._stopped or f'the run ends after {self.count} ticks'
+        """Return why there is no next frame."""
+        return self._stopped or f'the run ends after {counted(self.count, "tick")}'

@@ -23,7 +23,7 @@ class Logger(rcutils_logger.RcutilsLogger):
 
 
 # rclpy treats the first line outside these files as the caller, and applies filters such as throttle_duration_sec to
-# each caller separately. Files can be added to this list, although it is not public. Only this module uses it.
+# each caller separately. This list is not public, but files can be added to it. Only this module does so.
 rcutils_logger._internal_callers.append(__file__)
 
 

@@ -1,7 +1,7 @@
 """``monitor``: observes the handles and benches of any publisher and reports contacts, clearance and health.
 
-It observes a single dragon: if others are published on the same topics, it continues to observe that dragon and logs a
-warning. Contacts with known obstacles (``obstacles``) are reported like contacts between benches.
+It observes a single dragon: if other dragons are published on the same topics, it continues to observe the first one
+and logs a warning. Contacts with known obstacles (``obstacles``) are reported like contacts between benches.
 """
 import threading
 import time
@@ -25,12 +25,13 @@ from dragon_ros.nodes import contact_messages as messages
 from dragon_ros.nodes import publisher_queue, publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.inbox import Inbox
+from dragon_ros.nodes.logs import counted
 from dragon_ros.nodes.obstacles import Obstacles
 from dragon_ros.nodes.params import MONITOR
 
-_PARTNER_S = 10.0       # longest wait for a tick's other message; Fast DDS resends lost messages within 3 s
+_PARTNER_S = 10.0       # maximum wait for the other message of a tick; Fast DDS resends lost messages within 3 s
 _HEALTH_S = 1.0         # interval between messages on /diagnostics, in wall time
-_REST_S = 5.0           # longest time to read earlier messages after a signal, which launch sends when the source ends
+_REST_S = 5.0           # maximum time to read what arrived before a signal, which launch sends when the source ends
 _STAMPED = 'clearance/stamped'
 _OBSTACLES = 'collision/obstacles'
 _TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', _OBSTACLES, 'clearance', _STAMPED,
@@ -39,7 +40,7 @@ _VECTOR = 'clearance/vector'
 
 
 class Monitor(DragonNode):
-    """Pairs handles with benches by their stamp, tracks the contacts of each pair, and publishes them."""
+    """Pairs handles with benches by their stamps, tracks the contacts of all bench pairs, and publishes them."""
 
     def __init__(self, **overrides: Any) -> None:
         """Subscribe to the raw bytes of handles and benches."""
@@ -69,11 +70,11 @@ class Monitor(DragonNode):
                                            self._inbox.work)
 
     def changed(self, name: str) -> None:
-        """Apply a new limit, starting with the next tick."""
+        """Apply a new warning limit, starting with the next tick."""
         self._warn_below_m = float(self.setting['warn_below_m'])
 
     def _take(self, topic: str, data: bytes, info: Any) -> None:
-        """Read a message; if it belongs to the observed dragon and completes a pair, examine that pair."""
+        """Read a message; if it belongs to the observed dragon and completes a tick, examine that tick."""
         def take() -> None:
             half, number = self._read[topic](data), raw_subscription.number(info)
             if self._sources[topic].keeps(number, half.t_ns):
@@ -102,7 +103,7 @@ class Monitor(DragonNode):
         self._publish_health(always=True)
 
     def _guarded(self, work: Callable[[], None]) -> None:
-        """Do the work; if a message is unusable, count and log it, and continue."""
+        """Call ``work``; if a message is unusable, count and log it, and continue."""
         try:
             work()
         except InputError as error:
@@ -135,7 +136,7 @@ class Monitor(DragonNode):
         """Publish the result of one tick on each topic that has subscribers or whose value has changed."""
         changed = self._changes.contact(report)
         self.seen += 1
-        if self.topic_publishers[_STAMPED].get_subscription_count():    # first, since recorders get the tick from it
+        if self.topic_publishers[_STAMPED].get_subscription_count():    # first, since it tells recorders the tick
             self.topic_publishers[_STAMPED].publish(stamped_clearance(report))
         if self.topic_publishers['clearance'].get_subscription_count():
             self.topic_publishers['clearance'].publish(float64_of(report.clearance_m))
@@ -177,7 +178,7 @@ class Monitor(DragonNode):
         self._publish_health(always=True, leaves=True)
 
     def _publish_health(self, always: bool = False, leaves: bool = False) -> None:
-        """Publish on /diagnostics if the level has changed, or in any case if ``always`` is true."""
+        """Publish on /diagnostics if the level has changed or ``always`` is true."""
         dragon = self.get_namespace().strip('/')
         last = self._changes.last
         if self._changes.level(messages.level_of(last, self._warn_below_m)) or always:
@@ -190,7 +191,7 @@ class Monitor(DragonNode):
 
 
 def run(stop: threading.Event) -> int:
-    """Run the monitor in a new executor until ``stop``; return the exit code."""
+    """Run the monitor in a new executor until ``stop`` is set; return the exit code."""
     node = Monitor()
     try:
         code = shell.spin(node, stop, rest_s=_REST_S)
@@ -198,10 +199,11 @@ def run(stop: threading.Event) -> int:
         publisher_queue.drain(node.topic_publishers.values(), stop, node.get_logger().warning)
         return code
     finally:
-        before = f'; {node.pace.before} were published before it subscribed' if node.pace.before else ''
-        node.get_logger().info(f'saw {node.seen} ticks{before}')
+        missed = node.pace.before
+        before = f'; {missed} {"was" if missed == 1 else "were"} published before it subscribed' if missed else ''
+        node.get_logger().info(f'saw {counted(node.seen, "tick")}{before}')
         if unseen := node.pace.text():
             node.get_logger().warning(unseen)
         if node.dropped:
-            node.get_logger().warning(f'{node.dropped} messages were dropped')
+            node.get_logger().warning(f'dropped {counted(node.dropped, "message")}')
         node.destroy_node()

@@ -1,11 +1,11 @@
 """The obstacles known to a monitor, in the dragon's frame: from a file, from the topic ``venue``, and from a map.
 
-The obstacles of all sources are combined. If the frame of a source is not that of the dragon, its obstacles are
-transformed with the declared pose, or with the transforms of /tf and /tf_static. If neither connects the frames, the
+The obstacles from all sources are combined. If the frame of a source is not the dragon's frame, its obstacles are
+transformed using the declared pose, or using the transforms on /tf and /tf_static. If neither connects the frames, the
 obstacles are not used, and the log and /diagnostics report this.
 
-Obstacles of a file or a map are published so that bags contain them. The message has the stamp of the first tick at
-which they are used.
+Obstacles from a file or a map are published so that bags contain them. The message has the stamp of the first tick at
+which these obstacles are used.
 """
 import time
 from cmath import phase
@@ -36,9 +36,9 @@ from dragon_ros.scenes.load import load_venue
 
 _VENUE = 'venue'
 _GRID = 'nav_msgs/msg/OccupancyGrid'
-_PATIENCE_S = 5.0       # longest time that the first tick waits for the latched message of a known publisher
+_PATIENCE_S = 5.0       # maximum time that the first tick waits for a known publisher's latched message
 _ASKED_S = 0.05         # interval between checks of whether that message has arrived
-_SAME = 1e-9            # in metres and radians; smaller changes of a pose are ignored
+_SAME = 1e-9            # metres and radians; smaller changes in a pose are ignored
 _FRAMES_DEPTH = 100
 _HERE: PlanePose = (0j, 1 + 0j)
 
@@ -46,7 +46,7 @@ _HERE: PlanePose = (0j, 1 + 0j)
 class Obstacles:
     """Reads obstacles from their sources; ``changed`` is called with all obstacles when any of them change.
 
-    ``publish`` is called with a message that contains them if any of them come from a file or a map.
+    If any obstacles come from a file or a map, ``publish`` is called with a message that contains the obstacles in use.
     """
 
     def __init__(self, node: DragonNode, changed: Callable[[Surroundings | None], None],
@@ -114,13 +114,13 @@ class Obstacles:
             self._publish(obstacles_message(self._published(), frame_id, t_ns))
 
     def _published(self) -> Surroundings | None:
-        """Return the obstacles in use; if there are too many, return only those of the topic ``venue``."""
+        """Return the obstacles in use or, if there are too many, only those from the topic ``venue``."""
         around = _all([part for _, part in self._parts])
         if around is None or fits_message(around):
             return around
         self._node.get_logger().warning(
-            f'obstacles of files and maps are not published, because they have more than {SHOWN_EDGES} edges or too '
-            'many parts; a bag of this run will not contain them')
+            f'obstacles from files and maps are not published, because they have more than {SHOWN_EDGES} edges or '
+            'too many parts; a bag of this run will not contain them')
         return _all([part for source, part in self._parts if source == _VENUE])
 
     def look(self) -> None:
@@ -175,7 +175,7 @@ class Obstacles:
         self._node.get_logger().info(f"obstacles: {self._text() or 'none'}")
 
     def _pose_of(self, frame_id: str | None) -> PlanePose:
-        """Return the pose of a frame in the dragon's frame. Raises MessageError if it is unknown."""
+        """Return the pose of a frame in the dragon's frame. Raises MessageError if the pose is unknown."""
         if frame_id is None or frame_id.lstrip('/') == (self._frame_id or '').lstrip('/'):
             return _HERE
         if self._pose:
@@ -184,8 +184,8 @@ class Obstacles:
         if pose is None:
             where = 'and /tf and /tf_static do not connect them' if self._has_frames else (
                 'and /tf cannot be read, because tf2_msgs is not installed')
-            raise MessageError(f'its frame is {frame_id!r}, that of the dragon is {self._frame_id!r}, {where}; give '
-                               'venue_pose:=X,Y,DEGREES (0,0,0 if the frames coincide)')
+            raise MessageError(f'its frame is {frame_id!r}, the frame of the dragon is {self._frame_id!r}, {where}; '
+                               'give venue_pose:=X,Y,DEGREES (0,0,0 if the frames coincide)')
         return pose
 
     def _frames(self) -> FrameTree:
@@ -213,7 +213,7 @@ class Obstacles:
                          for source, _, pose in self._placed)
 
     def statuses(self, dragon: str) -> list[DiagnosticStatus]:
-        """Return the status of all obstacles: WARN with the reasons if any are unused; [] if there are no obstacles."""
+        """Return a status for all obstacles (WARN, with the reasons, if any are unused), or [] if there are none."""
         unused = {**self._unused, **self._faults}
         if not self._located and not unused:
             return []
@@ -240,6 +240,6 @@ def _at(pose: PlanePose) -> str:
 
 
 def _alike(one: list[tuple[str, int, PlanePose]], two: list[tuple[str, int, PlanePose]]) -> bool:
-    """Return whether two lists of placed sources are equal except for tiny changes of the poses."""
+    """Return whether two lists of placed sources are equal except for tiny changes in the poses."""
     return len(one) == len(two) and all(a[:2] == b[:2] and all(abs(x - y) <= _SAME for x, y in zip(
         a[2], b[2], strict=True)) for a, b in zip(one, two, strict=True))

@@ -1,14 +1,14 @@
-"""Pacing with the steady clock: due times are computed from simulation time, never by adding up waits."""
+"""Pacing by the steady clock: due times are computed from simulation time, never by adding up waits."""
 import time
 
 from dragon_ros.core.errors import FieldError
 
-_AT_ONCE_NS = 50_000_000            # largest delay that is made up by playing ticks without waiting
-_ON_TIME_NS = 5_000_000             # largest delay at which a run is still on time and may speed up
+_AT_ONCE_NS = 50_000_000            # maximum delay that is made up by playing ticks without waiting
+_ON_TIME_NS = 5_000_000             # maximum delay at which a tick is on time, so that the run may speed up
 _FASTER = 0.1                       # fraction by which the run speeds up to make up a larger delay
-_LONGEST_NS = 3_600_000_000_000     # longest wait; a later tick needs several waits (a timer supports at most 2^63 ns)
-_FOREVER_NS = 1e18                  # 30 years: limit of a wait, which also limits the effect of a tiny scale
-_MOST_BEHIND_NS = 1_000_000_000     # largest delay that is made up, so that a slow machine does not run fast for long
+_LONGEST_NS = 3_600_000_000_000     # maximum wait; a later tick needs several waits (a timer supports at most 2^63 ns)
+_FOREVER_NS = 1e18                  # 30 years: limit on the time between ticks, even if the scale is tiny
+_MOST_BEHIND_NS = 1_000_000_000     # maximum delay that is made up, so that a slow machine does not run fast for long
 
 
 class Pacer:
@@ -21,11 +21,11 @@ class Pacer:
     """
 
     def __init__(self, scale: float) -> None:
-        """Pace at ``scale`` seconds of simulation per second of wall time."""
+        """Set the pace to ``scale`` seconds of simulation per second of wall time."""
         self._scale = _checked(scale)
         self._origin: tuple[int, int] | None = None
         self.last_ns: int | None = None
-        self.late_ns = 0            # delay of the start of the last tick
+        self.late_ns = 0            # how late the last tick started
         self.overruns = 0
         self.worst_late_s = 0.0
         self._behind_ns = 0         # delay that remains to be made up
@@ -46,7 +46,7 @@ class Pacer:
         self._origin, self._behind_ns = None, 0
 
     def delay_ns(self, t_ns: int) -> int:
-        """Return the wall time in ns until ``t_ns`` is due: 0 if it is due already, and at most an hour."""
+        """Return the wall time (ns) until ``t_ns`` is due: 0 if it is already due, and at most an hour."""
         return min(_LONGEST_NS, max(0, -self._late_ns(t_ns))) if self._scale else 0
 
     def start(self, t_ns: int) -> None:

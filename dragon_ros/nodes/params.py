@@ -26,7 +26,7 @@ class Parameter(NamedTuple):
 
 # For every node that plays frames; nodes/controls.py reads them.
 CONTROLS = (
-    Parameter('step_ticks', 1, 'Number of ticks that the service step plays', 1, 1000, live=True),
+    Parameter('step_ticks', 1, 'Number of ticks played by the service step', 1, 1000, live=True),
     Parameter('seek_s', -1.0, 'Time in seconds for the service seek, which moves to the last tick at or before it; '
               'negative: the start', -1.0, LATEST_S, live=True),
     Parameter('at_end', 'stop', 'At the end: stop (the node ends); hold (the node waits for reset, seek or step); '
@@ -73,7 +73,7 @@ MONITOR = (
     Parameter('venue', '', 'File with obstacles, in the frame of the dragon: a GeoJSON or WKT file, or a scene (a name '
               'or a .yaml file). They are added to those of the topic venue and of the map'),
     Parameter('map', '/map', 'Topic of a nav_msgs/OccupancyGrid whose occupied cells are obstacles; empty: none'),
-    Parameter('map_occupied', 65, 'Value in percent from which a cell of the map is an obstacle', 1, 100),
+    Parameter('map_occupied', 65, 'Lowest value, in percent, at which a map cell is an obstacle', 1, 100),
     Parameter('map_unknown', 'free', 'How to treat unknown cells of the map (negative values, usually -1): as free or '
               'as occupied', choices=('free', 'occupied')),
     Parameter('venue_pose', '', "X,Y,DEGREES: pose of the map's or venue's frame in the dragon's frame, if the frames "

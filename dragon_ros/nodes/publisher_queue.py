@@ -21,15 +21,15 @@ from dragon_ros.nodes import shell
 from dragon_ros.nodes.params import DISCOVERY_S
 
 _COUNT = re.compile('[0-9]{1,9}')
-_GIVE_UP = 20       # largest number of consecutive failures (0.1 s each) while there is no subscriber
+_GIVE_UP = 20       # maximum number of consecutive failures (0.1 s each) while there is no subscriber
 _SETTLED_S = 0.5    # quiet time required after a discovery, because a reader's topics are discovered one by one
-_ACKED_S = 4.0      # longest wait for acknowledgements, which follow the middleware's heartbeat (3 s in Fast DDS)
-_ALL_ACKED_S = 20.0     # the same at the end of a run, when a reader may not yet have read any of the kept messages
+_ACKED_S = 4.0      # maximum wait for acknowledgements, which follow the middleware's heartbeat (3 s in Fast DDS)
+_ALL_ACKED_S = 20.0     # the same at the end of a run, when a reader may have read none of the kept messages yet
 _LOOK_S = 0.02
 
 
 def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) -> list[tuple[Publisher, int]]:
-    """Return pairs (publisher, number of subscribers to wait for) from texts such as handles=2. Raises InputError."""
+    """Return pairs (publisher, number of subscribers to wait for) from strings like handles=2. Raises InputError."""
     wanted = []
     for text in filter(None, texts):
         name, _, count = text.partition('=')
@@ -44,8 +44,8 @@ class StartGate:
     """Decides when the first message may be sent, so that awaited and discovered readers receive it.
 
     Existing readers are not discovered immediately. With Fast DDS, a participant announces itself every 3 s and repeats
-    its subscriptions every second. A new participant may miss both at first, because the older one answers before the
-    new one can identify it. The new participant then discovers the reader 1 s to 4 s later.
+    its subscriptions every second. A new participant may miss the first of both, because an existing participant
+    answers before the new participant can identify it. The new participant then discovers the reader 1 s to 4 s later.
     """
 
     def __init__(self, publishers: Mapping[str, Publisher], texts: Iterable[str], discovery_s: float) -> None:
@@ -58,7 +58,7 @@ class StartGate:
         self._settled_s = min(_SETTLED_S, discovery_s)
 
     def is_open(self) -> bool:
-        """Return whether all awaited readers are present, and discovery has had enough time and found nothing new."""
+        """Return whether all awaited readers are present and discovery, after enough time, finds nothing new."""
         now, found = time.monotonic(), sum(publisher.get_subscription_count() for publisher in self._publishers)
         if found != self._found:
             self._found, self._changed_s = found, now
@@ -67,7 +67,7 @@ class StartGate:
 
 
 class PublisherQueue:
-    """Outgoing messages in order, which wait while readers are slower than a lossless publisher."""
+    """A queue of outgoing messages, which wait while readers are slower than a lossless publisher."""
 
     def __init__(self, warn: Callable[[str], object] = lambda line: None) -> None:
         """Start empty; ``warn`` is called once per topic with a message that cannot be published."""
@@ -117,7 +117,7 @@ def can_hold(kind: Any, size: int) -> bool:
 
 @cache
 def _largest(kind: Any) -> int | None:
-    """Return the size in bytes of a type with a fixed size, padded as on the wire; None for any other type."""
+    """Return the size in bytes of a type with a fixed size, padded as on the wire, or None for any other type."""
     if not all(map(_is_fixed, kind.get_fields_and_field_types().values())):
         return None
     size = len(serialize_message(kind()))
@@ -144,8 +144,8 @@ class EncodedTopic:
     def put(self, frame: Frame, queue: PublisherQueue) -> None:
         """Queue a frame's message; nothing is encoded if there are no subscribers.
 
-        A late subscriber receives the following frames, as with any volatile topic. A latched topic keeps its last
-        message for late subscribers and is always published.
+        A late subscriber receives only later frames, as with any volatile topic. A latched topic is always published,
+        and keeps its last message for late subscribers.
         """
         if self._latched or self.publisher.get_subscription_count():
             queue.put(self.publisher, self._encode(frame))
@@ -153,9 +153,9 @@ class EncodedTopic:
 
 
 def drain(publishers: Iterable[Publisher], stop: threading.Event, warn: Callable[[str], object]) -> None:
-    """Wait until readers have received all messages, which are lost when their publisher is destroyed.
+    """Wait until readers have received all messages, since messages are lost when their publisher is destroyed.
 
-    After a signal, the longest wait is shorter. ``warn`` is called if some readers do not answer in time.
+    After a signal, the maximum wait is shorter. ``warn`` is called if some readers do not answer in time.
     """
     begin = time.monotonic()
     for publisher in publishers:

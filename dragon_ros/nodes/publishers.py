@@ -1,4 +1,4 @@
-"""The publishers of a topic, which belongs to one dragon: if there are several, one is kept and all are reported."""
+"""The publishers of a topic that belongs to one dragon: if there are several, one is kept and all are reported."""
 import time
 from collections import Counter
 from collections.abc import Iterable
@@ -10,8 +10,8 @@ from dragon_ros.nodes import qos
 from dragon_ros.nodes.base import DragonNode
 
 _UNNAMED = '_NODE_NAME_UNKNOWN_'    # name of a publisher whose node has not been discovered
-_NAMED_S = 3.0      # longest wait for a publisher's name
-_ASKED_S = 1.0      # time for which an answer is assumed to be valid
+_NAMED_S = 3.0      # maximum wait for a publisher's name
+_ASKED_S = 1.0      # how long an answer is assumed to be valid
 
 
 class Publishers:
@@ -46,7 +46,7 @@ class Publishers:
         return _distinct(self._there) if len(self._there) > 1 and named else []
 
     def arrived(self, sequence: int) -> None:
-        """Record the sequence number of a message; if it does not follow the last one, update the publishers."""
+        """Record a message's sequence number; if it does not follow the previous number, update the publishers."""
         if sequence != self._last + 1 and len(self._there) < 2:
             self.look()
         self._last = sequence
@@ -65,13 +65,13 @@ class Publishers:
 
 
 def _distinct(there: dict[bytes, str]) -> list[str]:
-    """Return the names, sorted; equal names are extended with the GID that ``ros2 topic info --verbose`` shows."""
+    """Return the sorted names; equal names are extended with the GID that ``ros2 topic info --verbose`` shows."""
     times = Counter(there.values())
     return sorted(name if times[name] == 1 else f'{name} ({gid.hex(".")})' for gid, name in there.items())
 
 
 def warnings_of(name: str, several: dict[str, list[str]]) -> list[DiagnosticStatus]:
-    """Return a WARN that lists the topics with several publishers and their names; empty if there are none."""
+    """Return a WARN that lists the topics with several publishers and their names, or [] if there are none."""
     if not several:
         return []
     return [DiagnosticStatus(

@@ -34,7 +34,7 @@ def waiting(qos: QoSProfile) -> QoSProfile:
     """Return the lossless profile of a publisher that waits for its readers.
 
     Discovery does not reveal how much history a publisher keeps. Therefore the publisher announces a message lifespan
-    of 31 years, which tells readers that it waits for them, and is so long that no message expires.
+    of 31 years, which tells readers that it waits for them and is so long that no message expires.
     """
     qos.lifespan = Duration(nanoseconds=_WAITS_NS)
     return lossless(qos)

@@ -7,7 +7,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-_AT_ONCE = 64       # largest number of messages taken before the callbacks of timers and other topics run
+_AT_ONCE = 64       # maximum number of messages taken before the callbacks of timers and other topics run
 
 
 class _Callback:
@@ -58,5 +58,5 @@ def takers(node: Node) -> Iterator[tuple[int, Callable[[], None]]]:
 
 
 def number(info: Any) -> int:
-    """Return the publisher's sequence number of a message; 0 if the middleware provides none."""
+    """Return the sequence number that the publisher gave a message, or 0 if the middleware does not provide it."""
     return info['publication_sequence_number'] or 0

@@ -29,15 +29,15 @@ from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.logs import counted
 from dragon_ros.scenes import provenance
 
-_REST_S = 5.0       # longest time to write messages and reports on ticks that arrived before a signal
+_REST_S = 5.0       # maximum time, after a signal, to write what arrived before it and the reports on those ticks
 _QUIET_S = 0.5      # a run ends when its publisher has left and nothing has arrived for this long
-_MONITOR_S = 10.0   # longest wait for a monitor that neither reports nor has messages to read
-_IDLE_S = 0.25      # longest time that messages without a stamp wait for the next handles
+_MONITOR_S = 10.0   # maximum wait for a monitor that neither reports nor has messages to read
+_IDLE_S = 0.25      # maximum time that messages without a stamp wait for the next handles
 _COUNT_S = 1.0      # interval between counts of publishers
-_MOST_UNACCOUNTED = 100_000     # messages to account for after a scene is read; if there are more, the recorder waits
+_MOST_UNACCOUNTED = 100_000     # limit on messages that await a scene; above it, the recorder waits until it is read
 _HEALTH = '/diagnostics'
 _REPORT = 'clearance/stamped'       # the first message of a monitor's report on a tick
-_MARKS = ('handles', _REPORT)       # their stamps also apply to the next messages of the same publisher
+_MARKS = ('handles', _REPORT)       # their stamps also apply to the next messages from the same publisher
 
 
 class Recorder(DragonNode):
@@ -51,7 +51,7 @@ class Recorder(DragonNode):
         self._simulation, self._monitored = SimulationClock(self._log), SimulationClock(self._log)
         self._last, self._seen, self._counted, self._scene = time.monotonic(), False, 0.0, ''
         self._scenes, self._attached = SceneReader(self._settings(), trust), set[str]()
-        self._unaccounted: list[tuple[str, int, int, bool]] = []    # received while a scene is being read
+        self._unaccounted: list[tuple[str, int, int, bool]] = []    # messages received while a scene is being read
         self._names = {name: self.resolve_topic_name(name) for name in channels()}
         # The nodes of all dragons share absolute topics.
         self._sources = [publishers.Publishers(self, topic) for name, topic in self._names.items() if name[0] != '/']
@@ -88,7 +88,7 @@ class Recorder(DragonNode):
         return True
 
     def has_rested(self) -> bool:
-        """Return whether all reports on the ticks that arrived before the first call have arrived."""
+        """Return whether all reports on ticks received before the first call have arrived."""
         self._word.fix()
         return self.writer.error is not None or not self._awaits_monitor()
 
@@ -131,7 +131,7 @@ class Recorder(DragonNode):
 
     @property
     def _unpaired(self) -> Counter[str]:
-        """The number of messages without a stamp, by topic, that were left out because their tick is unknown."""
+        """By topic, the number of unstamped messages that were left out because their tick is unknown."""
         return self._simulation.unpaired + self._monitored.unpaired
 
     def _look_around(self) -> None:
@@ -160,7 +160,7 @@ class Recorder(DragonNode):
         before, self._skipped_before = self._skipped_before, self._skips.skipped
         if self._skips.skipped == before:
             return []
-        said = (f'{self._skips.skipped} ticks have been left out so far, evenly spaced: the disk is too slow, and the '
+        said = (f'left out {counted(self._skips.skipped, "tick")} so far, evenly spaced: the disk is too slow, and the '
                 f'queue (--queue-mb) is {self.writer.fill:.0%} full')
         self.get_logger().warning(said)
         return [DiagnosticStatus(level=DiagnosticStatus.WARN, name=f'{name}: queue', hardware_id='dragon', message=said,
@@ -202,7 +202,7 @@ class Recorder(DragonNode):
             log.warning(f'not in the bag: {counted(self.losses.received - self.bag.kept, "received message")}')
 
     def _pressure(self) -> dict[str, str]:
-        """Return, as text, how close the recorder came to its limits."""
+        """Return, by name, figures that show how close the recorder came to its limits."""
         writer = self.writer
         return {'queue fullest': f'{writer.fullest:.4f}', 'queue waits': str(writer.waits),
                 'queue waited_s': f'{writer.waited_s:.6f}', 'ticks left out': str(self._skips.skipped),
@@ -265,7 +265,7 @@ class Recorder(DragonNode):
         return callback
 
     def _heed(self, data: bytes, dragon: str) -> int | None:
-        """Record the health of a monitor, and return the time of the tick to which it refers, if any."""
+        """Record the health of a monitor; return the time of the tick that it refers to, if any."""
         health = read_health(data, dragon)
         if health is None:
             return None
@@ -300,7 +300,7 @@ class Recorder(DragonNode):
 
     def _attach(self, text: str, metadata: dict[str, str]) -> None:
         if len(self._attached) >= RECORDED_SCENES:
-            self.get_logger().warning(f'scene: {RECORDED_SCENES} scenes are attached to the bag, which is the limit; '
+            self.get_logger().warning(f'scene: the bag has {RECORDED_SCENES} attached scenes, which is the limit; '
                                       'later scenes are only recorded as messages', once=True)
             return
         self._attached.add(text)

@@ -16,6 +16,7 @@ from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.clock import ClockPublisher
 from dragon_ros.nodes.controls import STANDARD, Player
 from dragon_ros.nodes.entities import TOPICS, Bodies, bodies_of_messages
+from dragon_ros.nodes.logs import counted
 from dragon_ros.nodes.params import REPLAY
 from dragon_ros.nodes.replay_source import ReplaySource
 
@@ -62,13 +63,13 @@ class Replay(DragonNode):
 
     @property
     def actions(self) -> dict[str, Callable[[], str]]:
-        """The action of each key."""
+        """The action for each key."""
         player = self.player
         return {' ': lambda: player.resume() if player.paused else player.pause(), 's': player.step,
                 keys.RIGHT: lambda: self._jump(_JUMP_S), keys.LEFT: lambda: self._jump(-_JUMP_S)}
 
     def refuse(self, name: str, value: Any) -> None:
-        """Raise DragonError if a live parameter must not be set to a value."""
+        """Raise DragonError if a live parameter must not be set to this value."""
         if name == 'seek_s' and value >= 0:
             self.source.check_time(round(value * NS))
         if name == 'time_scale' and value == 0 and not self._lossless:
@@ -81,9 +82,10 @@ class Replay(DragonNode):
             self.player.set_speed(self.setting['time_scale'])
 
     def summary(self) -> str:
-        """Return, as text, how many messages were published and how late they were."""
+        """Return a message about how many messages were published and how late they were."""
         left = self.source.left_out
-        done = f'{self.source.published.total() - left} messages published' + (f', {left} left out' if left else '')
+        done = f'{counted(self.source.published.total() - left, "message")} published'
+        done += f', {left} left out' if left else ''
         if not self.late_us:
             return f'{done}, as fast as the readers could follow'
         return (f'{done}; late by {quantile(self.late_us, 0.5)} µs (median), '
@@ -101,7 +103,7 @@ class Replay(DragonNode):
             qos.waiting(profiles[row.name]) if self._lossless else profiles[row.name]) for row in rows}
 
     def _watched(self, bag: BagReader) -> Callable[[], Bodies | None] | None:
-        """Return a getter for the last handles and benches shown; None unless exactly one dragon is played."""
+        """Return a getter for the last handles and benches shown, or None unless exactly one dragon is played."""
         try:
             root = namespace_of(bag)
         except InputError:
@@ -137,7 +139,7 @@ def full_name(name: str, bag: BagReader) -> str:
 
 
 def span_of(bag: BagReader, choice: Choice) -> tuple[int, int]:
-    """Return the first and the last log time to play. Raises InputError if they are outside the bag."""
+    """Return the first and the last log time to play. Raises InputError if the choice is outside the bag."""
     length_s = (bag.end_ns - bag.start_ns) / NS
     if not 0 <= choice.start_s <= length_s:
         raise InputError(f'--start {choice.start_s:g}: the bag is {length_s:g} s long; give 0 to {length_s:g}')

@@ -11,7 +11,7 @@ from dragon_ros.core.limits import REPLAYED_BYTES
 from dragon_ros.core.scene import NS
 from dragon_ros.nodes import publisher_queue
 
-_EACH_BYTES = 256       # memory that a message uses in addition to its data
+_EACH_BYTES = 256       # memory, in bytes, that a message uses in addition to its data
 
 
 class ReplaySource:
@@ -40,7 +40,7 @@ class ReplaySource:
         self._go_to(start_ns)
 
     def next_ns(self) -> int | None:
-        """Return the log time of the next messages; None at the end."""
+        """Return the log time of the next messages, or None at the end."""
         return self._next.t_ns if self._next and self._next.t_ns <= self._end_ns else None
 
     def last_ns(self) -> int:
@@ -48,7 +48,7 @@ class ReplaySource:
         return self._end_ns
 
     def show(self) -> None:
-        """Publish the messages of the next log time and advance."""
+        """Publish the messages with the next log time and advance."""
         assert self._next is not None
         self._last_ns = self._next.t_ns
         for observe in self.also:
@@ -78,7 +78,7 @@ class ReplaySource:
         self._go_to(self._start_ns)
 
     def seek(self, t_ns: int | None) -> None:
-        """Move to the last messages at or before ``t_ns`` (None: the first). Raises FieldError if outside the part."""
+        """Move to the last messages at or before ``t_ns`` (None: the first). Raises FieldError (see ``check_time``)."""
         if t_ns is None:
             self.rewind()
             return
@@ -97,11 +97,11 @@ class ReplaySource:
                              f'{self._end_ns / NS:.9g} s', 'give a time in this range')
 
     def place(self) -> str:
-        """Return the position of the last messages shown, as text."""
+        """Describe the position of the last messages shown."""
         return f'at {self._last_ns / NS:.3f} s of {self._end_ns / NS:.3f} s'
 
     def ending(self) -> str:
-        """Return the reason why there is no next message, as text."""
+        """Return why there is no next message."""
         return f'the bag ends at {self._end_ns / NS:.6f} s'
 
     def _go_to(self, t_ns: int) -> None:
@@ -110,7 +110,7 @@ class ReplaySource:
         self._next = next(self._messages, None)
 
     def _take(self) -> list[Message]:
-        """Return the messages of the next log time, up to the budget for messages in memory."""
+        """Return the messages with the next log time, up to the budget for messages in memory."""
         assert self._next is not None
         frame, t_ns, size = [], self._next.t_ns, 0
         while self._next is not None and self._next.t_ns == t_ns and size <= REPLAYED_BYTES:

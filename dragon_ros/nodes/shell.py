@@ -27,7 +27,7 @@ _WORD = re.compile('[A-Za-z][A-Za-z0-9_]*')      # name of a package or of a mes
 
 
 def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_json: bool = False) -> int:
-    """Initialise ROS, run ``body(stop)`` and shut down; termination signals set ``stop``. Logs are JSON on request.
+    """Initialise ROS, run ``body(stop)`` and shut down; termination signals set ``stop``. ``as_json`` logs JSON.
 
     rclpy's own signal handlers would shut down the context during a tick. With the handlers set here, a node ends
     between two ticks.
@@ -96,7 +96,7 @@ def _prefixes() -> list[Path]:
 
 
 def _listed(prefix: Path, package: str) -> list[str]:
-    """Return the interface files of a package that the ament index of a prefix lists."""
+    """Return the interface files that a prefix's ament index lists for a package."""
     try:
         return (prefix / 'share/ament_index/resource_index/rosidl_interfaces' / package).read_text().split()
     except (OSError, UnicodeDecodeError):

@@ -93,7 +93,7 @@ class Sim(DragonNode):
             SimulationInterfaces(self, self.player, self._bodies)
 
     def refuse(self, name: str, value: Any) -> None:
-        """Raise DragonError if a live parameter must not be set to a value."""
+        """Raise DragonError if a live parameter must not be set to this value."""
         if name == 'seek_s' and value >= 0:
             self._frames.frames.check_time(round(value * NS))
         if name == 'time_scale' and value == 0 and not self._lossless:
@@ -121,7 +121,7 @@ class Sim(DragonNode):
                          keep_s(self.scene))
 
     def _latched(self, about: dict[str, Any]) -> Iterator[tuple[str, bytes]]:
-        """Yield topic and message for everything that is published once; the scene contains the section ``about``."""
+        """Yield (topic, message) for all latched topics; the scene's message contains the section ``about``."""
         value = self.setting
         yield from once(self.scene, value['frame_id']).items()
         if value['robot_description']:
@@ -136,7 +136,7 @@ class Sim(DragonNode):
         return self.create_publisher(shell.message_type(row.type), name, profile)
 
     def _also(self) -> Iterator[Callable[[Frame], None]]:
-        """Yield the other functions to call with each frame."""
+        """Yield the functions to call with each frame before it is published."""
         if self.setting['publish_clock'] or Effect.CLOCK in self.scene.effects:
             clock = ClockPublisher(self, self.scene.run.start_ns)
             yield lambda frame: clock.publish(frame.t_ns)

@@ -1,8 +1,8 @@
 """Offer ``simulation_interfaces``, the ROS 2 standard for simulators, for a player.
 
 This module is imported only if that package is installed. The names of the services and of the action include the
-node's name, as in ``/dragon/sim/set_simulation_state``. All of them call the player, and return the result codes of the
-standard.
+node's name, as in ``/dragon/sim/set_simulation_state``. All of them call the player and return the standard's result
+codes.
 """
 import re
 from collections.abc import Callable
@@ -24,7 +24,7 @@ from dragon_ros.nodes.entities import Bodies, Region, box, chosen, convex_hull, 
 State, Result, Features = msg.SimulationState, msg.Result, msg.SimulatorFeatures
 CATEGORY = msg.EntityCategory.CATEGORY_DYNAMIC_OBJECT       # category of handles and benches: moving but not human
 _REGIONS = {msg.Bounds.TYPE_SPHERE: sphere, msg.Bounds.TYPE_BOX: box, msg.Bounds.TYPE_CONVEX_HULL: convex_hull}
-_FEEDBACK = 1000            # number of messages kept for a slow client, since steps follow each other immediately
+_FEEDBACK = 1000            # number of messages kept for slow clients, since steps follow each other immediately
 _CONTROLS = ('SIMULATION_RESET', 'SIMULATION_STATE_GETTING', 'SIMULATION_STATE_SETTING', 'SIMULATION_STATE_PAUSE',
              'STEP_SIMULATION_SINGLE', 'STEP_SIMULATION_MULTIPLE', 'STEP_SIMULATION_ACTION')
 _ENTITIES = ('ENTITY_TAGS', 'ENTITY_BOUNDS_BOX', 'ENTITY_BOUNDS_CONVEX', 'ENTITY_CATEGORIES', 'ENTITY_STATE_GETTING',
@@ -45,7 +45,7 @@ class SimulationInterfaces:
     """The services and the action of one player, which are destroyed with the node."""
 
     def __init__(self, node: DragonNode, player: Player, bodies: Callable[[], Bodies | None] | None) -> None:
-        """Offer the services; ``bodies`` returns the entities of the last frame shown; None means no entities."""
+        """Offer the services; ``bodies``, unless it is None, returns the entities of the last frame shown."""
         self._player, self._bodies = player, bodies
         serves = {'GetSimulatorFeatures': self._features, 'GetSimulationState': self._get_state,
                   'SetSimulationState': self._set_state, 'ResetSimulation': self._reset}

@@ -1,12 +1,12 @@
 """Runs one node: raw messages and timers from a persistent wait set, and everything else with an rclpy executor.
 
 For each wait, an rclpy executor collects all entities of a node in Python: its topics, two QoS events per topic, and
-the services of its parameters. This costs more than handling a message.
+the services for its parameters. This costs more than handling a message.
 
-A middleware built for an old C library, as in the ROS wheels, waits until a point in time on the system clock. If that
-clock is set back by two hours, a wait of a tenth of a second lasts two hours. Therefore a thread ends waits that are
-overdue on the steady clock. The spinner also wakes the middleware's own thread, which discovers nodes and resends lost
-messages.
+A middleware that was built for an old C library, as in the ROS wheels, waits until a given time on the system clock. If
+that clock is set back by two hours, a wait of a tenth of a second lasts two hours. Therefore a thread ends waits that
+are overdue according to the steady clock. The spinner also wakes the middleware's own thread, which discovers nodes and
+resends lost messages.
 """
 import os
 import select
@@ -25,12 +25,12 @@ from rclpy.timer import Timer
 
 from dragon_ros.nodes import raw_subscription
 
-_WAIT_NS = 100_000_000      # longest delay until a signal is noticed
-_LOOK_S = 0.25              # longest delay until QoS events and new topics are noticed
-_AT_ONCE = 8                # largest number of callbacks that rclpy's executor runs before messages and timers
-_EMPTY_WAITS = 3            # number of empty waits before giving up; a single one may have consumed a wake-up
-_OVERDUE_S = 0.2            # longest duration of a wait before it is ended
-_SET_BACK_S = 0.05          # change of the system clock after which the middleware is woken
+_WAIT_NS = 100_000_000      # maximum delay until a signal is noticed
+_LOOK_S = 0.25              # maximum delay until QoS events and new topics are noticed
+_AT_ONCE = 8                # maximum number of callbacks that rclpy's executor runs before messages and timers
+_EMPTY_WAITS = 3            # number of empty waits before giving up; a single empty wait may have consumed a wake-up
+_OVERDUE_S = 0.2            # maximum duration of a wait before it is ended
+_SET_BACK_S = 0.05          # change in the system clock after which the middleware is woken
 
 
 class Spinner:
@@ -154,7 +154,7 @@ def _ahead_s() -> float:
 
 
 class _Overdue:
-    """Ends overdue waits (``with self as condition``) from a thread that measures them with the steady clock.
+    """Ends overdue waits (``with self as condition``) from a thread that measures them by the steady clock.
 
     The thread sleeps in ``poll``, whose timeout is relative; waits on Python's locks may also follow the system clock.
     """

@@ -15,7 +15,7 @@ class TfPublisher:
     """Publishes FRAME/head, FRAME/tail and FRAME/bench_0 on /tf, as children of FRAME, the frame of all messages."""
 
     def __init__(self, node: Node, frame_id: str, ends: bool = True, root: bool = False) -> None:
-        """Advertise /tf: for the two ends if ``ends``, and for the head bench, the root of a robot, if ``root``.
+        """Advertise /tf, for the two ends if ``ends`` is true and for the head bench (the robot's root) if ``root`` is.
 
         Raises MissingError if tf2_msgs is not installed.
         """

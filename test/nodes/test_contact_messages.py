@@ -119,8 +119,8 @@ def test_the_pace_counts_ticks_that_were_skipped_or_never_arrived_once(skipped, 
     pace.see(10**9, 3, 0.0)
     pace.see(3 * 10**9, 9, 0.0)
     pace.skip(skipped, 0.0)
-    assert pace.text() == (f'{said} ticks were not seen; {skipped} of them were skipped because ticks arrive faster '
-                           'than they can be read; contacts shorter than 2.000000000 s may be missed')
+    assert pace.text() == (f'{said} unseen ticks, {skipped} skipped because ticks arrive faster than they can be read; '
+                           'contacts shorter than 2.000000000 s may be missed')
     (status,) = pace.warnings('red', 0.0)
     assert values(status) == {'unseen': '5', 'skipped': str(skipped), 'longest_step_s': '2.000000000'}
     assert (status.level, status.name, status.hardware_id) == (WARN, 'red: monitor: pace', 'red')

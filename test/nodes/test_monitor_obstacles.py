@@ -209,7 +209,7 @@ def test_a_map_is_turned_by_its_origin_moved_by_the_declared_pose_and_never_over
     for one in (lost, moved, unknown):
         one.wait_for('/map: 1 obstacle with ')
     dragon.show(*range(0, 400, 2))
-    dragon.wait('lost', "/map: not used: its frame is 'map', that of the dragon is 'dragon'")
+    dragon.wait('lost', "/map: not used: its frame is 'map', the frame of the dragon is 'dragon'")
     lost.wait_for('give venue_pose:=X,Y,DEGREES')
     dragon.wait('moved', "contact of bench 0 and obstacle 'map' at")
     (begin,) = [{pair.key: pair.value for pair in status.values} for status in dragon.events['moved'][:1]]
