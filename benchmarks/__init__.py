@@ -1,1 +1,1 @@
-"""The measurements of the pages of ``docs/cost``, and the command that writes the pages."""
+"""The measurements for the pages in ``docs/cost``, and the command that writes these pages."""

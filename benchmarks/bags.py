@@ -1,7 +1,7 @@
-"""``cost bag``: throughput and size of bags for each compression, compared with the writer of the MCAP library.
+"""``cost bag``: throughput and size of bags for each compression, compared with the MCAP library's writer.
 
-The limit of a bag is the longest of the times to copy its messages through memory, to compress them alone, and to write
-the bytes of the bag to a file, at rates that are measured in the same run.
+The limit for a bag is the longest of three times, at rates measured in the same run: the times to copy its messages
+through memory, to compress them, and to write the bytes of the bag to a file.
 """
 import tempfile
 from collections.abc import Callable
@@ -54,7 +54,7 @@ class Written:
 
     @property
     def mb_s(self) -> float:
-        """Megabytes of messages per second."""
+        """The throughput in megabytes of messages per second."""
         return self.raw_bytes / 1e6 / self.timing.median_s
 
     @property
@@ -69,7 +69,7 @@ class Written:
 
     @property
     def share(self) -> float:
-        """Size of the bag relative to the size of its messages."""
+        """The size of the bag relative to the size of its messages."""
         return self.bag_bytes / self.raw_bytes
 
 
@@ -123,7 +123,7 @@ _WRITERS: dict[str, Callable[[Path, str, list[_Row]], None]] = {_OWN: _own, _LIB
 
 
 def table(rows: list[Written]) -> str:
-    """Return the rows as Markdown, below a line with the machine, versions and date."""
+    """Return the rows as Markdown, after a line that states the machine, the versions and the date."""
     lines = [f'{circumstances()}. {rows[0].ticks} ticks of {_SCENE.dragon.benches} benches: {rows[0].messages} '
              f'messages, {rows[0].raw_bytes / 1e6:.1f} MB.', '',
              '| writer | compression | MB/s | limit (MB/s) | times the limit | µs per message | ticks/s | times 100 Hz '
@@ -148,7 +148,7 @@ def picture(rows: list[Written]) -> Figure:
     for row in rows:
         own = row.writer == _OWN
         axes.plot(100 * row.share, row.mb_s, 'o' if own else 's', color='#0072B2' if own else '#E69F00', markersize=9)
-        on_left = own and row.compression == 'zstd'         # lz4 is to the right, at nearly the same height
+        on_left = own and row.compression == 'zstd'         # since lz4 is to the right, at nearly the same height
         axes.annotate(f'{row.writer}, {row.compression}', (100 * row.share, row.mb_s), textcoords='offset points',
                       xytext=(-8 if on_left else 8, 4 if own else -12), ha='right' if on_left else 'left',
                       fontsize=TEXT_PT)

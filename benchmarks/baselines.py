@@ -1,4 +1,4 @@
-"""Alternatives for comparison: scipy's solvers, simple solvers of the package, and integration."""
+"""Alternative solvers for comparison: scipy's solvers, the package's simple solvers, and integration."""
 from collections.abc import Callable
 from functools import partial
 from math import pi
@@ -14,14 +14,14 @@ from dragon_ros.cost.baselines import SIMPLE, Solver, chain_by, cosine_rule
 
 
 def by_fsolve(theta: float, chord: float) -> float:
-    """Return the polar angle of the next handle, found with scipy's fsolve from an arc as long as the chord."""
+    """Return the polar angle of the next handle, found by scipy's fsolve, starting one chord length along the track."""
     def excess(outer: Floats) -> float:
         return cosine_rule(theta, float(outer[0]), chord)
     return float(fsolve(excess, theta + chord / max(theta, 1e-9))[0])
 
 
 def by_brentq(theta: float, chord: float) -> float:
-    """Return the polar angle of the next handle, found with scipy's brentq within half a turn."""
+    """Return the polar angle of the next handle, found by scipy's brentq within half a turn."""
     return float(brentq(lambda outer: cosine_rule(theta, outer, chord), theta, theta + pi))
 
 

@@ -23,7 +23,7 @@ ALL = 'all'
 _CHECKOUT = Path(__file__).parents[1]
 _CHAINS = 1000
 _BUDGET_S, _MINUTES = 0.3, 10.0
-_EFFORTS = {'memory': 'minutes', 'promises': 'chains'}      # the options of these pages; all other pages have --budget
+_EFFORTS = {'memory': 'minutes', 'promises': 'chains'}      # these pages have other options than --budget
 _RANGES = {'budget': (_BUDGET_S, 1e-6, 1e6), 'minutes': (_MINUTES, 0.05, 1e4), 'chains': (_CHAINS, 1, 1e9)}
 _END = '<!-- end -->'
 
@@ -44,8 +44,8 @@ def main(argv: list[str]) -> int:
                          'memory: memory of a recorder in a long run; startup: start-up time of every executable; '
                          'study: rows per second of studies on Dask; venue: design fit and contact in a town; all: '
                          'all pages in turn, but promises only with --chains')
-    options.add_argument('--resume', action='store_true', help='with all: omit the pages that this version has '
-                         'measured today')
+    options.add_argument('--resume', action='store_true', help='with all: omit the pages that were already '
+                         'measured today with this version')
     options.add_argument('--output', type=Path, metavar='FOLDER',
                          help='folder for the results (cost; for all: docs/cost of the checkout). An '
                          'existing page keeps its text; only its table is renewed')
@@ -55,9 +55,9 @@ def main(argv: list[str]) -> int:
                          help=f'length of the run of the page memory ({_MINUTES:g})')
     options.add_argument('--chains', type=float, metavar='N',
                          help=f'number of chains for the page promises ({_CHAINS:g}; 100,000 take an hour); after '
-                         'Ctrl-C, the page contains the chains computed so far')
+                         'Ctrl-C, the page shows the chains computed so far')
     options.add_argument('--readme', type=Path, metavar='FILE', help='also renew the table between the marks in FILE '
-                         '(for all: README.md of the checkout)')
+                         "(for all: the checkout's README.md)")
     return command_line.guarded('cost', partial(_run, options.parse_args(argv)))
 
 
@@ -75,7 +75,7 @@ def _all(arguments: Namespace) -> int:
     pages, readme = _CHECKOUT / 'docs' / 'cost', arguments.readme or _CHECKOUT / 'README.md'
     folder = arguments.output or (pages if pages.is_dir() else Path('cost'))
     failed = list[str]()
-    names = [name for name in PAGES if name != 'promises' or arguments.chains is not None]      # it times nothing
+    names = [name for name in PAGES if name != 'promises' or arguments.chains is not None]      # it measures no times
     if arguments.resume:
         names = [name for name in names if not _is_new(folder / f'{name}.md')]
     for n, name in enumerate(names, 1):
@@ -100,7 +100,7 @@ def _is_new(page: Path) -> bool:
 
 
 def _page(name: str, arguments: Namespace, folder: Path, readme: Path | None) -> None:
-    """Measure one page, write it, and print its table and the written paths."""
+    """Measure one page, write it, and print its table and the paths of the written files."""
     effort = _effort(name, arguments)
     try:
         page = import_module(PAGES[name])

@@ -27,10 +27,10 @@ from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import state
 from dragon_ros.cost.measure import TIMES, circumstances, timed
 
-T_STAR_S = 412.473837682115         # first contact of the classic run, to the last digit
+T_STAR_S = 412.473837682115         # first contact of the classic run; every digit is correct
 WIDER_S = 409.775927737801          # first contact with benches 1 mm wider; it lasts 0.11 s
-_KNOWN_S = 1e-12                    # times closer than this count as equal
-_WRONG_S = 5e-7                     # if no bound is requested, a time with a larger error is marked WRONG
+_KNOWN_S = 1e-12                    # times that differ by less count as equal
+_WRONG_S = 5e-7                     # if no bound is requested, times with a larger error are marked WRONG
 _STEPS_S = (1.0, 0.1, 0.01)
 _WANTED_S = (1e-3, 1e-6, 1e-9, 1e-12)
 _WIDER = ', benches 1 mm wider'
@@ -52,12 +52,12 @@ class Search:
 
     @property
     def late_s(self) -> float:
-        """The delay of the reported time relative to the contact."""
+        """The delay (s) of the reported time relative to the contact."""
         return self.t_s - self.true_s
 
     @property
     def verdict(self) -> str:
-        """'WRONG' if the answer misses the requested error or, if none was requested, its sixth decimal."""
+        """'WRONG' if the error exceeds the requested bound or, if no bound was requested, half the sixth decimal."""
         return 'WRONG' if abs(self.late_s) > max(self.wanted_s or _WRONG_S, _KNOWN_S) else 'right'
 
 
@@ -99,14 +99,14 @@ def _found(budget_s: float, scene: Scene, what: str = '', true_s: float = T_STAR
 
 
 def _smallest(scene: Scene, t_s: float) -> float:
-    """Return the smallest gap at a time, from the benches of adjacent layers."""
+    """Return the smallest gap between benches of adjacent layers at a time."""
     chain = state(scene, t_s)
     benches = benches_of(chain, scene.dragon, axes_of(chain))
     return float(np.min(gaps(benches, *candidates(chain.p, benches))))
 
 
 def _scanned(step_s: float, scene: Scene) -> list[Search]:
-    """Sample every ``step_s`` from 0 s and report the first time with contact."""
+    """Sample every ``step_s`` seconds from 0 s on, and report the first sample time with a contact."""
     start, tick = time.perf_counter(), 0
     while (gap := _smallest(scene, tick * step_s)) > 0:
         tick += 1
@@ -115,7 +115,7 @@ def _scanned(step_s: float, scene: Scene) -> list[Search]:
 
 
 def _polished(wanted: tuple[float, ...], scene: Scene, what: str = '', true_s: float = T_STAR_S) -> list[Search]:
-    """Sample every second, then bisect the interval with the contact down to each of the ``wanted`` lengths."""
+    """Sample every second, then bisect the interval that contains the contact down to each length in ``wanted``."""
     scan = _scanned(1.0, scene)[0]
     low, high = scan.t_s - 1, scan.t_s
     samples, start, out = scan.states, time.perf_counter(), []
@@ -129,7 +129,7 @@ def _polished(wanted: tuple[float, ...], scene: Scene, what: str = '', true_s: f
 
 
 def table(rows: Measured) -> str:
-    """Return both tables as Markdown, below a line with the machine, versions and date."""
+    """Return both tables as Markdown, after a line that states the machine, the versions and the date."""
     return '\n'.join([f'{circumstances()}.', '', _search_table(rows), '', check_table(rows.checks)])
 
 
@@ -156,7 +156,7 @@ def csv_text(rows: Measured) -> str:
 
 
 def picture(rows: Measured) -> Figure:
-    """Return two panels: error of the contact time against computing time, and growth with the number of benches."""
+    """Return a figure of two panels: contact error against computing time, and growth with the number of benches."""
     figure = Figure(figsize=(PAGE_IN, 11), layout='constrained')
     above, below = figure.subplots(2, 1)
     _search_panel(above, rows)

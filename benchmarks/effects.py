@@ -35,7 +35,7 @@ def measure(budget_s: float = 0.3) -> Measured:
 
 
 def table(rows: Measured) -> str:
-    """Return both tables as Markdown, below a line with the machine, versions and date."""
+    """Return both tables as Markdown, after a line that states the machine, the versions and the date."""
     scenes = list(dict.fromkeys(row.scene for row in rows.prices))
     lines = [f'{circumstances()}.', '', '| µs per tick | bytes | ' + ' | '.join(scenes) + ' |',
              '|---|---:|' + '---:|' * len(scenes)]

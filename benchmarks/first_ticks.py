@@ -46,7 +46,7 @@ class Row:
 
     @property
     def pays_from(self) -> float:
-        """The first tick at which the march has taken longer in total than the map; inf if there is none."""
+        """The first tick at which the march has taken longer in total than the map, or inf if there is none."""
         first, later, first_marched, marched = (self.timings[name].median_s for name in CALLS)
         if first <= first_marched:
             return 1
@@ -75,7 +75,7 @@ def _row(name: str, scene: Scene, rates: Amounts, budget_s: float) -> Row:
 
 
 def first_tick(scene: Scene) -> Chain:
-    """Place all handles at the start of a run with a new model, whose track, leader and table are rebuilt."""
+    """Place all handles at the start of a run, using a new model, which rebuilds track, leader and table."""
     return replace(compile_scene(scene).model).place(scene.head.travelled_m(scene.run.start_s))
 
 
@@ -100,7 +100,7 @@ def _later(scene: Scene) -> None:
 
 
 def table(rows: list[Row]) -> str:
-    """Return the rows as a Markdown table, below a line with the machine, versions and date."""
+    """Return the rows as a Markdown table, after a line that states the machine, the versions and the date."""
     head = ('| scene | handles | segments | first tick (ms) | quartiles | later (µs) | first, marched (ms) | '
             'later, marched (µs) | the map pays off from tick | limit of the first tick (ms) | times the limit |\n'
             '|---|---:|---:|---:|---|' + '---:|' * 6)
@@ -118,7 +118,7 @@ def _line(row: Row) -> str:
 
 
 def csv_text(rows: list[Row]) -> str:
-    """Return the rows as CSV, one line per timing, with times in seconds."""
+    """Return the rows as CSV, with one line per timing and times in seconds."""
     return csv_of(['scene', 'handles', 'segments', 'tick', 'limit_s', *TIMES],
                   [(row.scene, row.handles, row.segments, name, row.limit_s if name == _FIRST else '', *timing.cells)
                    for row in rows for name, timing in row.timings.items()])

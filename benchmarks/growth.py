@@ -47,7 +47,7 @@ class Check:
 
 
 def checks_of(size: int, budget_s: float) -> list[Check]:
-    """Check a dragon with this many benches at one time by each method; compare the results, then measure the times."""
+    """Check a dragon with ``size`` benches at one time by each method; compare the results, then measure the times."""
     scene = Scene(dragon=Dragon(size))
     chain = state(scene, _AT_S)
     benches = benches_of(chain, scene.dragon, axes_of(chain))
@@ -90,7 +90,7 @@ def _every(size: int) -> tuple[Ints, Ints]:
 
 
 def _smallest_of(benches: Benches, i: Ints, j: Ints) -> tuple[int, float]:
-    """Return the number of examined pairs, and their smallest gap."""
+    """Return the number of examined pairs and their smallest gap."""
     return i.size, float(np.min(gaps(benches, i, j), initial=np.inf))
 
 
@@ -122,7 +122,7 @@ def _cell(check: Check) -> str:
 
 
 def panel(axes: Axes, checks: list[Check]) -> None:
-    """Draw the time of one check against the number of benches."""
+    """Plot the time of one check against the number of benches."""
     for method in _COLOURS:
         mine = [check for check in checks if check.method == method]
         axes.loglog([check.benches for check in mine], [check.timing.median_s * 1e3 for check in mine],

@@ -1,8 +1,8 @@
 """``cost limits``: the time of each stage relative to this machine's limit, which shows the remaining headroom.
 
 Each stage is compared with the machine's rates, measured in the same run on one thread: multiplications and additions
-in a product, bytes copied within the cache or through memory, bytes compressed by zstd alone, and bytes written to a
-file. The limit of a stage is the longest of the times that its amounts take at these rates.
+in a matrix product, bytes copied within the cache or through memory, bytes compressed by zstd alone, and bytes written
+to a file. The limit for a stage is the longest of the times needed to process its amounts at these rates.
 """
 import tempfile
 from collections.abc import Callable
@@ -41,27 +41,27 @@ _RATES = {'product': 'multiplications and additions in a product', 'cache': 'byt
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage: its time per call, and the amounts that it must process, keyed by the rate that bounds them."""
+    """A stage: its time per call, and the amounts that it must process, by the rate that limits each."""
 
     name: str
     timing: Timing
     needs: dict[str, float]
 
     def limit(self, rates: dict[str, float]) -> tuple[float, str]:
-        """Return the shortest possible time in seconds, and the rate that bounds it."""
+        """Return the shortest possible time in seconds, and the rate that determines it."""
         return limit(self.needs, rates)
 
 
 @dataclass(frozen=True)
 class Measured:
-    """The machine's rates per second, and all stages."""
+    """The machine's rates (per second), and all stages."""
 
     rates: dict[str, float]
     stages: list[Stage]
 
 
 def measure(budget_s: float = 0.3) -> Measured:
-    """Measure the machine, and every stage of the scene ``winding``."""
+    """Measure the machine's rates, and every stage of the scene ``winding``."""
     encode = encoders(_SCENE)
     frames = [tick(_SCENE, k) for k in range(compile_scene(_SCENE).last_tick + 1)]
     messages = [(name, encode[name](frame), frame.t_ns, k) for k, frame in enumerate(frames) for name in encode]
@@ -140,7 +140,7 @@ def _bag(compression: str, messages: list[tuple[str, bytes, int, int]], folder: 
 
 
 def table(rows: Measured) -> str:
-    """Return rates and stages as Markdown, below a line with the machine, versions and date."""
+    """Return rates and stages as Markdown, after a line that states the machine, the versions and the date."""
     lines = [f'{circumstances()}. Rates are those of one thread; times are medians.', '', '| rate | per second |',
              '|---|---:|']
     lines += [f'| {text} | {_amount(rows.rates[name])} |' for name, text in _RATES.items()]

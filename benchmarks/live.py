@@ -37,7 +37,7 @@ class Usage:
 
 @dataclass(frozen=True)
 class Live:
-    """A run: benches, ticks per second (0: as fast as readers can follow), ticks, wall time, overruns and losses."""
+    """A run: benches, rate (0: as fast as the readers can follow), ticks, wall time, overruns and losses."""
 
     benches: int
     rate_hz: float
@@ -49,7 +49,7 @@ class Live:
 
     @property
     def lost(self) -> int:
-        """Messages that the recorder missed, and ticks that the monitor did not see."""
+        """The number of messages that the recorder missed and of ticks that the monitor did not see."""
         return sum(self.missing.values())
 
     @property
@@ -59,7 +59,7 @@ class Live:
 
     @property
     def reached_hz(self) -> float:
-        """Ticks per second of wall time."""
+        """The number of ticks per second of wall time."""
         return self.ticks / self.wall_s
 
 
@@ -97,14 +97,14 @@ def highest(benches: int, seconds: float, guess_hz: float) -> list[Live]:
 
 
 class Start:
-    """Start ``python -m dragon_ros NAME ...`` in one domain, with output to files."""
+    """Starts ``python -m dragon_ros NAME ...`` for several nodes in one domain, with output to files."""
 
     def __init__(self, folder: Path) -> None:
         self.running: dict[str, subprocess.Popen[bytes]] = {}
         self._folder, self._environment = folder, {**local_environment(free_domain()), 'PYTHONUNBUFFERED': '1'}
 
     def __call__(self, name: str, *arguments: str) -> 'subprocess.Popen[bytes]':
-        """Start one process and return it."""
+        """Start and return one process."""
         with (self._folder / f'{name}.log').open('wb') as log:
             self.running[name] = subprocess.Popen([sys.executable, '-m', 'dragon_ros', name, *arguments], stdout=log,
                                                   stderr=log, stdin=subprocess.DEVNULL, env=self._environment)
@@ -117,7 +117,7 @@ class Start:
 
 @contextmanager
 def processes(folder: Path) -> Iterator[Start]:
-    """Start processes, and end them when the block ends."""
+    """Yield a function that starts processes; end them all when the block ends."""
     start = Start(folder)
     try:
         yield start
@@ -153,7 +153,7 @@ def _look(pid: int) -> tuple[float, float]:
 
 
 def alive(start: Start, deadline: float) -> None:
-    """Raise DragonError if a process has failed or the deadline, a time of ``time.monotonic``, has passed."""
+    """Raise DragonError if a process has failed, or if the deadline (on the clock ``time.monotonic``) has passed."""
     for name, child in start.running.items():
         if child.poll():
             raise DragonError(f'{name} ended with exit code {child.returncode}: {start.text(name)[-500:]}')
@@ -162,7 +162,7 @@ def alive(start: Start, deadline: float) -> None:
 
 
 def ended(process: 'subprocess.Popen[bytes]') -> None:
-    """Wait for the end of a process. Raises DragonError if the process hangs."""
+    """Wait for a process to end. Raises DragonError if the process hangs."""
     try:
         process.wait(timeout=_LONGEST_S)
     except subprocess.TimeoutExpired:
@@ -170,6 +170,6 @@ def ended(process: 'subprocess.Popen[bytes]') -> None:
 
 
 def _number(pattern: 're.Pattern[str]', text: str) -> int:
-    """Return the number that a pattern matches in a log, or 0 if it does not match."""
+    """Return the number that a pattern finds in a log, or 0 if it finds none."""
     found = pattern.search(text)
     return int(found[1]) if found else 0

@@ -22,15 +22,15 @@ from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.cost.measure import circumstances
 
 _BENCHES, _RATE_HZ, _TOPICS = 223, 100, ('handles', 'benches', 'velocities')
-_WAY_M = 400.0          # fixed distance of the head, so that the size of a tick does not depend on the duration
+_WAY_M = 400.0          # total distance of the head, fixed so that the size of a tick does not depend on the duration
 _EACH_S = 5.0
-_SETTLED_S = 60.0       # growth is fitted from this time on or, in a shorter run, from a tenth of the run on
+_SETTLED_S = 60.0       # growth is fitted from this time on or, in shorter runs, after a tenth of the run
 _STEP_MB = 0.1          # smallest change between samples that counts as a step (a backlog)
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """A recording: the recorder's resident memory (MB) at times (s), the number of missed messages, and the bag."""
+    """A recording: samples of the recorder's resident memory (s, MB), the number of missed messages, and the bag."""
 
     seconds: float
     samples: tuple[tuple[float, float], ...]
@@ -42,7 +42,7 @@ class Recorded:
 
     @property
     def settled(self) -> list[tuple[float, float]]:
-        """The samples from which growth is fitted."""
+        """The samples to which growth is fitted."""
         return [sample for sample in self.samples if sample[0] >= min(_SETTLED_S, 0.1 * self.seconds)]
 
     @property
@@ -54,24 +54,24 @@ class Recorded:
 
     @property
     def grows_kb_min(self) -> float:
-        """Growth in kB per minute."""
+        """The growth in kB per minute."""
         return 6e4 * self.fit[0]
 
     @property
     def steps_mb(self) -> float:
-        """Growth in steps, which occur when the recorder is delayed and messages are queued."""
+        """The growth (MB) in steps, which occur when the recorder is delayed and messages are queued."""
         changes = np.diff([mb for _, mb in self.settled])
         return float(np.sum(changes[np.abs(changes) >= _STEP_MB]))
 
     @property
     def creeps_kb_min(self) -> float:
-        """Growth in kB per minute, excluding the steps."""
+        """The growth in kB per minute, excluding steps."""
         (first_s, first), (last_s, last) = self.settled[0], self.settled[-1]
         return 6e4 * (last - first - self.steps_mb) / (last_s - first_s)
 
     @property
     def index_kb_min(self) -> float:
-        """Growth of the data kept for the final index, in kB per minute."""
+        """The growth, in kB per minute, of the data kept for the final index."""
         return 0.06 * self.index_bytes / self.seconds
 
 
@@ -102,7 +102,7 @@ def _recorded(bag: Path, run_s: float, ticks: int, samples: list[tuple[float, fl
 
 
 def _watched(start: Start, process: psutil.Process, run_s: float) -> list[tuple[float, float]]:
-    """Return samples (seconds since the first tick, resident MB) until the end of the sim."""
+    """Return samples (seconds since the first tick, resident MB) taken until the sim ends."""
     deadline, out = time.monotonic() + 2 * run_s + 60.0, []
     while 'starting ' not in start.text():
         alive(start, deadline)
@@ -118,7 +118,7 @@ def _watched(start: Start, process: psutil.Process, run_s: float) -> list[tuple[
 
 
 def table(row: Recorded) -> str:
-    """Return the run as Markdown, below a line with the machine, versions and date."""
+    """Return the run as Markdown, after a line that states the machine, the versions and the date."""
     (first_s, first), (_, last), most = row.settled[0], row.settled[-1], max(mb for _, mb in row.samples)
     return '\n'.join([
         f'{circumstances()}. {row.ticks:,} ticks of {_BENCHES} benches at {_RATE_HZ} Hz over DDS, zstd.', '',

@@ -1,4 +1,4 @@
-"""The cost of obstacles for the monitor: a check with walls along the whole dragon, and the reading of a large map.
+"""What obstacles cost the monitor: a check with walls along the whole dragon, and reading a large map.
 
 ``./dragon python benchmarks/obstacle_looks.py`` prints processor times. Checks with and without obstacles are
 measured alternately, since other load on the machine changes over time.
@@ -23,7 +23,7 @@ from dragon_ros.messages.observation import observation_of, read_handles
 from dragon_ros.messages.surroundings import CellRules, read_grid
 
 _TICKS, _TURNS, _FIRST = 300, 5, 2500
-_SIZE, _ROOMS = 4000, 400       # side of the map in cells, and number of its walls
+_SIZE, _ROOMS = 4000, 400       # side of the map in cells, and number of walls
 
 
 def walled(gap_m: float, corners: int = 1000) -> Scene:
@@ -40,7 +40,7 @@ def walled(gap_m: float, corners: int = 1000) -> Scene:
 
 
 def looks_s(scene: Scene) -> tuple[float, float]:
-    """Return the shortest processor times in s of a check, from the bytes to the report, without and with obstacles."""
+    """Return the shortest processor times (s) of a check, from bytes to report, without and with obstacles."""
     encode = encoders(scene)
     data = [(encode['handles'](frame), encode['benches'](frame))
             for frame in (tick(scene, _FIRST + k) for k in range(_TICKS))]
@@ -53,7 +53,7 @@ def looks_s(scene: Scene) -> tuple[float, float]:
 
 
 def _look(data: list[tuple[bytes, bytes]], around: Surroundings | None) -> float:
-    """Return the processor time of the checks at the given ticks."""
+    """Return the processor time for checking the given ticks."""
     reader, tracker = BenchReader(), ContactTracker()
     tracker.surround(around)
     began = time.process_time()
@@ -82,7 +82,7 @@ def map_message() -> bytes:
 
 
 def _read(data: bytes) -> tuple[int, int, float]:
-    """Return the numbers of edges and obstacles of a map, and the processor time to read and index it."""
+    """Return how many edges and obstacles a map has, and the processor time for reading and indexing it."""
     began = time.process_time()
     around = read_grid(data, CellRules()).around
     assert around

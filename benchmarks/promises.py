@@ -1,10 +1,10 @@
 """``cost promises``: errors relative to promises on random chains, by tier, method and quantity.
 
-The number n alone determines scene n. It has 2 to 60 links, either equal behind a different head or in groups, on a
-spiral, an S-turn or a composite track. It is led by the head or the tail, with or without a shift map, at one of the
-tiers. Chains are computed at the start, at two random times, and at two times close to the end of the model, which is
-often a lock. Each chain is compared with forward placement at the exact tier, which ``cost accuracy`` compares with a
-50-digit reference.
+Each scene is determined by its number alone. It has 2 to 60 links, either in groups or all equal except for the head,
+on a spiral, an S-turn or a composite track. The dragon is led by the head or the tail, with or without a shift map, at
+one of the tiers. Chains are computed at the start, at two random times, and at two times close to the end of the model,
+which is often a lock. Each chain is compared with forward placement at the exact tier, which ``cost accuracy`` compares
+with a 50-digit reference.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -34,16 +34,17 @@ from dragon_ros.cost.measure import circumstances
 PROMISING = tuple(name for name, tier in TIERS.items() if tier is not PAPER)
 WAYS = ('state', 'states', 'tick')
 WHAT = ('positions', 'speeds')
-_LONGEST_M = 6.0            # length of a link
+_LONGEST_M = 6.0            # maximum length of a link
 _LATEST_S = 100.0
 _HEAD = ('tier', 'through', 'of', 'chains', 'median', 'p99', 'p999', 'largest', 'above_1', 'worst_scene')
 _COLOURS = {'preview': '#56B4E9', 'standard': '#009E73', 'fine': '#E69F00', 'exact': '#0072B2'}
 
 
 def shares(scene: Scene, times_s: Sequence[float]) -> Floats:
-    """Return errors divided by promises (times, 3, 2), for ``state``, ``states`` and ``tick``, positions and speeds.
+    """Return the errors of positions and speeds, divided by the promises of the scene's tier.
 
-    Times are whole nanoseconds, as ticks require. The promise is that of the scene's tier.
+    The result has the shape (times, 3, 2), where 3 stands for ``state``, ``states`` and ``tick``. Times must be whole
+    nanoseconds, as ticks require.
     """
     known, scene = replace(scene, accuracy='exact', solver='march'), replace(scene, effects=Effect.VELOCITY)
     many = states(scene, times_s)
@@ -67,7 +68,7 @@ def _shares_at(known: Scene, scene: Scene, t_s: float, of_states: tuple[Floats, 
 
 
 def random_scene(number: int) -> tuple[Scene, list[float]] | None:
-    """Return scene ``number`` and times in whole nanoseconds, or None if the model rejects the scene."""
+    """Return scene ``number`` and times (s, whole nanoseconds), or None if the model rejects the scene."""
     dice = Random(number)
     try:
         scene = Scene(_dragon(dice), _track(dice), Head(1.0, dice.choice(('head', 'tail'))), Run(0, 1e3),
@@ -110,7 +111,7 @@ def _piece(dice: Random) -> Piece:
 
 @dataclass(frozen=True)
 class Measured:
-    """The errors of M chains divided by their promises (M, 3, 2), with the indices of tiers and the scenes (M,)."""
+    """The errors of M chains divided by their promises (shape (M, 3, 2)), with each chain's tier index and scene."""
 
     shares: Floats
     tiers: Ints
@@ -138,7 +139,7 @@ def measure(chains: float = 1000) -> Measured:
 
 
 def _measured(number: int) -> Measured:
-    """Measure the chains of one scene; there are none if the model rejects the scene."""
+    """Measure the chains of one scene; if the model rejects the scene, there are none."""
     drawn = random_scene(number)
     found = shares(*drawn) if drawn else np.empty((0, len(WAYS), len(WHAT)))
     tier = PROMISING.index(str(drawn[0].accuracy)) if drawn else 0
@@ -160,7 +161,7 @@ def _rows(found: Measured) -> list[tuple[str | int | float, ...]]:
 
 
 def table(found: Measured) -> str:
-    """Return the distributions as a Markdown table, below a line with the machine, versions and date."""
+    """Return the distributions as a Markdown table, after a line that states the machine, the versions and the date."""
     head = ('| tier | through | error of | chains | median | 99 % | 99.9 % | largest | above 1 | worst scene |\n'
             '|---|---|---|---:|---:|---:|---:|---:|---:|---:|')
     lines = [f'| {tier} | {way} | {what} | {chains:,} | ' + ' | '.join(f'{share:.1e}' for share in shown)
@@ -170,15 +171,18 @@ def table(found: Measured) -> str:
 
 
 def summary(found: Measured) -> str:
-    """Return one sentence."""
+    """Return a sentence about the largest error."""
     above = int(np.sum(found.shares > 1))
+    over = {0: 'no chain exceeds its promise', 1: '1 chain exceeds its promise'}.get(
+        above, f'{above} chains exceed their promises')
+    over = {0: 'no error exceeds its promise', 1: '1 error exceeds its promise'}.get(
+        above, f'{above} errors exceed their promises')
     return (f'On {len(found.shares):,} random chains of 2 to 60 links, each computed by `state`, `states` and `tick` '
-            f'at one of the tiers, the largest error is {np.max(found.shares):.2g} times its promise, and {above} '
-            f'chains exceed a promise.')
+            f'at one of the tiers, the largest error is {np.max(found.shares):.2g} times its promise, and {over}.')
 
 
 def picture(found: Measured) -> Figure:
-    """Return a figure of the share of chains whose error over promise exceeds a value, for positions and speeds."""
+    """Return a figure of the share of chains whose error / promise exceeds a value, for positions and speeds."""
     figure = Figure(figsize=(PAGE_IN, 5), layout='constrained')
     for k, (axes, what) in enumerate(zip(figure.subplots(1, 2, sharey=True), WHAT, strict=True)):
         for n, tier in enumerate(PROMISING):

@@ -23,7 +23,7 @@ _WARM = 3
 
 
 def main(budget_s: float) -> None:
-    """Print a mapping {what: [seconds of each call]} for the classic scene, with one reader per topic."""
+    """Print a mapping {name: [seconds of each call]} for the classic scene, with one reader per topic."""
     rclpy.init()
     node, scene = Node('publish_cost'), Scene()
     frame, encode = tick(scene, 100), encoders(scene)

@@ -23,10 +23,10 @@ from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 
 SIZES = (10, 30, 100, 223, 1000, 3000, 10_000, 30_000, 100_000)
 LIVE = (223, 2000, 20_000)
-USUAL = (223, 50)        # benches and ticks per second of most runs
+USUAL = (223, 50)        # number of benches and ticks per second in most runs
 _AT_S = 300.0
-_FITTED = 1000          # smallest size to which exponents are fitted
-_LIVE_TIMES = 10        # length of a live run, in timing budgets
+_FITTED = 1000          # exponents are fitted to sizes from here on
+_LIVE_TIMES = 10        # duration of a live run, in timing budgets
 _COLOURS = dict(zip(STAGES, ('#999999', '#0072B2', '#56B4E9', '#009E73', '#E69F00', '#D55E00'), strict=True))
 
 _OF_SOLVERS = ('chain', 'velocities')    # the stages in which solvers differ
@@ -45,7 +45,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Build:
-    """The shift table of a dragon: its rows, the terms of its series, the seconds to build it, and its bytes."""
+    """The shift table of a dragon: its number of rows and series terms, its build time in seconds, and its bytes."""
 
     benches: int
     rows: int
@@ -106,7 +106,7 @@ def _peak(call: Callable[[], object]) -> int:
 
 
 def build(scene: Scene) -> Build | None:
-    """Return the cost of the first tile of a scene's shift map, the faster of two builds; None if there is no map."""
+    """Return the cost of a shift map's first tile (the faster of two builds), or None if the scene has no map."""
     spent, tiles, gone_m = [], list[Tile](), scene.head.travelled_m(scene.run.start_s)
     for _ in range(2):
         model = replace(compile_scene(scene).model)     # a new model, without tiles
@@ -128,7 +128,7 @@ def exponent(rows: list[Stage], value: Callable[[Stage], float]) -> float:
 
 
 def table(rows: Measured) -> str:
-    """Return the tables as Markdown, below a line with the machine, versions and date."""
+    """Return the tables as Markdown, after a line that states the machine, the versions and the date."""
     parts = [f'{circumstances()}. Times are medians that exclude the first call.']
     for solver in dict.fromkeys(row.solver for row in rows.stages):
         mine = [row for row in rows.stages if row.solver == solver]

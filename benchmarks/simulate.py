@@ -15,9 +15,9 @@ from dragon_ros.cli.pool import workers_of
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cost.measure import circumstances
 
-_LENGTHS = 1400         # seconds of the run for each second of a timing's budget
-_LONGEST_S = 432.0      # length of the longest run, which ends shortly before the chain locks
-_REPEATS = 3            # number of runs; the fastest counts, since other load can only slow a run down
+_LENGTHS = 1400         # seconds of the run for each second of the timing budget
+_LONGEST_S = 432.0      # maximum duration of a run, shortly before the chain locks
+_REPEATS = 3            # number of runs; the fastest run counts, since other load can only slow runs down
 _PINNED = 0             # stands for one worker that may use only one core
 
 
@@ -25,7 +25,7 @@ _PINNED = 0             # stands for one worker that may use only one core
 class Written:
     """The bag of a run, written by a number of workers (``_PINNED``: one worker on a single core) or copied (None).
 
-    ``memory_mb`` is the peak resident memory of the largest process, ``cpu_s`` the CPU seconds of all processes.
+    ``memory_mb`` is the peak resident memory of the largest process, and ``cpu_s`` is the CPU time of all processes.
     """
 
     workers: int | None
@@ -76,7 +76,7 @@ def _on_one_core(command: list[str]) -> list[str]:
 
 
 def table(rows: list[Written]) -> str:
-    """Return the measured rows as Markdown, below a line with the machine, versions and date."""
+    """Return the measured rows as Markdown, after a line that states the machine, the versions and the date."""
     alone = rows[0].wall_s
     lines = [f'{circumstances()}. {workers_of(None)} cores; {rows[0].run_s:g} s of the classic dragon at 50 Hz, '
              f'{rows[0].mb:.0f} MB.', '',
@@ -96,7 +96,7 @@ def csv_text(rows: list[Written]) -> str:
 
 
 def picture(rows: list[Written]) -> Figure:
-    """Return a figure of the speed relative to real time, without the copy, which would hide the differences."""
+    """Return a figure of the speed relative to real time; the copy is omitted, as it would hide the differences."""
     rows = [row for row in rows if row.workers is not None]
     figure = Figure(figsize=(PAGE_IN, 4.4), layout='constrained')
     axes = figure.subplots()

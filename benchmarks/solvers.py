@@ -1,4 +1,4 @@
-"""The solvers that place a chain, by name, for the pages that compare them."""
+"""The solvers that place a chain, by name, for the pages that compare solvers."""
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, hypot, sin
@@ -19,7 +19,7 @@ _TOLERANCE_RAD = 1e-9       # tolerance of the plain Newton method
 
 
 def _plain(scene: Scene, head: Place) -> Chain:
-    """Place the chain as typical Python code does: Newton's method on the cosine rule, point by point."""
+    """Place the chain as typical Python code does: by Newton's method on the cosine rule, point by point."""
     b = scene.spiral.b_m
     theta = [head.u.hi]
     for link in scene.dragon.link_lengths_m.tolist():
@@ -40,7 +40,7 @@ class PlainChain(Chain):
         return 'plain'
 
     def velocities(self, head_speed_m_s: Any, out: Floats | None = None) -> Floats:
-        """Return the velocities as typical code does: link by link, using the angles between link and tangents."""
+        """Return the velocities as typical code does: link by link, from the angles between link and tangents."""
         speed, rows, points, before = float(head_speed_m_s), [], self.p.tolist(), (0.0, 0.0)
         for k, t in enumerate(self.theta):
             x, y = cos(t) - t * sin(t), sin(t) + t * cos(t)

@@ -19,7 +19,7 @@ from dragon_ros.messages.encode import encoders
 
 MODEL = ('head', 'chain', 'velocities', 'benches')
 STAGES = (*MODEL, 'look', 'encode')
-_LOOKS = 25     # number of ticks through which the contact check goes back and forth
+_LOOKS = 25     # number of ticks that the contact check passes through, back and forth
 
 
 def stages_of(scene: Scene, solver: str, t_s: float) -> dict[str, Callable[[], object]]:
@@ -60,7 +60,7 @@ def multiplications(chain: Chain) -> int:
 
 
 def ticks_from(scene: Scene, t_s: float) -> Iterator[tuple[Floats, Benches]]:
-    """Yield handles and benches tick by tick, endlessly back and forth through several ticks after a given time."""
+    """Yield handles and benches tick by tick, endlessly back and forth through the ticks after a given time."""
     chains = [state(scene, t_s + n / float(scene.run.rate_hz)) for n in range(_LOOKS)]
     ticks = [(chain.p, benches_of(chain, scene.dragon, axes_of(chain))) for chain in chains]
     return cycle([*ticks, *ticks[-2:0:-1]])

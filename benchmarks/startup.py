@@ -1,6 +1,6 @@
-"""``cost startup``: the start-up time of each executable, for its help and for its smallest use.
+"""``cost startup``: the start-up time of each executable, for its help and for a minimal task.
 
-The limit of ``--help`` is a Python process that ends at once; that of a smallest use is one that only imports numpy.
+The limit for ``--help`` is a Python process that ends immediately; the limit for a task is one that imports only numpy.
 """
 import os
 import re
@@ -26,7 +26,7 @@ _BAG = 'simulate', '--force', '--set', 'run.stop_s=2', '--output'
 HELP = '--help'
 _BARE, _WITH_NUMPY = 'python', 'python with numpy'
 FLOORS = {_BARE: ('-c', 'pass'), _WITH_NUMPY: ('-c', 'import numpy')}
-# The smallest use of each executable. BAG is a bag of two seconds, and OUT is a file to write.
+# A minimal task for each executable. BAG is a bag of two seconds, and OUT is a file to write.
 SMALLEST = {
     'table': 'table --times 60 --handles 0', 'contact': 'contact', 'inspect': 'inspect BAG',
     'export': 'export BAG --force --output OUT.csv',
@@ -36,7 +36,7 @@ SMALLEST = {
 
 @dataclass(frozen=True)
 class Start:
-    """An executable, its arguments, and the wall time until it ended."""
+    """An executable, its arguments, and the wall time from its start to its end."""
 
     name: str
     arguments: str
@@ -59,7 +59,7 @@ def measure(budget_s: float = 0.3) -> list[Start]:
 
 
 def names() -> list[str]:
-    """Return the names of all executables, as the package's help lists them."""
+    """Return the names of all executables that the package's help lists."""
     listed = subprocess.run([sys.executable, *_MODULE, HELP], capture_output=True, text=True, check=True).stdout
     return re.findall(r'^  (\w+) ', listed, re.MULTILINE)
 
@@ -81,7 +81,7 @@ def _first_frame(*words: str | Path) -> None:
 
 
 def _environment() -> dict[str, str]:
-    """Return a user's environment, without the variable that stops Python from storing compiled modules."""
+    """Return the environment without the variable that stops Python from storing compiled modules."""
     return {name: value for name, value in os.environ.items() if name != 'PYTHONDONTWRITEBYTECODE'}
 
 
@@ -115,7 +115,7 @@ def csv_text(rows: list[Start]) -> str:
 
 
 def picture(rows: list[Start]) -> Figure:
-    """Return a figure with a bar for each start: Python itself in grey, help in blue, smallest uses in orange."""
+    """Return a figure with a bar for each start: Python itself in grey, help in blue, minimal tasks in orange."""
     figure = Figure(figsize=(PAGE_IN, 0.28 * len(rows) + 1.2), layout='constrained')
     axes = figure.subplots()
     for n, row in enumerate(rows):

@@ -23,8 +23,8 @@ from dragon_ros.studies.study import Study, Uniform
 WORKERS = (1, 2)
 CORES = (2, 64, 1000)       # extrapolated
 _PAPER_ROWS = 10**6
-_BUDGETS = 100              # timing budgets per study
-_WARM = 4                   # rows that each worker computes before anything is timed
+_BUDGETS = 100              # duration of a study, in timing budgets
+_WARM = 4                   # number of rows that each worker computes before anything is timed
 _PROBED_S = 0.5
 _VARY = (('dragon.width_m', Uniform(0.25, 0.35)),)
 TASKS: dict[str, Question] = {'first contact of the classic dragon': FirstContactQuestion(), 'its lock': LockQuestion()}
@@ -34,8 +34,8 @@ TASKS: dict[str, Question] = {'first contact of the classic dragon': FirstContac
 class Row:
     """A study on a number of workers; 0 is this process without Dask.
 
-    ``work_s`` is the CPU time of the rows themselves in s, ``cpu_s`` that of all processes together: workers, scheduler
-    and the client, which writes the rows. ``memory_mb`` is the largest resident memory of a worker.
+    ``work_s`` is the CPU time (s) of the rows themselves, and ``cpu_s`` is that of all processes together: workers,
+    scheduler, and the client, which writes the rows. ``memory_mb`` is the largest resident memory of any worker.
     """
 
     task: str
@@ -53,17 +53,17 @@ class Row:
 
     @property
     def row_s(self) -> float:
-        """CPU seconds per row."""
+        """The CPU time per row in seconds."""
         return self.work_s / self.rows
 
     @property
     def overhead_s(self) -> float:
-        """CPU seconds per row for Dask, Parquet and drawing the inputs."""
+        """The CPU time per row, in seconds, for Dask, for Parquet and for drawing the inputs."""
         return (self.cpu_s - self.work_s) / self.rows
 
 
 def measure(budget_s: float = 0.3) -> list[Row]:
-    """Measure each study with each number of workers, started beforehand, for about a hundred timing budgets."""
+    """Measure each study with each number of workers for about a hundred timing budgets; workers start beforehand."""
     jobs = [(name, workers) for name in TASKS for workers in (0, *WORKERS)]
     return [_timed(name, workers, _BUDGETS * budget_s) for name, workers in
             Progress('cost study', 'parts', len(jobs))(jobs)]
@@ -102,14 +102,14 @@ def _on_dask(name: str, workers: int, rows: int) -> Row:
 
 
 def _complete(client: Client, folder: Path, study: Study) -> float:
-    """Compute a study; return the CPU seconds of its rows."""
+    """Compute a study; return the CPU time of its rows in seconds."""
     with writing(folder, study) as data:
         run(data, client, Event(), lambda progress: None)
         return float(sum(data.table(['cpu_s']).column('cpu_s').to_pylist()))
 
 
 def _cpu_s(client: Client) -> float:
-    """Return the CPU seconds of all processes so far; the scheduler runs in this process."""
+    """Return the CPU time of all processes so far, in seconds; the scheduler runs in this process."""
     return time.process_time() + float(sum(client.run(time.process_time).values()))
 
 
@@ -118,7 +118,7 @@ def _most_mb() -> float:
 
 
 def table(rows: list[Row]) -> str:
-    """Return the measured and extrapolated rows as Markdown, below a line with the machine, versions and date."""
+    """Return measured and extrapolated rows as Markdown, after a line that states machine, versions and date."""
     lines = [f'{circumstances()}.', '',
              '| study | workers | rows | rows per second | CPU per row (ms) | overhead (ms) | overhead (%) | peak '
              'memory of a worker (MB) |', '|---|---:|---:|---:|---:|---:|---:|---:|']
@@ -152,7 +152,7 @@ def csv_text(rows: list[Row]) -> str:
 
 
 def picture(rows: list[Row]) -> Figure:
-    """Return a figure of the rows per second against the number of workers, with a panel for each study."""
+    """Return a figure of rows per second against the number of workers, with a panel for each study."""
     figure = Figure(figsize=(PAGE_IN, 4.4), layout='constrained')
     for axes, name in zip(figure.subplots(1, len(TASKS)), TASKS, strict=True):
         own = [row for row in rows if row.task == name]

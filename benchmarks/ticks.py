@@ -99,7 +99,7 @@ def _row(solver: str, tier: str, messages: dict[str, Timing], budget_s: float) -
 
 
 def _messages(budget_s: float) -> dict[str, Timing]:
-    """Return the cost of building and publishing messages, measured in a process with rclpy; {} if that is missing."""
+    """Return the cost of building and publishing messages, measured in a process with rclpy, or {} without rclpy."""
     done = subprocess.run([sys.executable, '-m', 'benchmarks.publish_cost', str(budget_s)],
                           capture_output=True, text=True, check=False, timeout=_LONGEST_S,
                           env=local_environment(free_domain()))
@@ -112,7 +112,7 @@ def _messages(budget_s: float) -> dict[str, Timing]:
 
 
 def table(rows: Measured) -> str:
-    """Return the rows as a Markdown table, below a line with the machine, versions and date."""
+    """Return the rows as a Markdown table, after a line that states the machine, the versions and the date."""
     head = ('| solver | tier | messages | ' + ' | '.join(f'{name} (µs)' for name in _ALL)
             + ' | all (µs) | times faster | times the limit |\n|---|---|---|' + '---:|' * (len(_ALL) + 3))
     lines = [_line(row, rows.rows[0].total_s, rows.limit_s(row)) for row in rows.rows]
@@ -129,7 +129,7 @@ def _line(row: Row, before_s: float, limit_s: float) -> str:
 
 
 def csv_text(rows: Measured) -> str:
-    """Return the rows as CSV, one line per stage, times in seconds."""
+    """Return the rows as CSV, with one line per stage and times in seconds."""
     return csv_of(['solver', 'tier', 'messages', 'stage', 'limit_s', *TIMES],
                   [(row.solver, row.tier, row.messages, stage, rows.limits_s[stage], *timing.cells)
                    for row in rows.rows for stage, timing in row.stages.items()])

@@ -1,7 +1,7 @@
 """``cost venue``: the time of answers in a venue, and its growth with obstacle corners, distance and benches.
 
-The venue is a synthetic town along a street with one corner: square houses with sides of 8 m on a grid of 14 m, of
-which those nearest to the track are used.
+The venue is a synthetic town along a street with one corner. Its houses are squares with sides of 8 m on a grid of
+14 m; the houses nearest to the track are used.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -35,7 +35,7 @@ _STYLES = {_FIT: ('#0072B2', 'o'), _CONTACT: ('#D55E00', 's'), _ALONE: ('#009E73
 
 @dataclass(frozen=True)
 class Row:
-    """A town, the size that is varied, and the times of the answers for it."""
+    """A town, the quantity that is varied, and the times of the answers."""
 
     varied: str
     corners: int
@@ -45,7 +45,7 @@ class Row:
 
     @property
     def size(self) -> float:
-        """The size that is varied."""
+        """The value of the quantity that is varied."""
         return {'corners': self.corners, 'distance (m)': self.way_m, 'benches': self.benches}[self.varied]
 
 
@@ -83,7 +83,7 @@ def _row(varied: str, size: float, budget_s: float) -> Row:
 
 
 def table(rows: list[Row]) -> str:
-    """Return the rows as a Markdown table, below a line with the machine, versions and date."""
+    """Return the rows as a Markdown table, after a line that states the machine, the versions and the date."""
     head = ('| varied | corners | distance (m) | benches | design fit (s) | contact (s) | contact without the venue '
             '(s) | ratio |\n|---|---:|---:|---:|---:|---:|---:|---:|')
     return '\n'.join([f'{circumstances()}. Times are medians that exclude the first call.', '', head,
@@ -97,14 +97,14 @@ def _line(row: Row) -> str:
 
 
 def csv_text(rows: list[Row]) -> str:
-    """Return the rows as CSV, one line per timing, with times in seconds."""
+    """Return the rows as CSV, with one line per timing and times in seconds."""
     return csv_of(['varied', 'corners', 'way_m', 'benches', 'answer', *TIMES],
                   [(row.varied, row.corners, row.way_m, row.benches, name, *timing.cells)
                    for row in rows for name, timing in row.timings.items()])
 
 
 def picture(rows: list[Row]) -> Figure:
-    """Return a panel for each series, with a line for each answer."""
+    """Return a figure with a panel for each series and a line for each answer."""
     figure = Figure(figsize=(PAGE_IN, 4.4), layout='constrained')
     panels = figure.subplots(1, len(_LADDERS), sharey=True)
     for axes, varied in zip(panels, _LADDERS, strict=True):

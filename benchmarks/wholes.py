@@ -34,7 +34,7 @@ class Whole:
 
 
 def wholes(budget_s: float) -> list[Whole]:
-    """Return whole ticks with all effects, with the defaults and with none, and a tick of a program without effects."""
+    """Measure whole ticks with all effects, with the defaults and with none, and ticks without any code for effects."""
     scene = load_scene('minimal')
     everything, defaults = (replace(scene, effects=effects) for effects in (ALL, Scene().effects))
     rows = [('everything on', everything, 'minimal', worker(scene)),

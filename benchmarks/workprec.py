@@ -30,7 +30,7 @@ from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed, timed_i
 from hard_cases import Problem, hard_cases
 from hard_cases.truth import truth
 
-_TICK_S = 1.0           # step between ticks for integrating solvers
+_TICK_S = 1.0           # interval between ticks for integrating solvers
 _EULER_S = (1.0, 0.1, 0.01)
 _MARCHED = ', marched'
 _LABELS = {'plain Newton 1e-3 rad': ('right', -7, -3), 'preview, marched': ('center', 0, -13),
@@ -39,12 +39,12 @@ _LABELS = {'plain Newton 1e-3 rad': ('right', -7, -3), 'preview, marched': ('cen
            'preview': ('center', 0, -13), 'paper': ('right', -9, -3),
            'exact, 301 at once': ('center', 0, 9), 'exact, 1,000 at once': ('center', 0, -13)}
 Way = tuple[str, str]   # tier and solver
-_WRONG_M = 0.01         # without a promise, a solver with a larger error is marked WRONG
+_WRONG_M = 0.01         # without a promise, solvers with a larger error are marked WRONG
 
 
 @dataclass(frozen=True)
 class Row:
-    """One solver on one problem: its largest error, and its time per tick for positions and, if computed, velocities.
+    """One solver on one problem: its largest error, and its times per tick without and, if possible, with velocities.
 
     ``promise_m`` is None for a solver without a promise. ``limit_s`` is the limit of the positions of a tick.
     """
@@ -125,7 +125,7 @@ def _is_one_spiral(scene: Scene) -> bool:
 
 
 def _tiers(problem: Problem, ways: Sequence[Way], budget_s: float) -> list[Row]:
-    """Return a row for each solver; the solvers are timed alternately, because their times are compared."""
+    """Return a row for each tier and solver; they are timed alternately, because their times are compared."""
     rows = [_tier(problem, *way) for way in ways]
     scenes = [(replace(problem.scene, accuracy=tier, solver=solver), _times_s(problem, tier))
               for (tier, solver), row in zip(ways, rows, strict=True) if np.isfinite(row.error_m)]
@@ -145,7 +145,7 @@ def _times_s(problem: Problem, tier: str) -> list[float]:
 
 
 def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:
-    """Place the handles at all times of a problem."""
+    """Place the handles at all times given by a problem."""
     for t_s in times_s:
         chain = state(scene, t_s)
         if velocities:
@@ -172,7 +172,7 @@ def _tier(problem: Problem, tier: str, solver: str) -> Row:
 
 
 def _batch(problem: Problem, ticks: int, rates: Amounts, budget_s: float) -> list[Row]:
-    """Measure the exact tier for a whole table, from 0 to 300 s, in one call."""
+    """Measure the exact tier for many ticks, from 0 to 300 s, in one call."""
     scene, table_s = problem.scene, np.linspace(0, 300, ticks).tolist()
     chains = states(scene, problem.times_s)
     error = max(float(np.max(truth(problem).distance(number, p))) for number, p in enumerate(chains.p))
@@ -231,7 +231,7 @@ def _us(seconds: float) -> str:
 
 
 def table(rows: list[Row]) -> str:
-    """Return the rows as a Markdown table, below a line with the machine, versions and date."""
+    """Return the rows as a Markdown table, after a line that states the machine, the versions and the date."""
     head = ('| problem | solver | largest error (m) | promise (m) | verdict | µs per tick | quartiles | '
             'times the limit | with velocities | note |\n|---|---|---:|---:|---|---:|---|---:|---:|---|')
     return '\n'.join([f'{circumstances()}. Times are medians that exclude the first call.', '', head,
@@ -251,7 +251,7 @@ def _line(row: Row) -> str:
 
 
 def summary(rows: list[Row]) -> str:
-    """Return the table of the README: the tiers on the classic scene, and the number of kept promises."""
+    """Return the README's table: the tiers on the classic scene, and the number of kept promises."""
     tiers = [row for name in TIERS for row in rows if (row.problem, row.solver) == ('classic', name)]
     lines = ['| accuracy | largest error (m) | promise (m) | µs per tick | with velocities |',
              '|---|---:|---:|---:|---:|']
@@ -296,7 +296,7 @@ def picture(rows: list[Row]) -> Figure:
 
 
 def _labels(rows: list[Row]) -> dict[str, str]:
-    """Return the labels of solvers; tiers with equal errors share a label if all use tables or all are marched."""
+    """Return the labels for solvers; tiers with equal errors share a label if all use tables or all are marched."""
     labels = {row.solver: f'{row.solver} (wrong)' if row.verdict == 'WRONG' else row.solver for row in rows}
     for error_m in {row.error_m for row in rows}:
         for way in ('', _MARCHED):
