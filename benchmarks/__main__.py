@@ -1,4 +1,4 @@
-"""``python -m benchmarks PAGE ...``: measure a page of ``docs/cost`` in a process that is set up like a command."""
+"""``python -m benchmarks PAGE ...``: measure a page of ``docs/cost`` in a process set up like that of a command."""
 import sys
 
 from benchmarks.command import main

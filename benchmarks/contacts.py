@@ -156,7 +156,7 @@ def csv_text(rows: Measured) -> str:
 
 
 def picture(rows: Measured) -> Figure:
-    """Return a figure of two panels: contact error against computing time, and growth with the number of benches."""
+    """Return two panels: the error of the contact time against computing time, and the growth with more benches."""
     figure = Figure(figsize=(PAGE_IN, 11), layout='constrained')
     above, below = figure.subplots(2, 1)
     _search_panel(above, rows)

@@ -129,5 +129,5 @@ def panel(axes: Axes, checks: list[Check]) -> None:
                     _MARKERS[method] + '-', color=_COLOURS[method],
                     label=f'{method}: grows as N^{exponent(checks, method):.2f}')
     axes.set(xlabel='benches N', ylabel='time of one check (ms): candidates and gaps',
-             title='One check of all benches for contact')
+             title='One contact check of all benches')
     legend_below(axes, 1, fontsize=TEXT_PT)

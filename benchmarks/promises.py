@@ -147,7 +147,7 @@ def _measured(number: int) -> Measured:
 
 
 def _rows(found: Measured) -> list[tuple[str | int | float, ...]]:
-    """Return one row for each tier, method and quantity, with the columns of the CSV."""
+    """Return one row for each tier, method and quantity, with the same columns as the CSV."""
     out: list[tuple[str | int | float, ...]] = []
     for n, tier in enumerate(PROMISING):
         mine = np.flatnonzero(found.tiers == n)

@@ -170,7 +170,7 @@ def _build_table(rows: list[Build]) -> str:
 
 
 def _live_table(rows: Measured) -> str:
-    """Return the runs of processes: free runs, then runs at increasing rates up to the first that is not sustained."""
+    """Return a table of live runs: free runs, then runs at increasing rates up to the first that is not sustained."""
     lines = ['| benches | rate (Hz) | reached (Hz) | times real time | overruns | lost | held | '
              + ' | '.join(f'{role} (cores)' for role in ROLES) + ' | record grew (MB) |',
              '|---:|---:|---:|---:|---:|---:|---|' + '---:|' * (len(ROLES) + 1)]
@@ -187,7 +187,7 @@ def _live_table(rows: Measured) -> str:
 
 
 def csv_text(rows: Measured) -> str:
-    """Return the rows as CSV: stages with time and memory, then the runs of processes."""
+    """Return the rows as CSV: stages with time and memory, then live runs."""
     stages = [(row.stage, row.solver, row.benches, *row.timing.cells, row.peak_bytes, *[''] * 9)
               for row in rows.stages]
     builds = [('build', 'table', one.benches, one.seconds, '', '', 2, one.memory_bytes, *[''] * 9)

@@ -75,7 +75,7 @@ class Reader:
 
 
 def decode(name: str, data: bytes | bytearray) -> dict[str, Any]:
-    """Decode a message of any topic of the package into fields by name; sequences of numbers are views of the bytes.
+    """Decode a message on any of the package's topics into fields by name; arrays of numbers are views of the bytes.
 
     A nested message whose numbers all have one type becomes an array: a Pose is 7 floats, and Pose[] has the shape
     (N, 7).

@@ -1,4 +1,4 @@
-"""Encodes frames as the bytes of each topic that a scene's effects enable."""
+"""Encodes frames as the bytes of messages, for each topic that a scene's effects enable."""
 from collections.abc import Callable
 
 from dragon_ros.core.frame import Frame

@@ -142,7 +142,7 @@ BUILDERS: dict[str, Callable[[Scene, str], Encode]] = {
 
 
 def _table(rows: str, columns: str, values: Floats) -> bytes:
-    """Return a std_msgs/Float64MultiArray that holds values of shape (rows, columns), with labels for both."""
+    """Return values (shape (rows, columns)) as a std_msgs/Float64MultiArray whose dimensions have these labels."""
     writer = Writer()
     writer.put('I', 2)
     count, width = values.shape

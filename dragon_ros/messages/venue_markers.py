@@ -28,7 +28,7 @@ def venue_message(scene: Scene, frame_id: str) -> bytes:
 
 
 def fits_message(around: Surroundings) -> bool:
-    """Return whether surroundings fit into ``obstacles_message`` and into the limits of programs that read it."""
+    """Return whether surroundings are small enough for ``obstacles_message`` and for programs that read it."""
     return around.start.size <= SHOWN_EDGES and 2 * len(around.names) < MARKER_RUNS     # DELETEALL is the first run
 
 

@@ -40,7 +40,7 @@ class PlaySource(Protocol):
         """Move to the first frame."""
 
     def seek(self, t_ns: int | None) -> None:
-        """Move to the last frame at or before ``t_ns`` (None: the first frame). Raises DragonError if there is none."""
+        """Move to the last frame at or before ``t_ns`` (None: the first). Raises DragonError if there is no frame."""
 
     def place(self) -> str:
         """Describe the position of the last frame shown."""
@@ -54,7 +54,10 @@ def _nothing() -> None:
 
 
 class Steps:
-    """Frames to show immediately: ``shown`` so far, ``left`` to show; ``ended`` when no more will be shown."""
+    """A number of frames to show immediately.
+
+    ``shown`` frames have been shown and ``left`` frames remain; ``ended`` is true when no more will be shown.
+    """
 
     def __init__(self, frames: int, each: Callable[[], None] = _nothing, end: Callable[[], None] = _nothing) -> None:
         """``each`` is called after each frame, and ``end`` is called once when no more will be shown."""
@@ -182,7 +185,7 @@ class Player:
             raise DragonError(f'{self._source.ending()}: no frame follows; reset or seek first')
 
     def _owe(self, steps: Steps) -> None:
-        """Replace the frames that remain to be shown immediately."""
+        """Set the frames to show immediately; any earlier ones that remain are abandoned."""
         before, self._owed, self.done = self._owed, steps, False
         before.finish()
 

@@ -109,7 +109,7 @@ class LedFrames:
         return None if self._stopped or self.k >= self.count else self._scene.run.time_ns(self.k)
 
     def last_ns(self) -> int:
-        """Return the time of the last frame, unless the run stops earlier."""
+        """Return the time of the last frame, which the run may not reach if it stops earlier."""
         return self._scene.run.time_ns(self.count - 1)
 
     def take(self) -> Frame:

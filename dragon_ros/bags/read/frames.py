@@ -245,8 +245,8 @@ def frames_of_part(bag: BagReader, root: str, start_ns: int | None, end_ns: int 
                    is_last: bool) -> Generator[BagFrame, None, bool]:
     """Yield the ticks of a part of a bag, as ``frames`` does; return whether the whole bag would yield the same ticks.
 
-    Returns False if a part other than the last ends with handles without their benches or with benches without their
-    handles; such incomplete ticks are not yielded.
+    Returns False if, at the end of any part but the last, some handles have no benches or some benches have no handles;
+    such incomplete ticks are not yielded.
     """
     names = {topic.name: name for name in _TOPICS for topic in bag.topics if topic.name == f'{root}/{name}'}
     ticks = _Ticks('benches' not in names.values())

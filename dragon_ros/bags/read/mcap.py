@@ -119,7 +119,7 @@ class McapFile:
             offset = place.end
 
     def fields(self, place: Location, parse: Callable[[ReadDataStream], T]) -> T:
-        """Return the fields of a small record, parsed by ``parse``, a ``read`` method from ``mcap.records``."""
+        """Return the fields of a small record; ``parse`` is the ``read`` method of a class in ``mcap.records``."""
         if place.length > RECORD_BYTES:
             raise self.fault(place.offset, f'a record with opcode {place.opcode} has {place.length} bytes; '
                              f'the limit is {RECORD_BYTES}')

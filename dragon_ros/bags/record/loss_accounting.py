@@ -34,7 +34,7 @@ class TopicCount:
     shared: bool = False        # there are several simultaneous publishers, whose sequence numbers cannot be separated
 
     def number(self, sequence: int) -> None:
-        """Count a sequence number, which restarts at 1 with the next publisher; 0 means unknown."""
+        """Count a sequence number; every publisher starts at 1, and 0 stands for an unknown number."""
         if sequence == 1 and self.sequence.last is not None:
             self.lost += interval_set.count(self.sequence.gaps())
             self.sequence = IntervalSet()
