@@ -35,7 +35,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('page', choices=(*PAGES, ALL), help="limits: each stage compared with the machine's limit; "
                                                              'accuracy: error against time, for every tier '
                                                              'and other solvers; '
-                         'promises: error over promise on random chains; '
+                         'promises: errors relative to promises on random chains; '
                          'contact: the first contact compared with sampling at fixed steps, and growth with benches; '
                          'effects: what each effect adds to a tick; tick: where the time of one tick goes; '
                          'first: time of the first tick of a track; '
@@ -43,7 +43,7 @@ def main(argv: list[str]) -> int:
                          'bag: throughput and size of bags by compression; simulate: speed by the number of workers; '
                          'memory: memory of a recorder in a long run; startup: start-up time of every executable; '
                          'study: rows per second of studies on Dask; venue: design fit and contact in a town; all: '
-                         'all pages in turn, but promises only with --chains')
+                         'all pages one after another, but promises only with --chains')
     options.add_argument('--resume', action='store_true', help='with all: omit the pages that were already '
                          'measured today with this version')
     options.add_argument('--output', type=Path, metavar='FOLDER',

@@ -99,7 +99,7 @@ def _found(budget_s: float, scene: Scene, what: str = '', true_s: float = T_STAR
 
 
 def _smallest(scene: Scene, t_s: float) -> float:
-    """Return the smallest gap between benches of adjacent layers at a time."""
+    """Return the smallest gap between benches of adjacent layers at the given time."""
     chain = state(scene, t_s)
     benches = benches_of(chain, scene.dragon, axes_of(chain))
     return float(np.min(gaps(benches, *candidates(chain.p, benches))))

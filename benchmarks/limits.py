@@ -175,7 +175,7 @@ def picture(rows: Measured) -> Figure:
         axes.annotate(f' {times:.1f} times {1e6 * limit_s:.3g} µs', (max(times, 1.0), y), va='center', fontsize=TEXT_PT)
     axes.set_yticks(range(len(rows.stages)), [stage.name for stage in reversed(rows.stages)])
     axes.axvline(1.0, color='black', linewidth=1.0)
-    axes.set(xscale='log', xlabel='times as long as the machine needs (1: no headroom)',
+    axes.set(xscale='log', xlabel="time relative to the machine's shortest time (1: no headroom)",
              title="How far each stage is from the machine's limit")
     longest = max(stage.timing.median_s / stage.limit(rows.rates)[0] for stage in rows.stages)
     axes.set_xlim(0.5, 6 * max(longest, 1.0))

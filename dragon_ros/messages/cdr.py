@@ -234,7 +234,7 @@ def half_turns(axis: Floats) -> Floats:
 
 
 class _Turns:
-    """Computes the half turns (N,) once per tick, because all messages of a tick share a read-only array of axes."""
+    """Computes the half turns once per tick, because all messages of a tick share a read-only array of axes."""
 
     def __init__(self) -> None:
         self._last: tuple[Floats | None, Array] = None, np.empty(0, np.complex128)

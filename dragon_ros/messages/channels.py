@@ -65,7 +65,7 @@ def _channel(document: Document, name: str) -> Channel:
     document.check_keys(f'{name}.', row, _KEYS)
     for key in ('type', 'from', 'meaning'):
         if not isinstance(row.get(key), str):
-            document.refuse(f'{name}.{key}', f'{row.get(key)!r} is not text; every topic needs this text')
+            document.refuse(f'{name}.{key}', f'{row.get(key)!r} is not a string; every topic needs one')
     if row['type'].count('/') != 2:
         document.refuse(f'{name}.type', f'{row["type"]!r} is not of the form package/msg/Type')
     qos = _qos(document, f'{name}.qos', row.get('qos'))

@@ -275,7 +275,7 @@ def _from_right_angle(triangles: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _facing(centre: Floats, sides: Floats, half: Floats, handles_m: Floats) -> Benches:
-    """Return benches; the axis of each is the one of its two ``sides`` that best aligns with its link, rear to front.
+    """Return benches, each with that axis of its two ``sides`` which aligns best with its link, from rear to front.
 
     ``sides`` has the shape (N, 2, 2). If the two handles of a bench coincide, its longer side is used.
     """

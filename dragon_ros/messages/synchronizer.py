@@ -56,7 +56,7 @@ class Synchronizer:
         return self._add(_BENCHES, shown if self._stamps[_HANDLES][shown.t_ns] else shown.to_wait(), now_s)
 
     def add(self, topic: str, message: Poses | BenchMarkers | BenchCubes, now_s: float) -> Pair | None:
-        """Add handles or benches, as given by the name of the topic."""
+        """Add handles or benches, depending on the topic."""
         return self.add_handles(message, now_s) if isinstance(message, Poses) else self.add_benches(message, now_s)
 
     def expire(self, before_s: float) -> None:

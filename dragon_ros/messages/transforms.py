@@ -63,7 +63,7 @@ class FrameTree:
         return complex(shift[0], shift[1]), along / abs(along)
 
     def _ancestors(self, frame: str) -> dict[str, tuple[Floats, Floats]]:
-        """Return the frame and its ancestors, nearest first, each with the rotation and origin of the frame in it."""
+        """Return the rotation and origin of a frame in itself and in each of its ancestors, nearest first."""
         turn, shift = np.eye(3), np.zeros(3)
         out = {frame: (turn, shift)}
         while (parent := self._parents.get(frame)) and parent.frame_id not in out:

@@ -190,7 +190,7 @@ class Player:
         before.finish()
 
     def _play_owed(self) -> bool:
-        """Show the next of the frames to show immediately; return whether that was possible."""
+        """Show the next frame of the current steps; return whether that was possible."""
         t_ns = self._source.next_ns()
         if t_ns is None:
             self._owed.finish()
@@ -249,7 +249,7 @@ class Player:
         return 0
 
     def _end(self) -> int | None:
-        """Do what ``at_end`` requires at the end; the result is that of ``_play``."""
+        """Take the action that ``at_end`` states; the result is that of ``_play``."""
         at_end = self._node.setting['at_end']
         if at_end == 'loop':
             self._source.rewind()

@@ -44,8 +44,9 @@ class StartGate:
     """Decides when the first message may be sent, so that awaited and discovered readers receive it.
 
     Existing readers are not discovered immediately. With Fast DDS, a participant announces itself every 3 s and repeats
-    its subscriptions every second. A new participant may miss the first of both, because an existing participant
-    answers before the new participant can identify it. The new participant then discovers the reader 1 s to 4 s later.
+    its subscriptions every second. A new participant may miss the first of these messages, because an existing
+    participant answers before the new participant can identify it. The new participant then discovers the reader 1 s to
+    4 s later.
     """
 
     def __init__(self, publishers: Mapping[str, Publisher], texts: Iterable[str], discovery_s: float) -> None:

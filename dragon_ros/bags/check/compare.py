@@ -103,7 +103,7 @@ class Comparison:
 
     @property
     def faults(self) -> list[str]:
-        """The fault lines, up to the first ``MOST_FAULTS``."""
+        """The first ``MOST_FAULTS`` fault lines."""
         return [str(line) for line in self._lines]
 
     def note(self, name: str, k: int, what: str, messages: int = 1) -> None:
@@ -214,7 +214,7 @@ class _PartOfRun:
         return _reopened, (self._bag.path, *self._settings)
 
     def spans(self) -> list[_Span]:
-        """Return the parts as (first tick, tick after the last); there is at most one part more than messages."""
+        """Return the parts as (first tick, tick after the last); they outnumber the messages by at most one."""
         if not log_times_are_ticks(self._bag, self._namespace):
             return [(0, self._ticks)]
         size = sum(len(encode(tick(self._scene, 0))) for encode in self._encode.values())
@@ -337,7 +337,7 @@ def _nearly(scene: Scene, kind: str, wanted: bytes, found: bytes) -> bool:
 
 
 def _walked_m_s(found: list[bytes], t_ns: int) -> float | None:
-    """Return the recorded speed, or None unless there is exactly one message and its stamp is the tick's."""
+    """Return the recorded speed if there is exactly one message and its stamp is the tick's, otherwise None."""
     if len(found) != 1:
         return None
     stamp_ns, speed_m_s = read_odometry(found[0])
@@ -457,7 +457,10 @@ def _in_metres(off_m_s: float, frame: Frame, scene: Scene) -> float:
 
 
 def _farthest_m(off: Array, link_m: float) -> float:
-    """Return the largest difference (m) of points (shape (K, 3)) or poses ((K, 7)); ``link_m`` scales quaternions."""
+    """Return the largest difference, in metres, of points (shape (K, 3)) or poses (shape (K, 7)).
+
+    Quaternions are scaled by ``link_m``.
+    """
     turned = float(np.max(off[:, 3:], initial=0.0)) * link_m
     return max(float(np.max(np.hypot(off[:, 0], off[:, 1]))), float(np.max(off[:, 2])), turned)
 

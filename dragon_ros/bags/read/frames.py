@@ -51,7 +51,10 @@ class BagFrame:
 
     @cached_property
     def clearance_m(self) -> float | None:
-        """The smallest signed gap (m) of non-adjacent benches; inf without such pairs, None without benches."""
+        """The smallest signed gap (m) between non-adjacent benches, or None if no benches were recorded.
+
+        If all benches are adjacent, the gap is inf.
+        """
         if self.benches is None:
             return None
         from dragon_ros.core.geometry.near_pairs import closeness  # imported lazily, because few readers need it
@@ -195,7 +198,7 @@ def law_on(scene: Scene, law: Walked | None, t_ns: int, speed_m_s: float) -> Wal
 
 
 def keep_s(scene: Scene) -> float:
-    """Return how far back (s) the speeds affect a tick of a led scene: the duration of its trails."""
+    """Return how many seconds of past speeds a tick of a led scene depends on: the duration of its trails."""
     return scene.trails.seconds if Effect.TRAILS in scene.effects else 0.0
 
 

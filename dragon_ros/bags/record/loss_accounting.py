@@ -1,7 +1,8 @@
 """Loss accounting: compares received with published messages so that every loss is reported.
 
 Losses are found in two ways. Publishers number their messages (DDS publication sequence numbers): a gap in the numbers
-means that messages were lost in transit, and a first number above 1 tells how many were published too early to record.
+means that messages were lost in transit, and a first number above 1 shows how many messages were published before the
+recorder subscribed.
 If the scene is known, a stamp also identifies a tick: a gap in the ticks means that ticks are missing (lost or never
 published), and a first tick after tick 0 means that the beginning of the run is missing.
 """
@@ -68,7 +69,7 @@ class TopicCount:
 
 
 class LossAccount:
-    """Counts messages by topic; ``report`` lists the missing ones."""
+    """Counts messages by topic; ``report`` lists missing messages."""
 
     def __init__(self) -> None:
         """Start without topics."""
@@ -93,7 +94,7 @@ class LossAccount:
         self.scene_again()
 
     def scene_again(self) -> None:
-        """Count the stamps that arrived just before a repetition of the previous scene."""
+        """Count the stamps that arrived just before a scene that equals the previous scene."""
         for topic, row in self.topics.items():
             for t_ns in row.scene_came():
                 if self._run is not None and topic in self._each_tick:

@@ -45,7 +45,7 @@ class SceneReader:
             self._next = text
 
     def take(self, wait: bool = False) -> ReadScene | None:
-        """Return the newest scene unless it is still being read or was already returned; ``wait`` waits for it."""
+        """Return the newest scene unless it was already returned or, without ``wait``, if it is still being read."""
         while self._job is not None and (wait or self._job.done()):
             found, self._job = self._result(self._job), None
             if self._next is None:

@@ -47,7 +47,7 @@ class _Sent(NamedTuple):
     sequence: int
 
     def is_before_setting_back(self, source_ns: int, sequence: int) -> bool:
-        """Return whether the clock was set back between this message and its publisher's next one."""
+        """Return whether the clock was set back between this message and its publisher's next message."""
         earlier_ns = self.moment[1] - source_ns
         return earlier_ns > (0 if sequence in (self.sequence + 1, 1) else _SURELY_NS)
 
@@ -133,7 +133,7 @@ class SimulationClock:
         self.left_out += 1
 
     def flush(self, age_s: float = 0.0, first_ns: int | None = None) -> None:
-        """Log messages that have waited for at least ``age_s``; if no newer tick arrived, they belong to the last one.
+        """Log messages that have waited for at least ``age_s``; without a newer tick, they belong to the last tick.
 
         At the end, with an age of 0, latched messages are logged even without a tick, at ``first_ns`` if given.
         """
@@ -189,5 +189,5 @@ class SimulationClock:
         return bool(here and there) and there not in (here + 1, 1)
 
     def _is_second(self, held: _Held, mark: _Mark) -> bool:
-        """Return whether the topic already has a message for that tick, so that this one belongs to a later tick."""
+        """Return whether the topic already has a message for this tick, so that ``held`` belongs to a later tick."""
         return held.exact and not held.latched and self._last.get(held.topic) == mark

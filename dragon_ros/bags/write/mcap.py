@@ -66,7 +66,7 @@ class Worker:
         begun.acquire()
 
     def settle(self) -> None:
-        """Wait until the job is done. Raises its error, but only once."""
+        """Wait until the job is done. Raises the job's error, but only once."""
         if self._job is None:
             return
         error = self._job.exception()
@@ -350,7 +350,7 @@ class McapWriter:
 
     def __init__(self, path: Path, overwrite: bool = False, compression: str = 'zstd', fsync: bool = False,
                  threaded: bool = True) -> None:
-        """Create the file. Raises MissingError if it cannot be written or would overwrite another file."""
+        """Create the file. Raises MissingError if the file cannot be written or would overwrite another file."""
         self.path = path
         self._compression = mcap_name(compression)
         self._compress = compressor(compression)
@@ -444,7 +444,7 @@ class McapWriter:
             self._thread.start(partial(self._write_chunk, done))
 
     def _settle(self) -> None:
-        """Wait until the ended chunks are in the file. If one is lost, drop the open chunk too, to avoid a gap."""
+        """Wait until the ended chunks are in the file. If a chunk is lost, drop the open chunk too, to avoid a gap."""
         try:
             self._thread.settle()
         except DiskError:

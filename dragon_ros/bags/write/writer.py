@@ -83,11 +83,11 @@ class _Extras:
 
 
 class BagWriter:
-    """Writes messages unchanged. Close it (or use ``with``): a bag that is not closed has no index."""
+    """Writes messages unchanged. Close the writer (or use ``with``), because a bag that is not closed has no index."""
 
     def __init__(self, path: Path, overwrite: bool = False, options: BagOptions | None = None,
                  threaded: bool = True) -> None:
-        """Create the bag. Raises MissingError if it cannot be written or would overwrite another bag.
+        """Create the bag. Raises MissingError if the bag cannot be written or would overwrite another bag.
 
         If ``threaded``, chunks are compressed and written on a thread while the caller continues.
         """
@@ -244,7 +244,7 @@ class BagWriter:
             raise self._broken from None
 
     def _index_bytes(self) -> int:
-        """Return a safe upper estimate of the size of the index."""
+        """Return an upper bound on the size of the index in bytes."""
         return _INDEX_BYTES * (len(self._files) + 1) + _INDEX_BYTES_A_CHUNK * len(self._file.parts)
 
     def _end_file(self) -> None:
