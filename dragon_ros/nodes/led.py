@@ -89,7 +89,7 @@ class LedFrames:
 
     def __init__(self, scene: Scene, wanted_m_s: Callable[[], float], on_contact: str, say: Callable[[str], None],
                  keep_s: float) -> None:
-        """Start at rest; ``say`` is called with a message if the dragon brakes (for a lock or a track end) or stops at a contact."""
+        """Start at rest; ``say`` receives a message if the dragon brakes for an end or stops at a contact."""
         assert isinstance(scene.head, Commanded)
         self._settings, self._simulation = scene.head, compile_scene(scene)
         self._scene, self._wanted_m_s, self._say, self._keep_s = scene, wanted_m_s, say, keep_s

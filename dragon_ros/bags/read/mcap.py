@@ -369,10 +369,10 @@ class MessageBatch:
 class Index:
     """The contents of one file.
 
-    ``damage`` describes where and why a scan ended early; ``cut`` is the incomplete chunk at that point. ``fault_count``
-    is the number of unreadable records between readable records, and ``faults`` lists the first few of them.
-    ``data_end`` is the last DataEnd record, or None if there is none. ``stray`` lists the DataEnd records that are
-    followed by data or by another DataEnd. ``numbered`` counts messages by channel according to the chunk indexes.
+    ``damage`` describes where and why a scan ended early; ``cut`` is the incomplete chunk at that point.
+    ``fault_count`` is the number of unreadable records between readable records, and ``faults`` lists the first of
+    these. ``data_end`` is the last DataEnd record, or None if there is none. ``stray`` lists the DataEnd records that
+    are followed by data or by another DataEnd. ``numbered`` counts messages by channel according to the chunk indexes.
     ``reach`` is the offset where the last record ends.
     """
 
