@@ -180,7 +180,7 @@ class Player:
         return self._source.place() + (f'; {left} more to show when the readers catch up' if left else '')
 
     def _check_next(self) -> None:
-        """Raise DragonError at the end."""
+        """Raise DragonError if no frame follows."""
         if self._source.next_ns() is None:
             raise DragonError(f'{self._source.ending()}: no frame follows; reset or seek first')
 

@@ -136,7 +136,7 @@ class Monitor(DragonNode):
         """Publish the result of one tick on each topic that has subscribers or whose value has changed."""
         changed = self._changes.contact(report)
         self.seen += 1
-        if self.topic_publishers[_STAMPED].get_subscription_count():    # first, since it tells recorders the tick
+        if self.topic_publishers[_STAMPED].get_subscription_count():    # first: it tells recorders the tick
             self.topic_publishers[_STAMPED].publish(stamped_clearance(report))
         if self.topic_publishers['clearance'].get_subscription_count():
             self.topic_publishers['clearance'].publish(float64_of(report.clearance_m))

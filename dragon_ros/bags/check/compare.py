@@ -80,7 +80,7 @@ class Comparison:
     """The result of a comparison: counts of bit-identical and ``close`` messages, and one line per range of faults.
 
     ``close`` counts messages that agree to within twice the tier's promise (one promise per side); ``worst_m`` is the
-    largest position difference in such a message. ``fault_count`` counts missing, extra and different messages;
+    largest position difference in a close message. ``fault_count`` counts missing, extra and different messages;
     ``missing_count`` counts only missing messages. ``other_version`` is the version that made the bag, if it differs
     from this one; ``other_kernel`` names the bag's numpy and kernels, if they differ from this machine's. In both
     cases, messages on any topic may be close instead of identical. ``once`` counts the once-per-run messages that match

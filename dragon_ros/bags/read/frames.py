@@ -156,7 +156,7 @@ def claimed_contact(bag: BagReader, namespace: str | None = None) -> Any:
 
 
 def _about(bag: BagReader, namespace: str | None) -> dict[str, Any]:
-    """Return the ``about`` section of the scene file in a bag, or an empty one if the file is too long to read."""
+    """Return the ``about`` section of the scene file in a bag, or {} if the file is too long to read."""
     text = _scene_text(bag, namespace)
     if text is None or len(text) > SCENE_CHARACTERS:
         return {}

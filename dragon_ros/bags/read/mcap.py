@@ -256,7 +256,7 @@ def message_time_ns(file: McapFile, place: Location) -> int:
 
 
 def records_in(data: bytes) -> Iterator[StoredMessage | OtherRecord]:
-    """Yield the records of a chunk. Raises ValueError with the offset if they are truncated."""
+    """Yield the records of a chunk. Raises ValueError with the offset if the records are truncated."""
     at, size = 0, len(data)
     while at < size:
         if at + HEAD.size > size:
