@@ -173,8 +173,6 @@ def table(found: Measured) -> str:
 def summary(found: Measured) -> str:
     """Return a sentence about the largest error."""
     above = int(np.sum(found.shares > 1))
-    over = {0: 'no chain exceeds its promise', 1: '1 chain exceeds its promise'}.get(
-        above, f'{above} chains exceed their promises')
     over = {0: 'no error exceeds its promise', 1: '1 error exceeds its promise'}.get(
         above, f'{above} errors exceed their promises')
     return (f'On {len(found.shares):,} random chains of 2 to 60 links, each computed by `state`, `states` and `tick` '
