@@ -1,4 +1,4 @@
-"""The page ``cost simulate`` measures every number of workers, and how long it takes to copy the bag's bytes."""
+"""The page ``cost simulate`` measures each number of workers, separate commands and a copy of the bag."""
 from benchmarks import simulate
 from dragon_ros.cli.pool import workers_of
 
@@ -6,11 +6,12 @@ from dragon_ros.cli.pool import workers_of
 def test_every_number_of_workers_is_measured(monkeypatch):
     monkeypatch.setattr(simulate, '_REPEATS', 1)
     rows = simulate.measure(1e-4)
-    assert [row.workers for row in rows] == [0, *range(1, 2 * workers_of(None) + 1), None]
-    assert len({row.mb for row in rows}) == 1
+    assert [row.workers for row in rows] == [0, *range(1, 2 * workers_of(None) + 1), -1, None]
+    assert len({row.mb for row in rows if row.workers != -1}) == 1
     assert all(row.wall_s > 0 for row in rows)
     text = simulate.table(rows)
     assert '| one worker on one core |' in text
+    assert f'| {workers_of(None)} commands, each with a part of the run |' in text
     assert '| copying its bytes |' in text
     assert len(simulate.csv_text(rows).splitlines()) == len(rows) + 1
     assert simulate.picture(rows).axes[0].get_xlabel() == 'times real time'
