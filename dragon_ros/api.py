@@ -291,7 +291,10 @@ def read_bag(path: str | PathLike[str], namespace: str | None = None, trust: boo
 
 
 def plot(of: 'Simulated | Scene | Bag', t_s: float | None = None, ax: 'Axes | None' = None) -> 'Axes':
-    """Draw a dragon on its track at a time (by default, the last); return the Matplotlib axes (new unless given)."""
+    """Draw a dragon on its track at a time (by default, the last), and return the Matplotlib axes.
+
+    New axes are created unless ``ax`` is given.
+    """
     from matplotlib import pyplot as plt
 
     from dragon_ros.commands.plot.dragon import draw, panel

@@ -121,7 +121,10 @@ def parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
 
 
 def add_scene_options(options: argparse.ArgumentParser, scene: str | None = DEFAULT_SCENE) -> None:
-    """Add --scene, --set and --accuracy. A node passes None for ``scene``, because it has a parameter for the scene."""
+    """Add --scene, --set and --accuracy.
+
+    A node passes None for ``scene``, because its scene is also a ROS parameter.
+    """
     options.add_argument('--scene', default=scene, metavar='NAME|FILE',
                          help='name or file of the scene' + (' (%(default)s)' if scene else ''))
     options.add_argument('--set', action='append', default=[], metavar='KEY=VALUE', dest='overrides',

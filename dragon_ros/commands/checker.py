@@ -39,7 +39,7 @@ def prove(values: Any, most_s: float) -> str:
 
 
 def _told(process: subprocess.Popen[str], text: str) -> str:
-    """Send a certificate to the checker, show the progress on a terminal, and return the reason if it is rejected."""
+    """Send a certificate to the checker, show the progress on a terminal, and return the reason for a rejection."""
     assert process.stdin is not None
     assert process.stderr is not None
     with suppress(BrokenPipeError), process.stdin as file:

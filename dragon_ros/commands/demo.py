@@ -250,7 +250,7 @@ def _by_topic(bag: BagReader) -> dict[str, list[tuple[int, bytes]]]:
 
 
 def _event(bag: BagReader) -> Status:
-    """Return the only contact in a bag. Raises DragonError if there are none or several."""
+    """Return the only contact in a bag. Raises DragonError if there are no contacts or several."""
     events = [status for message in bag.messages(['/dragon/collision']) for status in read_diagnostics(message.data)
               if status.values['phase'] == 'begin']
     if len(events) != 1:

@@ -320,6 +320,7 @@ QUESTIONS = {
                           'max-speed --limit 2', _max_speed_options, _max_speed_answer, _max_speed_text),
     'min-pitch': Question('the smallest pitch at which the head reaches a circle without a contact',
                           'min-pitch --diameter 9', _min_pitch_options, _min_pitch_answer, _min_pitch_text),
-    'fit': Question('the smallest square that contains the dragon throughout a run, and whether it fits a given square',
+    'fit': Question('the smallest square that contains the dragon throughout a run, and whether it fits into a given '
+                    'square',
                     'fit --square 24', _fit_options, _fit_answer, _fit_text),
 }

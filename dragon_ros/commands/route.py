@@ -30,7 +30,7 @@ _FORMATS = '.svg, .geojson, .wkt, .csv, or a bag with a nav_msgs/Path'
 
 @dataclass(frozen=True)
 class _Laid:
-    """A scene along a drawing, and the data from which the scene was made."""
+    """A scene whose track follows a drawing, and the data from which the scene was made."""
 
     scene: 'Scene'
     line: DrawnLine

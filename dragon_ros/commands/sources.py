@@ -210,7 +210,7 @@ class SmallestGap:
             self._obstacles = NearObstacles(around) if around else None
 
     def at_m(self, p: Floats, benches: Benches) -> float:
-        """Return the gap in m, which is inf if no two parts are close."""
+        """Return the gap (m), which is inf if no two parts are close."""
         found = self._near.look(p, benches)
         return (self._obstacles.look(found, benches) if self._obstacles else found).clearance_m
 
@@ -508,7 +508,7 @@ def _follows(one: 'Observation', before: 'Observation') -> bool:
 
 
 def dragon_in(bag: 'BagReader', namespace: str | None = None, pool: Pool = ALONE) -> BagSource:
-    """Return the dragon in a bag. Raises InputError if the namespace is ambiguous or topics are missing."""
+    """Return the dragon in a bag. Raises InputError if the namespace is ambiguous or required topics are missing."""
     from dragon_ros.bags.read.frames import namespace_of
     chosen = namespace_of(bag, namespace)
     having = {topic.name for topic in bag.topics if topic.messages}

@@ -35,8 +35,8 @@ def main(argv: list[str]) -> int:
     options.add_argument('--workers', type=int, metavar='N', help='number of processes on this host (one per core)')
     options.add_argument('--scheduler', metavar='ADDRESS|FILE', help='address or file of the scheduler of a '
                          'running Dask cluster to use')
-    options.add_argument('--plot', action='store_true', help='draw the results as PNG and SVG in the folder; if a '
-                         'FOLDER is given, nothing is computed')
+    options.add_argument('--plot', action='store_true', help='draw the results as PNG and SVG files in the folder; if '
+                         'a FOLDER is given, nothing is computed')
     options.add_argument('--format', choices=('text', 'json'), default='text', help='output format (%(default)s)')
     return command_line.guarded('study', partial(_run, options.parse_args(argv)))
 

@@ -1,4 +1,4 @@
-"""Load scene files: convert YAML to a core Scene, with errors that name file, line and key."""
+"""Load scene files: convert YAML to a core Scene, with errors that name the file, line and key."""
 import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -48,7 +48,7 @@ ABOUT = 'about'     # notes on a scene, which have no effect
 def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
     """Return the scene with the given name or file, after applying ``key=value`` overrides with dotted keys.
 
-    Omitted keys default to the classic values. Raises an InputError that names file, line and key.
+    Omitted keys default to the classic values. Raises an InputError that names the file, line and key.
     """
     document = _read(name_or_file)
     for override in overrides:

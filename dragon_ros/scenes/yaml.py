@@ -1,4 +1,4 @@
-"""Parse YAML documents with the line of every key, and raise errors that name file, line and key."""
+"""Parse YAML documents with the line of every key, and raise errors that name the file, line and key."""
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -114,7 +114,7 @@ def _composed(text: str, kind: Callable[[str], Any]) -> tuple[Any, yaml.Node | N
 
 
 def _is_shallow(text: str, kind: Any) -> bool:
-    """Return whether a text is within the nesting limit, since libyaml composes nodes recursively."""
+    """Return whether a text is within the nesting limit; libyaml composes nodes recursively."""
     depth = 0
     for event in yaml.parse(text, kind):
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
@@ -140,7 +140,7 @@ def _value_of(loader: Any, root: yaml.Node) -> Any:
 
 
 class _Loader(yaml.SafeLoader):
-    """A loader that rejects deep nesting while scanning, since PyYAML would take quadratic time and then recurse."""
+    """A loader that rejects deep nesting while scanning, because PyYAML would take quadratic time and then recurse."""
 
     def fetch_flow_collection_start(self, kind: Any) -> None:
         self._refuse_deeper_than(self.flow_level)

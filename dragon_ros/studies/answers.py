@@ -102,7 +102,7 @@ def _between(one: dict[str, Any]) -> str:
 
 
 def _bounds(name: str, one: dict[str, Any]) -> Iterator[str]:
-    """Yield a bound that covers all but one dragon in a thousand or, if there are too few rows, the number needed."""
+    """Yield a bound that covers all but one dragon in a thousand or, if there are too few rows, the number required."""
     if 'share' not in one:
         return
     if one['bound'] is not None:

@@ -164,8 +164,8 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
     """Block SIGINT in threads and processes started inside this block; in this thread, the signal stays pending.
 
     A terminal sends SIGINT to all processes, but only this process should react, by stopping the workers; otherwise,
-    every worker would print a traceback. The resource tracker of multiprocessing is started beforehand, since starting
-    it would unblock the signal.
+    every worker would print a traceback. The resource tracker of multiprocessing is started beforehand, because
+    starting it would unblock the signal.
     """
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
@@ -177,7 +177,7 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
 
 @contextmanager
 def joined_client(scheduler: str) -> Iterator[Client]:
-    """Yield a client of a running cluster, given its address or scheduler file, with Dask's TLS settings.
+    """Yield a client of the running cluster with the given address or scheduler file; Dask's TLS settings apply.
 
     Raises MissingError if the cluster cannot be reached, and InputError if versions differ.
     """
@@ -257,7 +257,7 @@ class _StudyRun:
         return not self._ranges and not self.ahead
 
     def fill(self) -> None:
-        """Submit batches until every worker has enough."""
+        """Submit batches until every worker has enough work."""
         if monotonic() >= self._look_again:
             self._count_workers()
             self._look_again = monotonic() + _LOOK_S

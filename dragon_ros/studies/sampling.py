@@ -1,4 +1,4 @@
-"""Designs of experiments; the values in a row depend only on the study and on the row's index.
+"""Draw the values of a study's rows; the values of a row depend only on the study and on the row's index.
 
 Each random point has its own generator, seeded by (seed, index); a Sobol point is reached by advancing one scrambled
 sequence. Rows can therefore be drawn in any order, batch or process.

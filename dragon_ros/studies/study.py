@@ -161,7 +161,8 @@ class Study:
             raise FieldError('vary', [key for key, _ in self.vary], 'the design saltelli compares the influence of '
                              'several keys', 'vary at least two')
         if self.design == 'saltelli' and self.samples & (self.samples - 1):
-            raise FieldError('samples', self.samples, 'the design saltelli needs a power of 2',
+            raise FieldError('samples', self.samples, 'the number of samples of the design saltelli must be a power '
+                             'of 2',
                              'give 64, 128, 256, ...')
         whole('rows', self.rows, low=1, high=MOST_ROWS)
         whole('vary', self.dimensions, low=1, high=MOST_DIMENSIONS)
@@ -264,7 +265,7 @@ def study_names() -> list[str]:
 
 
 def load_study(name_or_file: str) -> Study:
-    """Return the study with the given name or file. Raises an InputError that names file, line and key."""
+    """Return the study with the given name or file. Raises an InputError that names the file, line and key."""
     if '/' in name_or_file or name_or_file.endswith(('.yaml', '.yml')):
         path = Path(name_or_file)
     elif name_or_file in study_names():

@@ -11,7 +11,7 @@ _SHADES = 63
 
 
 class Heat(NamedTuple):
-    """The largest error in each cell of a grid, as logarithmic shades 1 to 63; cells without values are 0.
+    """The largest error in each cell of a grid, as logarithmic shades from 1 to 63; cells without values are 0.
 
     ``grid`` has one byte per cell, row by row, starting with handle 0; ``by_handle`` and ``by_time`` contain the
     largest errors.

@@ -208,7 +208,7 @@ def _files_of_sheets(parts: dict[str, bytes]) -> dict[str, str]:
 
 
 def _read(path: Path, plain: BytesIO) -> list[tuple[str, list[list[Cell]]]]:
-    """Return the names and rows of the sheets, as read by the fastest reader. Raises InputError if it fails."""
+    """Return the names and rows of the sheets, as read by the fastest reader. Raises InputError if the reader fails."""
     try:
         return _by_calamine(plain) if find_spec('python_calamine') else _by_openpyxl(path, plain)
     except (InputError, KeyboardInterrupt, SystemExit, MemoryError):

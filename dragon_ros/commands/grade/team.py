@@ -34,7 +34,7 @@ BOUNDS = (1e-6, 1e-4, 1e-2)     # error bounds for which the share of cells is r
 QUESTIONS = ('t_s', 'pitch_m', 'turn_m', 'speed_m_s')
 SHEETS = ('positions', 'speeds')
 _TIMES = {'result1': 301, 'result2': 1, 'result4': 201}
-_LEAST_DECIMALS = {'t_s': 2}    # smallest number of decimals of a right answer; it is four for the other questions
+_LEAST_DECIMALS = {'t_s': 2}    # number of decimals that a right answer needs; for the other questions, it is four
 _NAMED = re.compile(r'(?:result|结果|附件|res)[\s_\-]*0?([124])(?!\d)', re.IGNORECASE)
 _HALF_ULP = 0.5000001           # above 0.5, because differences between numbers with six decimals are not exact
 
@@ -191,7 +191,7 @@ def _grade(result: str, sheet: str, times_s: Floats, given: Floats, right: Float
 
 # Answers that are a single number.
 def answers_of(path: Path) -> dict[str, float]:
-    """Return the answers in a YAML file, by question. Raises an InputError that names file, line and key."""
+    """Return the answers in a YAML file, by question. Raises an InputError that names the file, line and key."""
     document = read_document(path)
     document.check_keys('', document.values, QUESTIONS)
     return {key: _checked(f'{document.place(key)}: {key}', plain_number(value))
@@ -199,7 +199,10 @@ def answers_of(path: Path) -> dict[str, float]:
 
 
 def answers_by_team(path: Path) -> dict[str, dict[str, float]]:
-    """Return the answers of all teams in a YAML file, by team. Raises an InputError that names file, line and key."""
+    """Return the answers of all teams in a YAML file, by team.
+
+    Raises an InputError that names the file, line and key.
+    """
     document = read_document(path)
     out = {}
     for name in document.values:

@@ -27,7 +27,7 @@ WORDS: Words = {
     'paper': ("the paper's own values", '论文自身的数值'),
     'grid': ('steps of {step:g} rad until the chord is within {within:g} m of the link',
              '以 {step:g} rad 为步长逐步试角度，直到弦长误差小于 {within:g} m'),
-    'grid_past': ('steps of {step:g} rad until the chord is not shorter than the link (within {within:g} m)',
+    'grid_past': ('steps of {step:g} rad until the chord is at least as long as the link, to within {within:g} m',
                   '以 {step:g} rad 为步长逐步试角度，直到弦长不小于孔距（误差 {within:g} m）'),
     'tolerance': ('chords differ from their links by {low:.3g} to {high:.3g} m: a tolerance or a step is too large',
                   '弦长与孔距相差 {low:.3g} 至 {high:.3g} m：容差或步长过大'),
@@ -62,8 +62,8 @@ WORDS: Words = {
     'turn_along': ('links measured along the curve, not as chords', '把手间距按曲线弧长计算，而不是按弦长'),
     'turn_grid': ('steps of {step:g} m along the curve until the chord is within {within:g} m of the link',
                   '沿曲线以 {step:g} m 为步长逐步试探，直到弦长误差小于 {within:g} m'),
-    'turn_grid_past': ('steps of {step:g} m along the curve until the chord is not shorter than the link '
-                       '(within {within:g} m)',
+    'turn_grid_past': ('steps of {step:g} m along the curve until the chord is at least as long as the link, to '
+                       'within {within:g} m',
                        '沿曲线以 {step:g} m 为步长逐步试探，直到弦长不小于孔距（误差 {within:g} m）'),
     'turn_pitch': ('a pitch of {pitch:.6g} m, not 1.7 m', '螺距取 {pitch:.6g} m，而不是 1.7 m'),
     'all_one': ('all speeds are 1 m/s', '所有速度都取 1 m/s'),

@@ -150,7 +150,7 @@ class AnimatedFigure:
 
     def _heading(self, one: Moment, clearance_m: float) -> str:
         """Return the title: the name and the time, followed by the clearance and the largest speed."""
-        rounded_mm = round(1e3 * clearance_m, 1) + 0.0     # without the sign of a zero
+        rounded_mm = round(1e3 * clearance_m, 1) + 0.0     # + 0.0 removes the minus sign of a zero
         gap = f'clearance {rounded_mm:.1f} mm' if np.isfinite(clearance_m) else 'no benches that could touch'
         if one.speed_m_s is not None:
             gap = figures.joined(f'{gap},', f'fastest handle {np.max(one.speed_m_s):.3f} m/s', ' ', self._width_in)

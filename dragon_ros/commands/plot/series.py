@@ -10,7 +10,7 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 
 MOST_POINTS = 1500          # number of points per curve, more than a screen can show
-_CLOSE_S = 15.0             # duration in s that is shown before the contact
+_CLOSE_S = 15.0             # duration (s) shown before the contact
 _MOST_LABELS = 20           # largest number of labels beside lines
 _WIDE_IN, _NARROW_IN = 7.4, 3.6     # widths of the two panels, in inches
 

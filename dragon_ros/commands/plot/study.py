@@ -1,4 +1,4 @@
-"""Pictures of a study: maps with contours and first pairs, curves, distributions with bands, and Sobol indices.
+"""Pictures of a study: maps with contours and first contacts, curves, distributions with bands, and Sobol indices.
 
 The pictures depend on the design. For a grid, the pictures show the main answers over one key or the first two keys.
 For random and Sobol designs, the pictures show the distributions of the answers. For Saltelli designs, the pictures
@@ -124,7 +124,7 @@ def _levels(data: DataSet, key: str) -> list[float]:
 
 
 def _on_grid(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Floats:
-    """Return a column over two keys, at the first values of all other keys; it is nan where a row is missing."""
+    """Return a column as a function of two keys, at the first values of all other keys; missing rows are nan."""
     sizes = [len(levels_of(variation)) for _, variation in data.study.vary]
     whole = np.full(int(np.prod(sizes)), np.nan)
     whole[table.column('index').to_numpy()] = numbers(table, name)
@@ -135,7 +135,7 @@ def _on_grid(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -
 
 
 def _pairs_panel(figure: Figure, axes: Axes, at: tuple[list[float], list[float]], inner: Floats, outer: Floats) -> None:
-    """Draw which pair of benches touches first; for more than a dozen pairs, draw only the outer bench."""
+    """Draw which pair of benches touches first; for more than a dozen pairs, show only the outer bench's number."""
     code = inner * 1e6 + outer
     kinds = np.unique(code[~np.isnan(code)])
     place = np.where(np.isnan(code), np.nan, np.searchsorted(kinds, code).astype(float))
