@@ -7,7 +7,7 @@ from itertools import count
 import numpy as np
 from matplotlib.axes import Axes
 
-from benchmarks.rates import NUMBER, copy_rate, times
+from benchmarks.rates import NUMBER, stage_copy_rate, times
 from benchmarks.stages import ticks_from
 from dragon_ros.cli.figures import TEXT_PT, legend_below
 from dragon_ros.core.chain.dragon import Dragon
@@ -59,7 +59,7 @@ def checks_of(size: int, budget_s: float) -> list[Check]:
         del ways[_ALL]
     found = {way: _smallest_of(benches, *pairs()) for way, pairs in ways.items()}
     least, size_bytes = min(gap for _, gap in found.values()), 4 * NUMBER * size
-    limit_s = size_bytes / copy_rate(size_bytes, budget_s)
+    limit_s = size_bytes / stage_copy_rate(size_bytes, budget_s)
     out = [Check(way, size, found[way][0], _agree(found[way][1], least, reach),
                  timed(partial(_checked, benches, pairs), budget_s, 3), limit_s)
            for way, pairs in ways.items()]

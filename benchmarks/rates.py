@@ -26,6 +26,14 @@ def product_rate(budget_s: float) -> float:
     return 2 * a.size * b.shape[1] / timed(lambda: a @ b, budget_s).median_s
 
 
+def stage_copy_rate(size: float, budget_s: float) -> float:
+    """Return the bytes copied per second by a stage of ``size`` bytes, which uses as much memory as it has bytes.
+
+    Half of them are the source and half the target, so that copying leaves a cache only where the stage would.
+    """
+    return copy_rate(0.5 * size, budget_s)
+
+
 def copy_rate(size: float, budget_s: float) -> float:
     """Return the bytes per second when copying blocks of ``size`` bytes, or of 32 KiB if that is more.
 

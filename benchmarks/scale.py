@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from benchmarks.live import RATES_HZ, ROLES, Live, highest, run
-from benchmarks.rates import copy_rate, limit, product_rate, times
+from benchmarks.rates import limit, product_rate, stage_copy_rate, times
 from benchmarks.solvers import CHAIN_SOLVERS
 from benchmarks.stages import STAGES, needs_of, stages_of
 from dragon_ros.cli.command_line import csv_of
@@ -84,10 +84,9 @@ def measure(budget_s: float = 0.3) -> Measured:
 
 
 def limit_of(scene: Scene, product: float, budget_s: float) -> float:
-    """Return the shortest possible time of all stages, if copying is as fast as in blocks of the bytes of a tick."""
-    needs = needs_of(scene, _AT_S).values()
-    copied = copy_rate(sum(amounts.get('cache', 0.0) for amounts in needs), budget_s)
-    return sum(limit(amounts, {'product': product, 'cache': copied})[0] for amounts in needs)
+    """Return the shortest possible time of all stages, if each copies as fast as the machine copies as many bytes."""
+    return sum(limit(amounts, {'product': product, 'cache': stage_copy_rate(amounts['cache'], budget_s)})[0]
+               for amounts in needs_of(scene, _AT_S).values() if amounts)
 
 
 def _stages(solver: str, benches: int, budget_s: float) -> list[Stage]:

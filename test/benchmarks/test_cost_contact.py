@@ -50,9 +50,9 @@ def test_every_method_of_checking_finds_the_same_smallest_gap():
 
 
 def test_the_limit_of_a_check_is_to_copy_four_numbers_of_each_bench(monkeypatch):
-    monkeypatch.setattr(growth, 'copy_rate', lambda size, budget_s: 1e3 * size)
+    monkeypatch.setattr(growth, 'stage_copy_rate', lambda size, budget_s: 1e3 * size)
     assert growth.checks_of(10, 0.0)[0].limit_s == pytest.approx(1e-3)
-    monkeypatch.setattr(growth, 'copy_rate', lambda size, budget_s: 1e6)
+    monkeypatch.setattr(growth, 'stage_copy_rate', lambda size, budget_s: 1e6)
     assert growth.checks_of(10, 0.0)[0].limit_s == pytest.approx(320e-6)
 
 

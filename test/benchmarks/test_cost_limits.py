@@ -47,6 +47,7 @@ def test_rates_are_amounts_over_the_time_that_is_measured(monkeypatch, tmp_path)
     monkeypatch.setattr(rates, 'timed', lambda call, budget_s: Timing(*(3 * [0.5]), bool(call())))
     assert rates.copy_rate(1e6, 0.0) == 2e6
     assert rates.copy_rate(10, 0.0) == 2 * 2**15
+    assert rates.stage_copy_rate(1e6, 0.0) == rates.copy_rate(5e5, 0.0)
     assert rates.compression_rate('lz4', bytes(1000), 0.0) == 2000
     assert rates.file_rate(tmp_path, 0.0) == 2 * (tmp_path / 'block').stat().st_size
     assert rates.limit({}, {}) == (0.0, '')

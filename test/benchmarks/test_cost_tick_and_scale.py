@@ -162,15 +162,14 @@ def test_the_scale_page_has_exponents_and_verdicts(tmp_path):
     assert len({line.count(',') for line in scale.csv_text(rows).splitlines()}) == 1
 
 
-def test_the_limit_of_a_size_copies_as_fast_as_its_bytes_are_copied(monkeypatch):
+def test_the_limit_of_a_size_copies_as_fast_as_the_bytes_of_each_stage_are_copied(monkeypatch):
     sizes = []
-    monkeypatch.setattr(scale, 'copy_rate', lambda size, budget_s: sizes.append(size) or 1e9)
+    monkeypatch.setattr(scale, 'stage_copy_rate', lambda size, budget_s: sizes.append(size) or 1e9)
     scene = Scene(dragon=Dragon(30))
-    needs = stages.needs_of(scene, 300.0)
-    assert scale.limit_of(scene, 1e15, 0.0) == pytest.approx(1e-9 * sum(one.get('cache', 0) for one in needs.values()))
-    assert sizes == [sum(one.get('cache', 0) for one in needs.values())]
-    slow = sum(one['product'] for one in needs.values() if 'product' in one)
-    assert scale.limit_of(scene, 1.0, 0.0) == pytest.approx(slow, rel=1e-3)
+    needs = [one for one in stages.needs_of(scene, 300.0).values() if one]
+    assert scale.limit_of(scene, 1e15, 0.0) == pytest.approx(1e-9 * sum(one['cache'] for one in needs))
+    assert sizes == [one['cache'] for one in needs]
+    assert scale.limit_of(scene, 1.0, 0.0) == pytest.approx(sum(one.get('product', 0.0) for one in needs), rel=1e-3)
 
 
 def test_processes_over_dds_are_counted_to_the_last_message():
