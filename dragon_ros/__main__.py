@@ -68,8 +68,8 @@ def dragon() -> NoReturn:
 def run(argv: list[str], program: Callable[[list[str]], int] = main) -> NoReturn:
     """Run a program in this process and exit; by default, the program is ``main``.
 
-    Imports create hundreds of thousands of objects but no garbage. Searching them for reference cycles, during the run
-    and at exit, would take a tenth of a command's run time.
+    Imports create hundreds of thousands of objects but no garbage. Searching these objects for reference cycles, during
+    the run and at exit, would take a tenth of a command's run time.
     """
     os.environ.setdefault('OPENBLAS_THREAD_TIMEOUT', _SPIN)
     gc.set_threshold(_GARBAGE, *gc.get_threshold()[1:])

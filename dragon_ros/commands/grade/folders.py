@@ -71,7 +71,7 @@ def _is(name: str, kinds: tuple[str, ...]) -> bool:
 
 
 def _split(name: str, books: list[Path]) -> list[Team]:
-    """Return the teams of a folder; there are several if file names differ in more than the number of the result."""
+    """Return the teams in a folder: several teams if file names differ in more than the number of the result."""
     if not books:
         return [Team(name, [])]
     groups: dict[str, list[Path]] = {}

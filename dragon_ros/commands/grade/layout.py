@@ -79,7 +79,7 @@ def given_by(sheets: Iterable[WorkbookSheet], refuse: Callable[[str, dict[str, o
 
 
 def _joined(parts: list[tuple[Floats, Floats]], notes: list[tuple[str, dict[str, object]]]) -> GivenResult:
-    """Return the cells of all sheets at all their times; repeated cells in later sheets are ignored."""
+    """Return the cells of all sheets, merged by time; cells that later sheets repeat are ignored."""
     times = np.unique(np.concatenate([times for times, _ in parts])) if parts else np.empty(0)
     cells = np.full((times.size, HANDLES, 3), np.nan)
     for own, values in parts:
