@@ -34,7 +34,7 @@ _Row = tuple[str, bytes, int, int]
 class Written:
     """One writer with one compression: the time for all ticks, and the bytes before and after compression.
 
-    ``rates`` are the machine's rates per second.
+    ``rates`` holds the machine's rates (per second).
     """
 
     writer: str
@@ -48,7 +48,7 @@ class Written:
 
     @property
     def limit_s(self) -> float:
-        """The shortest possible time in seconds, if copying, compressing and writing run side by side."""
+        """The shortest possible time in seconds, if copying, compressing and writing run in parallel."""
         needs = {'memory': self.raw_bytes, 'file': self.bag_bytes}
         return limit(needs | ({} if self.compression == 'none' else {self.compression: self.raw_bytes}), self.rates)[0]
 

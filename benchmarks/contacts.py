@@ -1,7 +1,7 @@
-"""``cost contact``: the search for the first contact compared with sampling, and the growth of the time of a check.
+"""``cost contact``: the search for the first contact compared with sampling, and how the time of a check grows.
 
-The limit of a search is the time to evaluate its states without any proof: to place their handles and to find the
-smallest gap between benches of adjacent layers.
+The limit for a search is the time needed to evaluate its states without any proof: to place their handles and to find
+the smallest gap between benches of adjacent layers.
 """
 import time
 from collections.abc import Callable
@@ -63,7 +63,7 @@ class Search:
 
 @dataclass(frozen=True)
 class Measured:
-    """All rows of the page, and the time to evaluate one state in seconds."""
+    """All rows of the page, and the time (s) to evaluate one state."""
 
     searches: list[Search]
     checks: list[Check]
@@ -85,7 +85,7 @@ def measure(budget_s: float = 0.3) -> Measured:
 
 
 def _state_s(scene: Scene, budget_s: float) -> float:
-    """Return the time to evaluate one state, as the sampling methods do, on average over times of the classic run."""
+    """Return the average time (s) to evaluate a state of the classic run in the way that the sampling methods do."""
     times_s = np.linspace(0.0, T_STAR_S, _SPREAD).tolist()
     return timed(lambda: [_smallest(scene, t_s) for t_s in times_s], budget_s).shared_by(_SPREAD).median_s
 

@@ -1,7 +1,7 @@
 """``cost first``: the time of a run's first tick with the shift map and with the march, and when the map pays off.
 
-The limit of a first tick is the shortest time in which the machine could compute the series of its tables from values
-at as many nodes, by multiplications with a matrix, or copy the tables. It leaves out the placing of links at the nodes.
+The limit for a first tick is the longer of two times that the machine needs: to compute the series of its tables from
+values at as many nodes, using a matrix product, and to copy the tables. Placing links at the nodes is not included.
 """
 from dataclasses import dataclass, replace
 from functools import partial
@@ -33,7 +33,7 @@ _STYLES = {_FIRST: ('#0072B2', 'o'), _LATER: ('#0072B2', '.'), _FIRST_MARCHED: (
 
 @dataclass(frozen=True)
 class Row:
-    """A scene, the number of segments of its track, and the times of its first and later ticks, for map and march.
+    """A scene, the number of its track segments, and the times of first and later ticks with the map and the march.
 
     ``limit_s`` is the shortest possible time for the tables of the first tick.
     """
@@ -87,7 +87,7 @@ def tables_of(scene: Scene) -> list[Table]:
 
 
 def needs_of_table(table: Table) -> Amounts:
-    """Return the amounts of a table: its bytes, and the products that turn values at the nodes into its series.
+    """Return the amounts for building a table: its bytes, and the products that turn values at nodes into series.
 
     Each row of a part has five series: the coordinate, two of the position and two of the velocity.
     """

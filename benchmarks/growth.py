@@ -35,7 +35,7 @@ METHODS = tuple(_COLOURS)
 class Check:
     """One check of all benches of a dragon: candidates and gaps. ``right`` is true if the smallest gap is correct.
 
-    ``limit_s`` is the time in which the machine copies the position and the direction of each bench once.
+    ``limit_s`` is the time that the machine needs to copy the position and direction of each bench once.
     """
 
     method: str

@@ -1,6 +1,6 @@
 """``cost memory``: the resident memory of a recorder during a long run, and its growth.
 
-The limit of the growth is that of the data that the recorder must keep for the final index.
+The limit for the growth is the growth of the data that the recorder must keep for the final index.
 """
 import csv
 import io

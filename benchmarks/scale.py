@@ -56,9 +56,9 @@ class Build:
 
 @dataclass(frozen=True)
 class Measured:
-    """All rows of the page; ``free`` are runs as fast as the readers can follow.
+    """All rows of the page; ``free`` holds runs that proceed as fast as the readers can follow.
 
-    ``limits_s`` holds the machine's limit of all stages together by the number of benches, in seconds.
+    ``limits_s`` holds, by the number of benches, the machine's limit (s) for all stages together.
     """
 
     stages: list[Stage]

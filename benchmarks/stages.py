@@ -37,7 +37,7 @@ def stages_of(scene: Scene, solver: str, t_s: float) -> dict[str, Callable[[], o
 
 
 def needs_of(scene: Scene, t_s: float) -> dict[str, Amounts]:
-    """Return the amounts that each stage must process at the given time, by any method; the head has none."""
+    """Return the amounts that each stage must process at the given time, whatever its method; the head has none."""
     simulation, handles = compile_scene(scene), scene.dragon.benches + 1
     chain, rectangles = simulation.chain(t_s), 4.0 * scene.dragon.benches
     placed = needs_of_chain(chain)
@@ -48,7 +48,7 @@ def needs_of(scene: Scene, t_s: float) -> dict[str, Amounts]:
 
 
 def needs_of_chain(chain: Chain) -> Amounts:
-    """Return the amounts of placing a chain: one product with a table, which is read once, or only the coordinates."""
+    """Return the amounts for placing a chain: a product with a table, which is read once, or only the coordinates."""
     count = multiplications(chain)
     return {'product': 2.0 * count, 'cache': NUMBER * max(float(count), 2.0 * (len(chain.links_m) + 1))}
 

@@ -1,6 +1,7 @@
-"""``cost tick``: the time of each stage of a tick, for solvers and tiers, with messages as objects and as bytes.
+"""``cost tick``: the time of each stage of a tick, by solver and tier, with messages as objects and as bytes.
 
-Each stage is compared with the machine's limit: the shortest time in which it could multiply and copy the same amounts.
+Each stage is compared with the machine's limit: the shortest time in which the machine could multiply and copy the same
+amounts.
 """
 import json
 import subprocess
@@ -53,13 +54,13 @@ class Row:
 
 @dataclass(frozen=True)
 class Measured:
-    """All rows of the page, and the machine's limit of each stage in seconds."""
+    """All rows of the page, and the machine's limit (s) for each stage."""
 
     rows: list[Row]
     limits_s: dict[str, float]
 
     def limit_s(self, row: Row) -> float:
-        """Return the limit of all stages of a row together."""
+        """Return the limit for all stages of a row together."""
         return sum(self.limits_s[stage] for stage in row.stages)
 
 
@@ -78,7 +79,7 @@ def measure(budget_s: float = 0.3) -> Measured:
 
 
 def _limits_s(budget_s: float) -> dict[str, float]:
-    """Return the machine's limit of each stage; publishing must at least copy the bytes of the messages."""
+    """Return the machine's limit for each stage; publishing must at least copy the bytes of the messages."""
     rates, needs = tick_rates(budget_s), [needs_of(Scene(), t_s) for t_s in _TIMES_S]
     limits_s = {name: mean(limit(at[name], rates)[0] for at in needs) for name in STAGES}
     return limits_s | {'publish': limits_s['encode']}

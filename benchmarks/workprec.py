@@ -1,7 +1,7 @@
 """``cost accuracy``: error against time for every tier and for alternative solvers, in one run.
 
-The limit of a tick is the shortest time in which the machine could multiply and copy what the product with the table of
-the shift map takes, or copy the coordinates of the handles if no table covers them.
+The limit for a tick is the shortest time in which the machine could do the multiplications and copies for a product
+with the shift map's table or, if no table covers the handles, copy their coordinates.
 """
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -46,7 +46,7 @@ _WRONG_M = 0.01         # without a promise, solvers with a larger error are mar
 class Row:
     """One solver on one problem: its largest error, and its times per tick without and, if possible, with velocities.
 
-    ``promise_m`` is None for a solver without a promise. ``limit_s`` is the limit of the positions of a tick.
+    ``promise_m`` is None if the solver makes no promise. ``limit_s`` is the limit for the positions of a tick.
     """
 
     problem: str
@@ -78,9 +78,9 @@ def measure(budget_s: float = 0.3) -> list[Row]:
 
 
 def tick_limit_s(problem: Problem, rates: Amounts) -> float:
-    """Return the machine's limit of placing all handles at one time, on average over the times of a problem.
+    """Return the machine's limit for placing all handles at one time, averaged over the times of a problem.
 
-    The tick is that of the finest tier that double precision can keep.
+    The chains are those of the finest tier that double precision can keep.
     """
     for tier in [name for name in reversed(TIERS) if name != 'paper']:
         try:
@@ -93,7 +93,7 @@ def tick_limit_s(problem: Problem, rates: Amounts) -> float:
 
 
 def batch_limit_s(scene: Scene, times_s: Sequence[float], rates: Amounts) -> float:
-    """Return the machine's limit for each of many ticks at once, which share what they read of the table."""
+    """Return the machine's limit per tick for many ticks in one call, which share the rows that they read."""
     needs = needs_of_chain(state(scene, times_s[len(times_s) // 2]))
     return limit({'product': needs['product'], 'cache': NUMBER * 2.0 * (scene.dragon.benches + 1)}, rates)[0]
 
@@ -112,7 +112,7 @@ def _jobs(budget_s: float, rates: Amounts) -> Iterator[Callable[[], list[Row]]]:
 
 
 def _ways(problem: Problem) -> Iterator[Way]:
-    """Yield each tier with the default solver, and also with the march if the default is the table."""
+    """Yield each tier with the default solver and, if this is the table, also with the march."""
     for tier in TIERS:
         if tier != 'paper' or problem.name == 'classic':
             yield tier, 'table'
