@@ -93,7 +93,7 @@ def tick_limit_s(problem: Problem, rates: Amounts) -> float:
 
 
 def batch_limit_s(scene: Scene, times_s: Sequence[float], rates: Amounts) -> float:
-    """Return the machine's limit per tick for many ticks in one call, which share the rows that they read."""
+    """Return the machine's limit per tick if many ticks are placed in one call and share the table rows they read."""
     needs = needs_of_chain(state(scene, times_s[len(times_s) // 2]))
     return limit({'product': needs['product'], 'cache': NUMBER * 2.0 * (scene.dragon.benches + 1)}, rates)[0]
 

@@ -71,7 +71,7 @@ MONITOR = (
     Parameter('clearance_vector', False, 'Publish the shortest vector between the closest benches on '
               'clearance/vector'),
     Parameter('venue', '', 'File with obstacles, in the frame of the dragon: a GeoJSON or WKT file, or a scene (a name '
-              'or a .yaml file). They are added to those of the topic venue and of the map'),
+              'or a .yaml file); added to the obstacles from the topic venue and from the map'),
     Parameter('map', '/map', 'Topic of a nav_msgs/OccupancyGrid whose occupied cells are obstacles; empty: none'),
     Parameter('map_occupied', 65, 'Lowest value, in percent, at which a map cell is an obstacle', 1, 100),
     Parameter('map_unknown', 'free', 'How to treat unknown cells of the map (negative values, usually -1): as free or '

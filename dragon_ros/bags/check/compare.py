@@ -472,10 +472,10 @@ def _speed_m_s(frame: Frame, scene: Scene) -> float:
 def _off_of_others_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:
     """Return the deviation (m) of a message from another version or kernel, or inf if anything but numbers differs.
 
-    Accelerations and tensions contain second derivatives of positions. These multiply a position error by (leader's
-    speed)^2 / link^2, and by the conditioning once more for each derivative. A tension is the sum of the forces on all
-    handles up to the free end. The direction in which a link transmits force has a relative error of position error /
-    link length.
+    Accelerations and tensions contain second derivatives of positions. A second derivative multiplies a position error
+    by (leader's speed)^2 / link^2, and each derivative adds one power of the conditioning. A tension is the sum of the
+    forces on all handles up to the free end. The direction in which a link transmits force has a relative error of
+    position error / link length.
     """
     kind = channels()[name].type
     try:

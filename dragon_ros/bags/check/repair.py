@@ -177,7 +177,7 @@ def _beyond(file: McapFile, scanned: Index) -> list[MessageBatch]:
 
 
 def _first(index: Index) -> Iterator[tuple[StoredMessage, bytes]]:
-    """Yield the complete messages of the chunk that is truncated by the end of the file."""
+    """Yield the complete messages of a chunk that the end of the file truncates."""
     file = index.file
     try:
         head = chunk_head(file, index.cut) if index.cut else None
