@@ -57,7 +57,7 @@ class Search:
 
     @property
     def verdict(self) -> str:
-        """'WRONG' if the error exceeds the requested bound or, if no bound was requested, half the sixth decimal."""
+        """'WRONG' if the error exceeds the requested bound or, if no bound was requested, 5e-7 s."""
         return 'WRONG' if abs(self.late_s) > max(self.wanted_s or _WRONG_S, _KNOWN_S) else 'right'
 
 

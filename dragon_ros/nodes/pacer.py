@@ -7,7 +7,7 @@ _AT_ONCE_NS = 50_000_000            # maximum delay that is made up by playing t
 _ON_TIME_NS = 5_000_000             # maximum delay at which a tick is on time, so that the run may speed up
 _FASTER = 0.1                       # fraction by which the run speeds up to make up a larger delay
 _LONGEST_NS = 3_600_000_000_000     # maximum wait; a later tick needs several waits (a timer supports at most 2^63 ns)
-_FOREVER_NS = 1e18                  # 30 years: limit on the time between ticks, even if the scale is tiny
+_FOREVER_NS = 1e18                  # limit on a computed wait (30 years), since a tiny scale can make it infinite
 _MOST_BEHIND_NS = 1_000_000_000     # maximum delay that is made up, so that a slow machine does not run fast for long
 
 

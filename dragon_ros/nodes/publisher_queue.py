@@ -24,7 +24,7 @@ _COUNT = re.compile('[0-9]{1,9}')
 _GIVE_UP = 20       # maximum number of consecutive failures (0.1 s each) while there is no subscriber
 _SETTLED_S = 0.5    # quiet time required after a discovery, because a reader's topics are discovered one by one
 _ACKED_S = 4.0      # maximum wait for acknowledgements, which follow the middleware's heartbeat (3 s in Fast DDS)
-_ALL_ACKED_S = 20.0     # the same at the end of a run, when a reader may have read none of the kept messages yet
+_ALL_ACKED_S = 20.0     # maximum wait at the end of a run, when a reader may not have read any messages yet
 _LOOK_S = 0.02
 
 

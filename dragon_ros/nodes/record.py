@@ -29,7 +29,7 @@ from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.logs import counted
 from dragon_ros.scenes import provenance
 
-_REST_S = 5.0       # maximum time, after a signal, to write what arrived before it and the reports on those ticks
+_REST_S = 5.0       # maximum time after a signal to write earlier messages and the reports on their ticks
 _QUIET_S = 0.5      # a run ends when its publisher has left and nothing has arrived for this long
 _MONITOR_S = 10.0   # maximum wait for a monitor that neither reports nor has messages to read
 _IDLE_S = 0.25      # maximum time that messages without a stamp wait for the next handles
