@@ -27,7 +27,7 @@ def product_rate(budget_s: float) -> float:
 
 
 def stage_copy_rate(size: float, budget_s: float) -> float:
-    """Return the bytes copied per second by a stage of ``size`` bytes, which uses as much memory as it has bytes.
+    """Return the bytes per second that a stage of ``size`` bytes can copy, using that much memory in all.
 
     Half of them are the source and half the target, so that copying leaves a cache only where the stage would.
     """

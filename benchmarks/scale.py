@@ -84,7 +84,7 @@ def measure(budget_s: float = 0.3) -> Measured:
 
 
 def limit_of(scene: Scene, product: float, budget_s: float) -> float:
-    """Return the shortest possible time of all stages, if each copies as fast as the machine copies as many bytes."""
+    """Return the shortest possible time for all stages, if each copies at the machine's rate for that many bytes."""
     return sum(limit(amounts, {'product': product, 'cache': stage_copy_rate(amounts['cache'], budget_s)})[0]
                for amounts in needs_of(scene, _AT_S).values() if amounts)
 

@@ -79,7 +79,7 @@ def _timed(workers: int | None, run_s: float, folder: Path, cores: list[int]) ->
 
 
 def _started(bag: Path, ends_s: list[float], workers: int, core: int | None) -> int:
-    """Start the command for a part of the run, on the given core only unless that is None; return its process ID."""
+    """Start the command for a part of the run, pinned to ``core`` unless this is None; return its process ID."""
     command = [sys.executable, '-m', 'dragon_ros', 'simulate', '--scene', 'winding', '--rate', f'{_RATE_HZ:g}', '--set',
                f'run.start_s={ends_s[0]}', '--set', f'run.stop_s={ends_s[1]}', '--force', '--workers', str(workers),
                '--output', str(bag)]
@@ -95,7 +95,7 @@ def _on_core(command: list[str], core: int) -> list[str]:
 def table(rows: list[Written]) -> str:
     """Return the measured rows as Markdown, after a line that states the machine, the versions and the date.
 
-    The limit of the machine is the time of separate commands, which share no work.
+    The machine's limit is the time that separate commands take, since these share no work.
     """
     alone, apart = rows[0].wall_s, next(row.wall_s for row in rows if row.workers == _APART)
     lines = [f'{circumstances()}. {workers_of(None)} cores; {rows[0].run_s:g} s of the classic dragon at '
