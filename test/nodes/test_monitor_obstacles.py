@@ -226,7 +226,7 @@ def test_a_map_is_turned_by_its_origin_moved_by_the_declared_pose_and_never_over
     server.show(np.indices((150, 150)).sum(axis=0) % 2 * 100, 0.5, (1000.0, 0.0), 0)
     moved.wait_for('/map: 1 obstacle with 45000 edges')
     dragon.show(400)
-    moved.wait_for('obstacles of files and maps are not published, because they have more than 20000 edges')
+    moved.wait_for('obstacles from files and maps are not published, because they have more than 20000 edges')
     node.until(lambda: [len(one.markers) for one in shown] == [3, 1])
 
 
