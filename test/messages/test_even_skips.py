@@ -22,6 +22,13 @@ def test_all_ticks_are_kept_up_to_half_of_the_budget_and_none_beyond_it(fill, sh
     assert sum(kept(fill)) == 1000 * share
 
 
+@pytest.mark.parametrize('fill', [1.0, 1.5, 3.0])
+def test_once_a_queue_beyond_its_budget_is_empty_again_the_next_tick_is_kept(fill):
+    skips = EvenSkips()
+    assert not any(skips.keeps('handles', k, fill) for k in range(10))
+    assert skips.keeps('handles', 10, 0.0)
+
+
 @pytest.mark.parametrize(('fill', 'longest'), [(0.625, 1), (0.75, 1), (0.875, 3)])
 def test_what_is_skipped_is_spread_evenly(fill, longest):
     assert max(len(list(run)) for keeps, run in groupby(kept(fill)) if not keeps) == longest

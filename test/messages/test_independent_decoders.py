@@ -120,6 +120,16 @@ def test_triangles_have_the_corners_of_each_bench(read):
     near(0.5 * np.abs(a * d - b * c).sum(axis=1), 4 * frame.benches.half_length * frame.benches.half_width, 1e-12)
 
 
+def test_each_side_of_each_bench_has_an_edge(read):
+    frame, message = made('triangles')[0], read('benches', 'triangles')
+    edges = next(one for one in message.markers if one.type == 5)
+    drawn = np.array([(one.x, one.y) for one in edges.points]).reshape(24, 4, 2, 2)
+    for lines, corners in zip(drawn, frame.benches.corners, strict=True):
+        sides = np.stack((corners, np.roll(corners, -1, axis=0)), axis=1)
+        distance = np.stack([np.abs(lines[:, None] - each[None]).max(axis=(2, 3)) for each in (sides, sides[:, ::-1])])
+        assert np.max(np.min(distance, axis=(0, 1))) < 1e-12
+
+
 @pytest.mark.parametrize(('topic', 'field', 'labels'), [
     ('velocities', 'velocity_m_s', ['handle', 'vx_vy_speed']),
     ('accelerations', 'acceleration_m_s2', ['handle', 'ax_ay_size'])])

@@ -10,7 +10,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.decode import read_marker_array
 from dragon_ros.messages.markers import BENCH_HEIGHT_M, BLACK, BLUE, VERMILION, YELLOW
-from dragon_ros.messages.monitor_markers import clearance_marker, report_markers, vector_of
+from dragon_ros.messages.monitor_markers import clearance_marker, report_markers, stamped_clearance, vector_of
 
 
 def report_at(t_s, **dragon):
@@ -67,6 +67,15 @@ def test_the_clearance_stands_as_a_text_beside_the_point_between_the_closest_ben
     vector = serialization.deserialize_message(vector_of(report), Vector3Stamped).vector
     assert report.closest == (0, 8)
     assert (vector.x, vector.y, vector.z) == pytest.approx((*(other - one), 0.0), abs=1e-9)
+
+
+def test_the_stamped_clearance_is_a_vector_with_only_a_field_x():
+    serialization = pytest.importorskip('rclpy.serialization')
+    from geometry_msgs.msg import Vector3Stamped
+    report = report_at(412.0)
+    message = serialization.deserialize_message(stamped_clearance(report), Vector3Stamped)
+    assert (message.header.stamp.sec, message.header.stamp.nanosec, message.header.frame_id) == (412, 0, 'dragon')
+    assert (message.vector.x, message.vector.y, message.vector.z) == (report.clearance_m, 0.0, 0.0)
 
 
 @pytest.mark.parametrize('report', [Report(report_at(412.0).observation, np.inf, None), report_at(412.48)],

@@ -171,6 +171,16 @@ def test_benches_over_anybodys_handles_are_those_of_the_model():
         np.testing.assert_allclose(seen.benches.corners, frame.benches.corners, atol=1e-9)
 
 
+@pytest.mark.parametrize('dragon', [Dragon(9, body_length_m=2.5), Dragon(5), Dragon(12)],
+                         ids=['longer benches', 'fewer benches', 'more benches'])
+def test_handles_of_another_dragon_are_given_its_benches(dragon):
+    builder = BenchesFromHandles()
+    for scene in (Scene(Dragon(9), run=Run(400, 413)), Scene(dragon, run=Run(400, 413))):
+        frame = tick(scene, 0)
+        seen = read_benches(builder.encode(encoders(scene)['handles'](frame))).rectangles(frame.chain.p)
+        np.testing.assert_allclose(seen.corners, frame.benches.corners, atol=1e-9)
+
+
 def test_handles_without_a_direction_between_them_are_refused():
     handles = PoseArrayTemplate(3, 'dragon').encode(0, np.array([[0.0, 0], [1, 0], [1, 0]]), np.array([[1.0, 0]] * 2))
     with pytest.raises(MessageError, match='handles: 1 and the next'):

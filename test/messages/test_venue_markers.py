@@ -45,6 +45,13 @@ def test_each_obstacle_and_the_inside_have_their_edges_and_their_name():
         assert 0 < z - 0.5 * size < 0.5 * size
 
 
+def test_the_inside_is_grey_and_obstacles_are_black():
+    *obstacles, inside = markers_of(replace(Scene(), venue=Venue((YARD, WALL), INSIDE)))[:3]
+    red, green, blue, alpha = inside['color']
+    assert 0 < red == green == blue < alpha == 1
+    assert [tuple(one['color']) for one in obstacles] == [(0, 0, 0, 1)] * 2
+
+
 def test_a_scene_without_a_venue_has_no_such_topic():
     assert 'venue' not in once(Scene(), 'sea')
 
