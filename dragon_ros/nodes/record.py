@@ -48,7 +48,7 @@ class Recorder(DragonNode):
         super().__init__('record')
         self.bag, self.losses = bag, LossAccount()
         self.writer = WriterThread(bag, flush_s, queue_mb)
-        self._simulation, self._monitored = SimulationClock(self._log), SimulationClock(self._log)
+        self._simulation, self._monitored = (SimulationClock(self._log, self.losses.skip) for _ in range(2))
         self._last, self._seen, self._counted, self._scene = time.monotonic(), False, 0.0, ''
         self._scenes, self._attached = SceneReader(self._settings(), trust), set[str]()
         self._unaccounted: list[tuple[str, int, int, bool]] = []    # messages received while a scene is being read

@@ -1,6 +1,6 @@
 import pytest
 
-from dragon_ros.bags.record.simulation_clock import SimulationClock
+from dragon_ros.bags.record.simulation_clock import MOST_HELD, SimulationClock
 from dragon_ros.core.limits import HELD_BYTES
 
 
@@ -21,9 +21,9 @@ def test_messages_without_a_stamp_get_the_tick_that_was_published_before_them():
 
 def test_what_comes_long_before_a_run_is_held_in_bounds():
     clock = SimulationClock(lambda *_: None)
-    for n in range(5000):
+    for n in range(2 * MOST_HELD):
         clock.unstamped('/diagnostics', b'', n, n)
-    assert len(clock._held) <= 1000
+    assert len(clock._held) <= MOST_HELD
 
 
 def test_a_latched_message_of_before_the_first_tick_is_logged_at_that_tick():
@@ -153,6 +153,26 @@ def test_a_system_clock_that_is_set_moves_no_message_to_another_tick(by_ns, late
     assert (found, clock.unpaired, clock.left_out) == ({k: k for k in range(2100)}, {}, 0)
 
 
+@pytest.mark.parametrize('late', ['handles', 'v'])
+def test_a_topic_that_is_thousands_of_ticks_late_loses_nothing(late):
+    """A reader that was stopped receives a topic up to 10,000 messages late: Fast DDS keeps 5,000 on either side."""
+    out = []
+    clock = SimulationClock(lambda *row: out.append(row[1:3]))
+    rows = sorted(published(12_000, {}), key=lambda row: row[1] + 9900 * (row[0] == late))
+    found = ticks_of(clock, out, rows)
+    assert (found, clock.unpaired, clock.left_out) == ({k: k for k in range(12_000)}, {}, 0)
+
+
+def test_a_message_whose_tick_is_long_forgotten_is_counted_as_unpaired_and_told_with_its_number():
+    out, told = [], []
+    clock = SimulationClock(lambda *row: out.append(row[1:3]), lambda *row: told.append(row))
+    for k in range(50_000):
+        clock.mark(10**18 + PERIOD_NS * k, 1000 + k, k + 1)
+    clock.unstamped('v', b'', 10**18 + PERIOD_NS * 3 + 50, 4)
+    clock.unstamped('w', b'', 10**18 - 50, 1)       # published before the first tick that was received
+    assert (out, clock.unpaired, clock.left_out, told) == ([], {'v': 1}, 1, [('v', 4)])
+
+
 def test_a_rare_message_after_the_clock_was_set_back_has_the_tick_before_it():
     out = []
     clock = SimulationClock(lambda *row: out.append(row[1:3]))
@@ -177,8 +197,8 @@ def test_a_rare_message_long_after_the_clock_was_set_back_by_little_has_the_tick
 def test_source_times_that_jump_for_one_topic_alone_hold_a_bounded_number():
     out = []
     clock = SimulationClock(lambda *row: out.append(row[1:3]))
-    for k in range(5000):
+    for k in range(5 * MOST_HELD):
         clock.mark(10**18 + PERIOD_NS * k, 1000 + k, k + 1)
         clock.unstamped('v', b'', 10**18 + PERIOD_NS * k - (BACK_NS if k == 9 else 0) + 50, k + 1)
-        assert len(clock._held) <= 1000
-    assert len(out) + clock.unpaired['v'] >= 4000
+        assert len(clock._held) <= MOST_HELD
+    assert len(out) + clock.unpaired['v'] >= 4 * MOST_HELD

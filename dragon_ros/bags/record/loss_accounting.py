@@ -128,6 +128,10 @@ class LossAccount:
         if self._run is not None and topic in self._each_tick:
             row.tick(self._run, t_ns)
 
+    def skip(self, topic: str, sequence: int) -> None:
+        """Record that a message was received, and not lost in transit, although its tick is unknown."""
+        self._row(topic).number(sequence)
+
     def stamp(self, t_ns: int) -> None:
         """Record the stamp of a handles message; if no scene is known, the spacing of these stamps is reported."""
         if self._last_ns is not None and (len(self._steps) < _MOST_STEPS or t_ns - self._last_ns in self._steps):

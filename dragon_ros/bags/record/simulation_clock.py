@@ -11,7 +11,7 @@ earlier source time than the previous one. Messages are therefore ordered by a "
 clock has been set back so far, and the source time.
 """
 import time
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections import Counter
 from collections.abc import Callable
 from typing import NamedTuple
@@ -19,7 +19,11 @@ from typing import NamedTuple
 from dragon_ros.core.limits import HELD_BYTES
 
 Write = Callable[[str, bytes, int, int, int], None]
-_KEEP = 1000
+# A stopped recorder later receives some topics before others, by up to the messages that the middleware keeps: 5,000 at
+# the publisher and 5,000 at the reader with Fast DDS.
+MOST_HELD = 10_000      # maximum number of messages that wait for their tick
+_MARKS = 10_000         # number of ticks that are kept for late messages
+_DROPPED = 1000         # number of ticks that are dropped together
 _SURELY_NS = 10**9      # delays in transit never make source times decrease by more than this
 _Moment = tuple[int, int]       # how often the clock has been set back so far, and the source time in ns
 
@@ -32,6 +36,10 @@ class _Held(NamedTuple):
     latched: bool
     exact: bool
     since_s: float
+
+
+def _moment(held: _Held) -> _Moment:
+    return held.moment
 
 
 class _Mark(NamedTuple):
@@ -55,17 +63,21 @@ class _Sent(NamedTuple):
 class SimulationClock:
     """Holds each unstamped message of a publisher until its tick is known."""
 
-    def __init__(self, write: Write) -> None:
-        """``write(topic, data, t_ns, sequence, source_ns)`` is called once for each logged message."""
-        self._write = write
+    def __init__(self, write: Write, skip: Callable[[str, int], None] = lambda topic, sequence: None) -> None:
+        """``write(topic, data, t_ns, sequence, source_ns)`` is called once for each logged message.
+
+        ``skip(topic, sequence)`` is called for each message that is counted in ``unpaired``.
+        """
+        self._write, self._skip = write, skip
         self._moments: list[_Moment] = []       # moments of the stamped messages, in order
         self._marks: list[_Mark] = []
         # How often the clock was set back, and the source times just before and after it was last set back.
         self._set_back, self._turn_ns = 0, (0, 0)
         self._sent: dict[str, _Sent] = {}
-        self._held: list[_Held] = []
+        self._held: list[_Held] = []        # in order of their moments
         self._held_bytes = 0
         self._last: dict[str, _Mark] = {}       # by topic: the tick of its last message
+        self._first_moment: _Moment | None = None
         self.first_ns: int | None = None        # time of the first tick
         self.left_out = 0                       # number of messages from before the first tick
         self.unpaired: Counter[str] = Counter()     # by topic: the number of messages with an unknown tick
@@ -79,10 +91,12 @@ class SimulationClock:
         at = bisect_right(self._moments, moment)
         self._moments.insert(at, moment)
         self._marks.insert(at, _Mark(t_ns, sequence, moment))
+        if self._first_moment is None or moment < self._first_moment:
+            self._first_moment = moment
         self.first_ns = t_ns if self.first_ns is None else self.first_ns
-        if len(self._marks) > 2 * _KEEP:
-            del self._moments[:_KEEP], self._marks[:_KEEP]
-        self._release(lambda held: held.moment < self._moments[-1])
+        if len(self._marks) >= _MARKS + _DROPPED:
+            del self._moments[:_DROPPED], self._marks[:_DROPPED]
+        self._release_known()
 
     def unstamped(self, topic: str, data: bytes, source_ns: int, sequence: int, latched: bool = False,
                   exact: bool = True) -> None:
@@ -92,11 +106,14 @@ class SimulationClock:
         that is not ``exact`` belongs to no tick and is logged at the last tick before it.
         """
         moment = self._moment_of(topic, source_ns, sequence, exact)
-        self._held.append(_Held(moment, topic, data, sequence, latched, exact, time.monotonic()))
+        at = len(self._held)
+        if at and moment < self._held[-1].moment:
+            at = bisect_right(self._held, moment, key=_moment)
+        self._held.insert(at, _Held(moment, topic, data, sequence, latched, exact, time.monotonic()))
         self._held_bytes += len(data)
-        while len(self._held) > _KEEP or self._held_bytes > HELD_BYTES:
+        self._release_known()
+        while len(self._held) > MOST_HELD or self._held_bytes > HELD_BYTES:
             self._give_up()
-        self._release(lambda held: bool(self._moments) and held.moment < self._moments[-1])
 
     def _moment_of(self, topic: str, source_ns: int, sequence: int, exact: bool) -> _Moment:
         """Return the moment of a message without a stamp.
@@ -141,6 +158,15 @@ class SimulationClock:
         self._release(lambda held: held.since_s <= before_s and (age_s == 0 or (
             bool(self._marks) and not self._is_second(held, self._marks[-1]))), first_ns)
 
+    def _release_known(self) -> None:
+        """Log the held messages that were sent before the last stamped message."""
+        if not self._held or not self._moments or self._held[0].moment >= self._moments[-1]:
+            return
+        count = bisect_left(self._held, self._moments[-1], key=_moment)
+        known, self._held = self._held[:count], self._held[count:]
+        for held in known:
+            self._log(held)
+
     def _release(self, known: Callable[[_Held], bool], first_ns: int | None = None) -> None:
         """Log the held messages whose tick is known, and count those without one."""
         waiting, self._held = self._held, []
@@ -166,7 +192,7 @@ class SimulationClock:
         if held.latched and held.exact and self._is_gap(at):
             mark = self._marks[at + 1]      # a latched message that had arrived by then is still valid
         elif held.exact and (self._is_gap(at) or self._is_second(held, mark)):
-            self.unpaired[held.topic] += 1
+            self._leave_out(held)
             return None
         self._last[held.topic] = mark
         return mark.t_ns
@@ -175,11 +201,16 @@ class SimulationClock:
         """Return the log time of a message from before the first tick, or None if the message is left out."""
         if held.latched or not (held.exact or self._marks):
             return self._marks[0].t_ns if self._marks else held.moment[1] if first_ns is None else first_ns
-        if self._marks:
+        if self._first_moment is not None and held.moment < self._first_moment:
             self.left_out += 1
         else:
-            self.unpaired[held.topic] += 1
+            self._leave_out(held)
         return None
+
+    def _leave_out(self, held: _Held) -> None:
+        """Count a message whose tick is unknown."""
+        self.unpaired[held.topic] += 1
+        self._skip(held.topic, held.sequence)
 
     def _is_gap(self, at: int) -> bool:
         """Return whether a stamped message was lost between this mark and the next, so that ticks are ambiguous."""
