@@ -117,6 +117,15 @@ def test_what_is_too_wide_to_prove_anything_names_the_tolerance_to_blame():
                              {'dragon.width_m': 0.28, 'dragon.body_length_m': 0.001})
 
 
+def test_the_error_names_the_time_that_is_proved_without_the_tolerance_to_blame():
+    scene = replace(SMALL, dragon=Dragon(10), run=Run(50.0))
+    with pytest.raises(DragonError) as caught:
+        first_contact_within(scene, {'dragon.width_m': 0.28, 'dragon.body_length_m': 0.001})
+    without = proof_of(scene, ('dragon.body_length_m', 0.001))
+    assert without.why == 'contact'
+    assert str(caught.value).endswith(f'up to {without.proved_s:.6g} s')
+
+
 @pytest.mark.parametrize(('scene', 'within', 'said'), [
     (SMALL, {'dragon.widht_m': 0.01}, 'did you mean dragon.width_m'),
     (SMALL, {'dragon.benches': 1.0}, 'tolerances are supported for'),
@@ -187,3 +196,12 @@ def test_the_first_boxes_hold_all_scales_and_links_of_a_family_and_places_withou
     # All links lie on the arc behind the head, whose length is about half the difference of the squared polar angles.
     lengths_m = family.head_link_m[1] + family.benches * family.body_link_m[1]
     assert body.high[THETA, -1] >= np.sqrt(start**2 + 2 * family.scale[0] * lengths_m)
+
+
+def test_the_first_boxes_hold_the_last_bench_of_a_dragon_with_the_longest_head():
+    family = Family(5, 60.0, (0.5, 0.6), (0.5, 40.0), (0.1, 0.12), 0.15, 0.0)
+    boxes = _FamilySearch(family, 0.0, 1.0, lambda boxes: None)._first()
+    links = family.scale[1] * np.array([family.head_link_m[1], *(family.body_link_m[1],) * 4])
+    chain = marched(track_of(Spiral(2 * np.pi)), links, Place(0, DoubleDouble(family.start_rad, 0.0)), BEHIND)
+    assert chain.u[4] > family.start_rad + 1
+    assert chain.u[4] <= np.max(boxes.high[THETA, boxes.inner == _BODY])

@@ -18,6 +18,7 @@ from dragon_ros.core.geometry.signed_distance import gaps
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search import leading_benches
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact, head_passes
 from dragon_ros.core.search.min_pitch import coming_in
@@ -125,6 +126,13 @@ def test_a_second_handle_that_turns_back_near_the_lock_hides_nothing():
     curve = SpiralCurve.of(scene.track)
     assert min(curve.inward(one.stop_m).hi for one in found.certificate.led_by(1)) == pytest.approx(
         min(places), abs=1e-3)
+
+
+def test_a_dragon_too_long_for_the_cache_is_searched_one_interval_at_a_time_with_the_same_result(monkeypatch):
+    scene = Scene(dragon=Dragon(20), run=Run(405, 413))
+    found = first_contact(scene)
+    monkeypatch.setattr(leading_benches, '_IN_CACHE', 1)
+    assert replace(first_contact(scene), certificate=None) == replace(found, certificate=None)
 
 
 def test_a_certain_contact_after_a_near_miss_is_not_called_grazing():

@@ -12,7 +12,9 @@ from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.obstacle_contact import phases
 from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
+from dragon_ros.core.tracks.spec import Spiral
 
 # The leader moves on to 4 m at 4 s, back to 2 m at 6 s, rests until 7 s, and moves on to 5 m at 10 s and beyond.
 JUMPS = Profile(((0.0, 1.0), (4.0, 1.0), (4.0, -1.0), (6.0, -1.0), (6.0, 0.0), (7.0, 0.0), (7.0, 1.0), (10.0, 1.0)))
@@ -104,3 +106,20 @@ def test_a_position_that_a_bench_does_not_reach_is_taken_at_the_nearer_end():
         along_m = float(domain.along_m(gone_m)[7])
         assert domain.gone_at(7, along_m, (10.0, 20.0)) == pytest.approx(nearer_m, abs=1e-9)
         assert domain.gone_at(7, along_m, (20.0, 10.0)) == pytest.approx(nearer_m, abs=1e-9)
+
+
+@pytest.mark.parametrize('sense', [1, -1])
+def test_phases_follow_the_travel_in_both_directions_and_no_handle_turns_back_within_one(sense):
+    """Near the centre, the rear handles of the first two links turn back; the leader moves in to 110.8 m and back."""
+    law = Profile(((0.0, 1.0), (110.8, 1.0), (110.8, -1.0), (120.0, -1.0)))
+    scene, travel = Scene(Dragon(12, 1.0, 1.0, 0.01), Spiral(0.55, 8.0)), RangeOfTravel(law, *{
+        1: (110.0, 110.8), -1: (110.8, 111.6)}[sense])
+    domain = SearchDomain(scene, travel, sense, lambda states: None)
+    ends, angles = domain.phases(domain.stop_m)
+    assert (ends[0], len(ends), ends[-1]) == (domain.start_m, 4, domain.stop_m)
+    assert phases(domain, domain.stop_m) == [*pairwise(ends)]
+    for before, after in pairwise(ends):
+        assert sense * (after - before) > 0
+        steps = np.diff([domain.angles(place)[:3] for place in np.linspace(before, after, 30)], axis=0)
+        assert np.all(np.all(steps <= 1e-9, axis=0) | np.all(steps >= -1e-9, axis=0))
+    assert all(np.array_equal(domain.angles(place), theta) for place, theta in zip(ends, angles, strict=True))

@@ -10,12 +10,15 @@ from venues import SCENES, corners_at, edges_of, random_venue
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.enclosures.ball_arithmetic import Ball
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.geometry.rectangles import corner_levers
+from dragon_ros.core.geometry.signed_distance import rounding_m
 from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.bounding_box import HandleRanges, bench_of, by_length, intervals_of
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, least_along
 from dragon_ros.core.search.venue_fit import venue_fit
+from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.spec import Composite, Line
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
 from dragon_ros.scenes.load import load_scene
@@ -120,6 +123,16 @@ def test_a_parallel_wall_takes_few_looks_and_its_gap_is_exact():
     lacking = venue_fit(replace(scene, venue=replace(scene.venue, margin_m=0.86)))
     assert lacking.fits is False
     assert [one.name for one in lacking.lacking] == ['wall']
+
+
+def test_the_error_of_a_gap_covers_the_rounding_of_a_bench_that_is_wider_than_long():
+    wide = Dragon(3, 2.2, 2.2, 60.0)
+    scene = Scene(wide, Composite((Line(200.0),), 20.0), run=Run(stop_s=1.0),
+                  venue=Venue((LineObstacle('wall', ((-50.0, 1e3), (250.0, 1e3))),)))
+    simulation = compile_scene(scene)
+    levers = corner_levers(wide, simulation.model.track.bend)
+    promise_m = float(levers[0]) * EXACT.promise_for_m(simulation.size_m)
+    assert venue_fit(scene).gaps[0].error_m - promise_m > 0.999 * rounding_m(1e3, 0.5 * (2.2 + 60.0))
 
 
 def test_the_shipped_scenes_fit_and_a_scene_without_a_venue_has_no_gaps():
