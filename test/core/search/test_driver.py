@@ -4,7 +4,7 @@ from math import ceil, inf, log2
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from dragon_ros.core.search import driver
@@ -50,14 +50,17 @@ class Valleys:
         self.roots = [samples.places[row] for row in pairs], window
 
     def judge(self, a, b, group):
-        """Bound the gap by the steepest slope; check that each interval is part of the root interval of its group."""
+        """Bound the gap by the steepest slope, rounded downwards.
+
+        Check that each interval is part of the root interval of its group.
+        """
         (low, high), window = self.roots
         assert np.array_equal(a.window, window[group])
         assert np.array_equal(b.window, window[group])
         for one in (a.places, b.places):
             assert np.all((one - low[group]) * (one - high[group]) <= 0)
         length = np.abs(b.places - a.places)
-        bound = 0.5 * (a.gap_m + b.gap_m - self.steepest * length)
+        bound = 0.5 * (a.gap_m + b.gap_m - self.steepest * length) - 1e-13
         room = np.minimum(a.gap_m, b.gap_m) / (self.steepest * np.maximum(length, 1e-300))
         return Judgement(bound, np.stack((a.gap_m <= 0, b.gap_m <= 0)), parts_for(room), group)
 
@@ -108,6 +111,7 @@ def check_rows(space, windows, found):
             assert not one.touching
 
 
+@example([([0.0, 1.0], False, [(0.0, TOLERANCE_M, 3.0)])])      # the gap at the start equals the tolerance
 @given(st.lists(WINDOW, min_size=1, max_size=4))
 def test_windows_are_cleared_without_holes_up_to_the_first_gap_below_the_tolerance(drawn):
     space, windows, found = cleared(drawn, (1e-3,))
