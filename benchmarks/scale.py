@@ -171,7 +171,7 @@ def _build_table(rows: list[Build]) -> str:
 def _live_table(rows: Measured) -> str:
     """Return a table of live runs: free runs, then runs at increasing rates up to the first that is not sustained."""
     lines = ['| benches | rate (Hz) | reached (Hz) | times real time | overruns | lost | held | '
-             + ' | '.join(f'{role} (cores)' for role in ROLES) + ' | record grew (MB) |',
+             + ' | '.join(f'{role} (cores)' for role in ROLES) + ' | growth of record (MB) |',
              '|---:|---:|---:|---:|---:|---:|---|' + '---:|' * (len(ROLES) + 1)]
     for row in sorted([*rows.free, *rows.rates], key=lambda row: (row.benches, row.rate_hz)):
         factor = f'{row.reached_hz / 50:.1f}' if not row.rate_hz else f'{row.reached_hz / row.rate_hz:.2f}'

@@ -61,7 +61,7 @@ def dances() -> tuple[Problem, ...]:
             (Line(4.0), SpiralArc(1.0, 2.0, 4.0, 'right'), SpiralArc(2.0, 2.0, 1.0, 'right'),
              SpiralArc(3.0, 0.8, 2.0, 'left')),
             (4.5, 20.0, 60.0, 81.0, 92.5)),
-        _on('circle', 'several rounds of a circle that is extended backwards', (Arc(3.0, 90.0), Line(4.0)),
+        _on('circle', 'several laps of a circle that is extended backwards', (Arc(3.0, 90.0), Line(4.0)),
             (0.0, 4.0, 7.0), Dragon(40)),
         _like('law', 'ramps, a reversal, a jump and a stop; times inside ramps',
               replace(_TURNING, head=law), (3.0, 8.0, 59.0, 61.3, 64.1, 70.0, 85.0, 91.7, 100.0)),

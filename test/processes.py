@@ -61,7 +61,7 @@ class Forked:
 
 
 def _run(arguments, environment, cwd, output):
-    """In the new process, do the same as ``python -m dragon_ros``, without the environment of the first process."""
+    """In the new process, do what ``python -m dragon_ros`` does, without the environment of the first process."""
     from dragon_ros.__main__ import run
     os.environ.clear()
     os.environ.update(environment)

@@ -16,7 +16,7 @@ The parts of a scene are drawn in this order:
    3. the leader: head or tail, forwards or backwards, at a constant speed or by a profile with ramps, jumps, rests and
    reversals; 4. the run, the accuracy, the effects and their settings.
 
-One scene in ten has all lengths, and therefore its speed, in another unit: 1e-6 m to 1e6 m.
+In one scene in ten, all lengths, and therefore the speed, are in another unit, between 1e-6 m and 1e6 m.
 
 ``./dragon python test/random_scenes.py SEED`` prints a scene as a file (JSON, which is YAML) that every command
 accepts.

@@ -44,7 +44,7 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
 
 
 def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) -> Chain:
-    """Return the chains at S instants as one Chain with a leading axis; it agrees with single chains within the tier.
+    """Return the chains at S instants as one Chain with a leading axis; it equals single chains to within the tier.
 
     If given, ``out`` (shape (S, N+1, 2)) receives the handle positions. Raises FieldError if ``out`` does not fit.
     """

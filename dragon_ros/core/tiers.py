@@ -2,8 +2,8 @@
 
 A tier promises an upper bound on the position errors of all handles at all times of a scene. Close to a lock, a change
 in the last bit of the head's position moves the other handles C times as far (C is ``chain.conditioning``); there the
-promise grows by (C - 1) times the resolution of floats. The promised error of a speed, relative to that speed, is C^2
-times the position promise divided by the mean link length. All promises are tested against a 50-digit reference in
+promise grows by (C - 1) times the resolution of floats. The promise for a speed, relative to that speed, is C^2 times
+the promise for positions, divided by the mean link length. All promises are tested against a 50-digit reference in
 every case of ``hard_cases``.
 """
 from dataclasses import dataclass

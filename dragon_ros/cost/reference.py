@@ -247,7 +247,7 @@ class _DecimalTrack:
         return max(piece.bend for piece in self.pieces)
 
     def _hair(self, k: int, u: Number) -> Number:
-        """Return the largest change in u by which rounding may place a handle beyond an end of the track."""
+        """Return the largest amount, in u, by which rounding may move a handle beyond an end of the track."""
         return _ZERO if 0 <= k < len(self.pieces) else _HAIR * (1 + abs(u))
 
     def next(self, place: _Place, chord: Number, way: int, guess: Number | None) -> _Place:

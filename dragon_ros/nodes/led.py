@@ -85,7 +85,7 @@ class Commands:
 
 
 class LedFrames:
-    """Ticks 0, 1, 2, ... of a led scene; when a tick is due, it is computed from the speed commanded at that time."""
+    """The ticks of a led scene: each tick is computed when it is due, from the speed commanded at that time."""
 
     def __init__(self, scene: Scene, wanted_m_s: Callable[[], float], on_contact: str, say: Callable[[str], None],
                  keep_s: float) -> None:

@@ -272,7 +272,7 @@ def load_study(name_or_file: str) -> Study:
         path = configuration_folder() / 'studies' / f'{name_or_file}.yaml'
     else:
         raise MissingError(f'no study is called {name_or_file!r}; the studies are {", ".join(study_names())}; give '
-                           'a name, the path of a .yaml file, or the path of a data set to continue')
+                           'a name, the path of a .yaml file, or the path of the data set to be continued')
     return study_of(read_document(path), path.parent)
 
 

@@ -61,7 +61,7 @@ class Approach:
         return (self.law.gone_m(t_s) - self.gone_m) * self.sense
 
     def _reached_s(self, on_m: Fraction, low: Fraction, high: Fraction | None) -> Fraction:
-        """Return the approximate time at which the leader is this far beyond the contact, or the nearer end."""
+        """Return the approximate time at which the leader is ``on_m`` beyond the contact, or the nearer end."""
         if high is None:
             high = low + 1
             while self._on_m(high) < on_m:

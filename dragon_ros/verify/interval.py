@@ -188,7 +188,7 @@ class Interval:
 
     @staticmethod
     def _parted(ends: list[tuple[Pose, Pose]], k: int, rough: float, sag: float) -> bool:
-        """Return whether separations at both ends exceed a bound, in floats if they are decisive, else in balls."""
+        """Return whether the separations at both ends exceed a bound, using floats if decisive and balls otherwise."""
         if rough > sag + max(_unsure_m(*pair, sag) for pair in ends):
             return True
         return all(below(separation(*pair, AXES[k])) > sag for pair in ends)

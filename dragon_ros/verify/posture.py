@@ -14,7 +14,7 @@ from dragon_ros.verify.track import Place, Track
 
 
 class Axis(NamedTuple):
-    """The normal of an edge: its bench (first or other), along or across the bench, and the side of the other bench."""
+    """The normal of an edge: its bench (first or other), its direction, and the side on which the other bench lies."""
 
     other: bool
     across: bool

@@ -17,7 +17,7 @@ from dragon_ros.verify.run import Leader, Run, run_of
 from dragon_ros.verify.track import Track, track_of
 from dragon_ros.verify.venue import Edges, ObstacleCover, check_sides, ways_by_length
 
-_SLACK = 1e-9               # slack of the leader's travel, relative to 1 m or the longest bench, whichever is shorter
+_SLACK = 1e-9               # slack in the leader's travel, relative to 1 m or the longest bench, whichever is shorter
 _WIDEST = 1e-6              # largest slack, relative to the same length, even if benches meet very slowly
 _GRAZING = 1e-7             # slack and distance of a grazing contact, relative to the same length
 _PROMISE_M = 2e-12          # position error of a solver up to _PROMISED_M from the origin

@@ -1,10 +1,10 @@
 """Mutate a room of the package and run its tests: ``./dragon mutants ROOM --sample 40 --seed 1``.
 
 Cosmic Ray generates the mutants: another operator, another number, another branch. Each mutant is written into a copy
-of the checkout. The tests that reach its line run there, the fastest first, until one fails. They run in a fork of this
-process, which has loaded the libraries, so a mutant takes a second in addition to its tests. A mutant that cannot be
-imported is not counted, since any test would find it. Tests marked ``snapshot``, which compare with earlier output, are
-excluded: only properties, references, bounds and independent decoders count.
+of the checkout. The tests that reach the changed line run in that copy, fastest first, until one fails. They run in a
+fork of this process, which has loaded the libraries, so a mutant takes a second in addition to its tests. A mutant that
+cannot be imported is not counted, since any test would find it. Tests marked ``snapshot``, which compare with earlier
+output, are excluded: only properties, references, bounds and independent decoders count.
 
 Results are stored immediately in ``.venv/mutants``: Ctrl-C loses one mutant, and the same command then resumes. After
 a test has been added, ``--again`` retries the survivors.

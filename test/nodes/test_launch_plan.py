@@ -72,7 +72,7 @@ def test_without_a_monitor_its_topics_are_replayed(watched):
 def test_what_launch_starts_waits_for_the_readers_it_starts():
     source = planned(record='run.mcap').source
     assert source.parameters['wait_subscribers'] == ['handles=2', 'benches=2', 'velocities=1']
-    assert source.parameters['discovery_s'] > 0             # so that the recorder and others discover the monitor
+    assert source.parameters['discovery_s'] > 0             # so that the recorder and other nodes discover the monitor
     alone = planned().source
     assert alone.parameters['wait_subscribers'] == ['handles=1', 'benches=1', 'velocities=0']
 

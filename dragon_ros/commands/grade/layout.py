@@ -1,7 +1,8 @@
 """Find the meaning of a workbook's cells: the handle, the quantity and the time of each cell, from its labels.
 
 A label may be in a row, in a column, in a heading over several columns, or in the name of a sheet, in Chinese or
-English. Besides the contest's layout, transposed tables, long tables, and positions beside speeds are supported.
+English. Besides the contest's layout, transposed tables, long tables, and positions and speeds side by side are
+supported.
 """
 import re
 import unicodedata

@@ -198,7 +198,7 @@ def _text(x: float, y: float, anchor: str, text: str) -> str:
 
 
 def _curve(values: tuple[float, ...], first: float, last: float, across: str, up: str) -> str:
-    """Return a curve of largest errors on a logarithmic scale."""
+    """Return a curve of the largest errors on a logarithmic scale."""
     left, top, width, height = 40, 10, _WIDE - 46, _LINE_HIGH - 34
     levels = [max(LEAST, min(MOST + 2, log10(value))) if value > 0 else LEAST for value in values]
     low, high = floor(min(levels)), max(floor(max(levels)) + 1, floor(min(levels)) + 1)

@@ -5,8 +5,8 @@ samples: a list of near pairs (Verlet, Phys. Rev. 159, 98, 1967), and bounds on 
 This state affects only the time that a sample takes.
 
 The method uses three bounds. The signed gap of two convex figures is the largest of -(h_A(n) + h_B(-n)) over all
-directions n, where h are their support functions, and a support function changes by at most the displacement of the
-farthest-moving point. Therefore:
+directions n, where h_A and h_B are their support functions. A support function changes by at most the displacement of
+the farthest-moving point. Therefore:
 
 1. The gap of a pair is at least its separation along any one direction. Each listed pair stores one direction:
    whichever axis of the two benches separated them best when the list was last measured. This axis turns with its

@@ -1,4 +1,4 @@
-"""Pairs of benches on a first segment that is a spiral, cleared once for all benches with the same remaining links.
+"""Pairs of benches on a first segment that is a spiral; benches with the same remaining links are cleared together.
 
 If the first segment winds in from afar, the chain behind a bench on this segment depends only on the position of that
 bench and on the links behind it. Benches are therefore grouped into classes with identical remaining link sequences.
@@ -31,7 +31,7 @@ from dragon_ros.core.tracks.composite import Place
 _FIRST, _FIRST_RAD = 1.173, 2.0
 _FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, relative to min(1 m, longest bench)
 _MOST_PLACES = 50_000   # maximum number of first samples per window, to save memory
-_MOST_RAD = 2e6         # maximum length of a domain, which needs a million first samples
+_MOST_RAD = 2e6         # maximum length of a domain; one of this length begins with a million samples
 # To save memory, ``_TOGETHER`` limits the number of handles at the first samples of windows that are cleared together.
 # At most ``_USUAL`` benches are counted behind each lead, because benches further behind rarely matter.
 _TOGETHER, _USUAL = 2**20, 256

@@ -87,7 +87,7 @@ class RangeOfTravel:
 
     @property
     def reversals(self) -> list[tuple[float, int]]:
-        """Times at which the leader reverses, and the sense in which it moved before; a rest is not a reversal."""
+        """Times at which the leader reverses, and its direction before each reversal; a rest is not a reversal."""
         out, going, turned_s = list[tuple[float, int]](), 0, self.start_s
         for before, after in pairwise(self._times):
             moved = self.gone_m(after) - self.gone_m(before)
@@ -287,7 +287,7 @@ class SearchDomain:
         return gap_of(benches, pair[0] - first, pair[1] - first)
 
     def root(self, pair: tuple[int, int], bracket: Bracket) -> float:
-        """Return the position in a bracket where a pair's gap becomes zero, or, without one, an end of the bracket."""
+        """Return the position in a bracket where a pair's gap becomes zero; if there is none, return an end."""
         low, high = (self.gap(pair, end) for end in bracket[:2])
         if high > 0 or bracket.clear_m == bracket.other_m:
             return bracket.other_m

@@ -1,4 +1,4 @@
-"""Blocks of equal links from shift maps are as exact as the march on any track, at every joint, for either leader.
+"""Shift maps place blocks of equal links as accurately as the march does, on any track and for either leader.
 
 The promises are tested against the 50-digit reference in test_accuracy, with and without shift maps.
 """
