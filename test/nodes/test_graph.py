@@ -349,7 +349,7 @@ def test_the_monitor_survives_every_unusable_message(start, node):
         return message
 
     handles.publish(PoseArray())
-    monitor.wait_for('0 poses')
+    monitor.wait_for('the number of poses is 0')
     handles.publish(poses(1, 1))
     handles.publish(poses(3, 2, float('nan')))
     handles.publish(poses(3, 3))
