@@ -226,14 +226,22 @@ def _shared(pool: 'ProcessPoolExecutor', work: Callable[[J], R], rest: Iterator[
             yield waiting.popleft().result()
             continue
         for job in islice(rest, 1):
-            here: Future[R] = Future()
-            here.set_result(work(job))
-            waiting.append(here)
+            waiting.append(_done(work, job))
             break
         else:
             break
     while waiting:
         yield waiting.popleft().result()
+
+
+def _done(work: Callable[[J], R], job: J) -> Future[R]:
+    """Run a job in this process; ``result`` raises its error, so that the results of earlier jobs come first."""
+    done: Future[R] = Future()
+    try:
+        done.set_result(work(job))
+    except Exception as error:  # noqa: BLE001 - a job may raise anything
+        done.set_exception(error)
+    return done
 
 
 @contextmanager

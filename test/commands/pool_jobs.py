@@ -27,3 +27,22 @@ class KilledElsewhere:
             os.kill(os.getpid(), signal.SIGKILL)
         time.sleep(0.01)        # so that other processes also receive jobs
         return job
+
+
+class FailsHere:
+    """Fails in the process that created it once another process has begun a job, while that job still runs."""
+
+    def __init__(self, folder):
+        self.folder, self.process = folder, os.getpid()
+
+    def __call__(self, job):
+        begun, failed = self.folder / 'begun', self.folder / 'failed'
+        if os.getpid() != self.process:
+            begun.touch()
+            until = time.monotonic() + 1.0      # the other may wait for this result first
+            while not failed.exists() and time.monotonic() < until:
+                pass
+        elif begun.exists():
+            failed.touch()
+            raise DragonError(f'job {job}: no')
+        return job

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pool_jobs import KilledElsewhere, end_at_300, squares
+from pool_jobs import FailsHere, KilledElsewhere, end_at_300, squares
 from properties import thinned
 
 from dragon_ros.__main__ import main
@@ -46,6 +46,14 @@ def test_an_error_of_a_job_comes_at_its_place(workers):
     assert [next(results) for _ in range(300)] == list(range(300))
     with pytest.raises(DragonError, match='job 300'):
         next(results)
+
+
+def test_an_error_of_a_job_in_this_process_comes_after_the_results_of_earlier_jobs(tmp_path):
+    results = []
+    with pytest.raises(DragonError) as failed:
+        results.extend(Pool(2).in_order(FailsHere(tmp_path), range(10**6)))
+    assert results == list(range(len(results)))
+    assert str(failed.value) == f'job {len(results)}: no'
 
 
 def test_a_killed_process_is_said():
