@@ -7,9 +7,8 @@ from typing import Any
 from dragon_ros.bags.read.frames import BagFrame, RecordedObstacles, claimed_contact, frames
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli.progress import Progress
+from dragon_ros.commands.sources import SmallestGap
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.geometry.near_obstacles import NearObstacles
-from dragon_ros.core.geometry.near_pairs import NearPairs
 from dragon_ros.core.limits import PROOF_S, SEARCH_WORK, SEARCHED_BENCHES
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
@@ -125,19 +124,14 @@ def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
         rows = [_stamped(m.data) for m in bag.messages([f'{namespace}/{_STAMPED}'])]
         return _of(rows, _STAMPED, len(rows), ticks)
     seen = _every(bag, namespace, ticks) if looks == 0 or looks >= ticks else _some(bag, namespace, looks)
-    rows, examined, near = [], 0, NearPairs()
+    rows, examined, gap = [], 0, SmallestGap()
     recorded: RecordedObstacles | None = None
-    obstacles: NearObstacles | None = None
     for frame in seen:
         recorded = recorded or RecordedObstacles(bag, namespace, frame.frame_id)
-        around = recorded.at(frame.t_ns)
-        if around is not (obstacles and obstacles.around):
-            obstacles = NearObstacles(around) if around else None
+        gap.surround(recorded.at(frame.t_ns))
         examined += 1
         if frame.benches is not None:
-            found = near.look(frame.handles_m, frame.benches)
-            found = obstacles.look(found, frame.benches) if obstacles else found
-            rows.append((frame.t_ns / NS, found.clearance_m))
+            rows.append((frame.t_ns / NS, gap.at_m(frame.handles_m, frame.benches)))
     return _of(rows, 'benches', examined, ticks)
 
 
