@@ -30,6 +30,7 @@ from dragon_ros.core.search.family import FamilyProof, first_contact_within
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.spec import STurn
+from dragon_ros.core.words import counted
 from dragon_ros.scenes.load import changed_scene, scene_values
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ class Motion:
 
     def __repr__(self) -> str:
         """Return the times and the shape instead of the long arrays."""
-        times = f'{self.t_s:g} s' if self.t_s.ndim == 0 else f'{self.t_s.size} times'
+        times = f'{self.t_s:g} s' if self.t_s.ndim == 0 else counted(self.t_s.size, 'time')
         return f'Motion({times}, handles_m {self.handles_m.shape}, promise_m={self.promise_m:g})'
 
     @cached_property
@@ -305,7 +306,7 @@ def plot(of: 'Simulated | Scene | Bag', t_s: float | None = None, ax: 'Axes | No
     inches, seen = panel(window(source.track, [one]), 6.4)
     axes = plt.subplots(figsize=tuple(inches + 0.8))[1] if ax is None else ax
     draw(axes, seen, source.track, one, venue=source.venue)
-    axes.set_title(f'{len(one.benches.centre)} benches at {one.t_s:g} s')
+    axes.set_title(f'{counted(len(one.benches.centre), "bench")} at {one.t_s:g} s')
     return axes
 
 

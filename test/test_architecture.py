@@ -25,12 +25,12 @@ ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
          'cost': BELOW_NODES, 'api': (*BELOW_NODES, 'commands', 'studies'), 'verify': ()}
 STARTS = {'commands': {'verify', 'nodes.one_path'}}     # these modules are started as processes
 # The rooms and single modules of the core, and the parts of the core that each may import besides itself.
-VALUES = ('errors', 'checks', 'flags')
+VALUES = ('errors', 'checks', 'flags', 'words')
 CHAIN = ('errors', 'checks', 'numerics', 'tracks', 'chain')
 MODEL = (*VALUES, *CHAIN, 'venue', 'tiers', 'scene', 'shift_map', 'paper', 'model')
 CORE_ROOMS = {
-    'errors': (), 'limits': (), 'numerics': (), 'checks': ('errors',), 'flags': ('errors', 'checks'),
-    'venue': ('errors', 'checks', 'limits'),
+    'errors': (), 'limits': (), 'numerics': (), 'words': (), 'checks': ('errors',), 'flags': ('errors', 'checks'),
+    'venue': ('errors', 'checks', 'limits', 'words'),
     'tracks': CHAIN[:3], 'chain': CHAIN[:4], 'tiers': CHAIN[:4], 'scene': (*VALUES, 'tracks', 'chain', 'venue'),
     'paper': CHAIN, 'shift_map': (*CHAIN, 'tiers'), 'model': MODEL[:-1], 'geometry': (*CHAIN, 'venue', 'limits'),
     'enclosures': (*CHAIN, 'geometry'), 'frame': (*CHAIN, 'geometry'), 'search': (*MODEL, 'geometry', 'enclosures'),

@@ -26,6 +26,7 @@ from dragon_ros.commands.contacts_in_bag import clearance_in, end_in_contact, fi
 from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS
+from dragon_ros.core.words import counted
 from dragon_ros.messages.channels import channel_of
 from dragon_ros.scenes.load import scene_values
 from dragon_ros.scenes.provenance import RECORD
@@ -158,8 +159,8 @@ def _repair(arguments: Namespace) -> tuple[dict[str, Any], int]:
 
 def _bag_text(values: dict[str, Any]) -> str:
     """Return the result of an inspection as text."""
-    chunks = ', '.join(f'{count} chunk{"s"[:count != 1]} in {name}' for name, count in values['chunks'].items())
-    lines = [f'{values["bag"]}: {len(values["files"])} file{"s"[:len(values["files"]) != 1]}, '
+    chunks = ', '.join(f'{counted(count, "chunk")} in {name}' for name, count in values['chunks'].items())
+    lines = [f'{values["bag"]}: {counted(len(values["files"]), "file")}, '
              f'{values["bytes"] / 1e6:.3f} MB, {chunks or "no chunks"}; '
              f'written by {", ".join(sorted(set(values["written_by"])))}']
     lines += _about_lines(values['about'])
@@ -173,28 +174,29 @@ def _bag_text(values: dict[str, Any]) -> str:
 
 def _check_text(values: dict[str, Any]) -> str:
     """Return the result of a check as text."""
-    line = f'{values["bag"]}: {values["equal"]} messages are bit-identical to the model'
+    line = f'{values["bag"]}: {counted(values["equal"], "message", "is")} bit-identical to the model'
     if values['close']:
         why = (f'version {values["other_version"]} made the bag, so the limit is twice the promise for all topics'
                if values['other_version'] else f'made with another kernel: {values["other_kernel"]}'
                if values['other_kernel'] else 'the mathematics library of another machine')
-        line += (f', {values["close"]} are within the accuracy of tier {values["tier"]} but differ in bits (the '
-                 f'largest difference is {values["worst_m"]:.3g} m: {why})')
+        line += (f', {counted(values["close"], "", "is")} within the accuracy of tier {values["tier"]} but not '
+                 f'bit-identical (the largest difference is {values["worst_m"]:.3g} m: {why})')
     missing = values['missing_count']
-    line += f', {values["fault_count"] - missing} are not' + (f'; {missing} are missing' if missing else '')
+    line += f', {counted(values["fault_count"] - missing, "", "is")} not' + (
+        f'; {counted(missing, "", "is")} missing' if missing else '')
     lines = [line] + [f'  {fault}' for fault in values['faults'][:_SHOWN]]
     lines += _more(len(values['faults'][:_SHOWN]), len(values['faults']))
     if values['end_proved']:
         lines.append(f'  the certificate in the bag proves the end of the run: {values["end_proved"]}')
     if values['once']:
-        lines.append(f'  scene and track: {values["once"]} messages match the scene')
+        lines.append(f'  scene and track: {counted(values["once"], "message", "matches")} the scene')
     return '\n'.join([*lines, *(f'  unchecked: {row["messages"]} of {name} ({row["reason"]})'
                                 for name, row in values['unchecked'].items())])
 
 
 def _repair_text(values: dict[str, Any]) -> str:
     """Return the result of a repair as text."""
-    lines = [f'{values["repaired"]}: {values["messages"]} messages saved from {values["bag"]}']
+    lines = [f'{values["repaired"]}: {counted(values["messages"], "message")} saved from {values["bag"]}']
     lines += [f'  {line}' for line in values['lost'][:_SHOWN]]
     return '\n'.join(lines + _more(len(values['lost'][:_SHOWN]), values['lost_count']))
 
@@ -213,7 +215,7 @@ def _scene_lines(scene: dict[str, Any] | None) -> list[str]:
         return ['  it contains no scene']
     dragon, track, run = scene['dragon'], scene['track'], scene['run']
     benches = dragon.get('benches') or sum(group['count'] for group in dragon['groups'])
-    on = f'pitch {track["pitch_m"]:g} m' if 'pitch_m' in track else f'{len(track["pieces"])} pieces of track'
+    on = f'pitch {track["pitch_m"]:g} m' if 'pitch_m' in track else f'{counted(len(track["pieces"]), "piece")} of track'
     return [f'  scene: {benches}{" mixed" if "groups" in dragon else ""} benches, {on}, {run["rate_hz"]:g} Hz from '
             f'{run["start_s"]:g} s, accuracy {scene["accuracy"]}, effects {", ".join(scene["effects"]) or "none"}']
 
@@ -254,7 +256,7 @@ def _contact_line(found: dict[str, Any]) -> str:
 
 def _clearance_lines(found: dict[str, Any]) -> list[str]:
     rows = list(zip(found['t_s'], found['gap_m'], strict=True))
-    examined = f'{found["looks"]} of {found["ticks"]} ticks'
+    examined = f'{found["looks"]} of {counted(found["ticks"], "tick")}'
     if not rows:
         return [f'  smallest clearance: none ({examined} examined)']
     t_s, gap = min(rows, key=lambda row: row[1])
@@ -269,7 +271,7 @@ def _integrity_lines(values: dict[str, Any]) -> list[str]:
     lines = [f'  NOT READ: {values["unread"]}'] if 'unread' in values else []
     lines += [f'  {line}' for line in values['notes']] + _length_lines(values['topics'])
     count = values['problem_count']
-    found = f'{count} problem{"s"[:count != 1]}' if count else 'every length, index and CRC is correct'
+    found = f'{counted(count, "problem")}' if count else 'every length, index and CRC is correct'
     lines.append(f'  integrity: {found}')
     return lines + [f'    {line}' for line in values['problems'][:_SHOWN]] + _more(
         len(values['problems'][:_SHOWN]), count)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from dragon_ros.cli import command_line
 from dragon_ros.core.checks import number, plane_pose
 from dragon_ros.core.errors import FieldError, InputError, MissingError, TrackEndError, shown
+from dragon_ros.core.words import counted
 from dragon_ros.scenes.drawings import DrawnLine, chosen, csv_line, map_line, metres_a_unit, svg_line
 
 if TYPE_CHECKING:
@@ -204,7 +205,8 @@ def _text(laid: _Laid, tolerance_m: float) -> str:
 def _notes(laid: _Laid, tolerance_m: float) -> list[str]:
     route, track = laid.route, laid.track
     arcs = sum(hasattr(piece, 'radius_m') for piece in route.pieces)
-    notes = [f'{laid.line.name}: {track.end_m - route.lead_in_m:.3f} m, {len(route.pieces)} pieces ({arcs} arcs)',
+    notes = [f'{laid.line.name}: {track.end_m - route.lead_in_m:.3f} m, '
+             f'{counted(len(route.pieces), "piece")} ({counted(arcs, "arc")})',
              f'apart from the changes, the track deviates from the drawing by at most {1000 * route.strays_m:.2f} mm '
              f'(tolerance {1000 * tolerance_m:g} mm)', _tightest(laid), *map(_changed, route.changes)]
     if route.lead_in_m:

@@ -16,6 +16,7 @@ from dragon_ros.core.batches import ticks
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import tick
+from dragon_ros.core.words import counted
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels, live
 from dragon_ros.messages.encode import Encode, encoders
@@ -40,7 +41,7 @@ def run(arguments: Namespace) -> int:
         done = simulate(scene, bag, arguments.namespace, stop, pool)
     simulated_s = (scene.run.time_ns(max(0, done - 1)) - scene.run.start_ns) / NS
     elapsed_s = time.perf_counter() - began
-    print(f'{arguments.output}: {done} of {count} ticks, {simulated_s:g} s in {elapsed_s:.1f} s '
+    print(f'{arguments.output}: {done} of {counted(count, "tick")}, {simulated_s:g} s in {elapsed_s:.1f} s '
           f'({simulated_s / elapsed_s:.0f} times real time)', file=sys.stderr)
     return command_line.OK if done == count else command_line.FAILED
 

@@ -13,6 +13,7 @@ from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.signals import stopped_by_signals
 from dragon_ros.core.checks import whole
 from dragon_ros.core.errors import InputError, MissingError
+from dragon_ros.core.words import counted
 
 if TYPE_CHECKING:
     from dragon_ros.studies.cluster import StudyProgress
@@ -88,12 +89,13 @@ def _computed(arguments: Namespace, data: 'DataSet', complete: Callable[..., 'St
     with stopped_by_signals() as stop, dataset.writing(data.folder, data.study) as kept:
         there = kept.count
         if there:
-            print(f'study: {there} of {data.study.rows} rows already exist', file=sys.stderr)
+            print(f'study: {there} of {counted(data.study.rows, "row")} already exist', file=sys.stderr)
         with Progress('study', 'rows', data.study.rows, initial=there) as shown:
             done = complete(kept, stop, partial(_show, shown, there), workers, arguments.scheduler)
     if done.done == done.total:
         return command_line.OK
-    print(f'study: stopped with {done.done} of {done.total} rows; to continue: {_again(arguments)}', file=sys.stderr)
+    print(f'study: stopped with {done.done} of {counted(done.total, "row")}; to continue: {_again(arguments)}',
+          file=sys.stderr)
     return command_line.FAILED
 
 

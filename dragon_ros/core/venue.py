@@ -11,6 +11,7 @@ from typing import Any
 from dragon_ros.core.checks import number, settle
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.limits import VENUE_CORNERS
+from dragon_ros.core.words import counted
 
 INSIDE = 'inside'       # the name of the boundary, which no obstacle may have
 FARTHEST_M = 1e9
@@ -109,7 +110,7 @@ class Venue:
 
     def __repr__(self) -> str:
         """Summarise the size instead of listing all corners."""
-        return f'Venue({len(self.obstacles)} obstacles, {corners(self)} corners, margin_m={self.margin_m:g})'
+        return f'Venue({counted(len(self.obstacles), "obstacle")}, {corners(self)} corners, margin_m={self.margin_m:g})'
 
 
 def corners(venue: Venue) -> int:

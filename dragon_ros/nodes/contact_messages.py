@@ -8,8 +8,8 @@ from std_msgs.msg import Header
 
 from dragon_ros.core.geometry.contacts import pair_words
 from dragon_ros.core.geometry.tracker import NS, PARTED, RESTART, EpisodeEnd, Event, Report
+from dragon_ros.core.words import counted
 from dragon_ros.messages.cdr import stamp_of
-from dragon_ros.nodes.logs import counted
 
 _LABEL_S = 0.1      # minimum interval between messages on clearance/marker
 _AGAIN_S = 1.0      # interval between reports of unseen ticks
@@ -47,7 +47,7 @@ def status_of(event: Event, more: int = 0) -> DiagnosticStatus:
     return _status(
         DiagnosticStatus.ERROR, 'dragon: collision', f'contact of {pair_words(event.benches, event.obstacle)} at '
         f'{event.t_contact_s:.6f} s, at ({event.point_m[0]:.4f}, {event.point_m[1]:.4f}) m'
-        + (f', and {more} more {"pair" if more == 1 else "pairs"}' if more else ''), values)
+        + (f', and {counted(more, "more pair")}' if more else ''), values)
 
 
 def end_status_of(end: EpisodeEnd) -> DiagnosticStatus:
@@ -95,10 +95,10 @@ def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: 
     pair = ' and '.join((str(report.closest[0]), repr(obstacle) if obstacle else str(report.closest[1]))
                         ) if report.closest else ''
     apart = pair_words(report.closest, obstacle) if report.closest else ''
-    pairs = 'pair is' if report.count == 1 else 'pairs are'
+    touching = counted(report.count, 'pair', 'is')
     message = {DiagnosticStatus.OK: f'clearance {report.clearance_m:.6f} m',
                DiagnosticStatus.WARN: f'{apart} are {report.clearance_m:.6f} m apart',
-               DiagnosticStatus.ERROR: f'{report.count} {pairs} in contact; the deepest is {pair}'}[level]
+               DiagnosticStatus.ERROR: f'{touching} in contact; the deepest is {pair}'}[level]
     return _status(level, name, message, {
         't_s': '{}.{:09d}'.format(*stamp_of(report.observation.t_ns)), 'clearance_m': f'{report.clearance_m:.12f}',
         'closest': pair, 'warn_below_m': f'{warn_below_m:g}', 'in_contact': str(report.count),

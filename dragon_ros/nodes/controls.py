@@ -11,6 +11,7 @@ from std_srvs.srv import Trigger
 
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.scene import NS
+from dragon_ros.core.words import counted
 from dragon_ros.nodes import logs
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.pacer import Pacer
@@ -263,7 +264,7 @@ class Player:
         pacer = self.pacer
         if pacer.overruns:
             self._node.get_logger().warning(f'{self._source.ending()}{then}; '
-                                            f'{logs.counted(pacer.overruns, "overrun")}, the worst '
+                                            f'{counted(pacer.overruns, "overrun")}, the worst '
                                             f'{pacer.worst_late_s:.3f} s late')
         else:
             self._node.get_logger().info(f'{self._source.ending()}{then}')
@@ -274,7 +275,7 @@ class Player:
             pacer, left_s = self.pacer, self._left_s()
             left = '' if left_s is None else f', {left_s:.0f} s left'
             self._node.get_logger().info(
-                f'{self._source.place()}{left}, {logs.counted(pacer.overruns, "overrun")}',
+                f'{self._source.place()}{left}, {counted(pacer.overruns, "overrun")}',
                 data={'t_s': (pacer.last_ns or 0) / NS, 'left_s': left_s, 'overruns': pacer.overruns,
                       'time_scale': pacer.scale})
             self._note_place()

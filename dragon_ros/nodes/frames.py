@@ -7,7 +7,7 @@ from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.search.certificate import Contact
 from dragon_ros.core.step import contact_frame, tick, ticks_before
-from dragon_ros.nodes.logs import counted
+from dragon_ros.core.words import counted
 
 
 def build_tables(simulation: Simulation) -> Thread:

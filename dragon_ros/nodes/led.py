@@ -14,9 +14,9 @@ from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import TravelEnd, compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import led_tick
+from dragon_ros.core.words import counted
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.frames import build_tables
-from dragon_ros.nodes.logs import counted
 
 TOPIC = 'cmd_vel'
 _DEPTH = 10

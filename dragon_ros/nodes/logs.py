@@ -44,11 +44,6 @@ def progress_wanted() -> bool:
     return _mode['json'] or sys.stderr.isatty()
 
 
-def counted(count: int, noun: str) -> str:
-    """Return a count with its noun, in the singular for 1."""
-    return f'{count} {noun}' if count == 1 else f'{count} {noun}s'
-
-
 def say(level: str, name: str, message: str) -> None:
     """Log one line without a node, as text or as JSON."""
     if _mode['json']:

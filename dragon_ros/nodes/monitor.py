@@ -15,6 +15,7 @@ from std_msgs.msg import Bool
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.tracker import NS, ContactTracker, Report
 from dragon_ros.core.limits import INBOX_MESSAGES
+from dragon_ros.core.words import counted
 from dragon_ros.messages.bench_reader import BenchReader
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
@@ -25,7 +26,6 @@ from dragon_ros.nodes import contact_messages as messages
 from dragon_ros.nodes import publisher_queue, publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.inbox import Inbox
-from dragon_ros.nodes.logs import counted
 from dragon_ros.nodes.obstacles import Obstacles
 from dragon_ros.nodes.params import MONITOR
 
@@ -200,7 +200,7 @@ def run(stop: threading.Event) -> int:
         return code
     finally:
         missed = node.pace.before
-        before = f'; {missed} {"was" if missed == 1 else "were"} published before it subscribed' if missed else ''
+        before = f'; {counted(missed, "", "was")} published before it subscribed' if missed else ''
         node.get_logger().info(f'saw {counted(node.seen, "tick")}{before}')
         if unseen := node.pace.text():
             node.get_logger().warning(unseen)

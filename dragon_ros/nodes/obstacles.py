@@ -22,6 +22,7 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.venue import PlanePose, Surroundings, joined, surroundings_of
 from dragon_ros.core.limits import SHOWN_EDGES
 from dragon_ros.core.venue import Venue
+from dragon_ros.core.words import counted
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import MessageError
 from dragon_ros.messages.surroundings import CellRules, Located, read_grid, read_venue
@@ -29,7 +30,6 @@ from dragon_ros.messages.transforms import FrameTree
 from dragon_ros.messages.venue_markers import fits_message, obstacles_message
 from dragon_ros.nodes import publishers, qos, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
-from dragon_ros.nodes.logs import counted
 from dragon_ros.nodes.raw_subscription import subscribe_raw
 from dragon_ros.nodes.tf_publisher import TF
 from dragon_ros.scenes.load import load_venue

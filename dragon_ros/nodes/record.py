@@ -21,12 +21,12 @@ from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.cli import command_line
 from dragon_ros.core.errors import DiskError
 from dragon_ros.core.limits import RECORDED_SCENES
+from dragon_ros.core.words import counted
 from dragon_ros.messages.channels import Channel, channels
 from dragon_ros.messages.decode import MessageError, read_health, read_stamp_ns, read_string, stamp_at_of
 from dragon_ros.messages.even_skips import FROM_FILL, EvenSkips
 from dragon_ros.nodes import publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import DragonNode
-from dragon_ros.nodes.logs import counted
 from dragon_ros.scenes import provenance
 
 _REST_S = 5.0       # maximum time after a signal to write earlier messages and the reports on their ticks

@@ -11,12 +11,12 @@ from dragon_ros.bags.read.frames import namespace_of
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.errors import DragonError, FieldError, InputError
 from dragon_ros.core.scene import NS
+from dragon_ros.core.words import counted
 from dragon_ros.nodes import keys, publisher_queue, qos, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.clock import ClockPublisher
 from dragon_ros.nodes.controls import STANDARD, Player
 from dragon_ros.nodes.entities import TOPICS, Bodies, bodies_of_messages
-from dragon_ros.nodes.logs import counted
 from dragon_ros.nodes.params import REPLAY
 from dragon_ros.nodes.replay_source import ReplaySource
 

@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.words import counted
 from dragon_ros.studies.dataset import DataSet
 from dragon_ros.studies.questions import MAIN, name_of
 from dragon_ros.studies.rows import STATUSES
@@ -85,10 +86,10 @@ def text(found: dict[str, Any]) -> str:
 
 def _lines(found: dict[str, Any]) -> Iterator[str]:
     counts = ', '.join(f'{count} {status.replace("_", " ")}' for status, count in found['statuses'].items() if count)
-    yield (f'{found["folder"]}: {found["rows"]:,} of {found["total"]:,} rows ({counts or "none"}), '
+    yield (f'{found["folder"]}: {found["rows"]:,} of {counted(found["total"], "row", form=",")} ({counts or "none"}), '
            f'{found["cpu_s"]:.1f} s of CPU')
     for reason, count in found['reasons'].items():
-        yield f'  {count} row{"s"[:count != 1]}: {reason}'
+        yield f'  {counted(count, "row")}: {reason}'
     for name, one in found['answers'].items():
         yield f'{name}: {one["least"]:.9g} to {one["greatest"]:.9g}, median {one["median"]:.9g}{_between(one)}'
         yield from _bounds(name, one)
@@ -96,9 +97,9 @@ def _lines(found: dict[str, Any]) -> Iterator[str]:
 
 def _between(one: dict[str, Any]) -> str:
     if 'median_interval' not in one:
-        return f' ({one["count"]:,} rows)'
+        return f' ({counted(one["count"], "row", form=",")})'
     low, high = ('?' if end is None else f'{end:.9g}' for end in one['median_interval'])
-    return f' (95 %: {low} to {high}; {one["count"]:,} rows)'
+    return f' (95 %: {low} to {high}; {counted(one["count"], "row", form=",")})'
 
 
 def _bounds(name: str, one: dict[str, Any]) -> Iterator[str]:

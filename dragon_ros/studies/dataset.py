@@ -18,6 +18,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from dragon_ros.core.errors import DiskError, InputError, MissingError
+from dragon_ros.core.words import counted
 from dragon_ros.scenes.provenance import versions
 from dragon_ros.scenes.yaml import read_document
 from dragon_ros.studies.rows import Row, columns_of
@@ -125,8 +126,9 @@ class DataSet:
             temporary.replace(part.path)
         except OSError as error:
             temporary.unlink(missing_ok=True)
-            raise DiskError(f'{part.path}: cannot be written: {error.strerror}; {self.count} rows are kept; free some '
-                            'space, and start the study again to continue') from None
+            raise DiskError(f'{part.path}: cannot be written: {error.strerror}; '
+                            f'{counted(self.count, "row", "is")} kept; free some space, and start the study again to '
+                            'continue') from None
 
     def _join(self, block: int) -> None:
         """If all rows of a block exist, join its parts into one and remove them."""
@@ -157,8 +159,8 @@ def _read(part: RowFile, schema: pa.Schema) -> pa.Table:
     try:
         table = pq.read_table(part.path, columns=schema.names)
         if len(table) != part.stop - part.start:
-            raise InputError(f'{part.path}: it has {len(table)} rows instead of {part.stop - part.start}; remove it '
-                             'and start the study again')
+            raise InputError(f'{part.path}: it has {counted(len(table), "row")} instead of {part.stop - part.start}; '
+                             'remove it and start the study again')
         return table.cast(schema)
     except (OSError, pa.ArrowException, ValueError) as error:
         why = ' '.join(str(error).split())[:200]

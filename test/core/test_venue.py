@@ -26,7 +26,7 @@ def test_venues_that_mean_the_same_are_equal_and_hash_alike():
 
 def test_a_venue_says_how_large_it_is_and_not_its_corners():
     assert repr(Venue((PolygonObstacle('a', SQUARE, (HOLE,)),), None, 0.5)) == (
-        'Venue(1 obstacles, 7 corners, margin_m=0.5)')
+        'Venue(1 obstacle, 7 corners, margin_m=0.5)')
 
 
 @pytest.mark.parametrize(('make', 'says'), [

@@ -21,11 +21,12 @@ Row = tuple[str, int, bytes]        # topic, log time in ns, data
 HANDLES = '/dragon/handles'
 _TOPIC = re.compile(r'  (/\S+) +(?:\S+/msg/\S+)? +(\d+) +\d+\.\d{3} .*')
 _WHOLE = '  integrity: every length, index and CRC is correct'
-_VERDICT = re.compile(r'.*: (\d+) messages are bit-identical to the model(?:, (\d+) are within the accuracy .*?\))?, '
-                      r'(\d+) are not(?:; (\d+) are missing)?')
-_ONCE = re.compile(r'  scene and track: (\d+) messages match the scene')
+_VERDICT = re.compile(r'.*: (\d+) messages? (?:is|are) bit-identical to the model'
+                      r'(?:, (\d+) (?:is|are) within the accuracy .*?\))?, (\d+) (?:is|are) not'
+                      r'(?:; (\d+) (?:is|are) missing)?')
+_ONCE = re.compile(r'  scene and track: (\d+) message(?:s match| matches) the scene')
 _UNCHECKED = re.compile(r'  unchecked: (\d+) of .* \(.*\)')
-_SAVED = re.compile(r'.*: (\d+) messages saved from .*')
+_SAVED = re.compile(r'.*: (\d+) messages? saved from .*')
 _CUT_OFF = ('damaged', 'truncated')
 
 

@@ -29,6 +29,7 @@ from dragon_ros.core.numerics.types import Array, Ints
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import contact_frame, led_tick, tick, ticks_before
 from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
+from dragon_ros.core.words import counted
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import (
@@ -296,7 +297,7 @@ def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, f
             continue
         elif row is not None and row.each_tick:
             if left:
-                result.fault(f'{name}: {left} messages on a topic that the scene does not declare', left)
+                result.fault(f'{name}: {counted(left, "message")} on a topic that the scene does not declare', left)
             continue
         elif name == topic.name:
             why = 'belongs to another dragon or to none' if row is None else 'published by all nodes at any time'

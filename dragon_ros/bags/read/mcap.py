@@ -26,6 +26,7 @@ from mcap.records import Channel, ChunkIndex, Footer, MetadataIndex, Schema, Sta
 
 from dragon_ros.core.errors import InputError, MissingError, shown
 from dragon_ros.core.limits import CHUNK_BYTES, RECORD_BYTES, SUMMARY_BYTES
+from dragon_ros.core.words import counted
 
 MAGIC = b'\x89MCAP0\r\n'
 HEAD = struct.Struct('<BQ')
@@ -78,7 +79,7 @@ class McapFile:
             raise MissingError(f'{path}: cannot be read: {error.strerror}') from None
         if self.read(0, min(self.size, len(MAGIC))) != MAGIC:
             self.close()
-            raise BagError(f'{path}: is {f"not an MCAP file ({self.size} bytes)" if self.size else "empty (0 bytes)"}')
+            raise BagError(f'{path}: is {"not an MCAP file" if self.size else "empty"} ({counted(self.size, "byte")})')
 
     def fault(self, offset: int, what: str) -> BagError:
         """Return the error for damage at an offset."""

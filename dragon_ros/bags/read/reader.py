@@ -27,6 +27,7 @@ from dragon_ros.bags.read.mcap import (
     summary_index,
 )
 from dragon_ros.core.limits import OPEN_CHUNKS_BYTES, QOS_CHARACTERS
+from dragon_ros.core.words import counted
 from dragon_ros.scenes.yaml import values_of
 
 __all__ = ['BagError', 'BagReader', 'Message', 'Topic']
@@ -193,8 +194,8 @@ def _index_of(file: McapFile) -> Index:
         readable = (scanned_index(file) if index is None else index).batches
         reach = readable[-1].place.end if readable else 0
         file.close()
-        raise BagError(f'{error}; {len(readable)} chunks, up to byte {reach}, can be read: `inspect BAG --repair OUT` '
-                       'writes them to a complete bag', **error.fields) from None
+        raise BagError(f'{error}; {counted(len(readable), "chunk")}, up to byte {reach}, can be read: '
+                       '`inspect BAG --repair OUT` writes them to a complete bag', **error.fields) from None
 
 
 def _survey(index: Index) -> None:
@@ -321,7 +322,7 @@ class TimeOrder:
             else:
                 left += 1
         if batch.messages not in (None, left + len(times)):
-            raise batch.file.fault(batch.place.offset, f'a chunk has {left + len(times)} messages, but its '
+            raise batch.file.fault(batch.place.offset, f'a chunk has {counted(left + len(times), "message")}, but its '
                                    f'indexes list {batch.messages}')
         if times and not batch.start_ns <= min(times) <= max(times) <= batch.end_ns:
             raise batch.file.fault(batch.place.offset, f'a chunk claims messages from {batch.start_ns} to '

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from dragon_ros.bags.record import interval_set
 from dragon_ros.bags.record.interval_set import Interval, IntervalSet
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.words import counted
 from dragon_ros.messages.channels import channel_of, live
 
 RECEIVED = 'dragon_ros.received'     # name of the metadata record that contains the account
@@ -201,15 +202,15 @@ class LossAccount:
     def lines(self, ended: bool) -> list[str]:
         """Return a line for each topic with missing messages."""
         what = 'message' if self._run is None else 'tick'
-        out = [f'{topic}: the beginning is missing: {_were(count, what)} published before the first one received'
-               for topic, count in self.beginnings().items()]
+        out = [f'{topic}: the beginning is missing: {counted(count, what, "was")} published before the first one '
+               'received' for topic, count in self.beginnings().items()]
         out += [f'{topic}: no message was received' for topic in self.unheard()]
-        out += [f'{topic}: {"1 tick is" if count == 1 else f"{count} ticks are"} missing: {interval_set.text(gaps)}'
+        out += [f'{topic}: {counted(count, "tick", "is")} missing: {interval_set.text(gaps)}'
                 for topic, gaps in self.missing(ended).items() for count in (interval_set.count(gaps),)]
-        out += [f'{topic}: {_were(row.lost_on_the_way, "message")} lost in transit, of '
+        out += [f'{topic}: {counted(row.lost_on_the_way, "message", "was")} lost in transit, of '
                 f'{row.received + row.lost_on_the_way} published' for topic, row in self.topics.items()
                 if row.lost_on_the_way]
-        out += [f'{topic}: {_were(row.left_out, "message")} left out because the disk was too slow'
+        out += [f'{topic}: {counted(row.left_out, "message", "was")} left out because the disk was too slow'
                 for topic, row in self.topics.items() if row.left_out]
         out += [f'{topic}: there are several publishers, so missing messages cannot be counted'
                 for topic, row in self.topics.items() if row.shared]
@@ -223,7 +224,3 @@ class LossAccount:
         odd = sum(count for step, count in self._steps.items() if abs(step - usual) > 1)
         more = sum(count for step, count in self._steps.items() if step > 1.5 * usual)
         return f'{usual} ns apart' + (f', but {odd} of {self._steps.total()} are not: {more} are longer' if odd else '')
-
-
-def _were(count: int, noun: str) -> str:
-    return f'1 {noun} was' if count == 1 else f'{count} {noun}s were'

@@ -9,6 +9,7 @@ from dragon_ros.cli import command_line
 from dragon_ros.cli.language import add_lang_option, language_of
 from dragon_ros.cli.progress import Progress
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.words import counted
 
 if TYPE_CHECKING:       # imported lazily, so that --help does not load numpy
     from dragon_ros.commands.grade.team import Team, TeamGrade
@@ -47,7 +48,7 @@ def _run(arguments: Namespace) -> int:
         grades, complete = grade_all(teams, stop, bar.update)
     command_line.write_output(arguments.output, _content(form, grades, len(teams), language_of(arguments.lang)))
     if not complete:
-        print(f'grade: interrupted: {len(grades)} of {len(teams)} teams were graded', file=sys.stderr)
+        print(f'grade: interrupted: {len(grades)} of {counted(len(teams), "team", "was")} graded', file=sys.stderr)
         return command_line.FAILED
     if arguments.output is not None:
         print(arguments.output)

@@ -21,6 +21,7 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.contacts import OBSTACLE as NO_BENCH
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.venue import PolygonObstacle, Venue
+from dragon_ros.core.words import counted
 
 _MOST_PANELS = 6
 _ROUNDING_M = 1e-9          # a shallower overlap counts as a touch
@@ -61,7 +62,7 @@ def dragon_picture(source: Source, times_s: list[float], zoom: Zoom | None = Non
         if zoom is not None:
             Inset(panels.pop(0), whole, source.track).show(one, seen)
         overlapping |= bool(areas.benches)
-        what = f'{len(one.benches.centre)} benches at {one.t_s:g} s{areas.words}'
+        what = f'{counted(len(one.benches.centre), "bench")} at {one.t_s:g} s{areas.words}'
         axes.set_title(what if columns > 1 else figures.titled(source.name, what, inches[0]))
     for axes in panels:
         axes.remove()
@@ -82,7 +83,7 @@ class Overlaps:
     @property
     def words(self) -> str:
         """The suffix of a title: the number of overlapping pairs, or nothing."""
-        return f', {self.pairs} pair{"s" if self.pairs > 1 else ""} overlap' if self.pairs else ''
+        return f', {counted(self.pairs, "pair", "overlaps")}' if self.pairs else ''
 
 
 def overlaps(one: Moment) -> Overlaps:

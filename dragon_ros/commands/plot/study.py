@@ -17,6 +17,7 @@ from matplotlib.patheffects import withStroke
 from dragon_ros.cli.figures import BODY, HEAD, LINES, QUIET, TEXT_PT, legend_below, style
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.words import counted
 from dragon_ros.studies.answers import SAFE, main_answers, numbers
 from dragon_ros.studies.dataset import DataSet
 from dragon_ros.studies.sampling import levels_of
@@ -69,7 +70,8 @@ def _label(name: str) -> str:
 
 def _rows_text(data: DataSet, count: int) -> str:
     total = data.study.rows
-    return f'{count:,} rows' if count == total else f'{count:,} of {total:,} rows'
+    rows = counted(total, 'row', form=',')
+    return rows if count == total else f'{count:,} of {rows}'
 
 
 def _curve(data: DataSet, table: pa.Table, key: str, name: str) -> Figure:
@@ -87,8 +89,8 @@ def _curve(data: DataSet, table: pa.Table, key: str, name: str) -> Figure:
 def _note_missing(axes: Axes, values: Floats) -> None:
     missing = int(np.sum(np.isnan(values)))
     if missing:
-        axes.text(0.01, 0.01, f'{missing:,} rows have no answer', transform=axes.transAxes, color=QUIET,
-                  fontsize=TEXT_PT)
+        axes.text(0.01, 0.01, f'{counted(missing, "row", "has", form=",")} no answer', transform=axes.transAxes,
+                  color=QUIET, fontsize=TEXT_PT)
 
 
 def _map(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Figure:

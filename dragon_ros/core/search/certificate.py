@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from dragon_ros.core.geometry.contacts import ObstacleTouch
 from dragon_ros.core.geometry.signed_distance import Witness
 from dragon_ros.core.model import End
+from dragon_ros.core.words import counted
 
 ALL = -1        # value of ``lead`` for an interval that covers every bench
 
@@ -44,7 +45,7 @@ class Certificate:
 
     def __repr__(self) -> str:
         """Summarise the proof without listing hundreds of intervals."""
-        return f'Certificate({len(self.intervals)} intervals, complete={self.complete})'
+        return f'Certificate({counted(len(self.intervals), "interval")}, complete={self.complete})'
 
     def led_by(self, lead: int) -> tuple[Interval, ...]:
         """Return the intervals whose leading bench is ``lead``."""

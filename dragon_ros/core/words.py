@@ -1,0 +1,14 @@
+"""Phrases that messages in all rooms share."""
+
+_PLURALS = {'is': 'are', 'was': 'were', 'has': 'have', 'overlaps': 'overlap', 'matches': 'match'}
+
+
+def counted(count: int, noun: str, verb: str = '', *, form: str = 'd') -> str:
+    """Return a count, its noun and a verb, all singular for 1; the noun and the verb may be empty.
+
+    ``form`` is the format of the count, such as ',' for a separator of thousands.
+    """
+    if count != 1:
+        noun += 'es' if noun.endswith('ch') else 's' if noun else ''
+        verb = _PLURALS.get(verb, verb)
+    return ' '.join(filter(None, (f'{count:{form}}', noun, verb)))
