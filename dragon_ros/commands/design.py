@@ -116,8 +116,9 @@ def _turn_text(values: dict[str, Any]) -> str:
              'are fixed']
     lines.append(_ratio_line(values['least_radius_m'], values['largest_ratio']))
     if values['length_there_m']:
-        lines.append(f'a smaller circle shortens the turn: in a circle of {values["smallest_diameter_m"]:.9g} m, with '
-                     f'two arcs of radius {least:.9g} m, the turn is {values["length_there_m"]:.12g} m long')
+        lines.append(f'a smaller circle shortens the turn: in a circle {values["smallest_diameter_m"]:.9g} m in '
+                     f'diameter, with two arcs of radius {least:.9g} m, the turn is {values["length_there_m"]:.12g} m '
+                     'long')
     if bent := values['with_line']:
         lines.append(f'in this circle, arcs of radius {bent["radius_m"]:.9g} m with a line of {bent["line_m"]:.9g} m '
                      f'between them are shorter: {bent["length_m"]:.12g} m')

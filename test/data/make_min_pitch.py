@@ -1,4 +1,4 @@
-"""Make ``min_pitch.json``: the smallest pitch of the classic dragon for a circle of 9 m, to 20 digits.
+"""Make ``min_pitch.json``: the smallest pitch of the classic dragon for a circle 9 m in diameter, to 20 digits.
 
     python test/data/make_min_pitch.py
 

@@ -52,11 +52,12 @@ WORDS: Words = {
     'turn_speed': ('the head moves at {speed:.6g} m/s', '龙头速度为 {speed:.6g} m/s'),
     'turn_ratio': ('a turn whose first arc has {ratio:.6g} times the radius of the second, not twice that radius',
                    '调头曲线前一段圆弧半径是后一段的 {ratio:.6g} 倍，而不是 2 倍'),
-    'turn_diameter': ('a turning circle of {diameter:.6g} m, not 9 m', '调头空间直径取 {diameter:.6g} m，而不是 9 m'),
-    'turn_both': ('a turning circle of {diameter:.6g} m, not 9 m, and a first arc with {ratio:.6g} times the radius '
-                  'of the second',
+    'turn_diameter': ('a turning circle {diameter:.6g} m in diameter, not 9 m',
+                      '调头空间直径取 {diameter:.6g} m，而不是 9 m'),
+    'turn_both': ('a turning circle {diameter:.6g} m in diameter, not 9 m, and a first arc with {ratio:.6g} times '
+                  'the radius of the second',
                   '调头空间直径取 {diameter:.6g} m，前一段圆弧半径是后一段的 {ratio:.6g} 倍'),
-    'circle_before': ('up to the turn, the head moves towards a circle of {diameter:.6g} m, not 9 m; '
+    'circle_before': ('up to the turn, the head moves towards a circle {diameter:.6g} m in diameter, not 9 m; '
                       'the rest is unexplained',
                       '调头前龙头驶向直径 {diameter:.6g} m 的调头空间，而不是 9 m；其后不明'),
     'turn_along': ('links measured along the curve, not as chords', '把手间距按曲线弧长计算，而不是按弦长'),
