@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import pytest
 
 from dragon_ros.bags.record.simulation_clock import MOST_HELD, SimulationClock
@@ -202,3 +204,14 @@ def test_source_times_that_jump_for_one_topic_alone_hold_a_bounded_number():
         clock.unstamped('v', b'', 10**18 + PERIOD_NS * k - (BACK_NS if k == 9 else 0) + 50, k + 1)
         assert len(clock._held) <= MOST_HELD
     assert len(out) + clock.unpaired['v'] >= 4 * MOST_HELD
+
+
+def test_the_ticks_that_are_kept_for_late_messages_are_bounded():
+    clock, kept = SimulationClock(lambda *_: None), []
+    for k in range(25_000):
+        clock.mark(10**18 + PERIOD_NS * k, 1000 + k, k + 1)
+        kept.append(len(clock._marks))
+    assert min(kept[10_000:]) == 10_000         # an even later message may miss its tick
+    assert max(kept) < 11_000                   # a longer list would take more memory
+    assert sum(after <= before for before, after in pairwise(kept)) < 20    # each drop moves the whole list
+    assert len(clock._moments) == len(clock._marks)
