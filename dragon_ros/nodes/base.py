@@ -17,6 +17,8 @@ from dragon_ros.core.errors import DragonError, InputError, did_you_mean, shown
 from dragon_ros.nodes import logs, qos
 from dragon_ros.nodes.params import NAMES, Parameter
 
+_KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'text'}
+
 
 def given_to(node: Node) -> dict[str, Any]:
     """Return, by name, the parameter values that the command line, files and ``parameter_overrides`` set for a node.
@@ -37,11 +39,11 @@ def declare(node: Node, parameter: Parameter, given: dict[str, Any]) -> Any:
     if value == [] and isinstance(default, list):
         value = default
     if type(value) is not type(default) or (isinstance(value, list) and not all(isinstance(one, str) for one in value)):
-        raise InputError(f'parameter {parameter.name}: it is not of type {type(default).__name__}; {parameter.text}')
+        raise InputError(_wrong_type(parameter, value))
     try:
         node.declare_parameter(parameter.name, value, descriptor_of(parameter), ignore_override=True)
     except InvalidParameterValueException:
-        raise InputError(f'parameter {parameter.name}: it is outside {parameter.low} to {parameter.high}; '
+        raise InputError(f'parameter {parameter.name}: {shown(value)} is outside {parameter.low} to {parameter.high}; '
                          f'{parameter.text}') from None
     check(parameter, value)
     return value
@@ -58,6 +60,15 @@ def check(parameter: Parameter, value: Any) -> None:
     if parameter.low is not None and parameter.high is not None and not parameter.low <= value <= parameter.high:
         raise InputError(f'parameter {parameter.name}: {value!r} is outside {parameter.low} to {parameter.high}; '
                          f'{parameter.text}')
+
+
+def _wrong_type(parameter: Parameter, value: Any) -> str:
+    """Return the error for a value of the wrong type."""
+    kind, wanted = _KINDS.get(type(value), 'a list'), _KINDS.get(type(parameter.default), 'a list of text')
+    value = value if type(value) in _KINDS else list(value)     # rclpy uses several classes for lists
+    example = f'{parameter.name}:="{value}"'
+    cure = f"quote it in YAML, for example -p '{example}'" if wanted == 'text' else f'give {wanted}'
+    return f'parameter {parameter.name}: {shown(value)} is {kind}, not {wanted}; {cure}; {parameter.text}'
 
 
 def widened(parameter: Parameter, value: Any) -> Any:
