@@ -56,12 +56,13 @@ def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_j
 
 
 def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: False, rest_s: float = 0.0,
-         rested: Callable[[], bool] = lambda: True) -> int:
+         rested: Callable[[], bool] = lambda: True, gather_s: float = 0.0) -> int:
     """Run a node's callbacks until a signal arrives or ``until()`` is true; return the exit code.
 
     Afterwards, callbacks continue to run until none are due and ``rested()`` is true, for at most ``rest_s`` seconds.
+    Messages may wait for up to ``gather_s``, so that several of them are taken together.
     """
-    with closing(Spinner(node)) as spinner:
+    with closing(Spinner(node, gather_s)) as spinner:
         while not stop.is_set() and not until():
             spinner.once()
         spinner.rest(rest_s, rested)

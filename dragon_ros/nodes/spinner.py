@@ -36,9 +36,13 @@ _SET_BACK_S = 0.05          # change in the system clock after which the middlew
 class Spinner:
     """Runs a node's callbacks in the calling thread."""
 
-    def __init__(self, node: Node) -> None:
-        """Add the node to an rclpy executor, which handles rare events."""
+    def __init__(self, node: Node, gather_s: float = 0.0) -> None:
+        """Add the node to an rclpy executor, which handles rare events.
+
+        Waits begin at least ``gather_s`` apart, so that several messages are taken after one wait.
+        """
         self._node, self._executor = node, SingleThreadedExecutor()
+        self._gather_s, self._next_wait_s = gather_s, 0.0
         self._executor.add_node(node)
         self._look_at_s, self._held = 0.0, ExitStack()
         self._overdue, self._ahead_s = _Overdue(node), _ahead_s()
@@ -110,8 +114,15 @@ class Spinner:
             added = Node.create_publisher(self._node, ParameterEvent, '/parameter_events', 1)
             self._node.destroy_publisher(added)
 
+    def _gather(self) -> None:
+        """Sleep until the next wait may begin."""
+        if self._gather_s:
+            time.sleep(max(0.0, self._next_wait_s - time.monotonic()))
+            self._next_wait_s = time.monotonic() + self._gather_s
+
     def _wait(self) -> bool:
         """Wait, then handle ready timers and raw messages; return whether anything is left for rclpy's executor."""
+        self._gather()
         wait_set = self._wait_set
         wait_set.clear_entities()
         for subscription in self._subscriptions:

@@ -171,6 +171,28 @@ def test_a_wait_that_lasts_for_hours_because_the_system_clock_was_set_back_is_en
     assert not late
 
 
+def test_messages_that_arrive_before_the_next_wait_may_begin_are_taken_together(domain, monkeypatch):
+    """Here, three messages arrive while the spinner sleeps; without the sleep, they would never arrive."""
+    rclpy.init()
+    node, got, batches = rclpy.create_node('gathering'), [], []
+    raw_subscription.subscribe_raw(node, Float64, 'x', lambda data, info: got.append(data), QoSProfile(depth=10),
+                                   lambda: batches.append(len(got)))
+    publisher = node.create_publisher(Float64, 'x', 10)
+
+    def sleep(pause_s):
+        if publisher.get_subscription_count() and pause_s > 0:
+            for value in range(0 if got else 3):
+                publisher.publish(Float64(data=float(value)))
+    monkeypatch.setattr(time, 'sleep', sleep)
+    end = time.monotonic() + PATIENCE_S
+    with closing(Spinner(node, gather_s=PATIENCE_S)) as spinner:
+        while not got and time.monotonic() < end:
+            spinner.once()
+    node.destroy_node()
+    rclpy.shutdown()
+    assert batches == [3]
+
+
 @pytest.mark.parametrize(('by_s', 'woken'), [(-7200.0, 1), (-0.1, 1), (7200.0, 0), (-0.01, 0)])
 def test_the_middleware_is_woken_once_if_the_system_clock_was_set_back(domain, monkeypatch, by_s, woken):
     rclpy.init()
