@@ -1,6 +1,9 @@
 """The frames of a run in order, with a current position: the ticks and, if the run ends in a contact, that frame."""
+from collections import deque
+from collections.abc import Iterable
 from threading import Thread
 
+from dragon_ros.core.batches import ticks
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import Simulation, compile_scene
@@ -8,6 +11,8 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.search.certificate import Contact
 from dragon_ros.core.step import contact_frame, tick, ticks_before
 from dragon_ros.core.words import counted
+
+_TOGETHER_HANDLES = 2**11       # handles per group of ticks: few enough for their messages to stay in the cache
 
 
 def build_tables(simulation: Simulation) -> Thread:
@@ -23,19 +28,20 @@ def build_tables(simulation: Simulation) -> Thread:
 class Frames:
     """Ticks 0, 1, 2, ... of a scene or, given a contact, the ticks before it and the frame at exactly that time."""
 
-    def __init__(self, scene: Scene, contact: Contact | None = None) -> None:
-        """Start before the first frame."""
+    def __init__(self, scene: Scene, contact: Contact | None = None, together: bool = False) -> None:
+        """Start before the first frame. If ``together``, several ticks are computed at once, with the same bits."""
         self._scene, self._contact = scene, contact
         self._last = contact_frame(scene, contact.t_s) if contact else None
-        ticks = compile_scene(scene).last_tick + 1
-        self._ticks = min(ticks, ticks_before(scene, contact.t_s)) if contact else ticks
+        count = compile_scene(scene).last_tick + 1
+        self._ticks = min(count, ticks_before(scene, contact.t_s)) if contact else count
         self.count = self._ticks + (contact is not None)
         self.k = 0
-        self._ahead: tuple[int, Frame] | None = None
+        self._group = max(1, _TOGETHER_HANDLES // (scene.dragon.benches + 1)) if together else 1
+        self.ahead: deque[Frame] = deque()      # frames that have been computed, in order; a seek may skip them
 
     def prepare(self) -> None:
         """Compute the next frame in advance, and start building the tables of the run."""
-        self._ahead = self.k, self._frame(self.k)
+        self.ahead = deque([self._frame(self.k)])
         self.tables = build_tables(compile_scene(self._scene))
 
     def next_ns(self) -> int | None:
@@ -48,8 +54,15 @@ class Frames:
 
     def take(self) -> Frame:
         """Return the next frame and advance."""
-        (k, self.k), (ahead, self._ahead) = (self.k, self.k + 1), (self._ahead, None)
-        return ahead[1] if ahead and ahead[0] == k else self._frame(k)
+        k, self.k = self.k, self.k + 1
+        if not (self.ahead and self.ahead[0].k == k):
+            self.ahead = deque(self._some(k))
+        return self.ahead.popleft()
+
+    def _some(self, k: int) -> Iterable[Frame]:
+        """Return frame k and, if it is not the last of its group, the next frames."""
+        stop = min(k + self._group, self._ticks)
+        return ticks(self._scene, k, stop) if stop > k + 1 else [self._frame(k)]
 
     def _frame(self, k: int) -> Frame:
         return self._last if self._last and k == self._ticks else tick(self._scene, k)

@@ -87,6 +87,8 @@ class Commands:
 class LedFrames:
     """The ticks of a led scene: each tick is computed when it is due, from the speed commanded at that time."""
 
+    ahead = ()      # no later frame is known
+
     def __init__(self, scene: Scene, wanted_m_s: Callable[[], float], on_contact: str, say: Callable[[str], None],
                  keep_s: float) -> None:
         """Start at rest; ``say`` receives a message if the dragon brakes for an end or stops at a contact."""

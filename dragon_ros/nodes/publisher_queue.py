@@ -140,16 +140,20 @@ class EncodedTopic:
         """Publish frames on ``publisher``, encoded by ``encode``."""
         self.publisher, self._encode = publisher, encode
         self._latched = publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        self._encoded: deque[tuple[Frame, bytes]] = deque()
         self.published = 0
 
-    def put(self, frame: Frame, queue: PublisherQueue) -> None:
+    def put(self, frame: Frame, queue: PublisherQueue, ahead: Iterable[Frame] = ()) -> None:
         """Queue a frame's message; nothing is encoded if there are no subscribers.
 
         A late subscriber receives only later frames, as with any volatile topic. A latched topic is always published,
-        and keeps its last message for late subscribers.
+        and keeps its last message for late subscribers. The frames ``ahead``, which probably follow, are encoded too,
+        because encoding one frame after another takes less time.
         """
         if self._latched or self.publisher.get_subscription_count():
-            queue.put(self.publisher, self._encode(frame))
+            if not (self._encoded and self._encoded[0][0] is frame):
+                self._encoded = deque((each, self._encode(each)) for each in (frame, *ahead))
+            queue.put(self.publisher, self._encoded.popleft()[1])
             self.published += 1
 
 

@@ -51,7 +51,7 @@ class Broadcast:
         for observe in self.also:
             observe(frame)
         for topic in self._topics:
-            topic.put(frame, self._queue)
+            topic.put(frame, self._queue, self.frames.ahead)
         self.flush()
 
     def flush(self) -> bool:
@@ -79,7 +79,7 @@ class Sim(DragonNode):
         self.topics = {name: publisher_queue.EncodedTopic(self._publisher(name), encode[name]) for name in encode}
         self.topic_publishers = {name: topic.publisher for name, topic in self.topics.items()}
         self.commands: Commands | None = None
-        self._frames = Broadcast(self._led() if self.scene.is_led else Frames(self.scene, contact),
+        self._frames = Broadcast(self._led() if self.scene.is_led else Frames(self.scene, contact, self._lossless),
                                  self.topics.values())
         self._frames.also = list(self._also())
         for name, data in self._latched(_about(value, found)):

@@ -11,8 +11,9 @@ from dragon_ros.core.chain.commanded import Commanded
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.shift_map.table import ShiftMap
-from dragon_ros.core.step import tick
+from dragon_ros.core.step import contact_frame, tick
 from dragon_ros.nodes.frames import Frames
 from dragon_ros.nodes.led import LedFrames
 from dragon_ros.scenes.load import load_scene
@@ -121,3 +122,44 @@ def test_frames_that_were_prepared_are_those_of_the_run_wherever_it_goes_on():
         frames.k = start
         for k in wanted:
             assert np.array_equal(frames.take().chain.p, tick(SCENE, k).chain.p)
+
+
+def same(one, other):
+    assert (one.k, one.t_ns) == (other.k, other.t_ns)
+    for mine, its in ((one.chain.p, other.chain.p), (one.axis, other.axis), (one.velocity_m_s, other.velocity_m_s),
+                      (one.benches.centre, other.benches.centre)):
+        assert mine.tobytes() == its.tobytes()
+
+
+@pytest.mark.parametrize('start', [0, 3, 30, 48, 50])
+def test_frames_that_are_computed_together_are_those_of_the_run_wherever_it_goes_on(start):
+    """A run of 51 ticks whose groups have 49 frames; the second seek ends within a group."""
+    frames = Frames(SCENE, together=True)
+    frames.prepare()
+    for k in (0, 1, 2):
+        same(frames.take(), tick(SCENE, k))
+    frames.seek(SCENE.run.time_ns(start))
+    for k in range(start, min(start + 3, frames.count)):
+        same(frames.take(), tick(SCENE, k))
+    frames.seek(SCENE.run.time_ns(1))
+    for k in range(1, frames.count):
+        same(frames.take(), tick(SCENE, k))
+    assert (frames.next_ns(), len(frames.ahead)) == (None, 0)
+
+
+def test_a_group_of_frames_ends_before_the_contact_that_ends_the_run():
+    scene = load_scene('first_contact', ['run.start_s=412.3'])
+    contact = first_contact(scene)
+    frames = Frames(scene, contact, together=True)
+    for k in range(frames.count - 1):
+        same(frames.take(), tick(scene, k))
+    same(frames.take(), contact_frame(scene, contact.t_s))
+    frames.rewind()
+    same(frames.take(), tick(scene, 0))
+
+
+@pytest.mark.parametrize(('benches', 'most'), [(40, 49), (223, 9), (2000, 1)])
+def test_the_number_of_frames_ahead_is_bounded_by_their_handles(benches, most):
+    frames = Frames(replace(SCENE, dragon=Dragon(benches)), together=True)
+    frames.take()
+    assert len(frames.ahead) == most - 1

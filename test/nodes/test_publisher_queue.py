@@ -52,6 +52,20 @@ def test_a_frame_is_encoded_only_while_somebody_listens_and_a_late_joiner_hears_
     assert (source.encoded, source.feed.published) == ([2, 3], 2)
 
 
+def test_the_frames_ahead_are_encoded_once_and_published_in_the_order_of_the_run(node):
+    source, (_, got) = Source(node, 'volatile'), listen(node)
+    node.until(source.feed.publisher.get_subscription_count)
+    queue, frames = publisher_queue.PublisherQueue(), [tick(source.scene, k) for k in range(8)]
+    for k in (0, 1):
+        source.feed.put(frames[k], queue, frames[k + 1:4])
+    for k in (5, 6, 2):     # seeks to tick 5, and back
+        source.feed.put(frames[k], queue, frames[6:7] if k == 5 else ())
+    assert queue.flush()
+    node.until(lambda: len(got) == 5)
+    assert [read_pose_array(data).t_ns for data in got] == [source.scene.run.time_ns(k) for k in (0, 1, 5, 6, 2)]
+    assert source.encoded == [0, 1, 2, 3, 5, 6, 2]
+
+
 def test_a_latched_topic_is_published_for_those_who_come_later(node):
     source = Source(node, 'transient_local')
     source.show(0, 1)
