@@ -16,7 +16,7 @@ from dragon_ros.cli.language import language_of, say
 from dragon_ros.commands.plan_words import WORDS
 from dragon_ros.core.errors import FieldError, InputError
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.version import __version__
 
 if TYPE_CHECKING:
@@ -26,12 +26,13 @@ if TYPE_CHECKING:
     from dragon_ros.core.scene import Scene
     from dragon_ros.core.search.swept_area import SweptArea
 
-SCALES = (50, 100, 200, 250, 500, 1000)
+SCALES = (50, 100, 200, 250, 300, 400, 500, 1000)
 PAPERS_MM = {'A4': (297.0, 210.0), 'A3': (420.0, 297.0)}
+_LARGEST = 'A3'
 _EDGE_MM, _FOOT_MM = 12.0, 34.0     # margins around a page and below the drawing
 _MARK_M = 10.0
 _MOST_PAGES = 24
-_COARSEST, _FEW_PAGES = 500, 4      # up to four pages at 1:500 are preferred to a smaller scale
+_COARSEST, _FEW_PAGES = 500, 4      # up to four pages at 1:500 or larger are preferred to a smaller scale
 _AROUND_M = 2.0         # margin around the drawn objects
 _TEXT_PT = 9
 _BROKEN = '#C00000'
@@ -221,8 +222,10 @@ def _sheet(arguments: Namespace, plan: Plan) -> tuple[str, int, Floats]:
         return next(fitting, papers[-1]), scale, np.array((low, high))
     pairs = [(paper, scale) for scale in SCALES for paper in papers if _fits(high - low, paper, scale)]
     paper, scale = pairs[0] if pairs else (papers[-1], SCALES[-1])
-    if scale > _COARSEST and np.prod(np.ceil((high - low) * 1000 / _COARSEST / _drawn_mm(papers[-1]))) <= _FEW_PAGES:
-        paper, scale = papers[-1], _COARSEST
+    if scale > _COARSEST:
+        counts = {one: int(_grid(high - low, papers[-1], one).prod()) for one in SCALES}
+        if counts[_COARSEST] <= _FEW_PAGES:
+            paper, scale = papers[-1], next(one for one in SCALES if counts[one] <= counts[_COARSEST])
     return paper, scale, np.array((low, high))
 
 
@@ -239,43 +242,73 @@ def _drawn_mm(paper: str) -> Floats:
 
 
 def _fits(size_m: Floats, paper: str, scale: int) -> bool:
-    return bool(np.all(size_m * 1000 / scale <= _drawn_mm(paper)))
+    return bool(np.all(_grid(size_m, paper, scale) == 1))
 
 
-def _pages(plan: Plan, paper: str, scale: int, window: Floats) -> list['Figure']:
-    """Return the pages: first the drawing, then the tables."""
+def _grid(size_m: Floats, paper: str, scale: int) -> Ints:
+    """Return the numbers of columns and rows of pages for a drawing of a size."""
+    out: Ints = np.maximum(1, np.ceil(size_m * 1000 / scale / _drawn_mm(paper) - 1e-9)).astype(int)
+    return out
+
+
+def _windows(plan: Plan, paper: str, scale: int, around: Floats) -> list[tuple[tuple[int, int], Floats]]:
+    """Return the row, the column and the window of each page that shows any part of the dragon or its track.
+
+    Raises InputError if there are too many pages.
+    """
+    from shapely import LineString, box, prepare
     page_m = _drawn_mm(paper) * scale / 1000
-    counts = np.maximum(1, np.ceil((window[1] - window[0]) / page_m - 1e-9)).astype(int)
-    if counts.prod() > _MOST_PAGES:
-        raise InputError(f'--scale 1:{scale}: the drawing takes {counts.prod()} pages of {paper}, and the limit is '
-                         f'{_MOST_PAGES}; give a smaller scale, or --paper A3', field='scale')
-    begin = window.mean(axis=0) - 0.5 * counts * page_m
+    columns, rows = _grid(around[1] - around[0], paper, scale).tolist()
+    _check_count(max(columns, rows), paper, scale)      # the drawing is connected, so it takes at least this many pages
+    begin = around.mean(axis=0) - 0.5 * page_m * (columns, rows)
+    shown = plan.swept.whole.union(LineString(plan.line))
+    prepare(shown)
+    out = []
+    for row, column in np.ndindex(rows, columns):
+        low = begin + page_m * (column, rows - 1 - row)
+        if shown.intersects(box(*low, *(low + page_m))):
+            out.append(((row + 1, column + 1), np.array((low, low + page_m))))
+    _check_count(len(out), paper, scale)
+    return out
+
+
+def _check_count(pages: int, paper: str, scale: int) -> None:
+    if pages > _MOST_PAGES:
+        larger = '' if paper == _LARGEST else f', or --paper {_LARGEST}'
+        raise InputError(f'--scale 1:{scale}: the drawing takes at least {pages} pages of {paper}, and the limit is '
+                         f'{_MOST_PAGES}; give a smaller scale{larger}', field='scale')
+
+
+def _pages(plan: Plan, paper: str, scale: int, around: Floats) -> list['Figure']:
+    """Return the pages: first the drawing, then the tables."""
+    windows = _windows(plan, paper, scale, around)
     tables = _tables(plan)
-    total = int(counts.prod()) + len(tables)
+    total = len(windows) + len(tables)
     pages = []
-    for n, (row, column) in enumerate(np.ndindex(counts[1], counts[0]), 1):
-        low = begin + np.array((column, counts[1] - 1 - row)) * page_m
-        pages.append(_drawing(plan, paper, scale, np.array((low, low + page_m)), (n, total)))
-    return pages + [_table(plan, paper, rows, (int(counts.prod()) + n, total)) for n, rows in enumerate(tables, 1)]
+    for n, ((row, column), window) in enumerate(windows, 1):
+        place = plan.say('page_at', row=row, column=column) if len(windows) > 1 else ''
+        pages.append(_drawing(plan, paper, scale, window, (n, total), place))
+    return pages + [_table(plan, paper, rows, (len(windows) + n, total)) for n, rows in enumerate(tables, 1)]
 
 
-def _page(plan: Plan, paper: str, number: tuple[int, int], title: str) -> 'Figure':
-    """Return a page that contains only its title, its date and its number."""
+def _page(plan: Plan, paper: str, number: tuple[int, int], title: str, place: str = '') -> 'Figure':
+    """Return a page that contains only its title, its date and its number; ``place`` names its row and column."""
     from matplotlib.figure import Figure
     width, height = PAPERS_MM[paper]
     figure = Figure(figsize=(width / 25.4, height / 25.4))
     figure.set_layout_engine('none')
     top, (n, total) = (_FOOT_MM + 3) / height, number
-    note = plan.say('page', day=date.today().isoformat(), paper=paper, n=n, total=total, version=__version__)
+    note = plan.say('page', day=date.today().isoformat(), paper=paper, n=n, total=total, version=__version__) + place
     figure.text(_EDGE_MM / width, top, title, fontsize=13, weight='bold', va='top')
     figure.text(1 - _EDGE_MM / width, top, note, ha='right', va='top', fontsize=_TEXT_PT)
     return figure
 
 
-def _drawing(plan: Plan, paper: str, scale: int, window: Floats, number: tuple[int, int]) -> 'Figure':
+def _drawing(plan: Plan, paper: str, scale: int, window: Floats, number: tuple[int, int],
+             place: str = '') -> 'Figure':
     """Return a page with the part of the drawing that is inside a window (m, shape (2, 2))."""
     width, height = PAPERS_MM[paper]
-    figure = _page(plan, paper, number, plan.say('plan', title=plan.title, scale=scale))
+    figure = _page(plan, paper, number, plan.say('plan', title=plan.title, scale=scale), place)
     size = _drawn_mm(paper)
     axes = figure.add_axes((_EDGE_MM / width, (_EDGE_MM + _FOOT_MM) / height, size[0] / width, size[1] / height))
     axes.set(xlim=window[:, 0], ylim=window[:, 1], xticks=[], yticks=[])

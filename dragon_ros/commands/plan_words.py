@@ -6,6 +6,7 @@ WORDS: Words = {
     'tables': ('{title}: times, gaps and room', '{title}：时刻、间隙与所需宽度'),
     'page': ('dragon_ros {version}, {day}, {paper}, page {n} of {total}',
              'dragon_ros {version}，{day}，{paper}，第 {n} 页，共 {total} 页'),
+    'page_at': (' (row {row}, column {column})', '（第 {row} 行，第 {column} 列）'),
     'head': ('swept by the head', '龙头扫过的区域'), 'body': ('swept by the body', '龙身扫过的区域'),
     'track': ('track', '轨迹'), 'obstacles': ('obstacles', '障碍物'),
     'gap': ('{name}: {gap:.2f} m', '{name}：{gap:.2f} m'), 'exact_gap': ('{name}: {gap:.3f} m', '{name}：{gap:.3f} m'),

@@ -1,14 +1,15 @@
 """``plan`` draws to scale; its swept area and gaps agree with an independent check at every millimetre."""
 import json
 import re
+from argparse import Namespace
 
 import numpy as np
 import pytest
-from shapely import LineString, Polygon, distance, polygons
+from shapely import LineString, Polygon, box, distance, polygons, unary_union
 from shapely.geometry import shape
 
 from dragon_ros.__main__ import main
-from dragon_ros.commands.plan import Plan, _drawing, _said, mark_offsets
+from dragon_ros.commands.plan import SCALES, Plan, _drawing, _pages, _said, _sheet, _windows, mark_offsets
 from dragon_ros.core.batches import states
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
@@ -130,6 +131,39 @@ def test_a_broken_margin_is_said(capsys, tmp_path):
     assert re.search(r'lamp post: 0\.9\d\d m \(too small\)', out)
 
 
+def drawn_parts(plan, **options):
+    """Return the scale, and the shares of each page's width and height that the drawing takes."""
+    paper, scale, around = _sheet(Namespace(**{'paper': None, 'scale': None, **options}), plan)
+    whole = plan.swept.whole.union(LineString(plan.line))
+    parts = []
+    for _, window in _windows(plan, paper, scale, around):
+        left, bottom, right, top = whole.intersection(box(*window.ravel())).bounds
+        parts.append(np.array((right - left, top - bottom)) / (window[1] - window[0]))
+    return scale, np.array(parts)
+
+
+def test_pages_are_filled_as_far_as_a_standard_scale_allows():
+    scale, parts = drawn_parts(Plan(load_scene('street'), 'x'))
+    assert (scale, len(parts)) == (300, 2)      # at 1:250, the drawing takes three pages
+    assert np.all(parts[:, 0] > 0.75)
+    assert np.all(parts[:, 1] < 1)
+    for scale in SCALES[:SCALES.index(300)]:
+        assert len(drawn_parts(Plan(load_scene('street'), 'x'), scale=f'1:{scale}')[1]) > 2
+
+
+def test_pages_without_any_part_of_the_dragon_are_left_out_and_pages_say_where_they_belong(plan):
+    paper, scale, around = _sheet(Namespace(paper='A4', scale='1:100'), plan)
+    windows = _windows(plan, paper, scale, around)
+    whole = plan.swept.whole.union(LineString(plan.line))
+    assert all(whole.intersects(box(*window.ravel())) for _, window in windows)
+    assert unary_union([box(*window.ravel()) for _, window in windows]).buffer(1e-9).contains(whole)
+    rows, columns = np.array([place for place, _ in windows]).T
+    assert 1 < len(windows) < rows.max() * columns.max()
+    texts = [one.get_text() for one in _pages(plan, paper, scale, around)[0].texts]
+    assert any('(row {}, column {})'.format(*windows[0][0]) in one for one in texts)
+    assert not any('(row' in one.get_text() for one in _pages(plan, 'A3', 1000, around)[0].texts)
+
+
 def test_a_plan_can_be_read_without_its_colours():
     scene = load_scene('square', ['dragon.benches=5', 'venue.margin_m=1.2'])
     drawn = _drawing(Plan(scene, 'x'), 'A3', 500, np.array([[-60.0, -20.0], [80.0, 80.0]]), (1, 1)).axes[0]
@@ -144,7 +178,8 @@ def test_a_plan_can_be_read_without_its_colours():
 @pytest.mark.parametrize(('arguments', 'says'), [
     (['--output', 'a.png'], 'the suffix must be .pdf or .geojson'),
     (['--output', 'a.pdf', '--set', 'dragon.benches=5', '--scale', '1:20'], 'from 1:50 to 1:1000'),
-    (['--output', 'a.pdf', '--scale', '1:50'], 'give a smaller scale')])
+    (['--output', 'a.pdf', '--scale', '1:50', '--scene', 'street', '--set', 'track.pieces.5.length_m=600', '--set',
+      'dragon.benches=5'], 'the drawing takes at least 33 pages of A3, and the limit is 24; give a smaller scale\n')])
 def test_options_are_checked(capsys, tmp_path, monkeypatch, arguments, says):
     monkeypatch.chdir(tmp_path)
     code, _, err = run(capsys, *arguments)
