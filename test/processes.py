@@ -9,6 +9,11 @@ import signal
 import subprocess
 import sys
 from contextlib import suppress
+from functools import cache
+from multiprocessing import forkserver
+from pathlib import Path
+
+import pytest
 
 _FORKS = multiprocessing.get_context('forkserver')
 _FORKS.set_forkserver_preload([
@@ -16,7 +21,7 @@ _FORKS.set_forkserver_preload([
     # modules that rclpy and the messages import when the first node is created
     'rosidl_generator_py', *(f'{name}_msgs.msg' for name in ('geometry', 'nav', 'rosgraph', 'sensor', 'service',
                                                              'visualization')),
-    'std_srvs.srv', 'type_description_interfaces.msg'])
+    'std_srvs.srv', 'type_description_interfaces.msg', 'warm'])
 
 
 class Started(subprocess.Popen):
@@ -31,6 +36,7 @@ class Forked:
     """A running executable with the required part of ``subprocess.Popen``'s interface; errors include its output."""
 
     def __init__(self, arguments, env, cwd):
+        _ready()
         output, inside = _FORKS.Pipe(duplex=False)
         self._process = _FORKS.Process(target=_run, args=(arguments, dict(env), str(cwd), inside))
         self._process.start()
@@ -58,6 +64,14 @@ class Forked:
 
     def kill(self):
         self.send_signal(signal.SIGKILL)
+
+
+@cache
+def _ready():
+    """Start the process that others are forked from; Python 3.11 finds what it imports only in PYTHONPATH."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('PYTHONPATH', str(Path(__file__).parent), prepend=os.pathsep)
+        forkserver.ensure_running()
 
 
 def _run(arguments, environment, cwd, output):

@@ -1,0 +1,22 @@
+"""Fill the caches that each node would fill; the process that nodes are forked from imports this module last.
+
+Nothing here depends on a scene, an environment or a folder, and nothing starts a thread.
+"""
+import gc
+import inspect
+
+from rosidl_generator_py import import_type_support
+
+import dragon_ros.__main__  # noqa: F401, every process imports it
+from dragon_ros.messages.channels import channels
+from dragon_ros.scenes.provenance import versions
+
+# Each package has an extension module, which rclpy loads when it first uses a message or a service of the package.
+for package in ('builtin_interfaces', *(f'{name}_msgs' for name in (
+        'diagnostic', 'geometry', 'nav', 'rosgraph', 'sensor', 'service', 'std', 'visualization')), 'rcl_interfaces',
+        'std_srvs', 'type_description_interfaces'):
+    import_type_support(package)
+channels()
+versions()
+inspect.getmodule(inspect.currentframe())       # indexes all modules; a node's first log line looks up its caller there
+gc.freeze()     # a collection in a forked process would copy the memory of all these objects
