@@ -54,7 +54,7 @@ class Ball:
 
     __radd__, __rmul__ = __add__, __mul__
 
-    def __getitem__(self, index: tuple[Any, Any]) -> 'Ball':
+    def __getitem__(self, index: Any) -> 'Ball':
         """Return a subset of the numbers."""
         return Ball(self.mid[index], self.rad[index])
 

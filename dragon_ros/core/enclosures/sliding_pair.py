@@ -56,16 +56,34 @@ def largest_span(theta: Floats, chord: Floats) -> Floats:
     return _proved_span(theta, chord, _WIDER)
 
 
+def span_bounds(least_at: Floats, shortest: Floats, most_at: Floats, longest: Floats) -> tuple[Floats, Floats]:
+    """Return the lower bounds of ``least_span`` and the upper bounds of ``largest_span``, computed together."""
+    count = least_at.size
+    spans = _proved_span(np.concatenate((least_at, most_at)), np.concatenate((shortest, longest)),
+                         np.repeat((-_WIDER, _WIDER), count))
+    return spans[:count], spans[count:]
+
+
+def gaps(places: Floats, half_width_m: float, overhang_m: float) -> Floats:
+    """Return the approximate gaps (n,), in units of b, between two benches in given positions (5, n)."""
+    with np.errstate(all='ignore'):
+        edges = _edges(places, places, half_width_m, overhang_m)
+    out: Floats = np.max([np.min([corner.value.mid for corner in edge], axis=0) for edge in edges], axis=0)
+    return out
+
+
 def separations(low: Floats, high: Floats, half_width_m: float, overhang_m: float) -> Separations:
     """Return the separation of two benches in boxes from ``low`` to ``high`` (5, n).
 
-    The benches are apart on a box if all corners of one bench are beyond one edge of the other.
+    The benches are apart on a box if all corners of one bench are beyond one edge of the other. The middles of the
+    boxes are computed together with the boxes.
     """
-    middle = 0.5 * (low + high)
+    middle, count = 0.5 * (low + high), low.shape[1]
     reach = _ABOVE * np.maximum(high - middle, middle - low)
     with np.errstate(all='ignore'):
-        there = [[corner.value for corner in edge] for edge in _edges(middle, middle, half_width_m, overhang_m)]
-        slopes = [[corner.slope for corner in edge] for edge in _edges(low, high, half_width_m, overhang_m)]
+        edges = _edges(np.hstack((middle, low)), np.hstack((middle, high)), half_width_m, overhang_m)
+        there = [[corner.value[:count] for corner in edge] for edge in edges]
+        slopes = [[corner.slope[:, count:] for corner in edge] for edge in edges]
         value = np.array([[corner.mid for corner in edge] for edge in there])
         spread = np.array([[corner.most * reach for corner in edge] for edge in slopes])
         least = value - np.array([[corner.rad for corner in edge] for edge in there]) - _ABOVE * np.sum(spread, axis=2)
@@ -78,7 +96,7 @@ def separations(low: Floats, high: Floats, half_width_m: float, overhang_m: floa
                        steep[edge, corner, :, each].T, np.nan_to_num(spread[edge, corner, :, each].T, nan=np.inf))
 
 
-def _proved_span(theta: Floats, chord: Floats, wider: float) -> Floats:
+def _proved_span(theta: Floats, chord: Floats, wider: float | Floats) -> Floats:
     span: Floats = (1 + wider) * steps(theta, chord, first_guesses(theta, chord))[0]
     place, delta = between(theta, theta), between(span, span)
     excess = delta.squared() * 0.5 + place * (place + delta) * delta.versine() - between(chord, chord).squared() * 0.5
@@ -112,7 +130,7 @@ def _span(theta: Graded, chord: Graded, theta_low: Floats, theta_high: Floats, c
           chord_high: Floats) -> Graded:
     """Return enclosures of the spans of links, given bounds on their starting polar angles and on their lengths."""
     out, off = 1 + 2.0**-50, 2.0**-50 * theta_high      # cover the rounding of sums and products of floats
-    delta = between(least_span(theta_high + off, chord_low / out), largest_span(theta_low - off, chord_high * out))
+    delta = between(*span_bounds(theta_high + off, chord_low / out, theta_low - off, chord_high * out))
     sin, less = delta.sin_cos()[0], delta.versine()
     by_theta = (2 * theta.value + delta) * less
     by_delta = (delta + theta.value * less + theta.value * (theta.value + delta) * sin).inverse()

@@ -29,9 +29,11 @@ from dragon_ros.core.enclosures.sliding_pair import (
     SCALE,
     THETA,
     Separations,
+    gaps,
     largest_span,
     least_span,
     separations,
+    span_bounds,
 )
 from dragon_ros.core.errors import DragonError, FieldError, InputError, did_you_mean
 from dragon_ros.core.numerics.double_double import from_turns
@@ -395,14 +397,12 @@ class _FamilySearch:
         """
         family, out = self.family, _OUT
         last_bench = np.where(inner == _HEAD, family.benches - 1, family.benches - 2)
-        near, far = high[THETA], low[THETA]
-        near = (near + least_span(near, low[SCALE] * low[LINK] / out)) * _DOWN
-        far = (far + largest_span(far, high[SCALE] * high[LINK] * out)) * _UP
+        near, far = _behind(high[THETA], low[SCALE] * low[LINK] / out, low[THETA], high[SCALE] * high[LINK] * out)
         shortest, longest = low[SCALE] * family.body_link_m[0] / out, high[SCALE] * family.body_link_m[1] * out
         first, last = np.full(inner.shape, np.inf), np.full(inner.shape, -np.inf)
         nearest = np.zeros(inner.shape, dtype=np.int64)
         for bench in range(2, int(np.max(last_bench)) + 1):
-            near, far = (near + least_span(near, shortest)) * _DOWN, (far + largest_span(far, longest)) * _UP
+            near, far = _behind(near, shortest, far, longest)
             least, most = (near - high[THETA]) / out, (far - low[THETA]) * out
             if np.all(least > high[AHEAD]):
                 break
@@ -426,9 +426,15 @@ class _FamilySearch:
         if not np.any(here):
             return
         some = places[:, here]
-        overlap = separations(some, some, self.family.half_width_m, self.family.overhang_m).middle < 0
+        overlap = gaps(some, self.family.half_width_m, self.family.overhang_m) < 0
         met = self._reached(some[:, overlap], some[:, overlap], boxes.inner[here][overlap])
         if met.gone_m.size and (gone_m := float(np.min(met.gone_m))) < self.limit_m:
             n = int(np.argmin(met.gone_m))
             self.limit_m, one = gone_m, int(met.inner[n])
             self.benches = one, one + int(nearest[here][overlap][n])
+
+
+def _behind(near: Floats, shortest: Floats, far: Floats, longest: Floats) -> tuple[Floats, Floats]:
+    """Return bounds on the polar angle of the next handle behind, given bounds on a handle and on its link's chord."""
+    least, most = span_bounds(near, shortest, far, longest)
+    return (near + least) * _DOWN, (far + most) * _UP
