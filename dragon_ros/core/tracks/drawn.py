@@ -286,7 +286,9 @@ class _SmoothLine:
     def between(self, low_m: float, high_m: float) -> list[tuple[float, SmoothPart]]:
         """Return the smooth parts between two distances, clipped to them, each with the distance at which it begins."""
         out, hair = [], _SAME * self.length_m
-        for begin, one in zip(self.begins_m.tolist(), self.stretches, strict=False):
+        first_part, stop = np.searchsorted(self.begins_m, (low_m, high_m)).tolist()
+        near = slice(max(first_part - 2, 0), stop)      # one part more, because distances are rounded
+        for begin, one in zip(self.begins_m[near].tolist(), self.stretches[near], strict=False):
             first, last = max(low_m, begin), min(high_m, begin + float(one.gone_m[-1]))
             if last - first > hair:
                 out.append((first, self._cut(begin, one, first, last)))
