@@ -274,8 +274,10 @@ def installed_names(prefix):
 
 def test_a_wheel_puts_executables_in_lib_alone_and_carries_every_config(tmp_path):
     source = copy_source(tmp_path / 'source')
-    subprocess.run([sys.executable, '-m', 'pip', 'wheel', '--quiet', '--no-deps', '--no-build-isolation',
-                    '--disable-pip-version-check', '-w', tmp_path, source], env=os.environ | NO_BYTECODE, check=True)
+    # This is what pip runs, in one process instead of three.
+    build = 'import sys; from setuptools import build_meta; build_meta.build_wheel(sys.argv[1])'
+    subprocess.run([sys.executable, '-c', build, tmp_path], cwd=source, env=os.environ | NO_BYTECODE, check=True,
+                   capture_output=True)
     (wheel,) = tmp_path.glob('*.whl')
     names = zipfile.ZipFile(wheel).namelist()
     assert not [name for name in names if '/scripts/' in name]

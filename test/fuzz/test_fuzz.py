@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from targets import TARGETS, Target, opened
 
 CORPUS = Path(__file__).with_name('corpus')
-_SHORT, _LONGER = 20, 40        # number of inputs by default, and with --long
+_SHORT, _LONGER = 10, 40        # number of inputs by default, and with --long
 _ROUND = 500                    # number of inputs in one round with --minutes
 _STUCK_S = 60               # in s; an input that takes this long is a finding
 

@@ -62,7 +62,7 @@ def test_a_tracker_sees_the_contact_of_mixed_benches_in_both_styles(style):
 def test_both_styles_give_the_same_verdicts():
     reports = {}
     for style in ('cubes', 'triangles'):
-        scene, tracker = scene_in(style), ContactTracker()
+        scene, tracker = scene_in(style, 60), ContactTracker()
         reports[style] = [report for k in range(22, 156, 2) for report in tracker.add(seen(messages(scene, k)[1]))]
     assert sum(len(report.begins) for report in reports['cubes']) == 1
     for mine, other in zip(*reports.values(), strict=True):

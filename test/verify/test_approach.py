@@ -60,9 +60,9 @@ def there_and_back(beyond_m):
     return Profile(knots), turn_s, again_s + (there_m() - (2 * turn_s - back_s))
 
 
-@pytest.mark.parametrize('beyond_m', thinned([1e-12, 1e-11, 1e-10, 5e-10, 9e-10, 5e-9, 1e-3],
-                                             (1e-12, 5e-9).__contains__))
-@pytest.mark.parametrize('grazing', [False, True])
+@pytest.mark.parametrize(('beyond_m', 'grazing'), thinned(
+    [(beyond_m, grazing) for beyond_m in (1e-12, 1e-11, 1e-10, 5e-10, 9e-10, 5e-9, 1e-3) for grazing in (False, True)],
+    [(1e-12, True), (5e-9, False)].__contains__))
 def test_a_contact_that_the_leader_overshoots_is_not_proved_an_hour_later(beyond_m, grazing):
     head, turn_s, again_s = there_and_back(beyond_m)
     said = 'already been beyond' if beyond_m > (1e-7 if grazing else 1e-9) else 'overlap'
