@@ -98,8 +98,9 @@ def test_kilted_is_tried_with_its_own_wheels_and_with_the_other_packages_of_jazz
     assert of_kilted == {name.replace('ros-jazzy-', 'ros-kilted-') for name in of_jazzy}
 
 
-def test_the_two_profiles_of_this_host_differ_in_one_name_alone():
+def test_the_two_profiles_of_this_host_differ_only_in_two_names():
     old, new = ((ROOT / 'msg_configs/fastdds' / name).read_text().split('<dds ')[1]
                 for name in ('loopback.xml', 'loopback_fastdds3.xml'))
-    assert new == old.replace('heartbeatPeriod>', 'heartbeat_period>')
+    assert new == old.replace('heartbeatPeriod>', 'heartbeat_period>').replace('nackSupressionDuration>',
+                                                                              'nack_supression_duration>')
     assert new != old
