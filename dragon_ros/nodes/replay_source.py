@@ -9,6 +9,7 @@ from dragon_ros.bags.read.reader import BagReader, Message
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.limits import REPLAYED_BYTES
 from dragon_ros.core.scene import NS
+from dragon_ros.messages.channels import channels
 from dragon_ros.nodes import publisher_queue
 
 _EACH_BYTES = 256       # memory, in bytes, that a message uses in addition to its data
@@ -17,7 +18,8 @@ _EACH_BYTES = 256       # memory, in bytes, that a message uses in addition to i
 class ReplaySource:
     """Publishes the messages from ``start_ns`` to ``end_ns`` (both included) on the publishers of their topics.
 
-    At the start and after a seek, each latched topic first publishes its message for that time.
+    At the start and after a seek, each latched topic publishes its message for that time: before the other messages or,
+    for the reports of a monitor, after them. A report without a stamp belongs to the tick before it.
     """
 
     def __init__(self, bag: BagReader, publishers: Mapping[str, Publisher], start_ns: int, end_ns: int,
@@ -33,6 +35,8 @@ class ReplaySource:
         self._bag, self._publishers, self._start_ns, self._end_ns = bag, publishers, start_ns, end_ns
         self._latched = {topic for topic, publisher in publishers.items()
                          if publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL}
+        reports = tuple(f'/{name}' for name, row in channels().items() if row.publisher == 'monitor')
+        self._ranks = {topic: 2 if topic.endswith(reports) else 0 for topic in self._latched}
         self._queue, self._last_ns = publisher_queue.PublisherQueue(warn), start_ns
         self._messages: Iterator[Message]
         self._next: Message | None
@@ -55,7 +59,7 @@ class ReplaySource:
             observe(self._last_ns)
         frame = self._take()
         if self._starts:
-            frame = [*self._before(), *sorted(frame, key=lambda message: message.topic not in self._latched)]
+            frame = sorted((*self._before(), *frame), key=lambda message: self._ranks.get(message.topic, 1))
             self._starts = False
         for message in frame:
             self._queue.put(self._publishers[message.topic], message.data)

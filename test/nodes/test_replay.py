@@ -9,7 +9,7 @@ from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.core.errors import MissingError
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.messages.cdr import string_message
+from dragon_ros.messages.cdr import Writer, string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import read_pose_array, read_string
 from dragon_ros.messages.encode import encoders
@@ -250,3 +250,33 @@ def test_what_its_type_cannot_hold_is_left_out_named_once_and_counted_and_all_el
     assert replay.text.count('/dragon/clearance: messages that are too long for their type are left out; the first '
                              'has 20 bytes') == 1
     assert '22 messages published, 18 left out' in replay.text
+
+
+def test_a_seek_leaves_the_latched_reports_of_a_monitor_at_their_ticks(start, node, tmp_path, stamps, call, put):
+    """The recorder logs a report without a stamp at the tick that precedes it; a seek must not change that tick."""
+    source, again = tmp_path / 'source.mcap', tmp_path / 'again.mcap'
+    with BagWriter(source) as bag:
+        for name in ('handles', 'clearance/stamped', 'collision/active'):
+            bag.add_channel(f'/dragon/{name}', channels()[name])
+        encode = encoders(SCENE)['handles']
+        for k in range(21):
+            frame = tick(SCENE, k)
+            stamped = Writer()
+            stamped.header('dragon', frame.t_ns)
+            stamped.put('d', 0.1, 0.0, 0.0)
+            bag.write('/dragon/handles', encode(frame), frame.t_ns, k + 1)
+            bag.write('/dragon/clearance/stamped', bytes(stamped.finish()), frame.t_ns, k + 1)
+            if k in (0, 10):
+                bag.write('/dragon/collision/active', bytes([0, 1, 0, 0, k == 10]), frame.t_ns, 1 + (k == 10))
+    record = start('record', '--output', again)
+    replay = start('replay', source, '--rate', '1', '--wait-subscribers',
+                   '/dragon/handles=2,/dragon/clearance/stamped=1,/dragon/collision/active=1')
+    node.until(lambda: len(stamps) >= 3)
+    assert call('pause').success
+    assert put('seek_s', 11.55).successful
+    assert call('seek').success
+    assert call('resume').success
+    assert replay.end() == 0, replay.text
+    record.end()
+    active = [(t_ns / NS, data[4]) for t_ns, _, data in by_topic(again)['/dragon/collision/active']]
+    assert active == [(10.0, 0), (11.5, 1)]
