@@ -200,10 +200,10 @@ def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
 def _min_pitch_text(values: dict[str, Any]) -> str:
     """Return the answer as text."""
     inner, outer = values['benches']
-    above = 'from this pitch to' if values['proved'] else 'at this pitch and at'
+    above = f'from this pitch to {values["largest_m"]:g} m' if values['proved'] else 'at this pitch'
     return '\n'.join([
-        f'the smallest pitch is {values["high_m"]:.12f} m: {above} {values["largest_m"]:g} m, there is '
-        'no contact on the way in' + ('' if values['proved'] else '; pitches in between are not evaluated'),
+        f'the smallest pitch is {values["high_m"]:.12f} m: {above}, there is no contact on the way in'
+        + ('' if values['proved'] else '; nothing is proved for larger pitches'),
         f'at {values["low_m"]:.12f} m, benches {inner} and {outer} touch, with the head at radius '
         f'{values["radius_m"]:.6f} m',
         f'{values["states"]:,} {"windings" if values["proved"] else "states"} were evaluated'])

@@ -135,8 +135,8 @@ class MinPitchQuestion:
     """The smallest pitch at which the head reaches a circle without contact, starting at ``start_turns``.
 
     By default, ``start_turns`` is taken from the scene. If all benches behind the head are equal, it is proved that no
-    pitch from the result to ``largest_m`` has a contact. For mixed benches, the bracket from ``smallest_m`` to
-    ``largest_m`` is bisected: both ends of the result are proved, but larger pitches are not examined.
+    pitch from the result to ``largest_m`` has a contact. For mixed benches, ``smallest_m`` must be a pitch with a
+    contact. If ``min_pitch_proved`` is False, there is no contact at the result, but larger pitches are not proved.
     """
 
     diameter_m: float = 9.0

@@ -5,8 +5,10 @@ b phi + outer. Adjacent layers of the spiral are one pitch apart at each angle. 
 of one layer plus the inner half band of the next layer, benches of different layers cannot touch, wherever they are on
 their layers. Benches of the same layer are apart because a link lies between them.
 
-The bound depends only on the smallest polar angle of the bench's front handle, and it increases with this angle. A
-single evaluation therefore clears everything further out, and no handles need to be placed (docs/contact.md, lemma 11).
+The bound depends only on the smallest distance of the bench's front handle from the centre, and it increases with this
+distance. A single evaluation therefore clears everything further out, and no handles need to be placed
+(docs/contact.md, lemma 11). It also clears a range of pitches: each term is evaluated at the end of the range at which
+it is least favourable (lemma 12).
 
 The bound is rounded down: ``ABOVE`` covers the rounding errors of its formulas.
 """
@@ -22,15 +24,20 @@ from dragon_ros.core.numerics.types import Floats, Ints
 
 @dataclass(frozen=True)
 class Layers:
-    """The benches of a dragon on the spiral r = b theta."""
+    """The benches of a dragon on any spiral r = b theta with b from ``least_b_m`` (by default ``b_m``) to ``b_m``."""
 
     b_m: float
     dragon: AnyDragon
+    least_b_m: float | None = None
 
     @property
     def pitch_m(self) -> float:
-        """The distance between adjacent layers."""
+        """The largest distance between adjacent layers."""
         return 2 * np.pi * self.b_m
+
+    @property
+    def _smallest_b_m(self) -> float:
+        return self.b_m if self.least_b_m is None else self.least_b_m
 
     @property
     def _half_width_m(self) -> float:
@@ -42,15 +49,18 @@ class Layers:
         return np.maximum.accumulate(self.dragon.link_lengths_m[::-1])[::-1]
 
     def gaps_m(self, theta: Floats, bench: Ints) -> Floats:
+        """Return bounds as ``gaps_from_m`` does, while front handles have polar angles of ``theta`` (M,) or more."""
+        return self.gaps_from_m(self.b_m * theta, bench)
+
+    def gaps_from_m(self, radius_m: Floats, bench: Ints) -> Floats:
         """Return bounds (M,) on the gaps between benches (M,) and all benches behind them except the next ones.
 
-        The bounds hold while the front handles of the benches have polar angles of ``theta`` (M,) or more. A bound
+        The bounds hold while the front handles of the benches are at least ``radius_m`` (M,) from the centre. A bound
         that is not positive proves nothing. At least two benches must be behind each bench.
         """
         link_m, longest_m = self.dragon.link_lengths_m, self._longest_m[bench + 2]
         own_m, between_m = link_m[bench], link_m[bench + 1]
         with np.errstate(all='ignore'):
-            radius_m = self.b_m * theta
             out = np.minimum(self._other_layers(radius_m, own_m, longest_m),
                              self._same_layer(radius_m, own_m, between_m, longest_m))
             low_m = out - (ABOVE - 1) * (self.pitch_m + own_m + between_m + longest_m + self.dragon.width_m)
@@ -65,7 +75,7 @@ class Layers:
         outer_m = radius_m + self._further_m(radius_m, own_m, longest_m)
         facing_m = self._band(radius_m, own_m)[1] + self._band(outer_m, longest_m)[0]
         least_m = self._nearest(radius_m, np.maximum(own_m, longest_m)) - self._half_width_m - 0.5 * self.pitch_m
-        out: Floats = (self.pitch_m - facing_m) / np.hypot(1.0, self.b_m / least_m)
+        out: Floats = (2 * np.pi * self._smallest_b_m - facing_m) / np.hypot(1.0, self.b_m / least_m)
         return out
 
     def _further_m(self, radius_m: Floats, own_m: Floats, longest_m: Floats) -> Floats:
@@ -79,7 +89,7 @@ class Layers:
         nearest_m = self._nearest(radius_m, np.maximum(own_m, longest_m))
         seen = np.arcsin(0.5 * self.pitch_m / (nearest_m - self._half_width_m))
         less = 2 * self._corner(nearest_m) + 2 * seen + 0.5 * np.pi * longest_m / radius_m
-        out: Floats = self.b_m * (2 * np.pi - less)
+        out: Floats = self._smallest_b_m * np.maximum(2 * np.pi - less, 0.0)
         return out
 
     def _corner(self, nearest_m: Floats) -> Floats:

@@ -14,15 +14,21 @@ dragon is ``scale`` = 1 / b times as large: a smaller pitch means a larger drago
 position (the radius of the leading handle in metres); a *winding* is a little more than one turn of the chain behind
 this handle.
 
-This method requires equal benches behind the head. For mixed benches, a bracket of two given pitches is bisected. A
-contact is then proved at the lower end of the bracket, and the absence of a contact at its upper end; nothing is proved
-for larger pitches.
+The head is searched first. All pitches above its largest pitch with a contact must then be cleared for the body
+benches. If the layers of the spiral are provably apart at these pitches (``layers``), this takes no states. Otherwise,
+equal body benches are searched like the head. Mixed body benches are searched only at the upper end of the bracket
+(``first_contact``), so nothing is proved for larger pitches.
+
+The search of the head requires links that are short compared with the circle. It also requires that the head touches a
+bench before body benches touch each other. For other mixed dragons, a bracket of two given pitches is bisected. A
+contact is then proved at the lower end of the bracket, and the absence of a contact at its upper end.
 
 Bounds are rounded outwards as for the first contact: balls by their arithmetic, separations by
 ``signed_distance.rounding_m``, polar angles by the position error.
 """
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from math import asin, ceil, hypot, isclose, log, pi, sqrt
 
 import numpy as np
@@ -32,7 +38,8 @@ from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.checks import number
 from dragon_ros.core.enclosures.ball_arithmetic import Ball, between
 from dragon_ros.core.enclosures.by_scale import bend_by_scale
-from dragon_ros.core.enclosures.on_spiral import ABOVE, BenchSamples, bend, line_distance, samples_of
+from dragon_ros.core.enclosures.layers import Layers
+from dragon_ros.core.enclosures.on_spiral import ABOVE, BenchSamples, bend, samples_of
 from dragon_ros.core.errors import DragonError, FieldError
 from dragon_ros.core.geometry.rectangles import corner_levers
 from dragon_ros.core.geometry.signed_distance import rounding_m, seen_from
@@ -48,7 +55,8 @@ from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
 
-# The size of the first cells: the angle of the leading handle about the centre, and a fraction of the pitch.
+# The size of the first cells: the angle of the leading handle about the centre, and a fraction of the pitch, which is
+# also the size of the ranges of pitch in which layers are compared.
 _WAY_RAD, _STEP = 0.8, 0.1
 _AT_ONCE, _MOST = 256, 100_000      # maximum numbers of cells judged together and in total
 _PAIRS = 2**16          # maximum number of pairs of benches in the cells that are judged together, to save memory
@@ -65,8 +73,8 @@ class MinPitch:
     """A pitch ``low_m`` with a contact, and a range of pitches without a contact, from ``high_m`` to ``largest_m``.
 
     At ``low_m`` the ``benches`` touch when the head's front handle is at ``radius_m``; ``states`` is the number of
-    windings placed or, for mixed benches, the number of states evaluated. For mixed benches ``proved`` is False:
-    ``high_m`` and ``largest_m`` have no contact, but nothing is proved for the pitches between them.
+    windings placed and of states evaluated. If ``proved`` is False (only for mixed benches), ``high_m`` has no contact,
+    but nothing is proved for larger pitches.
     """
 
     low_m: float
@@ -118,13 +126,13 @@ def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_tu
     The head starts ``start_turns`` turns from the centre of the spiral, which is also the centre of the circle of
     diameter ``diameter_m``. ``low_m`` and ``high_m`` differ by at most ``within_m`` or, if that is more, five times
     the error of a gap. Mixed benches require ``smallest_m``, a pitch at which benches touch; for equal benches it
-    is ignored. ``progress(states)`` is called with the number of states computed since the last call. Raises
-    FieldError if no pitch has a contact or if benches touch at ``largest_m``, DragonError if no bounds can be
+    is ignored. ``progress(states)`` is called with the number of states computed since the last call. Raises FieldError
+    if no pitch has a contact or if benches touch at ``largest_m`` or just below it, DragonError if no bounds can be
     proved, and ChainLockError if a link is longer than the circle's diameter.
     """
     if dragon and not is_even(dragon.link_lengths_m):
-        runs = _Runs(dragon, diameter_m, start_turns, progress)
-        return _halved(runs, smallest_m, largest_m, number('within_m', within_m, low=2e-11, high=1.0))
+        number('within_m', within_m, low=2e-11, high=1.0)
+        return _of_mixed(_Runs(dragon, diameter_m, start_turns, progress), smallest_m, largest_m, within_m)
     task = _task(dragon or Dragon(), diameter_m, start_turns, largest_m, within_m)
     head = _Descending(task, 0, task.smallest_m, progress)
     low_m, high_m = head.run()
@@ -135,8 +143,12 @@ def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_tu
     if isclose(pitch_m, largest_m, rel_tol=_SAME):
         raise FieldError('largest_m', largest_m, f'benches 0 and {bench} touch at this pitch, with the head at radius '
                          f'{radius_m:.6g} m', 'give a larger pitch')
+    if high_m >= largest_m:
+        raise FieldError('largest_m', largest_m, f'it is less than {within_m:g} m above a pitch of {pitch_m:.6g} m, at '
+                         f'which benches 0 and {bench} touch', 'give a larger pitch, or ask for a narrower bracket')
     body = _Descending(task, 1, high_m, progress)
-    body.run()
+    if not _body_is_apart(task, high_m):
+        body.run()
     if body.touch:
         radius_m, pitch_m, bench = body.touch
         raise DragonError(f'min-pitch: at a pitch of {pitch_m:.9g} m, two body benches {bench} places apart may touch '
@@ -163,6 +175,19 @@ def _task(dragon: AnyDragon, diameter_m: float, start_turns: float, largest_m: f
     return _PitchTask(dragon, radius_m, start_turns, largest_m, within_m)
 
 
+def _body_is_apart(task: _PitchTask, high_m: float) -> bool:
+    """Return whether the layers of body benches are apart at all pitches from ``high_m`` to the largest pitch.
+
+    The radius of the front handle of a body bench is smallest at the smallest pitch.
+    """
+    b_m = np.geomspace(high_m, task.largest_m, 1 + ceil(log(task.largest_m / high_m) / _STEP)) / (2 * pi)
+    benches = np.arange(1, task.dragon.benches - 2)
+    radii_m = np.full(benches.size, task.innermost_m(high_m, 1))
+    error_m = 2 * EXACT.promise_for_m(task.widest_m(task.largest_m, 1))
+    layers = [Layers(_OUTWARDS * large, task.dragon, small / _OUTWARDS) for small, large in pairwise(b_m.tolist())]
+    return all(np.all(each.gaps_from_m(radii_m, benches) > error_m) for each in layers)
+
+
 class _Runs:
     """The runs of a dragon that winds in to a circle, one for each pitch."""
 
@@ -170,14 +195,15 @@ class _Runs:
                  progress: Callable[[int], object]) -> None:
         number('diameter_m', diameter_m, above=0.0, high=1e6)
         number('start_turns', start_turns, above=0.0, high=1e4)
-        self._given, self._tell, self.states = (dragon, diameter_m, start_turns), progress, 0
+        self.given, self._tell, self.states = (dragon, diameter_m, start_turns), progress, 0
 
-    def _progress(self, states: int) -> None:
+    def count(self, states: int) -> None:
+        """Count evaluated states."""
         self.states += states
         self._tell(states)
 
     def _scene(self, pitch_m: float) -> Scene:
-        dragon, diameter_m, start_turns = self._given
+        dragon, diameter_m, start_turns = self.given
         return coming_in(dragon, pitch_m, start_turns, diameter_m)
 
     def check(self, pitch_m: float) -> None:
@@ -186,12 +212,12 @@ class _Runs:
 
     def contact(self, pitch_m: float) -> Contact | None:
         """Return the first contact while the head winds in."""
-        found = first_contact(self._scene(pitch_m), self._progress)
+        found = first_contact(self._scene(pitch_m), self.count)
         return found if isinstance(found, Contact) else None
 
     def head_touches(self, pitch_m: float) -> bool:
         """Return whether the head may touch a bench while it winds in."""
-        return not head_passes(self._scene(pitch_m), self._progress)
+        return not head_passes(self._scene(pitch_m), self.count)
 
     def radius_m(self, pitch_m: float, t_s: float) -> float:
         """Return the distance of the head's front handle from the centre."""
@@ -207,19 +233,46 @@ def coming_in(dragon: AnyDragon, pitch_m: float, start_turns: float, diameter_m:
     return Scene(dragon, track, Head(), Run(0.0, SpiralCurve.of(track).distance_to(2 * pi * turns)))
 
 
-def _halved(runs: _Runs, smallest_m: float | None, largest_m: float, within_m: float) -> MinPitch:
-    """Bisect the bracket for mixed benches. Raises FieldError unless only the lower end has a contact.
-
-    Bisection checks only the head, which is usually the first to touch; the remaining bracket is checked for all
-    benches. An end of the given bracket is therefore checked only if it is still an end after the bisection.
-    """
+def _of_mixed(runs: _Runs, smallest_m: float | None, largest_m: float, within_m: float) -> MinPitch:
+    """Search the bracket for mixed benches. Raises FieldError if a bound of the bracket is missing or wrong."""
     if smallest_m is None:
-        raise FieldError('smallest_m', None, 'the pitch of mixed benches is bisected between two bounds',
+        raise FieldError('smallest_m', None, 'the pitch of mixed benches is searched for between two bounds',
                          'give a pitch at which benches touch')
     number('smallest_m', smallest_m, above=0.0)
     number('largest_m', largest_m, above=smallest_m, high=1e6)
     runs.check(smallest_m)
-    low_m, high_m = _bisected(runs.head_touches, smallest_m, largest_m, within_m)
+    head = _head_of(runs, smallest_m, largest_m, within_m)
+    if head is None:
+        return _of_all(runs, *_bisected(runs.head_touches, smallest_m, largest_m, within_m), smallest_m, largest_m,
+                       within_m)
+    assert head.touch
+    (radius_m, low_m, bench), high_m = head.touch, head.high_m
+    proved = _body_is_apart(head.task, high_m)
+    if not proved and runs.contact(high_m):
+        return _of_all(runs, low_m, high_m, smallest_m, largest_m, within_m)
+    return MinPitch(low_m, high_m, (0, bench), radius_m, largest_m, runs.states, proved)
+
+
+def _head_of(runs: _Runs, smallest_m: float, largest_m: float, within_m: float) -> '_Descending | None':
+    """Search for the head's contacts.
+
+    Returns None if these contacts cannot be bounded, or if there is none in the bracket or one too close to
+    ``largest_m``.
+    """
+    try:
+        head = _Descending(_task(*runs.given, largest_m, within_m), 0, smallest_m, runs.count)
+        head.run()
+    except DragonError:
+        return None
+    return head if head.touch and head.high_m < largest_m else None
+
+
+def _of_all(runs: _Runs, low_m: float, high_m: float, smallest_m: float, largest_m: float, within_m: float) -> MinPitch:
+    """Check a bracket of the head for all benches; if they touch at its upper end, bisect the pitches above it.
+
+    An end of the given bracket is therefore checked only if it is still an end after the bisection. Raises FieldError
+    unless only the lower end has a contact.
+    """
     if runs.contact(high_m):
         if high_m == largest_m or runs.contact(largest_m):
             raise FieldError('largest_m', largest_m, 'benches touch at this pitch', 'give a larger pitch')
@@ -260,7 +313,12 @@ class _Descending:
         """Return a pitch with a contact (or the floor), and the smallest pitch above which everything is clear."""
         cells = self._grid()
         run(self, Boxes(cells[[0, 2]], cells[[1, 3]]))
-        return 2 * pi / self._best, _OUTWARDS * 2 * pi / self._limit
+        return 2 * pi / self._best, self.high_m
+
+    @property
+    def high_m(self) -> float:
+        """The smallest pitch above which everything is clear."""
+        return _OUTWARDS * 2 * pi / self._limit
 
     @property
     def at_once(self) -> int:
@@ -347,15 +405,16 @@ class _Descending:
         self._tell(scale.size)
         dragon = self.task.dragon
         around = 2 * pi * (float(np.max(radius_m)) + 2 * pi / float(np.min(scale)))
-        link = max(float(dragon.link_lengths_m[-1]), 1e-3 * around)
-        self._follow = min(dragon.benches - self.first, 8 + ceil(self._turns(radius_m, scale) * around / link))
+        behind_m = np.cumsum(np.maximum(dragon.link_lengths_m[self.first + 1:], 1e-3 * around))
+        needed = 1 + int(np.searchsorted(behind_m, self._turns(radius_m, scale) * around))
+        self._follow = min(dragon.benches - self.first, 8 + needed)
         return windings(dragon, self.first, self._follow, radius_m, scale)
 
     def _turns(self, radius_m: Floats, scale: Floats) -> float:
         """Estimate after how many turns benches are clear of the leading bench; ``_check_rest`` checks the estimate."""
         dragon, pitch_m = self.task.dragon, 2 * pi / float(np.max(scale))
         overhang_m = 0.5 * float(dragon.bench_lengths_m[self.first] - dragon.link_lengths_m[self.first])
-        sag_m = float(dragon.link_lengths_m[-1]) ** 2 / (8 * float(np.min(radius_m)))
+        sag_m = float(np.max(dragon.link_lengths_m[self.first + 1:])) ** 2 / (8 * float(np.min(radius_m)))
         return max(1.2, 0.1 + (hypot(overhang_m, 0.5 * dragon.width_m) + 0.5 * dragon.width_m + sag_m) / pitch_m)
 
     def _sags(self, cells: Floats, placed: BenchSamples, ends: Ints) -> Floats:
@@ -386,17 +445,19 @@ class _Descending:
         """Raise DragonError if, in a cell, a bench beyond the placed benches could come close to the leading bench.
 
         The leading bench lies within the radius of its rear handle plus its overhang; this sum, in metres, is largest
-        at the larger radius and the larger pitch. The distance of the last link's line from the centre is (l^2 - (delta
-        / scale)^2) / (2 l tan(delta / 2)), which is smallest for the largest delta and the smallest scale. Links
-        further behind lie further out (docs/contact.md).
+        at the larger radius and the larger pitch. The front handles of the benches that are not placed are at least as
+        far out as the last handle placed, whose radius is smallest at the smaller radius and the smaller pitch
+        (``by_scale``). The distance of these benches from the centre follows from the proof of lemma 11 in
+        docs/contact.md.
         """
-        dragon, count = self.task.dragon, placed.delta.shape[1]
-        if count == dragon.benches - self.first:
+        dragon, rest = self.task.dragon, self.first + placed.delta.shape[1]
+        if rest == dragon.benches:
             return
         overhang = 0.5 * (dragon.bench_lengths_m[self.first] - dragon.link_lengths_m[self.first])
         reach = placed.theta[ends[2], 1] / cells[2] + np.hypot(overhang, 0.5 * dragon.width_m)
-        link, off = float(dragon.link_lengths_m[-1]), self._angle_errors(placed.theta[ends[1], -2], cells[3])
-        line = line_distance(link * cells[2], placed.delta[ends[1], -1], 2 * off) / cells[2] - 0.5 * dragon.width_m
+        off = np.maximum(0.5 * float(np.max(dragon.link_lengths_m[rest:])), 0.5 * pi / cells[2])
+        front = placed.theta[ends[1], -1] / cells[3] - 2 * self._error_m
+        line = np.sqrt(np.maximum((front - off) * (front + off), 0.0)) - 0.5 * dragon.width_m
         if np.any(line <= reach + self._tolerance_m):
             raise DragonError('min-pitch: one turn of benches is not enough for a proof; such dragons are not '
                               'supported')

@@ -76,6 +76,11 @@ def test_where_benches_touch_at_the_largest_pitch_no_smallest_one_is_claimed():
         min_pitch(Dragon(benches=40), largest_m=0.44)
 
 
+def test_a_bracket_that_would_end_at_the_largest_pitch_is_refused_since_nothing_is_proved_there():
+    with pytest.raises(FieldError, match=r'largest_m: 0.4504 .* less than 0.001 m above .* benches 0 and 19 touch'):
+        min_pitch(Dragon(benches=40), largest_m=0.4504, within_m=1e-3)
+
+
 def test_a_body_that_would_touch_first_is_said_to_be_not_covered():
     with pytest.raises(DragonError, match='two body benches'):
         min_pitch(Dragon(40, head_length_m=1.0))

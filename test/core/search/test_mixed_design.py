@@ -11,6 +11,7 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.bounding_box import bounding_box
+from dragon_ros.core.search.certificate import NoContact
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.max_speed import max_speed
 from dragon_ros.core.search.min_pitch import coming_in, min_pitch
@@ -23,26 +24,59 @@ def test_the_smallest_pitch_of_an_even_list_is_that_of_equal_benches():
     assert even == min_pitch(Dragon(40), largest_m=0.5, within_m=1e-6)
 
 
-def test_the_smallest_pitch_of_a_mixed_dragon_is_halved_between_a_contact_and_none():
-    dragon = Mixed((Group(3.41), Group(2.2, 28), Group(2.2001)))
+ALMOST_EQUAL = Mixed((Group(3.41), Group(2.2, 28), Group(2.2001)))
+UNEVEN = Mixed((Group(3.41), *map(Group, np.random.default_rng(1).uniform(2.1, 2.3, 40).tolist())))
+# Contacts of body benches cannot be ruled out without states: the head is as long as they are, or some are much longer.
+CLOSE = Mixed((Group(2.2), Group(2.2, 28), Group(2.2001)))
+LONG_AND_SHORT = Mixed((Group(3.41), *map(Group, np.random.default_rng(1).uniform(1.2, 2.6, 40).tolist())))
+
+
+@pytest.mark.parametrize(('dragon', 'diameter_m', 'turns', 'proved'), [
+    (ALMOST_EQUAL, 4.0, 5.0, True), (UNEVEN, 8.0, 10.0, True), (CLOSE, 4.0, 5.0, False),
+    (LONG_AND_SHORT, 6.0, 8.0, False)])
+def test_the_smallest_pitch_of_a_mixed_dragon_is_between_a_contact_and_pitches_without_one(dragon, diameter_m, turns,
+                                                                                           proved):
     seen = []
-    found = min_pitch(dragon, 4.0, 5.0, 0.9, 0.01, seen.append, 0.45)
-    assert not found.proved
+    found = min_pitch(dragon, diameter_m, turns, 0.9, 1e-4, seen.append, 0.42)
+    assert found.proved == proved
     assert found.states == sum(seen) > 0
-    assert 0 < found.high_m - found.low_m <= 0.01
-    touch = first_contact(coming_in(dragon, found.low_m, 5.0, 4.0))
+    assert 0 < found.high_m - found.low_m <= 1e-4
+    touch = first_contact(coming_in(dragon, found.low_m, turns, diameter_m))
     assert touch.benches == found.benches
-    assert not hasattr(first_contact(coming_in(dragon, found.high_m, 5.0, 4.0)), 'benches')
-    equal = min_pitch(Dragon(30), 4.0, 5.0, 0.9, 1e-4)
-    assert found.low_m <= equal.high_m <= found.high_m + 1e-3
+    for above_m in (found.high_m, *(found.high_m + np.geomspace(1e-6, 0.9 - found.high_m, 5) if proved else ())):
+        assert isinstance(first_contact(coming_in(dragon, float(above_m), turns, diameter_m)), NoContact)
+
+
+def test_the_smallest_pitch_of_an_almost_equal_dragon_is_almost_that_of_equal_benches():
+    found, equal = min_pitch(ALMOST_EQUAL, 4.0, 5.0, 0.9, 1e-4, smallest_m=0.45), min_pitch(Dragon(30), 4.0, 5.0, 0.9)
+    assert found.low_m - 1e-6 <= equal.high_m <= found.high_m + 1e-6
+
+
+@pytest.mark.parametrize(('dragon', 'diameter_m', 'largest_m'), [
+    (Mixed((Group(1.2), Group(2.2, 28), Group(2.2001))), 4.0, 0.9),     # the head touches only at smaller pitches
+    (Mixed((Group(3.41), Group(2.2, 40), Group(9.0))), 9.0, 4.0)])      # a link that is almost as long as the circle
+def test_the_pitch_of_a_mixed_dragon_is_bisected_if_the_contacts_of_its_head_do_not_decide(dragon, diameter_m,
+                                                                                           largest_m):
+    found = min_pitch(dragon, diameter_m, 8.0, largest_m, 0.02, smallest_m=0.35 if diameter_m < 9 else 1.2)
+    assert not found.proved
+    assert found.benches[0] > 0
+    assert 0 < found.high_m - found.low_m <= 0.02
+    assert first_contact(coming_in(dragon, found.low_m, 8.0, diameter_m)).benches == found.benches
+    assert isinstance(first_contact(coming_in(dragon, found.high_m, 8.0, diameter_m)), NoContact)
+
+
+def test_of_a_bracket_whose_upper_end_has_a_contact_the_end_is_refused():
+    for largest_m, within_m in ((0.46, 0.001), (0.56, 0.2)):
+        with pytest.raises(FieldError, match=f'largest_m: {largest_m} .* benches touch'):
+            min_pitch(ALMOST_EQUAL, 4.0, 5.0, largest_m, within_m, smallest_m=0.45)
 
 
 @pytest.mark.parametrize(('smallest_m', 'says'), [
-    (None, r'smallest_m: None .* mixed benches is bisected .* give a pitch at which benches touch'),
+    (None, r'smallest_m: None .* mixed benches is searched for between .* give a pitch at which benches touch'),
     (0.89, r'smallest_m: 0.89 .* no benches touch'), (1.5, r'largest_m: 0.9 ')])
 def test_a_bracket_of_mixed_benches_that_holds_no_pitch_is_refused(smallest_m, says):
     with pytest.raises(FieldError, match=says):
-        min_pitch(Mixed((Group(3.41), Group(2.2, 28), Group(2.2001))), 4.0, 5.0, 0.9, 0.01, smallest_m=smallest_m)
+        min_pitch(ALMOST_EQUAL, 4.0, 5.0, 0.9, 0.01, smallest_m=smallest_m)
 
 
 def test_the_room_of_a_mixed_dragon_holds_every_corner_of_its_run():

@@ -6,21 +6,31 @@ import pytest
 from properties import thinned
 
 from dragon_ros.core.chain.chain import marched
-from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.enclosures.ball_arithmetic import between
 from dragon_ros.core.enclosures.by_scale import bend_by_scale
-from dragon_ros.core.enclosures.on_spiral import bend, line_distance
+from dragon_ros.core.enclosures.layers import Layers
+from dragon_ros.core.enclosures.on_spiral import bend
 from dragon_ros.core.errors import DragonError, FieldError
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.search.driver import Boxes
-from dragon_ros.core.search.min_pitch import _Descending, _PitchTask, _task, min_pitch, separations, windings
+from dragon_ros.core.search.min_pitch import (
+    _body_is_apart,
+    _Descending,
+    _PitchTask,
+    _task,
+    min_pitch,
+    separations,
+    windings,
+)
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral
 
 COUNT = 40
 DRAGONS = [Dragon(), Dragon(benches=60, width_m=0.4, head_length_m=1.0), Dragon(head_length_m=6.0)]
+MIXED = Mixed((Group(3.4), *(Group(length) for length in np.random.default_rng(5).uniform(0.7, 3.0, 60).tolist())))
 
 
 def winding(radius_m, scale, dragon=DRAGONS[0], first=0):
@@ -71,7 +81,7 @@ def test_a_winding_is_the_chain_that_the_march_places():
         assert middle / s == pytest.approx(0.5 * (chain.p[1:] + chain.p[:-1]) @ [1, 1j], abs=1e-11)
 
 
-@pytest.mark.parametrize('dragon', DRAGONS)
+@pytest.mark.parametrize('dragon', [*DRAGONS, MIXED])
 @pytest.mark.parametrize('first', [0, 1])
 @pytest.mark.parametrize(('wide', 'tall'), thinned([(1e-4, 1e-4), (0.1, 0.01), (0.4, 0.05)],
                                                    lambda case: case[0] != 0.1))
@@ -105,29 +115,31 @@ def test_of_benches_so_wide_that_their_turning_is_all_the_bounds_are_within_a_tw
         assert np.median(bound / true) < 1.05
 
 
+@pytest.mark.parametrize('dragon', [DRAGONS[0], MIXED])
 @pytest.mark.parametrize('first', [0, 1])
-def test_in_a_cell_angles_lie_in_their_enclosures_and_reach_both_ends(first):
-    rng, search = np.random.default_rng(7), descending(first)
+def test_in_a_cell_angles_lie_in_their_enclosures_and_reach_both_ends(first, dragon):
+    rng, search = np.random.default_rng(7), descending(first, dragon)
     for pitch, radius in zip(rng.uniform(0.3, 1.0, 40), rng.uniform(3.0, 12.0, 40), strict=True):
         scale = 2 * np.pi / pitch
         u, v = (np.append(row, rng.uniform(0, 1, 30)) for row in ([0.0, 0, 1, 1], [0.0, 1, 0, 1]))
-        seen = winding(radius + 0.4 * u, scale * (1 + 0.05 * v), first=first)
+        seen = winding(radius + 0.4 * u, scale * (1 + 0.05 * v), dragon, first)
         for ball, values in zip(search._angles(seen, np.arange(4)[:, None], np.array([[1.05 * scale]])),
                                 (seen.theta, seen.delta), strict=True):
             assert np.all(np.abs(values - ball.mid) <= ball.rad)
             assert np.all(2 * ball.rad <= 1.001 * np.ptp(values, axis=0))
 
 
+@pytest.mark.parametrize('dragon', [DRAGONS[0], MIXED])
 @pytest.mark.parametrize('first', [0, 1])
-def test_inside_a_cell_no_separation_sags_below_what_its_corners_say(first):
+def test_inside_a_cell_no_separation_sags_below_what_its_corners_say(first, dragon):
     rng = np.random.default_rng(6)
     for pitch, radius in zip(rng.uniform(0.3, 1.0, 40), rng.uniform(3.0, 12.0, 40), strict=True):
         scale = 2 * np.pi / pitch
         wide, tall = 0.3, 0.03 * scale
         u, v = (np.append(row, rng.uniform(0, 1, 30)) for row in ([0.0, 0, 1, 1], [0.0, 1, 0, 1]))
         scales = scale + v * tall
-        apart = separations(Dragon(), first, winding(radius + u * wide, scales, first=first), scales)
-        by_radius, by_scale = bounds((radius, radius + wide), (scale, scale + tall), Dragon(), first)
+        apart = separations(dragon, first, winding(radius + u * wide, scales, dragon, first), scales)
+        by_radius, by_scale = bounds((radius, radius + wide), (scale, scale + tall), dragon, first)
         sag = (by_radius * wide**2 + by_scale * tall**2) / 8
         low = np.min(apart[:4], axis=0) - sag[:, [0, 0, 0, 0, 1, 1, 1, 1]]
         assert np.min(apart[4:] - low) > -1e-12
@@ -230,29 +242,83 @@ def test_the_smallest_pitch_is_found_although_scales_come_down_to_two_adjacent_f
     assert found.low_m == pytest.approx(0.392514410901, abs=1e-10)
 
 
+@pytest.mark.parametrize(('longest_m', 'pitch_m'), [(2.2, 1.0), (5.0, 1.0), (2.2, 5.0)])
 @pytest.mark.parametrize('first', [0, 1])
-def test_benches_further_behind_are_left_unexamined_only_if_their_lines_keep_the_tolerance_and_hardly_more(first):
+def test_benches_further_behind_are_left_unexamined_only_if_they_keep_the_tolerance_and_hardly_more(first, longest_m,
+                                                                                                    pitch_m):
+    """The first bench that is not placed has the length ``longest_m``."""
+    cell = np.array([[5.0], [5.1], [2 * np.pi / pitch_m], [2.02 * np.pi / pitch_m]])
+
     def spare(width_m):
-        """Return the distance of the last link's line from the benches, in tolerances, and whether it is accepted."""
-        dragon = Dragon(width_m=width_m)
-        search, cell = descending(first, dragon), np.array([[5.0], [5.0], [2 * np.pi], [2 * np.pi]])
-        placed = windings(dragon, first, 20, cell[0], cell[2])
-        overhang_m = 0.5 * (dragon.bench_lengths_m[first] - dragon.link_lengths_m[first])
-        reach_m = placed.theta[0, 1] / (2 * np.pi) + np.hypot(overhang_m, 0.5 * width_m)
-        off = 2 * search._angle_errors(placed.theta[0, -2], 2 * np.pi)
-        line_m = line_distance(2 * np.pi * dragon.link_lengths_m[-1], placed.delta[0, -1], off) / (2 * np.pi)
-        left = (line_m - 0.5 * width_m - reach_m) / search._tolerance_m
+        """Return how far these benches stay outside the leading bench, in tolerances, and whether it is accepted."""
+        dragon = Mixed((Group(3.41), Group(2.2, 19 + first), Group(longest_m), Group(2.2, 40)), width_m)
+        search, corners = descending(first, dragon), np.concatenate([cell[[i, j]] for i in (0, 1) for j in (2, 3)], 1)
+        radii_m = windings(dragon, first, 20, *corners).theta / corners[1][:, None]
+        reach_m = np.max(radii_m[:, 1]) + np.hypot(dragon.hole_inset_m, 0.5 * width_m)
+        front_m, link_m = np.min(radii_m[:, -1]) - 2 * search._error_m, longest_m - 2 * dragon.hole_inset_m
+        axis_m = np.sqrt(front_m**2 - max(link_m / 2, pitch_m / 4) ** 2)
+        left = (axis_m - 0.5 * width_m - reach_m) / search._tolerance_m
         try:
-            search._check_rest(cell, placed, np.zeros((4, 1), dtype=np.int64))
+            search._check_rest(cell, windings(dragon, first, 20, *corners), np.arange(4)[:, None])
         except DragonError:
             return left, False
         return left, True
 
-    low, high = 0.01, 3.0
+    low, high = 0.01, 9.0
     while high - low > 1e-13:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if spare(middle)[1] else (low, middle)
     assert 0.99 <= spare(low)[0] <= 1.1
+
+
+@pytest.mark.parametrize('dragon', [Dragon(), MIXED])
+@pytest.mark.parametrize('first', [0, 1])
+def test_no_bench_that_is_not_placed_comes_near_the_leading_bench_anywhere_in_an_accepted_cell(first, dragon):
+    rng, search, accepted = np.random.default_rng(8), descending(first, dragon), 0
+    for pitch_m, radius_m in zip(rng.uniform(0.4, 1.0, 60), rng.uniform(3.5, 6.0, 60), strict=True):
+        cell = np.array([[radius_m], [radius_m + 0.3], [2 * np.pi / pitch_m], [2.2 * np.pi / pitch_m]])
+        corner_cells = np.concatenate([cell[[i, j]] for i in (0, 1) for j in (2, 3)], axis=1)
+        count = int(rng.integers(20, 44))
+        try:
+            search._check_rest(cell, windings(dragon, first, count, *corner_cells), np.arange(4)[:, None])
+        except DragonError:
+            continue
+        scales, inside = rng.uniform(*cell[2:, 0], 20), rng.uniform(*cell[:2, 0], 20)
+        seen = separations(dragon, first, windings(dragon, first, count + 15, inside, scales), scales)
+        assert np.all(np.max(seen, axis=-1)[:, count - 2:] > 0)
+        accepted += 1
+    assert accepted > 10
+
+
+@pytest.mark.parametrize(('lengths_m', 'apart'), [
+    ([2.2], True), ([4.6], False),              # bench 1 is longer than all benches behind it
+    ([2.2] * 20 + [0.8, 2.2], False), ([2.2] * 20 + [0.8], True)])      # a short bench before the last, or as the last
+def test_body_benches_are_apart_only_if_the_layers_of_each_of_them_are(lengths_m, apart):
+    last = () if len(lengths_m) > 1 else (Group(2.2, 20),)
+    dragon = Mixed((Group(3.41), *map(Group, lengths_m), *last))
+    assert _body_is_apart(_task(dragon, 9.0, 20.0, 0.5, 1e-9), 0.45) == apart
+
+
+def test_body_benches_are_apart_up_to_the_largest_pitch_at_which_their_layers_are_and_from_the_smallest_on():
+    def apart(low_m, high_m):
+        return _body_is_apart(_task(Dragon(30), 9.0, 1e4, high_m, 1e-9), low_m)
+
+    def layers_are_apart(pitch_m):
+        radius_m = _task(Dragon(30), 9.0, 1e4, 1.0, 1e-9).innermost_m(0.5, 1)
+        return Layers(pitch_m / (2 * np.pi), Dragon(30)).gaps_from_m(np.array([radius_m]), np.array([1]))[0] > 0
+
+    low, high = 0.5, 100.0
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if layers_are_apart(middle) else (low, middle)
+    assert apart(0.5, 0.9 * low)
+    assert not apart(0.5, 1.01 * low)
+    smallest, large = 0.2, 0.5
+    for _ in range(50):
+        middle = 0.5 * (smallest + large)
+        smallest, large = (smallest, middle) if apart(middle, 1.0) else (middle, large)
+    assert layers_are_apart(large)
+    assert not layers_are_apart(0.985 * large)      # a range of pitches gives away hardly more than one pitch
 
 
 @pytest.mark.parametrize(('name', 'low', 'high'), [
