@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterable
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from dragon_ros.messages.synchronizer import Streams
 from dragon_ros.nodes import qos
@@ -31,9 +32,9 @@ class Publishers:
 
     def look(self) -> list[str]:
         """Update the publishers; return their names if there are several and the names are known, otherwise []."""
-        before, self._asked_s = self._there, 0.0
+        before = self._there
         self._there = {bytes(one.endpoint_gid): f'{one.node_namespace.rstrip("/")}/{one.node_name}'
-                       for one in self._node.get_publishers_info_by_topic(self.topic)}
+                       for one in self._ask()}
         gone = before.keys() - self._there.keys()
         if len(self._there) > 1 and (self._known in gone or (self._known is None and gone)):
             self._known = None
@@ -52,12 +53,20 @@ class Publishers:
         self._last = sequence
 
     def waits(self) -> bool:
-        """Return whether any publisher waits for its readers; the answer is at most a second old."""
+        """Return whether any publisher waits for its readers; the answer is at most a second old.
+
+        If all publishers have left, the answer is that for the last ones, whose messages may not have been read yet.
+        """
         if time.monotonic() - self._asked_s > _ASKED_S:
-            self._asked_s = time.monotonic()
-            self._waits = any(qos.waits(one.qos_profile)
-                              for one in self._node.get_publishers_info_by_topic(self.topic))
+            self._ask()
         return self._waits
+
+    def _ask(self) -> list[TopicEndpointInfo]:
+        """Return the publishers, and note whether any of them waits for its readers."""
+        self._asked_s = time.monotonic()
+        found: list[TopicEndpointInfo] = self._node.get_publishers_info_by_topic(self.topic)
+        self._waits = any(qos.waits(one.qos_profile) for one in found) if found else self._waits
+        return found
 
     def keeps(self, sequence: int, t_ns: int) -> bool:
         """Return whether a message is from the kept publisher, given its sequence number and stamp."""

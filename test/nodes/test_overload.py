@@ -103,6 +103,27 @@ def test_a_monitor_reads_first_where_the_publisher_waits_for_it(monitor, node, m
     assert (monitor.pace.before, monitor._numbers) == (0, {})
 
 
+@pytest.mark.parametrize('read', [0, 100])
+def test_a_monitor_reads_all_messages_of_a_publisher_that_waited_for_it_and_has_left(monitor, node, messages,
+                                                                                    monkeypatch, read):
+    monkeypatch.setattr(inbox, 'INBOX_MESSAGES', 40)
+    rows = [channels()[name] for name in ('handles', 'benches')]
+    publishers = [node.create_publisher(shell.message_type(row.type), row.name, qos.waiting(qos.of_channel(row)))
+                  for row in rows]
+    node.until(lambda: all(monitor.count_publishers(row.name) for row in rows))
+    monitor._on_timer()
+    for n, (name, data, _, number) in enumerate(messages):
+        if n == read:
+            for publisher in publishers:
+                node.destroy_publisher(publisher)
+            node.until(lambda: not any(monitor.count_publishers(row.name) for row in rows))
+            monitor._on_timer()
+        monitor._inbox.put(name, channels()[name].type, data, info(number))
+    while monitor._inbox._waiting:
+        monitor._inbox.work()
+    assert (monitor.seen, monitor.dropped, monitor._inbox.skipped, monitor.pace.text()) == (501, 0, 0, '')
+
+
 def test_a_monitor_remembers_numbers_of_handles_without_benches_within_its_budget(monitor, monkeypatch):
     from dragon_ros.nodes import monitor as module
     monkeypatch.setattr(module, 'INBOX_MESSAGES', 40)
