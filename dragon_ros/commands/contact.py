@@ -68,7 +68,7 @@ def _run(arguments: Namespace) -> int:
     _check(arguments)
     if arguments.verify is not None:
         return _verify(arguments.verify, arguments.effort, arguments.output)
-    scene = _scene_of(arguments)
+    scene, touch = _scene_of(arguments), _obstacle_touch(arguments)
     if arguments.within:
         from dragon_ros.commands import contact_within
         return contact_within.run(scene, arguments)
@@ -77,6 +77,8 @@ def _run(arguments: Namespace) -> int:
     with Progress('contact', 'states') as bar:
         found = first_contact(scene, bar.update)
     values = values_of(found)
+    if touch is not None:
+        values['recorded_obstacles'] = touch
     values['stats'] = {'elapsed_s': time.perf_counter() - start, 'states': found.states}
     if arguments.near_misses is not None:
         from dragon_ros.core.search.near_misses import near_misses
@@ -110,11 +112,37 @@ def _scene_of(arguments: Namespace) -> 'Scene':
         if scene is None:
             raise InputError(f'{arguments.bag}: it does not contain its scene; record it with dragon_ros, or give '
                              '--scene')
-        topic = f'{namespace}/collision/obstacles'
-        if any(row.name == topic and row.messages for row in bag.topics):
-            print(f'contact: the obstacles on {topic}, which the monitor read from a file or a map, are not in the '
-                  "bag's scene and are not searched; inspect reports contacts with them", file=sys.stderr)
         return walked_scene(bag, scene, namespace)
+
+
+def _obstacle_touch(arguments: Namespace) -> dict[str, Any] | None:
+    """Return the first recorded contact with the obstacles that a monitor read from a file or a map.
+
+    These obstacles are not in the bag's scene. The result is None if there are none, and has the time None if none of
+    them is touched before benches touch each other. A sentence about them goes to standard error.
+    """
+    if not arguments.bag:
+        return None
+    from dragon_ros.bags.read.frames import namespace_of
+    from dragon_ros.bags.read.reader import BagReader
+    from dragon_ros.commands.sources import dragon_in
+    with BagReader(arguments.bag) as bag:
+        namespace = namespace_of(bag, arguments.namespace)
+        topic = f'{namespace}/collision/obstacles'
+        if not any(row.name == topic and row.messages for row in bag.topics):
+            return None
+        said = f"contact: the obstacles on {topic} are not in the bag's scene: "
+        try:
+            touch = dragon_in(bag, namespace).first_touch(Progress('obstacles', 'ticks'))
+        except InputError as error:
+            print(f'{said}not examined, because {error}', file=sys.stderr)
+            return None
+    if touch is None or touch.obstacle is None:
+        print(f'{said}in the recorded ticks, no bench touches an obstacle'
+              f'{"" if touch is None else f" before benches touch each other at {touch.t_s:.9f} s"}', file=sys.stderr)
+        return {'t_s': None}
+    print(f'{said}in the recorded ticks, {touch.words} at {touch.t_s:.9f} s', file=sys.stderr)
+    return {'t_s': touch.t_s, 'bench': touch.benches[0], 'obstacle': touch.obstacle, 'point_m': list(touch.point_m)}
 
 
 def _verify(certificate_file: Path, effort: str | None, output: Path | None) -> int:

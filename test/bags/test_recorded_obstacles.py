@@ -1,9 +1,11 @@
 """The obstacles that a monitor received from a file or a map are read back from its bag tick by tick."""
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from dragon_ros.__main__ import main
 from dragon_ros.bags.read.frames import RecordedObstacles
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
@@ -13,12 +15,14 @@ from dragon_ros.core.geometry.venue import Surroundings, joined, surroundings_of
 from dragon_ros.core.limits import MARKER_RUNS, SHOWN_EDGES
 from dragon_ros.core.step import tick
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
+from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.once import once
 from dragon_ros.messages.surroundings import read_venue
 from dragon_ros.messages.venue_markers import fits_message, obstacles_message
 from dragon_ros.scenes.load import load_scene
+from dragon_ros.scenes.provenance import scene_file
 
 SCENE = load_scene('street', ['dragon.benches=5', 'venue=null', 'run.stop_s=0.2'])      # the front is at x = 20.275 m
 TICKS = range(11)
@@ -81,6 +85,20 @@ def test_obstacles_in_another_frame_do_not_count(bag_of):
     bag = bag_of(seen(wall('gate', 20.3), 0, 'map'))
     assert RecordedObstacles(bag, '/dragon', 'dragon').at(SCENE.run.time_ns(5)) is None
     assert dragon_in(bag).first_touch(iter) is None
+
+
+@pytest.mark.parametrize(('x', 't_s', 'says'), [
+    (20.4, 0.125, "are not in the bag's scene: in the recorded ticks, bench 0 touches post at 0.125000000 s"),
+    (30.0, None, 'in the recorded ticks, no bench touches an obstacle')])
+def test_contact_examines_the_obstacles_that_only_the_monitor_knew(bag_of, capsys, x, t_s, says):
+    bag = bag_of(('/dragon/scene', 0, string_message(scene_file(SCENE))), seen(wall('post', x), 0))
+    assert main(['contact', str(bag.path), '--format', 'json']) == 0
+    out, err = capsys.readouterr()
+    found = json.loads(out)
+    assert found['t_s'] is None         # the scene has no obstacles
+    assert found['recorded_obstacles'] == ({'t_s': None} if t_s is None else {
+        't_s': pytest.approx(t_s, abs=1e-9), 'bench': 0, 'obstacle': 'post', 'point_m': pytest.approx([x, 0.15])})
+    assert says in err
 
 
 def test_surroundings_are_read_back_to_the_last_bit():

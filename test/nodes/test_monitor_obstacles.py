@@ -118,7 +118,7 @@ def test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_a
     assert main(['inspect', str(again), '--check']) == 0, capsys.readouterr().out
     assert 'of collision/obstacles (published by monitor at its own rate)' in capsys.readouterr().out
     assert main(['contact', str(again)]) == 0
-    assert 'the obstacles on /dragon/collision/obstacles, which the monitor read' in capsys.readouterr().err
+    assert f'in the recorded ticks, bench 0 touches post at {touch.t_s:.9f} s' in capsys.readouterr().err
     assert main(['inspect', str(again)]) == 0
     assert "first contact: bench 0 and obstacle 'post' at" in capsys.readouterr().out
 
