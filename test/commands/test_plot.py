@@ -357,7 +357,7 @@ def test_benches_that_overlap_are_marked_where_they_do():
     source = SceneSource('winding', SHOWN['winding']())
     before, after = (overlaps(moment(source, t_s)) for t_s in (412.47, 412.8))
     assert (before.pairs, before.benches, before.words) == (0, (), '')
-    assert (after.pairs, after.benches, after.words) == (1, (0, 8), ', 1 pair overlap')
+    assert (after.pairs, after.benches, after.words) == (1, (0, 8), ', 1 pair overlaps')
     corners = moment(source, 412.8).benches.corners
     (outline,) = after.outlines_m
     for bench in (0, 8):
