@@ -87,15 +87,18 @@ def spread(values: Sequence[float], least: float, end: float) -> list[float]:
 
 
 @contextmanager
-def style(chinese: bool = False) -> Iterator[None]:
+def style(chinese: bool = False, log_ticks: bool = False) -> Iterator[None]:
     """Apply the style of dragon_ros to all figures drawn in this block; ``chinese`` adds a Chinese font.
+
+    Text between dollar signs, such as a name with two of them, is drawn as it is. With ``log_ticks``, it is parsed as a
+    formula, as the labels of logarithmic axes require.
 
     Raises MissingError if no Chinese font is installed.
     """
     import matplotlib
     # PDF font type 42 does not support the OpenType fonts that most systems have.
-    more = {'font.family': ['DejaVu Sans', _chinese_font()], 'pdf.fonttype': 3} if chinese else {}
-    with matplotlib.rc_context({**_STYLE, **more}):
+    more: dict[str, Any] = {'font.family': ['DejaVu Sans', _chinese_font()], 'pdf.fonttype': 3} if chinese else {}
+    with matplotlib.rc_context({**_STYLE, **more, 'text.parse_math': log_ticks}):
         yield
 
 

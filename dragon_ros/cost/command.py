@@ -71,6 +71,6 @@ def _run(arguments: Namespace) -> int:
         return command_line.OK
     command_line.write_output(None, text)
     from dragon_ros.cost.picture import picture
-    with figures.style():
+    with figures.style(log_ticks=True):
         figures.write(picture(costs), output)
     return command_line.OK

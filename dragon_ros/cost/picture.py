@@ -24,7 +24,8 @@ def picture(costs: Costs) -> 'Figure':
     _effects(effects, costs)
     _whole(whole, costs)
     _bags(bags, costs)
-    figure.suptitle(f'{short(costs.scene)}: {costs.benches:,} benches, {costs.ticks:,} ticks')
+    name = short(costs.scene).replace('$', r'\$')      # not a formula
+    figure.suptitle(f'{name}: {costs.benches:,} benches, {costs.ticks:,} ticks')
     figure.supxlabel(costs.machine, fontsize=TEXT_PT, color=QUIET)
     return figure
 

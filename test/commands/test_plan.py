@@ -74,6 +74,18 @@ def test_a_scene_without_a_venue_has_a_plan_without_gaps(capsys, tmp_path):
     assert 'gap' not in _said(Plan(load_scene('street', ['venue=null', 'dragon.benches=5']), 'x'))
 
 
+def test_dollars_in_a_title_or_a_name_are_no_formula(capsys, tmp_path):
+    """Matplotlib parses text between two dollar signs, and raises an error for this text."""
+    scene = tmp_path / '$x^{$.yaml'
+    scene.write_text('dragon: {benches: 3}\ntrack: {kind: joined, start_m: 5, pieces: [{kind: line, length_m: 9}]}\n'
+                     'venue: {obstacles: [{kind: line, name: "$y^{$", points_m: [[-9, 3], [43, 3]]}]}\n')
+    pdf, picture = tmp_path / 'a.pdf', tmp_path / 'a.svg'
+    code, out, err = run(capsys, '--scene', scene, '--output', pdf, '--lang', 'en')
+    assert (code, out) == (0, f'{pdf}\n$y^{{$: 2.850 m\n'), err
+    assert main(['plot', 'dragon', '--scene', str(scene), '--times', '1', '--output', str(picture)]) == 0
+    assert '$x^{$' in picture.read_text()
+
+
 def test_the_room_on_a_line_is_the_width_and_grows_in_bends_as_the_chord_cuts_the_corner(scene):
     track = compile_scene(scene).model.track
     room = room_needed_m(track, swept_area(scene), np.array([20.0, 44.7]))

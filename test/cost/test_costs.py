@@ -129,7 +129,7 @@ def test_a_long_dragon_behind_its_tail_is_timed_without_a_reference():
 def test_the_picture_is_readable(name, tmp_path):
     from dragon_ros.cli import figures
 
-    with np.errstate(all='warn'), figures.style():
+    with np.errstate(all='warn'), figures.style(log_ticks=True):
         paths = pictures.readable(figures.save)(picture(measured(name)), tmp_path / 'costs')
     assert all(path.stat().st_size for path in paths)
 
