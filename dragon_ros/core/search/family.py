@@ -46,7 +46,7 @@ from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve, arc_between
 
 TOLERANCES = ('dragon.width_m', 'dragon.head_length_m', 'dragon.body_length_m', 'dragon.hole_inset_m', 'track.pitch_m')
-_WITHIN = 0.01          # largest leader travel from the end of a proof to a contact, relative to min(1 m, longest link)
+_WITHIN = 0.01          # largest leader travel from the end of a proof to a contact, relative to min(1 m, shorter link)
 _AT_ONCE, _MOST = 1000, 200_000     # maximum numbers of boxes judged together and in total
 _FIRST_RAD = 2.0        # angle by which the inner bench moves about the centre in a first box
 _MOST_FIRST = 10_000    # maximum number of first boxes

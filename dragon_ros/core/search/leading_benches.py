@@ -168,10 +168,10 @@ class LeadingBenches:
 
     def clear_apart(self, stop_m: float, whole: Cleared) -> Bracket | None:
         """Clear an uncleared window bench by bench; return the first bracket that is not clear."""
-        phases, ends = self._domain.phases(stop_m)
         if self._single:
-            self._hit = self._bracket(self.lead, whole.hit, (phases[0], phases[-1])) if whole.hit else None
+            self._hit = self._bracket(self.lead, whole.hit, (self._domain.start_m, stop_m)) if whole.hit else None
             return self._hit
+        phases, ends = self._domain.phases(stop_m)
         self._rows = []
         for n in range(len(phases) - 1):
             self._hit = self._hit or self._clear_phase((phases[n], phases[n + 1]), ends[n], ends[n + 1])

@@ -176,9 +176,7 @@ class Obstacles:
 
 def phases(domain: SearchDomain, stop_m: float) -> list[tuple[float, float]]:
     """Split the leader's travel up to a position into parts in which every handle moves in one direction."""
-    start_m = domain.start_m
-    turns = domain.leader.turning_m(start_m, stop_m, 2)[::1 if start_m < stop_m else -1]
-    return [] if start_m == stop_m else [*pairwise(dict.fromkeys([start_m, *turns, stop_m]))]
+    return [] if domain.start_m == stop_m else [*pairwise(dict.fromkeys(domain.phase_ends(stop_m)))]
 
 
 def swept_bench(domain: SearchDomain, number: int) -> SweptBench:

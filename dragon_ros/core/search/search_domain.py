@@ -206,18 +206,17 @@ class SearchDomain:
         chain = self.chain(gone_m)
         return np.where(chain.segment == 0, chain.u, self.track.segments[0].last)
 
-    def phases(self, stop_m: float) -> tuple[list[float], list[Floats]]:
-        """Return the leader positions between which every handle moves in one direction, and all polar angles there.
+    def phase_ends(self, stop_m: float) -> list[float]:
+        """Return the leader positions from the start to ``stop_m`` between which each handle moves in one direction."""
+        turns = self.leader.turning_m(self.start_m, stop_m, 2)[::1 if self.start_m < stop_m else -1]
+        return [self.start_m, *turns, stop_m]
 
-        The positions begin with the start of the domain and end with ``stop_m``. The last few results are cached,
-        because all benches need them.
-        """
+    def phases(self, stop_m: float) -> tuple[list[float], list[Floats]]:
+        """Return ``phase_ends`` and all polar angles there; the last few results are cached for all benches."""
         if stop_m not in self._phases:
-            turns = self.leader.turning_m(self.start_m, stop_m, 2)[::1 if self.start_m < stop_m else -1]
-            ends = [self.angles(place) for place in (self.start_m, stop_m)]
+            ends = self.phase_ends(stop_m)
             self._phases = dict([*self._phases.items()][1 - _KEPT:])
-            self._phases[stop_m] = ([self.start_m, *turns, stop_m],
-                                    [ends[0], *(self.angles(place) for place in turns), ends[1]])
+            self._phases[stop_m] = ends, [self.angles(place) for place in ends]
         return self._phases[stop_m]
 
     def along_m(self, gone_m: float) -> Floats:

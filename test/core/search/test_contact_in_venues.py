@@ -23,7 +23,13 @@ from dragon_ros.core.search.bounding_box import by_length
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
-from dragon_ros.core.search.obstacle_contact import Obstacles, phases, swept_bench, windows_of
+from dragon_ros.core.search.obstacle_contact import (
+    Obstacles,
+    _SweptIntervals,
+    phases,
+    swept_bench,
+    windows_of,
+)
 from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.spec import Composite, Line
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
@@ -170,6 +176,23 @@ def test_the_bound_at_one_place_is_the_gap_less_what_it_may_be_rounded_by():
     gap_m = bounds.gaps(state, edge)
     lost_m = float((gap_m - bounds.bounds(state, state, (gap_m, gap_m), edge))[0])
     assert lost_m == pytest.approx(2 * far_m * 2.0**-46, rel=0.1)
+
+
+@pytest.mark.parametrize(('longest', 'is_bounded'), [(5.97, True), (6.03, False)])
+def test_a_move_of_corners_of_up_to_six_benches_is_bounded_and_a_longer_one_is_cut(longest, is_bounded):
+    domain = SearchDomain(replace(ALONG, venue=Venue((WALL,))), RangeOfTravel(ALONG.head, 0.0, 1.0), 1, lambda _: None)
+    longest_m = float(np.max(ALONG.dragon.bench_lengths_m))
+    bounds = ObstacleBounds(swept_bench(domain, 1), domain.around)
+    space = _SweptIntervals(bounds, 1e-9, longest_m, lambda _: None)
+
+    def moved(way_m):
+        samples = space.sample(np.array([10.0, 10.0 + way_m]), np.zeros(2, dtype=np.int64))
+        return [samples.rows(np.array([n])) for n in (0, 1)]
+
+    lever = float(np.max(bounds.ways(*(each.states for each in moved(1.0)))))
+    a, b = moved(longest * longest_m / lever)
+    assert np.max(bounds.ways(a.states, b.states)) == pytest.approx(longest * longest_m)
+    assert bool(np.isfinite(space.judge(a, b, np.zeros(1, dtype=np.int64)).bound_m[0])) == is_bounded
 
 
 @pytest.mark.parametrize(('errors', 'is_clear'), [(8.4, False), (10.5, True)])

@@ -172,6 +172,12 @@ def test_beyond_the_innermost_angle_of_a_family_the_curvature_times_its_longest_
     assert 0.8 * 2 < bend(family.innermost_rad) * longest < 2
 
 
+@pytest.mark.parametrize(('head_m', 'body_m', 'within_m'), [
+    ((0.7, 0.8), (0.3, 0.4), 0.004), ((0.3, 0.4), (0.7, 0.8), 0.004), ((1.1, 1.2), (1.5, 1.7), 0.01)])
+def test_a_proof_omits_a_hundredth_of_the_shorter_link_or_of_a_metre(head_m, body_m, within_m):
+    assert Family(20, 16.0, (0.5, 0.6), head_m, body_m, 0.15, 0.275).within_m == pytest.approx(within_m, rel=1e-12)
+
+
 def test_the_first_boxes_hold_all_scales_and_links_of_a_family_and_places_without_a_hole():
     family = family_of(LATE, BOX)
     boxes = _FamilySearch(family, 0.0, 20.0, lambda boxes: None)._first()
