@@ -17,7 +17,8 @@ from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.shift_map.build import Table
+from dragon_ros.core.shift_map.build import NODES, Table
+from dragon_ros.core.shift_map.leader_map import LeaderCell
 from dragon_ros.core.step import state
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed, timed_in_turn
 from dragon_ros.scenes.load import load_scene
@@ -71,7 +72,7 @@ def _row(name: str, scene: Scene, rates: Amounts, budget_s: float) -> Row:
         [partial(_later, one) for one in (scene, marched)], budget_s))
     return Row(name, scene.dragon.benches + 1, len(compile_scene(scene).model.track.segments),
                dict(zip(CALLS, (first, later, first_marched, later_marched), strict=True)),
-               sum(limit(needs_of_table(table), rates)[0] for table in tables_of(scene)))
+               sum(limit(needs, rates)[0] for needs in needs_of_first(scene)))
 
 
 def first_tick(scene: Scene) -> Chain:
@@ -79,11 +80,13 @@ def first_tick(scene: Scene) -> Chain:
     return replace(compile_scene(scene).model).place(scene.head.travelled_m(scene.run.start_s))
 
 
-def tables_of(scene: Scene) -> list[Table]:
-    """Return the tables that the first tick builds."""
+def needs_of_first(scene: Scene) -> list[Amounts]:
+    """Return the amounts for building each table and cell that the first tick builds."""
     fresh = replace(compile_scene(scene).model)
     fresh.place(scene.head.travelled_m(scene.run.start_s))
-    return [tile.table for shift in fresh.placement.maps.values() for tile in shift.tiles]
+    leader_map = fresh.placement.leader_map
+    return [*(needs_of_table(tile.table) for shift in fresh.placement.maps.values() for tile in shift.tiles),
+            *(needs_of_cell(cell) for cell in (leader_map.cells if leader_map else []))]
 
 
 def needs_of_table(table: Table) -> Amounts:
@@ -92,6 +95,11 @@ def needs_of_table(table: Table) -> Amounts:
     Each row of a part has five series: the coordinate, two of the position and two of the velocity.
     """
     return {'product': 2.0 * 5 * table.rows * table.parts * table.nodes**2, 'cache': float(table.memory_bytes)}
+
+
+def needs_of_cell(cell: LeaderCell) -> Amounts:
+    """Return the amounts for building a cell of the leader map, which has five series for each handle."""
+    return {'product': 2.0 * 5 * cell.segment.size * NODES**2, 'cache': float(cell.memory_bytes)}
 
 
 def _later(scene: Scene) -> None:

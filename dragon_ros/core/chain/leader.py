@@ -126,6 +126,11 @@ def head_in_front_m(track: Track, links_m: Floats, tail_m: float) -> float:
     return track.distance_of(_last(track, links_m, track.place_at(tail_m), AHEAD))[0]
 
 
+def tail_behind_m(track: Track, links_m: Floats, head_m: float) -> float:
+    """Return the distance of the tail along a track when the head is at ``head_m``, or raise TrackEndError."""
+    return track.distance_of(_last(track, links_m, track.place_at(head_m), BEHIND))[0]
+
+
 def _last(track: Track, links_m: Floats, leader: Place, direction: int) -> Place:
     """Return the position of the last handle of a chain whose leader is at a given position."""
     return forward(track, blocks_of(links_m, direction), leader, direction).place(-1)

@@ -1,18 +1,23 @@
-"""Placement of a chain in blocks of equal links: by a shift map if one covers the block, otherwise link by link."""
+"""Placement of a chain: in one product if a map covers it; otherwise in blocks of equal links.
+
+A block is placed by a shift map if one covers it, and link by link otherwise.
+"""
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from math import copysign, hypot, inf
 from sys import float_info
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.chain.chain import Chain, MarchedLink, MarchedLinks, PlacedLinks, arrays_of, join
+from dragon_ros.core.chain.chain import Chain, MarchedLink, MarchedLinks, PlacedLinks, arrays_of, join, marched_many
 from dragon_ros.core.chain.forward import Block, blocks_of, forward, forward_many, locked
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
+from dragon_ros.core.shift_map.leader_map import MOST_LINKS, LeaderMap, MappedLinks
 from dragon_ros.core.shift_map.table import Product, ShiftMap, Spot, Spots, links_of_tile
+from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
@@ -131,13 +136,10 @@ class TabulatedStates:
 
     def end(self) -> Places:
         """Return the positions of the last handles."""
-        return self._places_at(self.links)
-
-    def _places_at(self, link: int) -> Places:
         size = sum(rows.size for rows, _ in self.spots)
         segment, u, lo = np.empty(size, dtype=np.int64), np.empty(size), np.empty(size)
         for rows, spots in self.spots:
-            segment[rows], u[rows], lo[rows] = spots.tile.places_at(spots, spots.row - self.direction * link)
+            segment[rows], u[rows], lo[rows] = spots.tile.places_at(spots, spots.row - self.direction * self.links)
         return segment, u, lo
 
     def velocities(self, chain: Chain, speed: Floats, out: Floats) -> Floats:
@@ -155,8 +157,11 @@ class TabulatedStates:
 
     def places(self) -> Places:
         """Return the positions."""
-        segment, u, lo = (np.stack(values, axis=-1) for values in zip(
-            *(self._places_at(link) for link in range(self.links + 1)), strict=True))
+        shape = sum(rows.size for rows, _ in self.spots), self.links + 1
+        segment, u, lo = np.empty(shape, dtype=np.int64), np.empty(shape), np.empty(shape)
+        for rows, spots in self.spots:
+            each = spots.tile.places_many(spots, self._first(spots), self.links + 1)
+            segment[rows], u[rows], lo[rows] = (values[:, ::-self.direction] for values in each)
         return segment, u, lo
 
 
@@ -177,6 +182,18 @@ class Placement:
         """The blocks of equal links in order from the leader, each with its shift map or None."""
         return tuple((block, self.maps.get(block.link_m) if block.stop - block.start >= FEWEST else None)
                      for block in blocks_of(self.links_m, self.direction))
+
+    @property
+    def memory_bytes(self) -> int:
+        """The size of all tables built so far, in bytes."""
+        return sum(shift.memory_bytes for shift in self.maps.values()) + (
+            self.leader_map.memory_bytes if self.leader_map else 0)
+
+    @cached_property
+    def stretch_m(self) -> float:
+        """The length of the shortest stretch whose tables are built together (m); inf if there are no tables."""
+        lengths_m = [shift.stretch_m for shift in self.maps.values()]
+        return min([*lengths_m, self.leader_map.stretch_m] if self.leader_map else lengths_m, default=inf)
 
     @cached_property
     def _joins(self) -> bool:
@@ -210,26 +227,70 @@ class Placement:
 
         Raises TrackEndError if the track is too short, and ChainLockError if a link cannot be placed.
         """
-        count, led, spent = len(self.links_m), None, 0
+        count, spent = len(self.links_m), 0
         flat = np.empty(2 * count + 2)
-        if self._lead:
-            link_m, stop, shift = self._lead
-            spot = shift.spot_behind(leader, link_m)
-            led = self._tabulated(flat, 0, stop, spot, leader) if spot else None
-        parts: list[PlacedLinks] = [led] if led else []
-        if not led or led.links < count:
-            spent = self._place_rest(flat, leader, led, parts)
+        whole = self._whole(flat, leader)
+        parts: list[PlacedLinks] = [whole] if whole else []
+        if not whole:
+            spent = self._place_blocks(flat, leader, parts)
         p = flat.reshape(-1, 2)
         if self._joins:
             join(p, self.links_m, self.direction)
         p.setflags(write=False)
         return Chain(p, self.links_m, spent, self.track, self.direction, tuple(parts))
 
-    def _place_rest(self, flat: Floats, leader: Place, led: TabulatedLinks | None, parts: list[PlacedLinks]) -> int:
-        """Add the remaining parts, block by block, and return the number of evaluations.
+    @cached_property
+    def _is_one_block(self) -> bool:
+        """Whether a shift map may cover the whole chain, with or without the leader's link."""
+        return bool(self.blocks[0][1] if len(self.blocks) == 1 else self._lead and len(self.blocks) == 2)
+
+    @cached_property
+    def leader_map(self) -> LeaderMap | None:
+        """The leader map, for chains that have shift maps and are not too long.
+
+        If a single shift map covers almost all links accurately, it also places the chains from which the leader map is
+        fitted.
+        """
+        if not self.maps or self.links_m.size > MOST_LINKS:
+            return None
+        others = sum(block.stop - block.start for block, shift in self.blocks if not shift)
+        if len(self.maps) == 1 and others < FEWEST and all(shift.tier is EXACT for shift in self.maps.values()):
+            # A copy of this placement, because a reference to itself would keep its tables in memory.
+            return LeaderMap(self.track, self.links_m, self.direction, replace(self).place_many)
+        return LeaderMap(self.track, self.links_m, self.direction,
+                         partial(marched_many, self.track, self.links_m, direction=self.direction))
+
+    def _led(self, flat: Floats, leader: Place) -> TabulatedLinks | None:
+        """Write the links that one product of a shift map yields together with the leader."""
+        if len(self.blocks) == 1:
+            (block, shift), = self.blocks
+            spot = shift.spot(leader) if shift else None
+            return self._tabulated(flat, 0, block.stop, spot) if spot else None
+        if not self._lead:
+            return None
+        link_m, stop, shift = self._lead
+        spot = shift.spot_behind(leader, link_m)
+        return self._tabulated(flat, 0, stop, spot, leader) if spot else None
+
+    def _whole(self, flat: Floats, leader: Place) -> TabulatedLinks | MappedLinks | None:
+        """Write all links if one product yields them: that of a shift map if possible, else that of the leader map."""
+        if self._is_one_block:
+            led = self._led(flat, leader)
+            if led and led.links == self.links_m.size:
+                return led
+        mapped = self.leader_map.links_of(leader) if self.leader_map else None
+        if mapped:
+            mapped.fill(flat)
+        return mapped
+
+    def _place_blocks(self, flat: Floats, leader: Place, parts: list[PlacedLinks]) -> int:
+        """Add the parts, block by block, and return the number of evaluations.
 
         A single marched link writes only its first handle; all other parts also write their last handle.
         """
+        led = self._led(flat, leader)
+        if led:
+            parts.append(led)
         count, direction, spent, filled, begin, here = len(self.links_m), self.direction, 0, False, 0, leader
         if led:
             begin, here, filled = led.links, led.end(direction), True

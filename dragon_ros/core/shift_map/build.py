@@ -86,7 +86,7 @@ class Stretch:
 
 
 @dataclass(frozen=True)
-class _SpanPart:
+class SpanPart:
     """A part of the span: its segment, and the coordinates of its two ends, the foremost first."""
 
     segment: int
@@ -170,7 +170,7 @@ def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
     return front
 
 
-def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[_SpanPart]:
+def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[SpanPart]:
     """Return the parts of the span behind ``front``, cut at all positions a whole number of links ahead of a joint."""
     rear = track.next(front, link_m, BEHIND)[0]
     here_m, back_m = track.distance_of(front)[0], track.distance_of(rear)[0]
@@ -186,7 +186,7 @@ def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[_Spa
     for cut in [*cuts, rear]:
         if track.distance_of(places[-1])[0] - track.distance_of(cut)[0] > hair_m:
             places.append(cut)
-    return [_part(track, fore, rear) for fore, rear in pairwise(places)]
+    return [part_between(track, fore, rear) for fore, rear in pairwise(places)]
 
 
 def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
@@ -199,30 +199,30 @@ def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
     return place
 
 
-def _part(track: Track, fore: Place, rear: Place) -> _SpanPart:
+def part_between(track: Track, fore: Place, rear: Place) -> SpanPart:
     """Return the part between two positions; the part is on a single segment."""
     middle = 0.5 * (track.distance_of(fore)[0] + track.distance_of(rear)[0])
     k = fore.segment if fore.segment == rear.segment else track.place_at(middle).segment
     segment = track.segments[k]
     ends = (fore.u if fore.segment == k else (segment.last, 0.0), rear.u if rear.segment == k else (segment.first, 0.0))
-    return _SpanPart(k, *(np.array(end) for end in ends))
+    return SpanPart(k, *(np.array(end) for end in ends))
 
 
-def _thirds(part: _SpanPart) -> list[_SpanPart]:
-    """Return the thirds of a part; halves would need more rounds, which would take longer than the additional parts."""
-    third = (part.rear[0] - part.fore[0]) / 3
-    cuts = [np.array(plus(part.fore[0], part.fore[1], n * third)) for n in (1, 2)]
-    return [_SpanPart(part.segment, *ends) for ends in pairwise((part.fore, *cuts, part.rear))]
+def equal_parts(part: SpanPart, count: int) -> list[SpanPart]:
+    """Cut a part into ``count`` parts of equal length."""
+    step = ((part.rear[0] - part.fore[0]) + (part.rear[1] - part.fore[1])) / count
+    cuts = [np.array(plus(part.fore[0], part.fore[1], n * step)) for n in range(1, count)]
+    return [SpanPart(part.segment, *ends) for ends in pairwise((part.fore, *cuts, part.rear))]
 
 
-def _built(track: Track, link_m: float, first: list[tuple[_SpanPart, _Pushed]], count: int, stretch: Stretch,
+def _built(track: Track, link_m: float, first: list[tuple[SpanPart, _Pushed]], count: int, stretch: Stretch,
            tiers: tuple[Tier, Tier]) -> Table | None:
     """Cut parts into thirds until all series converge, and return the table; None if they do not converge.
 
     The first of ``tiers`` determines where series are truncated; the second is the tier of the scene.
     """
     # Each piece is a part, its series if they are known, and the error of the part that it was cut from.
-    pieces: list[tuple[_SpanPart, _Pushed | None, float]] = [(*piece, inf) for piece in first]
+    pieces: list[tuple[SpanPart, _Pushed | None, float]] = [(*piece, inf) for piece in first]
     for _ in range(_ROUNDS):
         if 8 * 5 * NODES * len(pieces) * count > _MOST_BYTES:
             return None
@@ -242,7 +242,8 @@ def _built(track: Track, link_m: float, first: list[tuple[_SpanPart, _Pushed]], 
         for (part, _, whole), one, over in zip(before, pushed, left.tolist(), strict=True):
             if over > NOISE and over >= 0.5 * whole:        # caused by rounding, which cutting would not reduce
                 return None
-            pieces += [(part, one, inf)] if over <= NOISE else [(third, None, over) for third in _thirds(part)]
+            # Halves would need more rounds, which would take longer than the additional parts.
+            pieces += [(part, one, inf)] if over <= NOISE else [(third, None, over) for third in equal_parts(part, 3)]
     return None
 
 
@@ -257,7 +258,7 @@ def _inverses(pushed: list[_Pushed], x: Floats, rows: slice) -> Floats:
     return np.stack([one.inverses[key] for one in pushed])
 
 
-def _series(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> list[_Pushed]:
+def _series(track: Track, link_m: float, parts: list[SpanPart], count: int) -> list[_Pushed]:
     """Map the nodes of parts back through ``count`` rows, or to the end of the track, and return their series."""
     segment, u, lo = _pushed(track, link_m, parts, count)
     rows = segment.shape[0]
@@ -295,14 +296,14 @@ def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
                    for name in ('places', 'motions')))
 
 
-def _pushed(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> tuple[Ints, Floats, Floats]:
+def _pushed(track: Track, link_m: float, parts: list[SpanPart], count: int) -> tuple[Ints, Floats, Floats]:
     """Return the segments (R, S) of the nodes in all rows, and their coordinates (R, S, K) as hi and lo."""
     nodes: Floats = np.array([part.nodes() for part in parts])
     numbers: Ints = np.repeat([part.segment for part in parts], NODES)
     first: Places = numbers, nodes[:, 0].ravel(), nodes[:, 1].ravel()
 
     def settle(places: Places) -> Places:
-        return _together(track, places) if len(track.segments) > 1 else places
+        return on_one_segment(track, places) if len(track.segments) > 1 else places
 
     rows = [tuple(values[None] for values in first)]        # ``count`` rows, or fewer if the track ends earlier
     for k, many in _spans(track, link_m, first, count):
@@ -388,7 +389,7 @@ def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: F
     return plus(*centre, in_parts(np.asarray(chebyshev.chebvander(at, _SPAN_NODES - 1)), series).T)
 
 
-def _together(track: Track, places: Places) -> Places:
+def on_one_segment(track: Track, places: Places) -> Places:
     """Return positions with each part on one segment; a node that rounding put beyond a joint is moved to the joint."""
     shape = -1, NODES
     segment, u, lo = places[0].reshape(shape), places[1].reshape(shape), places[2].reshape(shape)

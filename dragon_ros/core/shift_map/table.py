@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.numerics.chebyshev import columns_of
+from dragon_ros.core.numerics.chebyshev import columns_of, in_parts
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.shift_map.build import Stretch, Table, build
@@ -35,7 +35,7 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 # The maximum number of multiplications per product: BLAS splits larger products among threads, which could change the
 # last bits.
-_TERMS = 9000
+TERMS = 9000
 _BOUNDARIES = 1024          # number of stretch boundaries whose positions are cached
 # The maximum number of cells that a shift map caches for single states, at most 144 kB each; the oldest cells are
 # dropped first.
@@ -278,11 +278,11 @@ class Tile:
         of_leader = len(before[0]) if before else 0     # number of terms, the same for both series
         places, motions = (series[cell.part, :terms, 2 * first:2 * first + columns]
                            for series in (table.places, table.motions))
-        if max(terms, of_leader) * size <= _TERMS:
+        if max(terms, of_leader) * size <= TERMS:
             if before:
                 places, motions = (_joined(*pair, direction) for pair in zip(before, (places, motions), strict=True))
             return [Product(np.dot, len(places), np.ascontiguousarray(places), np.ascontiguousarray(motions), 0, size)]
-        width, at = _TERMS // terms // 2 * 2, 2 if before and direction == BEHIND else 0
+        width, at = TERMS // terms // 2 * 2, 2 if before and direction == BEHIND else 0
         out = [Product(np.matmul, terms, places[:, low:stop], motions[:, low:stop], at + low, at + stop)
                for low in range(0, columns, width) for stop in [min(low + width, columns)]]
         if before:
@@ -294,16 +294,32 @@ class Tile:
         """Fill ``out`` (S, n, 2) with positions or motions; states in the same row and part share a product."""
         flat, table, basis = out.reshape(out.shape[0], 2 * out.shape[1]), self.table, spots.basis
         series, width = table.motions if motions else table.places, flat.shape[1]
-        cell = first * table.parts + spots.part
-        begins = np.concatenate(([0], np.flatnonzero(np.diff(cell)) + 1)) if cell.size else np.empty(0, dtype=np.int64)
-        row, part = np.divmod(cell[begins], table.parts)
-        for low, end, k, start, terms in zip(begins.tolist(), [*begins[1:].tolist(), cell.size], part.tolist(),
-                                             (2 * row).tolist(), table.terms[part, row].tolist(), strict=False):
-            of_cell = series[k, :terms, start:start + width]
+        for low, end, row, part in self._runs(spots, first):
+            terms = table.terms.item(part, row)
+            of_cell = series[part, :terms, 2 * row:2 * row + width]
             batch = columns_of(of_cell.size)
             for at in range(low, end, batch):
                 stop = min(at + batch, end)
                 np.matmul(basis[at:stop, :terms], of_cell, flat[at:stop])
+
+    def _runs(self, spots: Spots, first: Ints) -> list[tuple[int, int, int, int]]:
+        """Return the runs (begin, end, row, part) of consecutive states whose handles begin in the same cell."""
+        cell = first * self.table.parts + spots.part
+        begins = np.concatenate(([0], np.flatnonzero(np.diff(cell)) + 1)) if cell.size else np.empty(0, dtype=np.int64)
+        return [*zip(begins.tolist(), [*begins[1:].tolist(), cell.size], first[begins].tolist(),
+                     spots.part[begins].tolist(), strict=False)]
+
+    def places_many(self, spots: Spots, first: Ints, count: int) -> Places:
+        """Return the positions (S, count) of handles in ``count`` rows from ``first`` (S,) on."""
+        table, shape = self.table, (first.size, count)
+        segment, u, lo = np.empty(shape, dtype=np.int64), np.empty(shape), np.empty(shape)
+        for low, end, row, part in self._runs(spots, first):
+            rows = slice(row, row + count)
+            middle, middle_lo, scale = table.middle[rows, part].T
+            x = in_parts(spots.basis[low:end], table.coordinates[part, :, rows])
+            segment[low:end] = table.segment[rows, part]
+            u[low:end], lo[low:end] = plus(middle, middle_lo, x / scale)
+        return segment, u, lo
 
     def paces(self, spots: Spots) -> Floats:
         """Return the speeds of many handles for unit speed in row 0."""
@@ -336,8 +352,7 @@ class ShiftMap:
 
     def __init__(self, track: Track, link_m: float, links: int, direction: int, tier: Tier) -> None:
         """Lay out the tiles without building any."""
-        self.track, self.link_m, self.links, self.direction = track, link_m, links, direction
-        self._tier = tier
+        self.track, self.link_m, self.links, self.direction, self.tier = track, link_m, links, direction, tier
         stretch = _STRETCH_LINKS if len(track.segments) == 1 else _STRETCH_JOINED
         self._stretches = links_of_tile(links, len(track.segments)) // stretch    # number per tile
         self.stretch_m, self._before_m = stretch * link_m, _BEFORE_LINKS * link_m
@@ -500,7 +515,7 @@ class ShiftMap:
         far_m = track.far_m(max(low_m, track.begin_m), min(high_m, track.end_m))
         if self.link_m <= _SHORTEST * far_m:
             return None
-        table = build(track, self.link_m, Stretch(low_m, high_m, self.links, self.direction), self._tier)
+        table = build(track, self.link_m, Stretch(low_m, high_m, self.links, self.direction), self.tier)
         return Tile(track, table, fore, rear, {}, self._kept) if table else None
 
     def _end(self, side: int) -> Place:

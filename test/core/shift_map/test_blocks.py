@@ -21,7 +21,7 @@ from dragon_ros.core.geometry.rectangles import axes_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
+from dragon_ros.core.shift_map.blocks import Placement, TabulatedLinks, lengths_with_maps
 from dragon_ros.core.shift_map.build import Stretch, build
 from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.step import state
@@ -47,6 +47,12 @@ def placement(track, links, direction):
     maps = {link_m: ShiftMap(track, link_m, count, direction, EXACT)
             for link_m, count in lengths_with_maps(links).items()}
     return Placement(track, links, direction, maps)
+
+
+def by_blocks(place):
+    """Return a placement that places every chain block by block, without a leader map."""
+    vars(place)['leader_map'] = None
+    return place
 
 
 def march(scene):
@@ -160,13 +166,14 @@ def test_a_handle_at_a_joint_or_next_to_it_is_where_the_march_puts_it(pieces, jo
 
 @examples(20)
 @given(st.lists(st.tuples(st.sampled_from([0.0, 0.9, 1.65, 2.0]), st.integers(1, 30)), min_size=1, max_size=5),
-       st.sampled_from([BEHIND, AHEAD]), st.floats(0, 1))
-def test_benches_of_any_mix_are_where_the_march_puts_them(mix, direction, part):
+       st.sampled_from([BEHIND, AHEAD]), st.floats(0, 1), st.booleans())
+def test_benches_of_any_mix_are_where_the_march_puts_them(mix, direction, part, in_blocks):
     links = np.repeat(*map(np.array, zip(*mix, strict=True)))
     assume(links.sum() > 0)
     track, low, high = track_of(STurn()), -links.sum() * 1.3 - 5, 60.0
     metres = high * part if direction == BEHIND else low + part * (high - links.sum() - low)
     place = placement(track, links, direction)
+    place = by_blocks(place) if in_blocks else place
     leader = track.place_at(metres)
     one, other = place.place(leader), marched(track, links, leader, direction)
     many = place.place_many(track.places_at(np.array([metres]), np.zeros(1)))
@@ -181,7 +188,7 @@ def test_benches_of_any_mix_are_where_the_march_puts_them(mix, direction, part):
 @given(st.floats(0, 380))
 def test_behind_a_head_on_one_spiral_blocks_are_where_the_march_is(gone_m):
     track, links = spiral_track(Spiral(), 0.0), np.array([2.86, 2.0] + [1.65] * 40 + [1.2] + [0.8] * 40)
-    place, head = placement(track, links, BEHIND), track.place_at(gone_m)
+    place, head = by_blocks(placement(track, links, BEHIND)), track.place_at(gone_m)
     one, other = place.place(head), marched(track, links, head, BEHIND)
     assert [len(shift.tiles) for shift in place.maps.values()] == [1, 1]
     np.testing.assert_allclose(one.p, other.p, rtol=0, atol=3e-13)
@@ -226,11 +233,16 @@ def test_beyond_its_run_a_dance_is_served_by_tiles_as_within_it():
     np.testing.assert_allclose(states(short, [50.0, 90.0]).p[1], state(short, 90.0).p, rtol=0, atol=1e-13)
 
 
-def test_where_a_track_begins_the_last_links_are_marched_and_said_to_be():
+@pytest.mark.parametrize(('in_blocks', 'solvers'), [(True, {'table', 'table+march'}), (False, {'table'})])
+def test_where_a_track_begins_the_last_links_are_marched_and_said_to_be_unless_there_is_a_leader_map(in_blocks,
+                                                                                                    solvers):
     scene = Scene(dragon=SHORT, track=Composite((SpiralArc(1.0, 2.0, 8.0), Line(5.0)), start_m=60.0), head=Head(-1.0))
-    last = compile_scene(scene).end.t_s
-    seen = {agree(scene, t_s) for t_s in np.linspace(0.0, last, 60).tolist()}
-    assert seen == {'table', 'table+march'}
+    scene = replace(scene, dragon=replace(SHORT, width_m=0.31 if in_blocks else 0.3))     # each has its own model
+    simulation = compile_scene(scene)
+    if in_blocks:
+        by_blocks(simulation.model.placement)
+    seen = {agree(scene, t_s) for t_s in np.linspace(0.0, simulation.end.t_s, 60).tolist()}
+    assert seen == solvers
 
 
 def test_links_that_have_no_length_or_are_too_many_have_no_table():
@@ -240,12 +252,13 @@ def test_links_that_have_no_length_or_are_too_many_have_no_table():
     assert build(track, 1e-4, stretch, EXACT) is None
 
 
-@pytest.mark.parametrize(('pitch_m', 'diameter_m', 'solver'), [
-    (1.7, 20e3, 'table'), (1.7, 100e3, 'table'), (55.0, 50e3, 'table'), (1.7, 319591.0, 'march'),
-    (0.4, 346848.1, 'march'), (5.0, 332115.9, 'march')])
-def test_parts_that_are_no_longer_than_their_rounding_have_no_table(pitch_m, diameter_m, solver):
+@pytest.mark.parametrize(('pitch_m', 'diameter_m', 'covered'), [
+    (1.7, 20e3, True), (1.7, 100e3, True), (55.0, 50e3, True), (1.7, 319591.0, False), (0.4, 346848.1, False),
+    (5.0, 332115.9, False)])
+def test_parts_that_are_no_longer_than_their_rounding_have_no_table(pitch_m, diameter_m, covered):
     scene = Scene(dragon=Dragon(30), track=STurn(pitch_m, diameter_m), run=Run(0, 100))
-    assert (agree(scene, 0.0), agree(scene, 100.0)) == ('table', solver)
+    assert (agree(scene, 0.0), agree(scene, 100.0)) == ('table', 'table')
+    assert [isinstance(state(scene, t_s).parts[0], TabulatedLinks) for t_s in (0.0, 100.0)] == [True, covered]
 
 
 @pytest.mark.parametrize('run', [Run(0, 1e6), Run()], ids=['long', 'without end'])

@@ -15,6 +15,7 @@ from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.shift_map.blocks import TabulatedLinks
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import Place, _guessed, track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
@@ -135,17 +136,20 @@ def test_where_a_float_tells_a_joint_less_exactly_than_the_promise_a_link_across
     assert state(scene, gone_m / 1e-3).worst[0] < 1e-13
 
 
-def test_where_a_piece_is_shorter_than_places_can_be_told_apart_links_are_marched():
-    """A table would merge joints that are 6 nm apart, 24 km along the track; speeds would have errors of millionths."""
+def test_where_a_piece_is_shorter_than_places_can_be_told_apart_no_shift_map_merges_its_joints():
+    """A shift map would merge joints 6 nm apart, 24 km along the track; speeds would have errors of millionths."""
     link_m = 0.00165
     track = Composite((SpiralArc(3.317378948186499e-05, 559.5, 15357.25, 'right'),
                        Arc(link_m, -360.0), Line(6e-9), Arc(link_m, -180.0)))
     scene = Scene(dragon=Dragon(100, 0.0022, 0.0022, 0.0003, 0.000275), head=Head(1e-3, 'tail'),
                   track=replace(track, start_m=track_of(track).end_m))
     first = state(scene, 0.0)
-    assert first.solver == 'march'
+    assert not any(isinstance(part, TabulatedLinks) for part in first.parts)
     np.testing.assert_allclose(first.velocities(1.0), state(replace(scene, solver='march'), 0.0).velocities(1.0),
                                rtol=0, atol=1e-13)
+    for t_s in (*np.linspace(0, 1e-4, 20).tolist(), 1.0, 3.0):      # the leader map must not merge its cuts either
+        one, other = (state(replace(scene, solver=solver), t_s) for solver in ('table', 'march'))
+        np.testing.assert_allclose(one.velocities(1.0), other.velocities(1.0), rtol=0, atol=2e-12)
 
 
 def test_at_the_end_of_a_track_in_a_piece_of_micrometres_there_is_a_state():
