@@ -248,6 +248,14 @@ def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
     return out.getvalue()
 
 
+def check_keeps(option: str, path: Path | None, *sources: str | Path | None) -> None:
+    """Raise InputError if the file to write is one of the files that are read."""
+    for source in sources:
+        if path is not None and source is not None and os.path.exists(source) and path.exists() and (
+                path.samefile(source)):
+            raise InputError(f'{option} {path}: this is the file that is read; give another file')
+
+
 def write_output(path: Path | None, content: str | bytes) -> None:
     """Write the content to a file or, if it is text and ``path`` is None, to standard output.
 

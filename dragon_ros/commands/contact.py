@@ -68,6 +68,7 @@ def _run(arguments: Namespace) -> int:
     _check(arguments)
     if arguments.verify is not None:
         return _verify(arguments.verify, arguments.effort, arguments.output)
+    command_line.check_keeps('--certificate', arguments.certificate, arguments.bag, arguments.scene)
     scene, touch = _scene_of(arguments), _obstacle_touch(arguments)
     if arguments.within:
         from dragon_ros.commands import contact_within

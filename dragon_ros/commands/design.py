@@ -276,7 +276,7 @@ def _venue_text(values: dict[str, Any]) -> str:
         lines.append(f'{one["name"]}: {gap}: bench {one["bench"]} at {one["t_s"]:.3f} s, with its centre at ({x:.3f}, '
                      f'{y:.3f}) m')
     lines += _room_text(values['room'])
-    margin = f'a gap of {values["margin_m"]:g} m'
+    margin = f'a gap of at least {values["margin_m"]:g} m'
     lacking = ', '.join(values['lacking'])
     lines.append(f'the dragon does not fit, because the gap is less than {values["margin_m"]:g} m to {lacking}'
                  if lacking else f'the dragon fits, with {margin} to all obstacles' if values['fits'] else

@@ -43,6 +43,7 @@ class _Laid:
 
 def run(arguments: Namespace) -> int:
     """Make a scene from a drawing; return the exit code."""
+    command_line.check_keeps('--output', arguments.output, arguments.drawing)
     laid = _laid(arguments, _without_venue(arguments), _line(arguments))
     print(_text(laid, arguments.tolerance))
     if arguments.output is not None:

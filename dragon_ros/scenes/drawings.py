@@ -169,7 +169,8 @@ def _point(path: Path, number: int, row: list[str], columns: tuple[int, int]) ->
 
 def _within(path: Path, point: complex) -> complex:
     if not abs(point) < 1e9:
-        raise InputError(f'{path}: a point at ({point.real:g}, {point.imag:g}) is too far away; the limit is 1e9 m')
+        why = 'too far away; the limit is 1e9 m' if isfinite(abs(point)) else 'not finite; draw that point again'
+        raise InputError(f'{path}: a point at ({point.real:g}, {point.imag:g}) is {why}')
     return point
 
 

@@ -139,6 +139,7 @@ def _points(line: Any) -> list[list[float]]:
 
 def _wkt_features(path: Path, text: str) -> Iterator[Feature]:
     """Yield the features from lines such as ``fountain: POLYGON ((0 0, 1 0, 1 1))``; # starts a comment."""
+    import numpy as np
     from shapely import from_wkt
     from shapely.errors import ShapelyError
     for number, line in enumerate(text.splitlines(), 1):
@@ -148,8 +149,9 @@ def _wkt_features(path: Path, text: str) -> Iterator[Feature]:
         name, colon, wkt = content.partition(':')
         name, wkt = (name.strip(), wkt.strip()) if colon else ('', content)
         try:
-            yield Feature(name or None, from_wkt(wkt))
-        except (ShapelyError, ValueError) as error:
+            with np.errstate(invalid='ignore'):     # shapely warns of nan, which is rejected later
+                yield Feature(name or None, from_wkt(wkt))
+        except (ShapelyError, ValueError, NotImplementedError) as error:
             raise InputError(f'{path}:{number}: it is not WKT: {str(error).partition(chr(10))[0]}; write for example '
                              'fountain: POLYGON ((0 0, 4 0, 4 3))') from None
 
@@ -196,6 +198,8 @@ def _geometry(path: Path, name: object, values: Any) -> Any:
     from shapely.errors import ShapelyError
     from shapely.geometry import shape
     label = f'{path}: {shown(name)[1:-1]}' if isinstance(name, str) else f'{path}'
+    if values is None:
+        raise InputError(f'{label}: a feature has no geometry; draw it or remove it')
     try:
         return shape(values)
     except (ShapelyError, ValueError, TypeError, AttributeError, LookupError) as error:

@@ -41,7 +41,7 @@ def test_fit_says_whether_it_does(capsys, side, says):
 
 
 @pytest.mark.parametrize(('margin_m', 'code', 'says'), thinned([
-    ('0.9', 0, 'the dragon fits, with a gap of 0.9 m to all obstacles'),
+    ('0.9', 0, 'the dragon fits, with a gap of at least 0.9 m to all obstacles'),
     ('1.2', 1, 'the dragon does not fit, because the gap is less than 1.2 m to lamp post\n'),
     ('2', 1, 'to lamp post, left wall, right wall\n')], lambda case: case[0] == '1.2'))
 def test_fit_in_a_venue_tells_each_gap_and_what_lacks_margin(capsys, margin_m, code, says):

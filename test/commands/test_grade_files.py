@@ -236,6 +236,16 @@ def test_a_folder_has_a_team_for_each_folder_and_for_each_name(room):
     assert sorted(team.name for team in teams_of([room])) == ['<script>alert(1)<_script>', 'blue', 'red', '一队']
 
 
+def test_a_folder_without_any_readable_workbook_is_bad_input(tmp_path, capsys):
+    for team in ('a', 'b'):
+        (tmp_path / team).mkdir()
+        (tmp_path / team / 'result1.xlsx').write_bytes(b'')
+    assert main(['grade', str(tmp_path)]) == 2
+    out, err = capsys.readouterr()
+    assert out.count('is empty') == 2
+    assert err == f'grade: {tmp_path}/a/result1.xlsx: is empty; save it as an Excel workbook (.xlsx)\n'
+
+
 def test_a_report_is_one_file_that_loads_nothing_and_escapes_names(room, tmp_path, capsys):
     out = tmp_path / 'report.html'
     teams = [str(path) for path in room.iterdir() if path.name != 'both']       # two teams are graded in this process

@@ -106,6 +106,19 @@ def test_a_plan_in_another_frame_is_refused_and_so_is_what_it_does_not_take(caps
     assert says in err
 
 
+def test_files_that_are_read_are_not_overwritten(capsys, tmp_path, corner):
+    text = corner.read_bytes()
+    code, out, err = run(capsys, corner, '--output', corner)
+    assert (code, out, err) == (2, '', f'route: --output {corner}: this is the file that is read; give another file\n')
+    assert corner.read_bytes() == text
+    scene, link = tmp_path / 'scene.yaml', tmp_path / 'link.json'
+    scene.write_text('dragon: {benches: 3}\n')
+    link.symlink_to(scene)
+    assert main(['contact', '--scene', str(scene), '--certificate', str(link)]) == 2
+    assert 'this is the file that is read' in capsys.readouterr().err
+    assert scene.read_text() == 'dragon: {benches: 3}\n'
+
+
 @pytest.mark.parametrize(('arguments', 'says'), [
     (['--radius', 1], 'give at least 1.444, or use shorter benches'), (['--path', 'a'], 'CSV file does not accept it'),
     (['--start', 200], 'give at most 1'), (['--tolerance', 0], '--tolerance'), (['--unit', -1], '--unit')])

@@ -101,8 +101,8 @@ def test_a_path_is_found_by_id_label_or_the_group_that_holds_it_alone(tmp_path):
     ('<svg>' + '<g>' * XML_DEPTH + '</g>' * XML_DEPTH + '</svg>', 'nested'), ('<svg/>', 'contains no path'),
     ('<svg><path id="a" d="M0 0 h 5 M 1 1 h 5"/></svg>', 'several parts'),
     ('<svg><path id="a" d="M0 0"/></svg>', 'no length'),
-    ('<svg><path id="a" d="M0 0 L 1e300 5"/></svg>', 'too far away'),
-    ('<svg><path id="a" d="M0 0 C 1 1e400 5 5 9 9"/></svg>', 'too far away'),
+    ('<svg><path id="a" d="M0 0 L 1e300 5"/></svg>', 'too far away; the limit'),
+    ('<svg><path id="a" d="M0 0 C 1 1e400 5 5 9 9"/></svg>', 'not finite; draw'),
     ('<svg width="9mm" viewBox="0 0 1e400 9"><path id="a" d="M0 0 h 5"/></svg>', 'viewBox is zero'),
     ('<svg><path id="a" d="M0 0 L nan 5"/></svg>', 'check its numbers'),
     ('<svg><path id="a" d="M0 0 A 1 1 0 0"/></svg>', 'check its numbers')])
@@ -125,6 +125,13 @@ def test_csv_is_read_with_or_without_a_header(tmp_path, text):
     path.write_text(text)
     (part,) = csv_line(path, 2.0).parts
     assert part.tolist() == [0, 3 + 4j]
+
+
+def test_a_point_that_is_not_finite_is_not_called_far_away(tmp_path):
+    path = tmp_path / 'a.csv'
+    path.write_text('0,0\n1,nan\n')
+    with pytest.raises(DragonError, match=r'a\.csv: a point at \(1, nan\) is not finite; draw that point again'):
+        csv_line(path, 1.0)
 
 
 def test_csv_names_the_line_that_holds_no_numbers(tmp_path):

@@ -53,7 +53,7 @@ def _run(arguments: Namespace) -> int:
     if arguments.output is not None:
         print(arguments.output)
     refused = [line for grade in grades for line in grade.problems]
-    if refused and len(grades) == 1 and not grades[0].sheets and not grades[0].answers:
+    if refused and not any(grade.sheets or grade.answers for grade in grades):
         print(f'grade: {refused[0]}', file=sys.stderr)
         return command_line.BAD_INPUT
     return command_line.OK
