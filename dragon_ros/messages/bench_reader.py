@@ -41,19 +41,25 @@ class _Pattern:
         self._half_length, self._half_width = map(read_only, half_sizes(markers.scale))
         self._stamp, self._pose, self._stride = at['header.stamp.sec'], at['pose'], run.stride
         self._head = bytes(markers.data[:self._stamp])
-        first, last = at['header.frame_id'], run.layout.lengths[-1]
-        self._ranges = ((first, at['pose']), (at['scale'], at['color']), (at['points'], last + _WORD))
-        self._same = [words.copy() for words in self._words(markers.data)]
+        self._first, last = at['header.frame_id'], run.layout.lengths[-1]
+        self._words = (last + _WORD - self._first) // _WORD
+        self._free = np.zeros(self._words, dtype=bool)
+        for start, end in ((at['pose'], at['scale']), (at['color'], at['points'])):
+            self._free[(start - self._first) // _WORD:(end - self._first) // _WORD] = True
+        self._same = self._rows(markers.data).copy()
+        self._equal = np.empty(self._same.shape, dtype=bool)
 
-    def _words(self, data: bytes | bytearray) -> list[Array]:
-        """Return views of the words that determine the layout, with one row per marker."""
-        return [strided(data, 'u4', start, self._stride, self._count, (end - start) // _WORD)
-                for start, end in self._ranges]
+    def _rows(self, data: bytes | bytearray) -> Array:
+        """Return a view of the words of a message, with one row per marker, from the frame to the last length."""
+        return strided(data, 'u4', self._first, self._stride, self._count, self._words)
 
     def fits(self, data: bytes) -> bool:
         """Return whether a message has the same layout as the previous message."""
-        return len(data) == self._size and data.startswith(self._head) and not any(
-            np.not_equal(mine, its).any() for mine, its in zip(self._same, self._words(data), strict=True))
+        if len(data) != self._size or not data.startswith(self._head):
+            return False
+        equal = np.equal(self._rows(data), self._same, out=self._equal)
+        equal |= self._free
+        return bool(equal.all())
 
     def benches(self, data: bytes) -> BenchCubes:
         """Return the benches in a message that ``fits``. Raises MessageError if its stamp is invalid."""

@@ -62,7 +62,7 @@ class Reader:
 
     def stamp_ns(self) -> int:
         """Read a time stamp."""
-        sec, nanosec = self.take('i'), self.take('I')
+        sec, nanosec = struct.unpack_from(f'{self.order}iI', self.data, self.skip('I', 2))
         if sec < 0 or nanosec >= NS:
             raise MessageError(f'stamp: {sec} s and {nanosec} ns; expected a non-negative time and less than 1e9 ns')
         return int(sec * NS + nanosec)

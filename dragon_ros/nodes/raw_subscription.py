@@ -28,11 +28,11 @@ class _Callback:
         self._then()
 
     def _take_some(self) -> None:
-        subscription = self.subscription
+        handle, kind, raw = self.subscription.handle, self.subscription.msg_type, self.subscription.raw
         for _ in range(_AT_ONCE):
             try:
-                with subscription.handle:
-                    more = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+                with handle:
+                    more = handle.take_message(kind, raw)
             except InvalidHandle:
                 return
             if more is None:
