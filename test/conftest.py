@@ -58,11 +58,15 @@ def pytest_make_parametrize_id(val):
     return f'{val[:40]!a} of {len(val)}' if isinstance(val, str | bytes) and len(val) > 1000 else None
 
 
-# These tests take ten seconds or more; if one ran last, the other processors would be idle.
+# These tests take eight seconds or more; if one ran last, the other processors would be idle.
 LONGEST = ('test_types_hold_strictly', 'test_no_scene_on_the_topic_ends_or_blinds_a_recorder',
            'test_the_demo_can_be_run_again_in_one_place',
            'test_recorders_killed_at_random_moments_lose_at_most_the_flush_interval_and_are_repaired',
-           'test_handles_without_benches_are_counted_and_logged', 'test_every_command_of_a_document_runs')
+           'test_handles_without_benches_are_counted_and_logged', 'test_every_command_of_a_document_runs',
+           'test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_an_obstacle',
+           'test_a_recorder_that_never_gets_the_last_word_of_a_monitor_says_so_and_exits_3',
+           'test_a_parameter_for_another_node_is_named_and_ignored',
+           'test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick')
 
 
 def pytest_collection_modifyitems(config, items):
@@ -70,8 +74,7 @@ def pytest_collection_modifyitems(config, items):
         long = {item for item in items if item.get_closest_marker('long')}
         config.hook.pytest_deselected(items=[item for item in items if item in long])
         items[:] = [item for item in items if item not in long]
-    items[:] = spread(items)
-    items.sort(key=lambda item: not item.name.startswith(LONGEST))
+    items[:] = longest_first(spread(items), getattr(config, 'workerinput', {}).get('workercount', 1))
 
 
 def spread(items):
@@ -85,6 +88,17 @@ def spread(items):
         for number, item in enumerate(group):
             begins.setdefault(item.path, number / len(group))
     return sorted(items, key=lambda item: begins[item.path])
+
+
+def longest_first(items, workers):
+    """Return the tests in an order in which each worker begins with its share of the longest tests.
+
+    Each worker begins with as many consecutive tests, and takes tests of others when it has run these.
+    """
+    longest = [item for item in items if item.name.startswith(LONGEST)]
+    others = [item for item in items if not item.name.startswith(LONGEST)]
+    ends = [n * len(others) // workers for n in range(workers + 1)]
+    return [item for n in range(workers) for item in (*longest[n::workers], *others[ends[n]:ends[n + 1]])]
 
 
 def pytest_collection_finish():

@@ -1,7 +1,9 @@
 """The ROS linters' checks of the licence and the manifest, without these linters; ruff covers the other rules."""
 import hashlib
+import re
 import tokenize
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import pytest
@@ -57,12 +59,17 @@ def test_rosdep_knows_every_key_of_the_manifest():
     assert {node.text for node in manifest if node.tag.endswith('depend')} <= RESOLVED
 
 
+@pytest.fixture
+def conftest(request):
+    """The set-up of all tests as a module."""
+    return next(one for one in request.config.pluginmanager.get_plugins() if hasattr(one, 'missing_for'))
+
+
 @pytest.mark.parametrize(('source', 'library'), [
     ('import mpmath\n', 'mpmath'), ('from scipy.stats import norm\n', 'scipy'),
     ('from convergence import x\n', 'mpmath'),
     ('def f():\n    import mpmath\n', None), ('import numpy\n', None)])
-def test_a_file_whose_library_is_missing_is_left_out_by_name(request, source, library):
-    conftest = next(one for one in request.config.pluginmanager.get_plugins() if hasattr(one, 'missing_for'))
+def test_a_file_whose_library_is_missing_is_left_out_by_name(conftest, source, library):
     assert conftest.missing_for(source, lambda name: None) == library
     assert conftest.missing_for(source, lambda name: name) is None
 
@@ -71,3 +78,21 @@ def test_no_two_files_of_tests_have_one_name():
     """Pytest imports test files by name and would reject the second of two files with the same name."""
     names = [path.name for path in (ROOT / 'test').rglob('*.py') if path.name != 'conftest.py']
     assert sorted({name for name in names if names.count(name) > 1}) == []
+
+
+@pytest.mark.parametrize('workers', [1, 2, 4, 7])
+def test_every_worker_begins_with_its_share_of_the_longest_tests(conftest, workers):
+    names = [*conftest.LONGEST[:6], *(f'test_{n}' for n in range(50))]
+    items = [SimpleNamespace(name=name) for name in names[::-1]]
+    order = [item.name for item in conftest.longest_first(items, workers)]
+    assert sorted(order) == sorted(names)
+    for worker in range(workers):
+        begin = round(worker * len(order) / workers)
+        nearby = order[max(begin - 1, 0):begin + 2]
+        assert worker >= 6 or any(name in conftest.LONGEST for name in nearby)
+
+
+def test_the_longest_tests_exist(conftest):
+    tests = {name for path in SOURCES if path.name.startswith('test_')
+             for name in re.findall(r'^def (test_\w+)', path.read_text(), re.MULTILINE)}
+    assert [start for start in conftest.LONGEST if not any(name.startswith(start) for name in tests)] == []
