@@ -122,7 +122,7 @@ def test_handles_that_wind_back_are_left_to_boxes():
 
 
 def test_a_bench_over_more_layers_than_turns_are_tried_is_left_to_boxes():
-    p, benches = placed(Scene(dragon=Dragon(1500, 0.7, 0.65, 0.3), track=Spiral(0.02, 60)))
+    p, benches = placed(Scene(dragon=Dragon(1000, 0.7, 0.65, 0.3), track=Spiral(0.02, 60)))
     assert falls_back(p, benches)
     np.testing.assert_array_equal(candidates(p, benches), box_pairs(benches, default_reach_m(benches)))
     assert not missed(p, benches)

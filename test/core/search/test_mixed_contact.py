@@ -105,7 +105,7 @@ def test_nothing_touches_before_the_first_contact_of_a_mixed_dragon(dragon, pitc
 
 @pytest.mark.parametrize(('scene', 'pair'), [
     (load_scene('mixed', ['run.start_s=394.5']), (40, 71)),
-    (Scene(dragon=MIDDLE, track=Spiral(0.5, 7.0)), (0, 6)),
+    (Scene(dragon=MIDDLE, track=Spiral(0.5, 7.0), run=Run(56.0)), (0, 6)),
     (Scene(dragon=Mixed((Group(3.41), *(Group(length) for _ in range(12) for length in (2.2, 1.7)))), run=Run(405)),
      (0, 9)),
     (Scene(dragon=Mixed((Group(1.2, 4), Group(2.0), Group(1.2, 9))), track=Spiral(0.6, 2.5), head=Head(-1.0),
@@ -132,7 +132,7 @@ def test_where_a_link_behind_the_second_turns_back_the_run_is_refused_with_the_t
 
 
 def test_near_misses_of_a_mixed_dragon_are_the_smallest_gaps_of_its_head():
-    scene = load_scene('mixed', ['run.start_s=385'])
+    scene = load_scene('mixed', ['run.start_s=390'])
     misses = [miss for miss in near_misses(scene, first_contact(scene), 0.05).nearest if miss.benches[0] == 0]
     assert [miss.bench for miss in misses][:2] == [13, 11]
     assert misses[0].gap_m == pytest.approx(0.03515, abs=1e-5)
