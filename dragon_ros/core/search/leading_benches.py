@@ -122,9 +122,16 @@ class _ClearedInterval:
     bound_m: float
     behind: int
 
+    def between(self, inner_rad: float, outer_rad: float) -> '_ClearedInterval':
+        """Return the part of the interval between two positions; it has no length if the interval is beyond them."""
+        if inner_rad <= min(self.start_rad, self.stop_rad) and max(self.start_rad, self.stop_rad) <= outer_rad:
+            return self
+        return replace(self, start_rad=min(max(self.start_rad, inner_rad), outer_rad),
+                       stop_rad=min(max(self.stop_rad, inner_rad), outer_rad))
+
 
 class LeadingBenches:
-    """A class of benches over a domain, and the cleared intervals of its pairs with the benches behind it."""
+    """A class of benches over a domain, with ``rows``, the cleared intervals of its pairs with benches behind it."""
 
     def __init__(self, domain: SearchDomain, benches: tuple[int, ...], until_touch: bool = False) -> None:
         """Represent the class of ``benches``, which are in order from the head; the first bench is the ``lead``.
@@ -137,7 +144,7 @@ class LeadingBenches:
         self._spiral = domain.track.from_afar.curve
         longest_m = float(np.max(domain.dragon.bench_lengths_m))
         self._first_m, self.finest_m = _FIRST * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
-        self._rows: list[_ClearedInterval] = []
+        self.rows: list[_ClearedInterval] = []
         self._hit: Bracket | None = None
 
     @property
@@ -172,18 +179,18 @@ class LeadingBenches:
             self._hit = self._bracket(self.lead, whole.hit, (self._domain.start_m, stop_m)) if whole.hit else None
             return self._hit
         phases, ends = self._domain.phases(stop_m)
-        self._rows = []
+        self.rows = []
         for n in range(len(phases) - 1):
             self._hit = self._hit or self._clear_phase((phases[n], phases[n + 1]), ends[n], ends[n + 1])
         return self._hit
 
     def forget(self) -> None:
         """Discard all results."""
-        self._rows, self._hit = [], None
+        self.rows, self._hit = [], None
 
     def keep(self, cleared: Cleared, behind: int) -> None:
         """Add cleared intervals, with the number of followers for which they were cleared."""
-        self._rows += [_ClearedInterval(*row, behind) for row in cleared.rows]
+        self.rows += [_ClearedInterval(*row, behind) for row in cleared.rows]
 
     def prove(self, stop_m: float) -> Bracket | None:
         """Clear up to an earlier position than before; return the first bracket that is not clear."""
@@ -197,26 +204,22 @@ class LeadingBenches:
 
     def intervals(self) -> Iterator[Interval]:
         """Yield the cleared intervals for the certificate."""
-        segment, origin_m = self._domain.track.segments[0], self._domain.track.origins_m[0]
-        places = np.array([(row.start_rad, row.stop_rad) for row in self._rows]).reshape(-1, 2)
-        for row, (start_m, stop_m) in zip(self._rows, (origin_m + segment.metres(places)).tolist(), strict=True):
-            yield Interval(self.lead, start_m, stop_m, row.behind, row.bound_m)
+        return _intervals(self._domain, [self])
 
     def _go_on(self, stop_m: float) -> None:
         """Clear the rest of the head's track up to a position, or drop the cleared intervals beyond this position."""
         start, stop = (float(self._domain.angles(place)[0]) for place in (self._domain.start_m, stop_m))
         sign = 1.0 if stop > start else -1.0
-        self._rows = [row for row in self._rows if sign * row.stop_rad <= sign * stop]
-        last, self._hit = self._rows[-1].stop_rad if self._rows else start, None
+        self.rows = [row for row in self.rows if sign * row.stop_rad <= sign * stop]
+        last, self._hit = self.rows[-1].stop_rad if self.rows else start, None
         for rest in _cleared(self._domain, [*self._window(0, last, stop, self._behind)]):
             self._hit = self._bracket(0, rest.hit, (self._domain.start_m, stop_m)) if rest.hit else None
 
     def _trim(self, stop_m: float) -> None:
         """Drop the cleared parts that the class has not yet reached when the leader is at a given position."""
         outer, inner = self._track(self._domain.phases(stop_m)[1])
-        clipped = (replace(row, start_rad=min(max(row.start_rad, inner), outer),
-                           stop_rad=min(max(row.stop_rad, inner), outer)) for row in self._rows)
-        self._rows = [row for row in clipped if row.start_rad != row.stop_rad]
+        clipped = (row.between(inner, outer) for row in self.rows)
+        self.rows = [row for row in clipped if row.start_rad != row.stop_rad]
 
     def all_come_in(self, stop_m: float) -> bool:
         """Return whether, up to a leader position, all links from the third on follow their front handles inwards."""
@@ -307,8 +310,7 @@ class BodyBenches:
 
     def intervals(self) -> Iterator[Interval]:
         """Yield the cleared intervals for the certificate."""
-        for each in self._classes:
-            yield from each.intervals()
+        return _intervals(self._domain, self._classes)
 
     def _together(self, windows: list[_ClassWindow]) -> Iterator[list[_ClassWindow]]:
         """Yield groups of windows, each as large as memory allows, or single windows if links have zero length."""
@@ -322,6 +324,15 @@ class BodyBenches:
             size, most = size + more, [*most, window]
         if most:
             yield most
+
+
+def _intervals(domain: SearchDomain, classes: list[LeadingBenches]) -> Iterator[Interval]:
+    """Yield the cleared intervals of classes; all positions are converted to distances together."""
+    segment, origin_m = domain.track.segments[0], domain.track.origins_m[0]
+    rows = [(each.lead, row) for each in classes for row in each.rows]
+    places = np.array([(row.start_rad, row.stop_rad) for _, row in rows]).reshape(-1, 2)
+    for (lead, row), (start_m, stop_m) in zip(rows, (origin_m + segment.metres(places)).tolist(), strict=True):
+        yield Interval(lead, start_m, stop_m, row.behind, row.bound_m)
 
 
 def _sampler(domain: SearchDomain, leads: tuple[int, ...]) -> BenchSampler:
