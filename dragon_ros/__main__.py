@@ -9,6 +9,7 @@ import importlib
 import os
 import sys
 from collections.abc import Callable
+from io import TextIOWrapper
 from typing import NoReturn
 
 from dragon_ros.executables import EXECUTABLES, NODES
@@ -72,6 +73,8 @@ def run(argv: list[str], program: Callable[[list[str]], int] = main) -> NoReturn
     the run and at exit, would take a tenth of a command's run time.
     """
     os.environ.setdefault('OPENBLAS_THREAD_TIMEOUT', _SPIN)
+    if isinstance(sys.stdout, TextIOWrapper):       # what the locale's encoding lacks is escaped, as on standard error
+        sys.stdout.reconfigure(errors='backslashreplace')
     gc.set_threshold(_GARBAGE, *gc.get_threshold()[1:])
     try:
         sys.exit(program(argv))

@@ -259,6 +259,8 @@ def check_keeps(option: str, path: Path | None, *sources: str | Path | None) -> 
 def write_output(path: Path | None, content: str | bytes) -> None:
     """Write the content to a file or, if it is text and ``path`` is None, to standard output.
 
+    In text, bytes of file names that are not UTF-8 are escaped.
+
     Raises InputError or MissingError.
     """
     if path is None:
@@ -267,7 +269,7 @@ def write_output(path: Path | None, content: str | bytes) -> None:
         print(content)
         return
     try:
-        path.write_bytes(content if isinstance(content, bytes) else f'{content}\n'.encode())
+        path.write_bytes(content if isinstance(content, bytes) else f'{content}\n'.encode(errors='backslashreplace'))
     except OSError as error:
         raise MissingError(f'--output {path}: cannot be written: {error.strerror}') from None
 

@@ -42,9 +42,14 @@ _CHINESE_FONTS = ('notosanscjk-regular', 'notosanssc-regular', 'notosanscjksc-re
                   'wqy-microhei', 'wqy-zenhei', 'droidsansfallbackfull')
 
 
+def drawable(text: str) -> str:
+    """Return text in which the bytes of a file name that are not UTF-8 are escaped."""
+    return text.encode(errors='backslashreplace').decode()
+
+
 def short(name: str) -> str:
     """Return a name shortened for a title; the middle of a long name is omitted."""
-    half = _LONGEST_NAME // 2
+    name, half = drawable(name), _LONGEST_NAME // 2
     return name if len(name) <= _LONGEST_NAME else f'{name[:half]}…{name[-half:]}'
 
 

@@ -151,7 +151,8 @@ def _verify(certificate_file: Path, effort: str | None, output: Path | None) -> 
     import subprocess
 
     from dragon_ros.commands.checker import command
-    done = subprocess.run(command(str(certificate_file), effort), stdout=subprocess.PIPE, text=True, check=False)
+    done = subprocess.run(command(str(certificate_file), effort), stdout=subprocess.PIPE, text=True,
+                          errors='surrogateescape', check=False)        # the name of the file may not be UTF-8
     if done.stdout:
         command_line.write_output(output, done.stdout.rstrip('\n'))
     return done.returncode

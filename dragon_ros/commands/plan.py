@@ -52,7 +52,7 @@ def run(arguments: Namespace) -> int:
         raise InputError(f'--output {path}: the suffix must be .pdf or .geojson; rename it, or give --format')
     scene = command_line.scene_from(arguments)
     lang = language_of(arguments.lang)
-    plan = Plan(scene, arguments.title or Path(arguments.scene).stem, lang)
+    plan = Plan(scene, figures.drawable(arguments.title or Path(arguments.scene).stem), lang)
     if kind == 'geojson':
         command_line.write_output(path, geojson(plan))
         print(f'{path}: {plan.say("metres" if plan.origin_deg is None else "degrees")}')

@@ -194,8 +194,9 @@ def _index_of(file: McapFile) -> Index:
         readable = (scanned_index(file) if index is None else index).batches
         reach = readable[-1].place.end if readable else 0
         file.close()
-        raise BagError(f'{error}; {counted(len(readable), "chunk")}, up to byte {reach}, can be read: '
-                       '`inspect BAG --repair OUT` writes them to a complete bag', **error.fields) from None
+        cure = (f'{counted(len(readable), "chunk")}, up to byte {reach}, can be read: `inspect BAG --repair OUT` '
+                'writes them to a complete bag' if readable else 'none of its messages can be read; record it again')
+        raise BagError(f'{error}; {cure}', **error.fields) from None
 
 
 def _survey(index: Index) -> None:

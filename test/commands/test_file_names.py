@@ -1,0 +1,50 @@
+"""File names that are not UTF-8 and characters that the locale lacks are escaped; no command ends in a traceback."""
+import os
+import subprocess
+import sys
+
+import pytest
+
+NAME = os.fsdecode('舞龙'.encode('gbk'))         # as unpacked from a ZIP file that was made in Chinese Windows
+ESCAPED = r'\udcce\udce8\udcc1\udcfa'
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / f'{NAME}.yaml'
+    path.write_text('dragon: {benches: 3}\nrun: {stop_s: 0.1}\n')
+    return path
+
+
+def run(*arguments, **environment):
+    return subprocess.run([sys.executable, '-m', 'dragon_ros', *map(str, arguments)], capture_output=True, text=True,
+                          check=False, env={**os.environ, **environment}, errors='surrogateescape')
+
+
+@pytest.mark.parametrize('suffix', ['html', 'json', 'csv'])
+def test_a_team_may_have_any_name(tmp_path, suffix):
+    (tmp_path / 'class' / NAME).mkdir(parents=True)
+    (tmp_path / 'class' / NAME / 'result1.xlsx').write_bytes(b'')
+    report = tmp_path / f'report.{suffix}'
+    done = run('grade', tmp_path / 'class', '--output', report)
+    assert (done.returncode, done.stdout) == (2, f'{report}\n'), done.stderr
+    assert ESCAPED in report.read_text()
+
+
+@pytest.mark.parametrize('arguments', [['plan'], ['plot', 'dragon', '--times', '0']])
+def test_a_scene_may_have_any_name_in_a_picture(scene, arguments):
+    done = run(*arguments, '--output', f'{scene}.pdf', '--scene', scene)
+    assert done.returncode == 0, done.stderr
+    assert f'{ESCAPED}.yaml.pdf' in done.stdout
+    assert os.path.getsize(f'{scene}.pdf') > 1000
+
+
+@pytest.mark.parametrize(('arguments', 'shown'), [
+    (['contact', '--verify', 'CERTIFICATE'], f'{ESCAPED}.json: '),
+    (['grade', '--t', '412.4', '--lang', 'zh'], r'\u95ee\u9898 2')])
+def test_characters_that_the_locale_lacks_are_escaped(scene, arguments, shown):
+    certificate = scene.with_suffix('.json')
+    assert run('contact', '--scene', scene, '--certificate', certificate).returncode == 0
+    given = [certificate if one == 'CERTIFICATE' else one for one in arguments]
+    done = run(*given, PYTHONUTF8='0', PYTHONIOENCODING='ascii', LC_ALL='C')
+    assert (done.returncode, shown in done.stdout) == (0, True), done.stdout + done.stderr
