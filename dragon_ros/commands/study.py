@@ -49,13 +49,14 @@ def _run(arguments: Namespace) -> int:
     except ImportError as error:
         raise MissingError(f"{error.name}: it is not installed, but studies need it; pip install 'dragon_ros[study]', "
                            'or use ./dragon study, which installs it') from None
-    folder, is_folder = _folder_of(arguments)
-    data = dataset.open_set(folder) if is_folder else dataset.DataSet(folder, load_study(arguments.study))
+    study = None if Path(arguments.study).is_dir() else load_study(arguments.study)
+    folder = _folder_of(arguments)
+    data = dataset.open_set(folder) if study is None else dataset.DataSet(folder, study)
     if arguments.samples is not None:
         whole('--samples', arguments.samples, low=1, high=10**9)
         data = dataset.DataSet(folder, data.study.with_samples(arguments.samples))
     code = command_line.OK
-    if not (is_folder and arguments.plot):
+    if study is not None or not arguments.plot:
         code = _computed(arguments, data, cluster.complete)
     elif arguments.workers is not None or arguments.scheduler is not None:
         raise InputError('--plot: with a FOLDER, no rows are computed; omit --workers and --scheduler', field='plot')
@@ -69,16 +70,17 @@ def _run(arguments: Namespace) -> int:
     return code
 
 
-def _folder_of(arguments: Namespace) -> tuple[Path, bool]:
-    """Return the folder of the data set, and whether it was given instead of a study."""
+def _folder_of(arguments: Namespace) -> Path:
+    """Return the folder of the data set, which may be given instead of a study."""
     given = Path(arguments.study)
     if given.is_dir():
         if arguments.output is not None:
             raise InputError('--output: the folder of a study is its own output; omit --output', field='output')
-        return given, True
+        return given
     if arguments.output is None:
         raise InputError('--output: it is missing; give a folder for the rows, such as --output study', field='output')
-    return arguments.output, False
+    output: Path = arguments.output
+    return output
 
 
 def _computed(arguments: Namespace, data: 'DataSet', complete: Callable[..., 'StudyProgress']) -> int:

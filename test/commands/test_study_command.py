@@ -96,6 +96,7 @@ def test_the_rows_of_a_study_are_arrays_in_python(computed):
 @pytest.mark.parametrize(('arguments', 'said'), [
     (['nothing', '--output', 'x'], "study: no study is called 'nothing'; the studies are pitch_map, tolerances"),
     (['pitch_map'], 'study: --output: it is missing; give a folder'),
+    (['no_such_folder'], "study: no study is called 'no_such_folder'; the studies are "),
     (['.'], 'study.yaml: cannot be read'),
     (['.', '--output', 'x'], '--output: the folder of a study is its own output'),
     (['pitch_map', '--output', 'x', '--samples', '3'],
