@@ -5,6 +5,10 @@ import re
 import signal
 from importlib.util import find_spec
 
+# OpenBLAS reads this when numpy is imported. Commands set the same value: by default, each idle thread of OpenBLAS
+# would occupy a processor for some hundredths of a second after every large product.
+os.environ.setdefault('OPENBLAS_THREAD_TIMEOUT', '16')
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, settings
