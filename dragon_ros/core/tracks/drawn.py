@@ -285,9 +285,7 @@ class _SmoothLine:
 
     def between(self, low_m: float, high_m: float) -> list[tuple[float, SmoothPart]]:
         """Return the smooth parts between two distances, clipped to them, each with the distance at which it begins."""
-        out, hair = [], _SAME * self.length_m
-        first_part, stop = np.searchsorted(self.begins_m, (low_m, high_m)).tolist()
-        near = slice(max(first_part - 2, 0), stop)      # one part more, because distances are rounded
+        out, hair, near = [], _SAME * self.length_m, self._near(low_m, high_m)
         for begin, one in zip(self.begins_m[near].tolist(), self.stretches[near], strict=False):
             first, last = max(low_m, begin), min(high_m, begin + float(one.gone_m[-1]))
             if last - first > hair:
@@ -301,10 +299,16 @@ class _SmoothLine:
         points, headings = one.points[inner], one.headings[inner]
         return _stretch(np.concatenate(([a], points, [b])), np.concatenate(([at], headings, [to])))
 
+    def _near(self, low_m: float, high_m: float) -> slice:
+        """Return the indices of all parts that reach between two distances, and one more, since these are rounded."""
+        first, stop = np.searchsorted(self.begins_m, low_m), np.searchsorted(self.begins_m, high_m, side='right')
+        return slice(max(int(first) - 2, 0), int(stop) + 1)
+
     def drawn_between(self, low_m: float, high_m: float) -> Complexes:
         """Return the original points of the drawing between two distances, including the points at both ends."""
+        near = self._near(low_m, high_m)
         inner = [one.drawn[slice(*np.searchsorted(one.drawn_at_m, (low_m - begin, high_m - begin), side='right'))]
-                 for begin, one in zip(self.begins_m.tolist(), self.stretches, strict=False)
+                 for begin, one in zip(self.begins_m[near].tolist(), self.stretches[near], strict=False)
                  if begin <= high_m and begin + one.gone_m[-1] >= low_m]
         return np.concatenate(([self.pose(low_m, True)[0]], *inner, [self.pose(high_m, False)[0]]))
 
