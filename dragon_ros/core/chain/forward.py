@@ -148,8 +148,12 @@ def row_by_row(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
     return _stacked(rows), spent
 
 
-def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int) -> tuple[Places, int]:
+def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int,
+               starts: Ints | None = None) -> tuple[Places, int]:
     """Return the result of ``forward_many``, computed segment by segment for all handles of a block at once.
+
+    If ``starts`` (M,) is given, each leader takes the place of the handle with this index instead of the first one;
+    the rows before it are undefined.
 
     On a track of several segments, the handles of one row lie on many different segments. For 500 leaders with 223
     links on 50 lines and arcs, this takes a fifth of the time of ``row_by_row``. On a line or an arc, equal links span
@@ -157,9 +161,11 @@ def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
     """
     size, (first, stop) = leaders[1].size, (blocks[0].start, blocks[-1].stop) if blocks else (0, 0)
     rows: Places = np.empty((stop + 1, size), dtype=np.int64), *np.empty((2, stop + 1, size))    # from ``first`` on
-    for out, values in zip(rows, leaders, strict=True):
-        out[first] = values
     at, spent, ahead = np.full(size, first), 0, min if direction == AHEAD else max
+    if starts is not None:
+        at += starts
+    for out, values in zip(rows, leaders, strict=True):
+        out[at, np.arange(size)] = values
     for block in blocks:
         while (left := np.flatnonzero(at < block.stop)).size:
             number = rows[0][at[left], left]

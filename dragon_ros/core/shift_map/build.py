@@ -6,7 +6,7 @@ from math import ceil, floor, inf
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from dragon_ros.core.chain.forward import FEWEST_ROWS, Block, forward, forward_many, placed
+from dragon_ros.core.chain.forward import FEWEST_ROWS, Block, by_segment, forward, forward_many, placed
 from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.chebyshev import in_parts, inverse_series, powers_of, series_of, transform
 from dragon_ros.core.numerics.double_double import plus, product
@@ -18,10 +18,13 @@ from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, reach_m
 from dragon_ros.core.tracks.spiral import SpiralSegment
 
 NODES = 24            # number of terms of a series before truncation
-_MOST_STEPS = 40_000        # maximum total number of links from the joints to the span
+_MOST_STEPS = 100_000       # maximum total number of links from the joints to the span
 _MOST_BYTES = 256_000_000   # maximum total size of the series of one table
+_MANY_JOINTS = 16           # minimum number of joints for moving them ahead together; fewer are faster one by one
 _ROUNDS = 5                 # maximum number of times that parts are cut into thirds
 NOISE = 4                  # the largest effect of rounding on the last terms, in units of the error
+# The largest effect of rounding that is allowed where cutting a part does not reduce it; it is a sixth of the promise.
+_MOST_NOISE = 16
 _SPAN_NODES = 16            # number of terms for a whole span on a spiral; few suffice, because a spiral is smooth
 # The largest last term that is allowed in the series of a span, relative to half the length of the span; rounding over
 # hundreds of rows may account for a quarter of it.
@@ -180,13 +183,27 @@ def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[Span
     hair_m, ends = _HAIR * (link_m + abs(here_m)), (*track.joints_m, track.end_m)
     if any(ends[k] - ends[k - 1] <= hair_m for k in inside):    # the segment's two joints would coincide
         return []
-    cuts = sorted((_pulled(track, link_m, Place.of(k, track.segments[k].first, 0.0), back_m) for k in inside),
+    joints = [Place.of(k, track.segments[k].first, 0.0) for k in inside]
+    cuts = sorted((_pulled(track, link_m, place, back_m) for place in _nearly_pulled(track, link_m, joints, back_m)),
                   key=track.distance_of, reverse=True)
     places = [front]
     for cut in [*cuts, rear]:
         if track.distance_of(places[-1])[0] - track.distance_of(cut)[0] > hair_m:
             places.append(cut)
     return [part_between(track, fore, rear) for fore, rear in pairwise(places)]
+
+
+def _nearly_pulled(track: Track, link_m: float, places: list[Place], back_m: float) -> list[Place]:
+    """Move many positions ahead by the numbers of links that certainly fit (see ``_pulled``); return few unchanged."""
+    if len(places) < _MANY_JOINTS:
+        return places
+    longest_m = reach_m(min(track.bend, 1 / link_m), link_m)
+    sure = np.array([max(0, floor((back_m - track.distance_of(place)[0]) / longest_m)) for place in places])
+    begin: Places = (np.array([place.segment for place in places]), np.array([place.u.hi for place in places]),
+                     np.array([place.u.lo for place in places]))
+    most = int(np.max(sure))
+    rows, _ = by_segment(track, (Block(0, most, link_m),), begin, AHEAD, most - sure)
+    return [Place.of(*each) for each in zip(*(values[-1] for values in rows), strict=True)]
 
 
 def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
@@ -236,14 +253,16 @@ def _built(track: Track, link_m: float, first: list[tuple[SpanPart, _Pushed]], c
             x, middle, scale = scaled(rows.coordinates)
             inverse = _inverses(pushed, x, rows.leading)
             left = _left(rows, x, inverse, link_m)
-        if np.max(left) <= NOISE:
+        by_rounding = left >= 0.5 * np.array([whole for _, _, whole in pieces])     # cutting would not reduce it
+        if np.any(by_rounding & (left > _MOST_NOISE)):
+            return None
+        ends = by_rounding | (left <= NOISE)
+        if np.all(ends):
             return _table(rows, (x, middle, scale), inverse, link_m)
         before, pieces = pieces, []
-        for (part, _, whole), one, over in zip(before, pushed, left.tolist(), strict=True):
-            if over > NOISE and over >= 0.5 * whole:        # caused by rounding, which cutting would not reduce
-                return None
+        for (part, _, whole), one, over, done in zip(before, pushed, left.tolist(), ends.tolist(), strict=True):
             # Halves would need more rounds, which would take longer than the additional parts.
-            pieces += [(part, one, inf)] if over <= NOISE else [(third, None, over) for third in equal_parts(part, 3)]
+            pieces += [(part, one, whole)] if done else [(third, None, over) for third in equal_parts(part, 3)]
     return None
 
 

@@ -17,15 +17,16 @@ from dragon_ros.core.chain.forward import Block, forward_many, placed
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import ChainLockError, FieldError
 from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.shift_map import build
 from dragon_ros.core.shift_map.blocks import Placement, TabulatedLinks, lengths_with_maps
 from dragon_ros.core.shift_map.leader_map import MappedLinks
 from dragon_ros.core.shift_map.table import Entrance, ShiftMap
 from dragon_ros.core.step import state, tick
-from dragon_ros.core.tracks.composite import Place
+from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import BEHIND
-from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 from dragon_ros.core.tracks.spiral import SpiralSegment
 from hard_cases.dances import dances
 from hard_cases.problems import problems
@@ -360,3 +361,42 @@ def test_no_place_on_a_track_is_beyond_what_stands_for_its_ends(scene):
     for end, place, side in ((rear, segments[0].first, -1), (fore, segments[-1].last, 1)):
         rate = segments[end.segment].rate(place)
         assert abs(place) == np.inf == abs(end.u.hi) or side * (end.u.hi - place) * np.sign(rate) >= 1
+
+
+def street(pieces, turns_deg, seed):
+    """Return a street of arcs almost too tight for the head's link, with a dragon at its far end."""
+    rng = np.random.default_rng(seed)
+    track = (Line(500.0), *(Arc(rng.uniform(1.46, 1.6), (-1) ** k * rng.uniform(*turns_deg)) for k in range(pieces)),
+             Line(30.0))
+    end_m = track_of(Composite(track)).end_m
+    return Scene(track=Composite(track, start_m=end_m - 40), run=Run(0, 20))
+
+
+def test_series_that_rounding_ends_a_little_early_have_a_table_that_keeps_the_promise():
+    simulation = compile_scene(street(120, (30, 60), 2))
+    chain, other = simulation.model.place((3.0, 0.0)), simulation.model.march((3.0, 0.0))
+    assert [type(part) for part in chain.parts] == [TabulatedLinks]
+    np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=0.1 * simulation.promise_m)
+    np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=0.1 * simulation.promise_m)
+
+
+def test_series_that_rounding_ends_far_too_early_have_no_table():
+    model = compile_scene(street(40, (50, 80), 1)).model
+    shift = ShiftMap(model.track, 1.65, 222, model.direction, model.tier)
+    assert shift._tile(shift._number(model.leader.place((3.0, 0.0)), 2.86) // shift._stretches) is None
+
+
+@pytest.mark.parametrize('pieces', [
+    (Line(30.0), *(Arc(2.0 + 0.1 * (k % 3), (-1) ** k * 17.0) for k in range(30)), Line(20.0)),
+    (Line(30.0), *(piece for k in range(8) for piece in (SpiralArc(0.9, 2.0 + k, 2.5 + k), Line(0.7))), Arc(2.0, 9.0))],
+    ids=['arcs', 'spirals'])
+def test_joints_that_are_moved_ahead_together_are_where_each_alone_is(pieces, monkeypatch):
+    track, link_m = track_of(Composite(pieces)), 1.65
+    back_m = track.end_m - 5.0
+    joints = [Place(k, DoubleDouble(track.segments[k].first, 0.0)) for k in range(1, len(track.segments) - 1)]
+    monkeypatch.setattr(build, '_MANY_JOINTS', 1)
+    together = build._nearly_pulled(track, link_m, joints, back_m)
+    assert sum(one != joint for one, joint in zip(together, joints, strict=True)) > len(joints) // 2
+    for one, joint in zip(together, joints, strict=True):
+        off_m = np.subtract(*(track.distance_of(build._pulled(track, link_m, place, back_m)) for place in (one, joint)))
+        assert abs(off_m.sum()) < 1e-12
