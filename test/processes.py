@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
 from multiprocessing import forkserver
@@ -21,7 +22,8 @@ _FORKS.set_forkserver_preload([
     # modules that rclpy and the messages import when the first node is created
     'rosidl_generator_py', *(f'{name}_msgs.msg' for name in ('geometry', 'nav', 'rosgraph', 'sensor', 'service',
                                                              'visualization')),
-    'std_srvs.srv', 'type_description_interfaces.msg', 'warm'])
+    'std_srvs.srv', 'type_description_interfaces.msg',
+    *(f'dragon_ros.commands.{name}' for name in ('simulate', 'inspect', 'export')), 'warm'])
 
 
 class Started(subprocess.Popen):
@@ -33,16 +35,43 @@ class Started(subprocess.Popen):
 
 
 class Forked:
-    """A running executable with the required part of ``subprocess.Popen``'s interface; errors include its output."""
+    """A running executable with the required part of ``subprocess.Popen``'s interface.
 
-    def __init__(self, arguments, env, cwd):
+    ``stdout`` includes errors, unless they have a pipe of their own.
+    """
+
+    def __init__(self, arguments, env, cwd, stderr=False):
         _ready()
-        output, inside = _FORKS.Pipe(duplex=False)
-        self._process = _FORKS.Process(target=_run, args=(arguments, dict(env), str(cwd), inside))
+        pipes = [_FORKS.Pipe(duplex=False) for _ in range(1 + stderr)]
+        self._process = _FORKS.Process(target=_run, args=(
+            arguments, dict(env), str(cwd), [inside for _, inside in pipes]))
         self._process.start()
-        inside.close()
-        self.stdout = os.fdopen(os.dup(output.fileno()))
-        output.close()
+        outputs = []
+        for outside, inside in pipes:
+            inside.close()
+            outputs.append(os.fdopen(os.dup(outside.fileno())))
+            outside.close()
+        self.stdout, self.stderr = outputs if stderr else (*outputs, None)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self.kill()
+        self.wait()
+        for one in filter(None, (self.stdout, self.stderr)):
+            one.close()
+
+    def communicate(self, timeout=None):
+        """Wait until the process ends, and return what it has printed to each stream; kill it after the timeout."""
+        with ThreadPoolExecutor(2) as readers:
+            printed = [one and readers.submit(one.read) for one in (self.stdout, self.stderr)]
+            try:
+                self.wait(timeout)
+            except subprocess.TimeoutExpired:
+                self.kill()
+                raise
+            return [one and one.result() for one in printed]
 
     @property
     def pid(self):
@@ -74,15 +103,18 @@ def _ready():
         forkserver.ensure_running()
 
 
-def _run(arguments, environment, cwd, output):
+def _run(arguments, environment, cwd, outputs):
     """In the new process, do what ``python -m dragon_ros`` does, without the environment of the first process."""
     from dragon_ros.__main__ import run
     os.environ.clear()
     os.environ.update(environment)
     os.chdir(cwd)
-    for stream in (sys.stdout, sys.stderr):
-        os.dup2(output.fileno(), stream.fileno())
-        stream.reconfigure(line_buffering=True)
-    output.close()
+    for number, output in ((1, outputs[0]), (2, outputs[-1])):
+        os.dup2(output.fileno(), number)
+    for output in outputs:
+        output.close()
+    # The streams of the first process may be those of files, in which one can seek.
+    sys.stdout = os.fdopen(1, 'w', buffering=1, closefd=False)
+    sys.stderr = os.fdopen(2, 'w', buffering=1, errors='backslashreplace', closefd=False)
     sys.argv = ['dragon_ros', *arguments]
     run(arguments)

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pool_jobs import FailsHere, KilledElsewhere, end_at_300, squares
+from processes import Forked
 from properties import thinned
 
 from dragon_ros.__main__ import main
@@ -29,7 +30,7 @@ from dragon_ros.messages.channels import channels
 from dragon_ros.scenes.load import load_scene
 
 DRAGON = [sys.executable, '-m', 'dragon_ros']
-COMMAND = [*DRAGON, 'simulate', '--scene', 'winding', '--workers', '2']
+COMMAND = ['simulate', '--scene', 'winding', '--workers', '2']
 RUN = ['run.start_s=396', 'run.stop_s=413.5']       # the last second contains the contact
 TICKS = 876
 FEW = 'dragon.benches=120'      # enough benches for several parts
@@ -149,6 +150,11 @@ def begun(path, least=2**22):
         time.sleep(0.02)
 
 
+def forked(*command):
+    """Start a command in a process with a single thread, which can therefore fork its workers."""
+    return Forked([*map(str, command)], os.environ, '.', stderr=True)
+
+
 def children(pid):
     """Return the worker processes that a process has started."""
     return [int(one) for one in Path(f'/proc/{pid}/task/{pid}/children').read_text().split()]
@@ -165,31 +171,31 @@ def complete_ticks(path):
 @pytest.mark.parametrize('number', thinned([signal.SIGINT, signal.SIGTERM], lambda number: number == signal.SIGINT))
 def test_a_signal_to_all_processes_leaves_a_complete_bag(tmp_path, number):
     path = tmp_path / 'a.mcap'
-    with subprocess.Popen([*COMMAND, '--output', path], stderr=subprocess.PIPE, text=True,
+    with subprocess.Popen([*DRAGON, *COMMAND, '--output', path], stderr=subprocess.PIPE, text=True,
                           start_new_session=True) as process:
         begun(path)
         os.killpg(process.pid, number)
         _, errors = process.communicate(timeout=60)
-    assert process.returncode == 1
+    assert process.poll() == 1
     assert 'Traceback' not in errors
     assert f'{complete_ticks(path)} of 21646 ticks' in errors
 
 
 def test_a_killed_worker_leaves_a_complete_bag(tmp_path):
     path = tmp_path / 'a.mcap'
-    with subprocess.Popen([*COMMAND, '--output', path], stderr=subprocess.PIPE, text=True) as process:
+    with forked(*COMMAND, '--output', path) as process:
         begun(path)
         for child in children(process.pid):
             os.kill(child, signal.SIGKILL)
         _, errors = process.communicate(timeout=60)
-    assert process.returncode == 1
+    assert process.poll() == 1
     assert 'one of the worker processes was killed' in errors
     assert complete_ticks(path) > 0
 
 
 def test_workers_end_with_the_process_that_started_them(tmp_path):
     path = tmp_path / 'a.mcap'
-    with subprocess.Popen([*COMMAND, '--output', path], stderr=subprocess.PIPE, text=True) as process:
+    with forked(*COMMAND, '--output', path) as process:
         begun(path)
         working = children(process.pid)
         process.kill()
@@ -204,7 +210,8 @@ def test_workers_end_with_the_process_that_started_them(tmp_path):
 def test_a_full_disk_leaves_a_complete_bag(tmp_path):
     path = tmp_path / 'a.mcap'
     limited = ['bash', '-c', 'ulimit -f 8192; trap "" XFSZ; exec "$@"', 'bash']
-    done = subprocess.run([*limited, *COMMAND, '--output', path], stderr=subprocess.PIPE, text=True, timeout=120)
+    done = subprocess.run([*limited, *DRAGON, *COMMAND, '--output', path], stderr=subprocess.PIPE, text=True,
+                          timeout=120)
     assert done.returncode == 1
     assert 'cannot be continued' in done.stderr
     assert path.stat().st_size <= 8192 * 1024
@@ -261,9 +268,10 @@ def run(capsys, *command):
 
 def elsewhere(*command):
     """Run a command in a separate process, whose workers are forked, and return its exit code and output."""
-    done = subprocess.run([*DRAGON, *map(str, command)], capture_output=True, text=True, timeout=120)
-    assert 'Traceback' not in done.stderr
-    return done.returncode, done.stdout
+    with forked(*command) as process:
+        output, errors = process.communicate(timeout=120)
+    assert 'Traceback' not in errors
+    return process.poll(), output
 
 
 @pytest.mark.parametrize('change', thinned([None, damaged, late], lambda change: change is not late))
@@ -407,7 +415,7 @@ def broken_off(folder, bag, what, end):
         _, errors = process.communicate(timeout=60)
     assert list(folder.iterdir()) == []
     assert 'Traceback' not in errors
-    return process.returncode, errors
+    return process.poll(), errors
 
 
 @pytest.mark.parametrize('what', thinned(BROKEN_OFF, ('check', 'animation').__contains__))
