@@ -257,7 +257,8 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(start, arguments, says):
 
 
 def test_an_empty_list_is_a_value_of_a_parameter_that_is_a_list(start):
-    sim = start('sim', '--set', 'run.stop_s=0.1', '--ros-args', '-p', 'set:=[]', '-p', 'rate_hz:=20', '-p', 'other:=[]')
+    sim = start('sim', '--set', 'run.stop_s=0.1', '--ros-args', '-p', 'set:=[]', '-p', 'rate_hz:=20', '-p', 'other:=[]',
+                '-p', 'discovery_s:=0.0')
     assert sim.end() == 0, sim.text
     assert 'parameter other: sim has no such parameter' in sim.text
     assert 'tick 0 of 3' in sim.text
@@ -275,11 +276,11 @@ def test_what_rclpy_keeps_of_given_parameters_is_where_it_is_read():
     context.shutdown()
 
 
-def test_a_parameter_for_another_node_is_named_and_ignored(start, tmp_path):
+def test_a_parameter_for_another_node_is_named_and_ignored(start, tmp_path, recorded):
     (tmp_path / 'all.yaml').write_text('/**:\n  ros__parameters: {robot: sea, use_sim_time: false, rate_hz: 20.0}\n'
                                         '/dragon/sim:\n  ros__parameters: {publish_rate: 9.0, base_frame_id: base}\n')
     arguments = '--ros-args', '--params-file', str(tmp_path / 'all.yaml')
-    sim = start('sim', '--set', 'run.stop_s=0.1', *arguments)
+    sim = start('sim', '--set', 'run.stop_s=0.1', *arguments, '-p', 'discovery_s:=0.0')
     record = start('record', '--output', tmp_path / 'a.mcap', *arguments)
     assert sim.end() == 0, sim.text
     assert 'parameter robot: sim has no such parameter and ignores it; choose from scene, ' in sim.text
@@ -289,7 +290,8 @@ def test_a_parameter_for_another_node_is_named_and_ignored(start, tmp_path):
     assert 'use_sim_time' not in sim.text
     record.wait_for('parameter rate_hz: record has no such parameter and ignores it; it has no parameters of its own')
     record.stop()
-    replay = start('replay', tmp_path / 'a.mcap', '--ros-args', '-p', 'publish_tf:=true', '-p', 'time_scale:=0.0')
+    replay = start('replay', recorded[0], '--ros-args', '-p', 'publish_tf:=true', '-p', 'time_scale:=0.0', '-p',
+                   'discovery_s:=0.0')
     assert replay.end() == 0, replay.text
     assert 'parameter publish_tf: replay has no such parameter and ignores it; choose from time_scale, ' in replay.text
 

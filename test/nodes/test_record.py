@@ -297,7 +297,7 @@ def test_no_scene_on_the_topic_ends_or_blinds_a_recorder(start, node, tmp_path):
     from dragon_ros.scenes.provenance import scene_file
     hostile = ['dragon: {kind: [a]}', f'dragon: {{benches: {"9" * 400}}}', '[' * 60_000, '? ' * 30_000,
                'dragon: {benches: 900000}', 'run: {rate_hz: 1000000, stop_s: 2000000000}', f'a: "{"x" * 3_000_000}"',
-               *(f'about: {{n: {n}}}' for n in range(2 * RECORDED_SCENES))]
+               *(f'about: {{n: {n}}}' for n in range(RECORDED_SCENES))]
     run = Run(0, 1, 30)
     scene = node.create_publisher(String, 'scene', qos.of_channel(channels()['scene']))
     handles = node.create_publisher(PoseArray, 'handles', 100)

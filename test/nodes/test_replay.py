@@ -147,7 +147,7 @@ def test_replay_publishes_the_time_of_the_bag_on_request(start, node, recorded):
     from rosgraph_msgs.msg import Clock
     times = []
     node.create_subscription(Clock, '/clock', lambda m: times.append(m.clock.sec * NS + m.clock.nanosec), 100)
-    replay = start('replay', recorded, '--clock', '--loop', '--rate', '5')
+    replay = start('replay', recorded, '--clock', '--loop', '--rate', '5', '--ros-args', '-p', 'discovery_s:=0.0')
     node.until(lambda: 12 * NS in times and 10 * NS in times)
     assert set(times) <= {SCENE.run.time_ns(k) for k in range(21)}
     assert replay.stop() == 0, replay.text
@@ -174,7 +174,7 @@ def test_keys_of_a_terminal_control_the_replay(domain, recorded, tmp_path):
     child, terminal = pty.fork()
     if child == 0:
         os.execv(sys.executable, [sys.executable, '-m', 'dragon_ros', 'replay', str(recorded), '--rate', '0.5',
-                                  '--loop'])
+                                  '--loop', '--ros-args', '-p', 'discovery_s:=0.0'])
     text = ''
 
     def wait_for(words):

@@ -63,7 +63,7 @@ def test_the_clock_effect_brings_the_clock(start, node):
 
 def test_options_set_follow_the_parameter_set(start):
     sim = start('sim', '--scene', 'minimal', '--set', 'run.stop_s=1', '--ros-args', '-p',
-                'set:=[run.stop_s=3, run.rate_hz=7]', '-p', 'time_scale:=0.0')
+                'set:=[run.stop_s=3, run.rate_hz=7]', '-p', 'time_scale:=0.0', '-p', 'discovery_s:=0.0')
     assert sim.end() == 0
     assert 'tick 0 of 8' in sim.text
 
