@@ -143,9 +143,9 @@ def test_a_study_that_is_killed_half_way_goes_on(cluster, study, undisturbed, wi
 
 def test_batches_grow_with_the_speed_of_rows(cluster, study, shared, tmp_path):
     told = []
-    with writing(tmp_path, study().with_samples(600)) as data:
+    with writing(tmp_path, study().with_samples(300)) as data:
         cluster.complete(data, Event(), lambda state: told.append(state.done), scheduler=shared[0])
-    assert told[-1] == 600
+    assert told[-1] == 300
     assert max(later - sooner for sooner, later in pairwise(told)) > 20
 
 
