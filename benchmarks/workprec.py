@@ -112,11 +112,11 @@ def _jobs(budget_s: float, rates: Amounts) -> Iterator[Callable[[], list[Row]]]:
 
 
 def _ways(problem: Problem) -> Iterator[Way]:
-    """Yield each tier with the default solver and, if this is the table, also with the march."""
+    """Yield each tier with the default solver and, if this may be a table, also with the march."""
     for tier in TIERS:
         if tier != 'paper' or problem.name == 'classic':
             yield tier, 'table'
-        if tier != 'paper' and compile_scene(problem.scene).model.placement.maps:
+        if tier != 'paper' and compile_scene(problem.scene).model.placement.leader_map:
             yield tier, 'march'
 
 

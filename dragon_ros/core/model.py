@@ -102,7 +102,7 @@ class Model:
         tier = EXACT if self.track.may_lock else self.tier
         maps = {link_m: ShiftMap(self.track, link_m, links, self.direction, tier)
                 for link_m, links in lengths.items()}
-        return Placement(self.track, self.links_m, self.direction, maps)
+        return Placement(self.track, self.links_m, self.direction, maps, self.solver != 'march')
 
     @property
     def memory_bytes(self) -> int:

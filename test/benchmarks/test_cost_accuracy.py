@@ -61,7 +61,7 @@ def test_a_tick_is_compared_with_the_product_that_places_its_handles(workprec):
 
 
 def test_without_a_table_a_tick_takes_at_least_its_coordinates(workprec):
-    problem = next(one for one in CASES.values() if not compile_scene(one.scene).model.placement.maps)
+    problem = next(one for one in CASES.values() if not compile_scene(one.scene).model.placement.leader_map)
     assert workprec.tick_limit_s(problem, RATES) == pytest.approx(16e-9 * (problem.scene.dragon.benches + 1))
 
 

@@ -169,13 +169,15 @@ class TabulatedStates:
 class Placement:
     """A solver that places the handles of N links on a track, behind a head (``direction`` BEHIND) or ahead of a tail.
 
-    ``maps`` holds shift maps for some link lengths; blocks with other link lengths are marched.
+    ``maps`` holds shift maps for some link lengths; blocks with other link lengths are marched. If ``uses_leader_map``
+    is false, chains are only placed block by block.
     """
 
     track: Track
     links_m: Floats
     direction: int
     maps: dict[float, ShiftMap]
+    uses_leader_map: bool = True
 
     @cached_property
     def blocks(self) -> tuple[tuple[Block, ShiftMap | None], ...]:
@@ -246,12 +248,12 @@ class Placement:
 
     @cached_property
     def leader_map(self) -> LeaderMap | None:
-        """The leader map, for chains that have shift maps and are not too long.
+        """The leader map, for chains that are neither too short nor too long, unless all links have zero length.
 
         If a single shift map covers almost all links accurately, it also places the chains from which the leader map is
         fitted.
         """
-        if not self.maps or self.links_m.size > MOST_LINKS:
+        if not self.uses_leader_map or not FEWEST <= self.links_m.size <= MOST_LINKS or not np.any(self.links_m):
             return None
         others = sum(block.stop - block.start for block, shift in self.blocks if not shift)
         if len(self.maps) == 1 and others < FEWEST and all(shift.tier is EXACT for shift in self.maps.values()):

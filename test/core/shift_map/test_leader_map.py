@@ -78,6 +78,18 @@ def test_one_product_yields_mixed_benches_and_leaders_at_tight_joints(name, ever
     assert all(len(chain.parts) == 1 for chain in chains) or name == 'mixed'     # this case is marched next to its lock
 
 
+@pytest.mark.parametrize('track', [Spiral(), STurn(before_m=20.0)], ids=['spiral', 'turn'])
+def test_a_dragon_whose_benches_all_differ_is_in_one_product(track):
+    scene = Scene(Mixed(tuple(Group(2.2 + 0.001 * (n * 7 % 40)) for n in range(40))), track, run=Run(0, 60))
+    model = compile_scene(scene).model
+    assert model.placement.maps == {}
+    for gone_m in np.linspace(5.0, 55.0, 21).tolist():
+        chain, other = model.place((gone_m, 0.0)), model.march((gone_m, 0.0))
+        assert [type(part) for part in chain.parts] == [MappedLinks]
+        np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=2e-13)
+        np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=5e-13)
+
+
 @examples(30)
 @given(tracks, st.lists(st.tuples(st.sampled_from([0.0, 0.6, 1.1, 1.65]), st.integers(1, 12)), min_size=2, max_size=4),
        st.sampled_from([BEHIND, AHEAD]), st.floats(0, 1))
@@ -185,8 +197,8 @@ def test_more_columns_than_one_product_takes_join_without_a_seam(benches):
     np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=1e-12)
 
 
-def test_chains_that_are_too_long_or_have_no_block_have_no_leader_map():
-    for dragon in (Dragon(600), Mixed(tuple(Group(2.0 + 0.01 * n) for n in range(30)))):
+def test_chains_that_are_too_long_or_too_short_have_no_leader_map():
+    for dragon in (Dragon(600), Dragon(7), Dragon(9, 0.55, 0.55)):      # the last one has only links of zero length
         model = compile_scene(Scene(dragon, STurn(before_m=20.0), run=Run(0, 9))).model
         assert model.placement.leader_map is None
     assert compile_scene(Scene(MIXED, solver='march')).model.placement.leader_map is None
