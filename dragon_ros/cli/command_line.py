@@ -256,7 +256,7 @@ def check_keeps(option: str, path: Path | None, *sources: str | Path | None) -> 
             raise InputError(f'{option} {path}: this is the file that is read; give another file')
 
 
-def write_output(path: Path | None, content: str | bytes) -> None:
+def write_output(path: Path | None, content: str | bytes, option: str = '--output') -> None:
     """Write the content to a file or, if it is text and ``path`` is None, to standard output.
 
     In text, bytes of file names that are not UTF-8 are escaped.
@@ -271,7 +271,7 @@ def write_output(path: Path | None, content: str | bytes) -> None:
     try:
         path.write_bytes(content if isinstance(content, bytes) else f'{content}\n'.encode(errors='backslashreplace'))
     except OSError as error:
-        raise MissingError(f'--output {path}: cannot be written: {error.strerror}') from None
+        raise MissingError(f'{option} {path}: cannot be written: {error.strerror}') from None
 
 
 def guarded(name: str, body: Callable[[], int]) -> int:

@@ -90,7 +90,8 @@ def _run(arguments: Namespace) -> int:
         values['near_misses_count'] = near.count
     if arguments.certificate:
         from dragon_ros.scenes import certificate
-        command_line.write_output(arguments.certificate, json.dumps(certificate.as_values(scene, found)))
+        command_line.write_output(arguments.certificate, json.dumps(certificate.as_values(scene, found)),
+                                  '--certificate')
     command_line.write_output(arguments.output, _FORMATS[arguments.format](values))
     return command_line.OK
 

@@ -23,7 +23,8 @@ def run(scene: Scene, arguments: Namespace) -> int:
     values = _values(proof)
     values['stats'] = {'elapsed_s': time.perf_counter() - start, 'states': proof.states}
     if arguments.certificate:
-        command_line.write_output(arguments.certificate, json.dumps(certificate.family_values(scene, proof)))
+        command_line.write_output(arguments.certificate, json.dumps(certificate.family_values(scene, proof)),
+                                  '--certificate')
     command_line.write_output(arguments.output, _FORMATS[arguments.format](values))
     return command_line.OK
 

@@ -532,12 +532,11 @@ def _table(plan: Plan, paper: str, rows: list[tuple[str, ...]], number: tuple[in
 
 
 def _write_pages(path: Path, pages: list['Figure']) -> None:
-    from matplotlib.backends.backend_pdf import PdfPages
+    from io import BytesIO
 
-    from dragon_ros.core.errors import MissingError
-    try:
-        with PdfPages(path, metadata={'CreationDate': None}) as pdf:
+    from matplotlib.backends.backend_pdf import PdfPages
+    with BytesIO() as file:     # on a full disk, zlib would raise its own error
+        with PdfPages(file, metadata={'CreationDate': None}) as pdf:
             for page in pages:
                 pdf.savefig(page)
-    except OSError as error:
-        raise MissingError(f'--output {path}: cannot be written: {error.strerror}') from None
+        command_line.write_output(path, file.getvalue())

@@ -15,7 +15,8 @@ class _NumberedRows(Sized, Iterable[Iterable[Any]], Protocol):
 def xlsx_of(head: Iterable[str], rows: _NumberedRows) -> bytes:
     """Return rows under their column names as a workbook with one sheet.
 
-    Raises MissingError if openpyxl is not installed, and InputError if there are more rows than fit on a sheet.
+    Raises MissingError if openpyxl is not installed or its temporary file cannot be written, and InputError if there
+    are more rows than fit on a sheet.
     """
     try:
         from openpyxl import Workbook
@@ -26,8 +27,12 @@ def xlsx_of(head: Iterable[str], rows: _NumberedRows) -> bytes:
                          'handles, or write CSV')
     book, out = Workbook(write_only=True), BytesIO()
     sheet = book.create_sheet('dragon_ros')
-    sheet.append(list(head))
-    for row in rows:
-        sheet.append([None if value != value else value for value in row])
-    book.save(out)
+    try:
+        sheet.append(list(head))
+        for row in rows:
+            sheet.append([None if value != value else value for value in row])
+        book.save(out)
+    except OSError as error:
+        raise MissingError(f'xlsx: the temporary file of the sheet cannot be written: {error.strerror}; free some '
+                           'space, or set TMPDIR') from None
     return out.getvalue()

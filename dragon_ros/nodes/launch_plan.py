@@ -1,6 +1,8 @@
 """Plan the executables that ``dragon.launch.py`` starts and their parameters, without using the launch library."""
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -167,7 +169,7 @@ def _on(given: Mapping[str, str], name: str) -> bool:
 
 def _number(given: Mapping[str, str], name: str) -> float:
     """Return an argument as a number. Raises InputError."""
-    return _parsed(given, name, float, 'a number', '1.0')
+    return _parsed(given, name, float, 'a finite number', '1.0')
 
 
 def _whole(given: Mapping[str, str], name: str) -> int:
@@ -176,11 +178,12 @@ def _whole(given: Mapping[str, str], name: str) -> int:
 
 
 def _parsed(given: Mapping[str, str], name: str, kind: Callable[[str], float], what: str, example: str) -> float:
-    try:
-        return kind(given[name])
-    except ValueError:
-        raise InputError(f'launch argument {name}:={given[name]}: it is not {what}; write for example '
-                         f'{name}:={example}', field=name) from None
+    with suppress(ValueError):
+        value = kind(given[name])
+        if isfinite(value):
+            return value
+    raise InputError(f'launch argument {name}:={given[name]}: it is not {what}; write for example {name}:={example}',
+                     field=name)
 
 
 def _wanted(given: Mapping[str, str], row: Channel, watching: bool) -> int:

@@ -139,6 +139,7 @@ def _git(*arguments: str) -> str:
         return ''
     import subprocess  # imported lazily: reading a bag must not start a process
     with suppress(OSError, subprocess.SubprocessError):
-        return subprocess.run(['git', '-C', str(root), *arguments], capture_output=True, text=True, check=True,
-                              timeout=5).stdout.strip()
+        # With a lock, a status that is killed or finds a full disk would leave index.lock behind, which blocks git.
+        return subprocess.run(['git', '--no-optional-locks', '-C', str(root), *arguments], capture_output=True,
+                              text=True, check=True, timeout=5).stdout.strip()
     return ''

@@ -115,17 +115,21 @@ def local_client(workers: int | None) -> Iterator[Client]:
     """Yield a client of private worker processes on this host; by default, there is one process per core.
 
     The processes listen on the loopback address, without a dashboard, and use TLS with keys that exist only in memory,
-    so other users of this host can neither read the traffic nor join.
+    so other users of this host can neither read the traffic nor join. Raises DragonError if they cannot be started.
     """
     with TemporaryDirectory(prefix='dragon-study-') as scratch, dask.config.set(_ALONE), \
             ExitStack() as opened:
         loop, end = _running_loop()
         opened.callback(end)
         with _deaf_to_ctrl_c():
-            cluster = LocalCluster(n_workers=workers or os.cpu_count(), threads_per_worker=1, processes=True,
-                                   host='127.0.0.1', security=True, dashboard_address=None, local_directory=scratch,
-                                   silence_logs=logging.CRITICAL, loop=loop,
-                                   scheduler_kwargs={'dashboard_address': '127.0.0.1:0'})
+            try:
+                cluster = LocalCluster(n_workers=workers or os.cpu_count(), threads_per_worker=1, processes=True,
+                                       host='127.0.0.1', security=True, dashboard_address=None,
+                                       local_directory=scratch, silence_logs=logging.CRITICAL, loop=loop,
+                                       scheduler_kwargs={'dashboard_address': '127.0.0.1:0'})
+            except (OSError, RuntimeError) as error:
+                raise DragonError(f'the worker processes cannot be started: {error}; free some space or memory, or '
+                                  'give fewer --workers') from None
         with cluster, Client(cluster, timeout=_CONNECT_S) as client:
             yield client
 

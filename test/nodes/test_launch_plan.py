@@ -178,3 +178,9 @@ def test_at_any_rate_every_recorded_value_stands_at_the_time_of_its_tick(launche
     for one in (live, quick, again):
         assert one['/diagnostics']
         assert [f'{t_ns / 1e9:.9f}' for t_ns, _ in one['/diagnostics']] == [t_s for _, t_s in one['/diagnostics']]
+
+
+@pytest.mark.parametrize('value', ['nan', 'inf', '-inf'])
+def test_a_part_of_a_bag_has_finite_ends(watched, value):
+    with pytest.raises(InputError, match=f'launch argument start_s:={value}: it is not a finite number; write for'):
+        planned(replay=str(watched), start_s=value)

@@ -1,4 +1,7 @@
 """A bag documents its run: its scene file reproduces the scene and names the software that wrote the bag."""
+import os
+import subprocess
+
 import numpy as np
 import pytest
 import yaml
@@ -9,9 +12,11 @@ from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.decode import MessageError, read_string
+from dragon_ros.scenes import provenance
 from dragon_ros.scenes.load import load_scene, strangers_scene
 from dragon_ros.scenes.provenance import kernels, other_kernel, run_metadata, scene_file
 
+GIT = ('git', '-c', 'user.name=x', '-c', 'user.email=x@x')
 SCENES = [Scene(), Scene(Dragon(benches=7), run=Run(1.5, 3, 1000), accuracy=1e-6, effects=Effect.NONE)]
 
 
@@ -63,3 +68,17 @@ def test_text_is_a_message_and_back(text):
     assert read_string(data) == text
     with pytest.raises(MessageError):
         read_string(data[:6])
+
+
+def test_reading_the_state_of_the_checkout_writes_nothing_to_it(tmp_path, monkeypatch):
+    """A refreshed index is written through index.lock, which would remain if the process were killed."""
+    package = tmp_path / 'dragon_ros' / 'scenes' / 'provenance.py'
+    package.parent.mkdir(parents=True)
+    package.write_text('x')
+    for arguments in (['init', '-q'], ['add', '.'], ['commit', '-qm', 'x']):
+        subprocess.run([*GIT, *arguments], cwd=tmp_path, check=True)
+    os.utime(package, (1e9, 1e9))       # git refreshes the index if the time of a file differs
+    index = (tmp_path / '.git' / 'index').read_bytes()
+    monkeypatch.setattr(provenance, '__file__', str(package))
+    assert len(provenance.versions.__wrapped__()['git']) == 40       # without +: no file is modified
+    assert (tmp_path / '.git' / 'index').read_bytes() == index

@@ -123,6 +123,12 @@ def test_a_full_disk_half_way_keeps_what_was_there_and_the_next_run_goes_on(clus
     assert without_times(open_set(tmp_path).table()) == undisturbed
 
 
+def test_workers_that_cannot_be_started_are_told_in_one_line(cluster, study, tmp_path):
+    with writing(tmp_path, study(SLOWER)) as data, small_disk(100), pytest.raises(
+            DragonError, match=r'^the worker processes cannot be started: .*; free some space or memory'):
+        cluster.complete(data, Event(), nothing, workers=1)
+
+
 def test_a_study_that_is_killed_half_way_goes_on(cluster, study, undisturbed, without_times, shared, tmp_path):
     (tmp_path / 'study.yaml').write_text(SLOWER)
     command = [sys.executable, '-m', 'dragon_ros', 'study', str(tmp_path / 'study.yaml'), '--output',

@@ -1,0 +1,21 @@
+"""On a full disk, commands end with one line and exit code 2."""
+import pytest
+from small_disk import small_disk
+
+from dragon_ros.__main__ import main
+
+SHORT = '--scene winding --set dragon.benches=3 --set run.stop_s=1'
+
+
+@pytest.mark.parametrize(('arguments', 'says'), [
+    (f'plan {SHORT} --output OUT.pdf', 'plan: --output OUT.pdf: cannot be written: File too large'),
+    (f'plan {SHORT} --output OUT.geojson', 'plan: --output OUT.geojson: cannot be written: File too large'),
+    (f'table {SHORT} --times 0:1:0.001 --output OUT.xlsx',
+     'table: xlsx: the temporary file of the sheet cannot be written: File too large; free some space, or set TMPDIR'),
+    ('contact --scene first_contact --certificate OUT.json',
+     'contact: --certificate OUT.json: cannot be written: File too large')])
+def test_a_full_disk_is_said_in_one_line(capsys, tmp_path, arguments, says):
+    arguments, says = (text.replace('OUT', str(tmp_path / 'out')) for text in (arguments, says))
+    with small_disk(1000):
+        code = main(arguments.split())
+    assert (code, capsys.readouterr().err) == (2, f'{says}\n')
