@@ -285,7 +285,7 @@ def test_a_venue_may_come_late_change_and_vanish_and_one_of_a_file_counts_with_i
 @pytest.mark.parametrize(('given', 'why'), [
     (('venue:=nowhere.wkt',), 'nowhere.wkt: cannot be read'), (('venue:=winding',), 'the scene has none'),
     (('venue_pose:="1,2"',), "parameter venue_pose: '1,2' is not valid: it must be X,Y,DEGREES"),
-    (('map_occupied:=0',), 'parameter map_occupied: it is outside 1 to 100'),
+    (('map_occupied:=0',), 'parameter map_occupied: 0 is outside 1 to 100'),
     (('map_unknown:=maybe',), "parameter map_unknown: 'maybe' is not one of free, occupied")])
 def test_an_invalid_parameter_of_obstacles_ends_the_monitor_with_one_line(start, given, why):
     monitor = start('monitor', '--ros-args', *(part for one in given for part in ('-p', one)))
