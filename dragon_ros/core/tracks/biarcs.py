@@ -91,11 +91,21 @@ def biarc(start: complex, heading: complex, end: complex, leaving: complex) -> t
     if not root > 1e-12 * abs(way):
         return None
     leg = square / root
-    joint = 0.5 * (start + leg * heading + end - leg * leaving)
+    joint = 0.5 * (start + end + leg * (heading - leaving))     # long legs cancel
     if joint in (start, end):
         return None
-    first = _bow(start, heading, joint, cmath.phase((joint - start) / heading))
-    return first, _bow(joint, first.leaving, end, cmath.phase(leaving / (end - joint)))
+    one, two = joint - start, end - joint
+    halves = cmath.phase(one / heading), cmath.phase(leaving / two)
+    # The rounded joint may turn a short chord, so the heading at the joint follows from the longer chord.
+    meeting = heading * cmath.rect(1.0, 2 * halves[0]) if abs(one) >= abs(two) else (
+        leaving * cmath.rect(1.0, -2 * halves[1]))
+    return (_bow(start, heading, joint, _half_turn(heading, meeting, halves[0])),
+            _bow(joint, meeting, end, _half_turn(meeting, leaving, halves[1])))
+
+
+def _half_turn(heading: complex, leaving: complex, about_rad: float) -> float:
+    """Return half the turn from one heading to another, given its approximate value."""
+    return about_rad + 0.5 * cmath.phase(leaving / (heading * cmath.rect(1.0, 2 * about_rad)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from properties import examples
 
@@ -16,6 +16,9 @@ ANGLE = st.floats(-pi, pi)
 
 
 @given(start=POINT, end=POINT, first=ANGLE, last=ANGLE)
+@example(1.192092896e-07j, -3 + 0j, 0.0, pi)        # the first arc is very short
+@example(1.192092896e-07j, 3 + 0j, 0.0, pi)         # the second arc is
+@example(-1 + 0j, -1 - 1j, 0.0, -5.960464477539063e-08)     # the legs are very long
 @examples(200)
 def test_a_biarc_goes_from_pose_to_pose_without_a_kink(start, end, first, last):
     assume(abs(end - start) > 1e-3)
