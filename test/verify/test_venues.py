@@ -10,7 +10,7 @@ import pytest
 import shapely
 from certificates import proved, refusal, written
 from flint import acb, arb
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from properties import examples, thinned
 from venues import MORE, SCENES, with_venue
@@ -261,6 +261,7 @@ def test_the_index_finds_every_edge_within_reach(edges, point, reach_m):
 @examples(60)
 @given(st.lists(PLANE, min_size=3, max_size=7, unique=True), PLANE)
 def test_sides_are_those_of_shapely(ring, point):
+    assume(min(abs(a - b) for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)) > 1e-100)   # shapely squares them
     points = [(z.real, z.imag) for z in ring]
     outline = shapely.Polygon(points)
     bench = Bench(Link(arb(0), 0.0), arb(1e-6), arb(1e-6))
