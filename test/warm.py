@@ -4,8 +4,8 @@ Nothing here depends on a scene, an environment or a folder, and nothing starts 
 """
 import gc
 import inspect
-
-from rosidl_generator_py import import_type_support
+from contextlib import suppress
+from importlib import import_module
 
 import dragon_ros.__main__  # noqa: F401, every process imports it
 from dragon_ros.messages.channels import channels
@@ -15,7 +15,8 @@ from dragon_ros.scenes.provenance import versions
 for package in ('builtin_interfaces', *(f'{name}_msgs' for name in (
         'diagnostic', 'geometry', 'nav', 'rosgraph', 'sensor', 'service', 'std', 'visualization')), 'rcl_interfaces',
         'std_srvs', 'type_description_interfaces'):
-    import_type_support(package)
+    with suppress(ImportError):     # not every distribution of ROS 2 has all of them
+        import_module(f'.{package}_s__rosidl_typesupport_c', package)
 channels()
 versions()
 inspect.getmodule(inspect.currentframe())       # indexes all modules; a node's first log line looks up its caller there
