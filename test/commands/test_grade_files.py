@@ -296,14 +296,28 @@ def test_formats_by_suffix(room, tmp_path, capsys):
         assert capsys.readouterr().err.count('\n') == 1
 
 
+@pytest.mark.parametrize('text', [
+    '甲: {t_s: 412.473838}\n乙: {t_s: 412, pitch_m: 0.450338}\n', '甲: {t_s: 412.473838}\n'])
+def test_the_answers_of_teams_are_graded_without_their_folders(tmp_path, capsys, text):
+    (tmp_path / 'answers.yaml').write_text(text)
+    assert main(['grade', '--answers', str(tmp_path / 'answers.yaml'), '--format', 'json']) == 0
+    found = {team['team']: [one['verdict'] for one in team['answers']]
+             for team in json.loads(capsys.readouterr().out)['teams']}
+    assert found == {'甲': ['right'], **({'乙': ['wrong', 'right']} if '乙' in text else {})}
+
+
 @pytest.mark.parametrize(('arguments', 'says'), [
     ([], 'no input'), (['nowhere'], 'does not exist'), (['--t', '-3'], 'must exceed 0'),
     (['--answers', 'a.yaml'], 'did you mean t_s?'), (['--answers', 'b.yaml'], "b.yaml:1: t_s: 'soon'"),
+    (['--answers', 'c.yaml'], 'c.yaml: it contains no answers; give at least one of t_s, pitch_m, turn_m, speed_m_s'),
+    (['--answers', 'd.yaml', '--t', '412'], '--t: it is the answer of one team, but 2 teams are given'),
     (['.'], 'no workbook')])
 def test_what_cannot_be_graded_is_said_in_one_line(arguments, says, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'a.yaml').write_text('t_: 412\n')
     (tmp_path / 'b.yaml').write_text('t_s: soon\n')
+    (tmp_path / 'c.yaml').write_text('')
+    (tmp_path / 'd.yaml').write_text('a: {t_s: 1}\nb: {t_s: 2}\n')
     (tmp_path / 'c').mkdir()
     assert main(['grade', *(['c'] if arguments == ['.'] else arguments)]) == 2
     said = capsys.readouterr().err

@@ -76,29 +76,36 @@ def _format_of(arguments: Namespace) -> str:
 def _teams(arguments: Namespace) -> 'list[Team]':
     """Return the teams with their answers. Raises InputError."""
     from dragon_ros.commands.grade.folders import teams_of
-    from dragon_ros.commands.grade.team import Team, answers_by_team, answers_of
+    from dragon_ros.commands.grade.team import Team, teams_in
     from dragon_ros.core.checks import number
     given = {key: number(option, value, above=0.0, high=1e6) for key, option in _ANSWERS.items()
              if (value := getattr(arguments, option[2:])) is not None}
     if not arguments.paths and not given and arguments.answers is None:
         raise InputError('grade: no input; give workbooks, a folder, or an answer such as --t 412.473838')
-    teams = teams_of(arguments.paths) if arguments.paths else [Team('answers', [])]
+    teams = (teams_of(arguments.paths) if arguments.paths else [Team('answers', [])] if arguments.answers is None else
+             teams_in(arguments.answers))
     if given and len(teams) > 1:
         raise InputError(f'{_ANSWERS[next(iter(given))]}: it is the answer of one team, but {len(teams)} teams are '
                          'given; give --answers FILE with the answers of each team')
-    if arguments.answers is not None and len(teams) == 1:
-        teams[0].answers = answers_of(arguments.answers)
-    elif arguments.answers is not None:
-        by_team = answers_by_team(arguments.answers)
-        unknown = sorted(by_team.keys() - {team.name for team in teams})
-        if unknown:
-            raise InputError(f'{arguments.answers}: {unknown[0]} is not one of the given teams, the first of which is '
-                             f'{teams[0].name}')
-        for team in teams:
-            team.answers = by_team.get(team.name, {})
+    if arguments.answers is not None and arguments.paths:
+        _add_answers(teams, arguments.answers)
     if given:
         teams[0].answers |= given
     return teams
+
+
+def _add_answers(teams: 'list[Team]', path: Path) -> None:
+    """Set the answers of teams from a file. Raises InputError."""
+    from dragon_ros.commands.grade.team import answers_by_team, answers_of
+    if len(teams) == 1:
+        teams[0].answers = answers_of(path)
+        return
+    by_team = answers_by_team(path)
+    unknown = sorted(by_team.keys() - {team.name for team in teams})
+    if unknown:
+        raise InputError(f'{path}: {unknown[0]} is not one of the given teams, the first of which is {teams[0].name}')
+    for team in teams:
+        team.answers = by_team.get(team.name, {})
 
 
 def _content(form: str, grades: 'list[TeamGrade]', whole: int, lang: str) -> str:

@@ -213,6 +213,19 @@ def answers_by_team(path: Path) -> dict[str, dict[str, float]]:
     return out
 
 
+def teams_in(path: Path) -> list[Team]:
+    """Return the teams in a YAML file, with their answers; a file of one team need not name it.
+
+    Raises an InputError that names the file, line and key.
+    """
+    values = read_document(path).values
+    if not values:
+        raise InputError(f'{path}: it contains no answers; give at least one of {", ".join(QUESTIONS)}')
+    if not all(isinstance(value, Mapping) for value in values.values()):
+        return [Team('answers', [], answers_of(path))]
+    return [Team(name, [], answers) for name, answers in answers_by_team(path).items()]
+
+
 def _checked(field_name: str, value: object) -> float:
     return number(field_name, value, above=0.0, high=1e6)
 
