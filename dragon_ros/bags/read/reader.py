@@ -194,8 +194,12 @@ def _index_of(file: McapFile) -> Index:
         readable = (scanned_index(file) if index is None else index).batches
         reach = readable[-1].place.end if readable else 0
         file.close()
-        cure = (f'{counted(len(readable), "chunk")}, up to byte {reach}, can be read: `inspect BAG --repair OUT` '
-                'writes them to a complete bag' if readable else 'none of its messages can be read; record it again')
+        to = '`inspect BAG --repair OUT` writes'
+        if readable:
+            cure = f'{counted(len(readable), "chunk")}, up to byte {reach}, can be read: {to} them to a complete bag'
+        else:
+            cure = ('none of its messages can be read; '
+                    f'if the bag has other files, {to} their messages to a complete bag; otherwise, record it again')
         raise BagError(f'{error}; {cure}', **error.fields) from None
 
 
