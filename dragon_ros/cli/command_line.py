@@ -266,7 +266,13 @@ def write_output(path: Path | None, content: str | bytes, option: str = '--outpu
     if path is None:
         if isinstance(content, bytes):
             raise InputError('--format: this format can only be written to a file; give --output FILE', field='output')
-        print(content)
+        try:
+            print(content, flush=True)
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())      # at exit, Python writes the rest
+            raise MissingError(f'standard output cannot be written: {error.strerror}') from None
         return
     try:
         path.write_bytes(content if isinstance(content, bytes) else f'{content}\n'.encode(errors='backslashreplace'))

@@ -1,4 +1,9 @@
 """On a full disk, commands end with one line and exit code 2."""
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 from small_disk import small_disk
 
@@ -19,3 +24,13 @@ def test_a_full_disk_is_said_in_one_line(capsys, tmp_path, arguments, says):
     with small_disk(1000):
         code = main(arguments.split())
     assert (code, capsys.readouterr().err) == (2, f'{says}\n')
+
+
+@pytest.mark.skipif(not Path('/dev/full').exists(), reason='the system has no /dev/full')
+@pytest.mark.parametrize('unbuffered', ['', '1'])
+def test_a_full_disk_behind_standard_output_is_said_in_one_line(unbuffered):
+    with open('/dev/full', 'w') as full:
+        done = subprocess.run([sys.executable, '-m', 'dragon_ros', 'table', '--times', '0', '--handles', '0'],
+                              stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+                              env={**os.environ, 'PYTHONUNBUFFERED': unbuffered})
+    assert (done.returncode, done.stderr) == (2, 'table: standard output cannot be written: No space left on device\n')
