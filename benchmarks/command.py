@@ -54,7 +54,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--minutes', type=float, metavar='MIN',
                          help=f'length of the run of the page memory ({_MINUTES:g})')
     options.add_argument('--chains', type=float, metavar='N',
-                         help=f'number of chains for the page promises ({_CHAINS:g}; 100,000 take an hour); after '
+                         help=f'number of chains for the page promises ({_CHAINS:g}; 100,000 take 10 minutes); after '
                          'Ctrl-C, the page shows the chains computed so far')
     options.add_argument('--readme', type=Path, metavar='FILE', help='also renew the table between the marks in FILE '
                          "(for all: the checkout's README.md)")
