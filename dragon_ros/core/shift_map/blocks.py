@@ -231,10 +231,11 @@ class Placement:
         """
         count, spent = len(self.links_m), 0
         flat = np.empty(2 * count + 2)
-        whole = self._whole(flat, leader)
+        led = self._led(flat, leader) if self._is_one_block else None
+        whole = led if led and led.links == count else self._mapped(flat, leader)
         parts: list[PlacedLinks] = [whole] if whole else []
         if not whole:
-            spent = self._place_blocks(flat, leader, parts)
+            spent = self._place_blocks(flat, leader, led if self._is_one_block else self._led(flat, leader), parts)
         p = flat.reshape(-1, 2)
         if self._joins:
             join(p, self.links_m, self.direction)
@@ -274,23 +275,18 @@ class Placement:
         spot = shift.spot_behind(leader, link_m)
         return self._tabulated(flat, 0, stop, spot, leader) if spot else None
 
-    def _whole(self, flat: Floats, leader: Place) -> TabulatedLinks | MappedLinks | None:
-        """Write all links if one product yields them: that of a shift map if possible, else that of the leader map."""
-        if self._is_one_block:
-            led = self._led(flat, leader)
-            if led and led.links == self.links_m.size:
-                return led
+    def _mapped(self, flat: Floats, leader: Place) -> MappedLinks | None:
+        """Write all links if one product of the leader map yields them."""
         mapped = self.leader_map.links_of(leader) if self.leader_map else None
         if mapped:
             mapped.fill(flat)
         return mapped
 
-    def _place_blocks(self, flat: Floats, leader: Place, parts: list[PlacedLinks]) -> int:
-        """Add the parts, block by block, and return the number of evaluations.
+    def _place_blocks(self, flat: Floats, leader: Place, led: TabulatedLinks | None, parts: list[PlacedLinks]) -> int:
+        """Add the parts that begin with ``led``, block by block, and return the number of evaluations.
 
         A single marched link writes only its first handle; all other parts also write their last handle.
         """
-        led = self._led(flat, leader)
         if led:
             parts.append(led)
         count, direction, spent, filled, begin, here = len(self.links_m), self.direction, 0, False, 0, leader
