@@ -5,6 +5,7 @@ and the end of processes (signals during imports, exit codes, security, the shel
 """
 import multiprocessing
 import os
+import runpy
 import signal
 import subprocess
 import sys
@@ -35,16 +36,16 @@ class Started(subprocess.Popen):
 
 
 class Forked:
-    """A running executable with the required part of ``subprocess.Popen``'s interface.
+    """A running executable, or another program in Python, with the required part of ``subprocess.Popen``'s interface.
 
     ``stdout`` includes errors, unless they have a pipe of their own.
     """
 
-    def __init__(self, arguments, env, cwd, stderr=False):
+    def __init__(self, arguments, env, cwd, stderr=False, program=None):
         _ready()
         pipes = [_FORKS.Pipe(duplex=False) for _ in range(1 + stderr)]
         self._process = _FORKS.Process(target=_run, args=(
-            arguments, dict(env), str(cwd), [inside for _, inside in pipes]))
+            arguments, dict(env), str(cwd), [inside for _, inside in pipes], program))
         self._process.start()
         outputs = []
         for outside, inside in pipes:
@@ -103,8 +104,11 @@ def _ready():
         forkserver.ensure_running()
 
 
-def _run(arguments, environment, cwd, outputs):
-    """In the new process, do what ``python -m dragon_ros`` does, without the environment of the first process."""
+def _run(arguments, environment, cwd, outputs, program):
+    """In the new process, do what ``python -m dragon_ros`` does, without the environment of the first process.
+
+    If another program is given, it runs instead.
+    """
     from dragon_ros.__main__ import run
     os.environ.clear()
     os.environ.update(environment)
@@ -116,5 +120,8 @@ def _run(arguments, environment, cwd, outputs):
     # The streams of the first process may be those of files, in which one can seek.
     sys.stdout = os.fdopen(1, 'w', buffering=1, closefd=False)
     sys.stderr = os.fdopen(2, 'w', buffering=1, errors='backslashreplace', closefd=False)
-    sys.argv = ['dragon_ros', *arguments]
-    run(arguments)
+    sys.argv = [str(program or 'dragon_ros'), *arguments]
+    if program is None:
+        run(arguments)
+    else:
+        runpy.run_path(str(program), run_name='__main__')

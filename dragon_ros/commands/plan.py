@@ -212,7 +212,7 @@ def _sheet(arguments: Namespace, plan: Plan) -> tuple[str, int, Floats]:
     Raises FieldError for an invalid scale.
     """
     x, y = plan.line.T
-    left, bottom, right, top = plan.swept.whole.bounds
+    left, bottom, right, top = plan.swept.bounds
     low = np.array((min(left, x.min()), min(bottom, y.min()))) - _AROUND_M
     high = np.array((max(right, x.max()), max(top, y.max()))) + _AROUND_M
     papers = [arguments.paper] if arguments.paper else list(PAPERS_MM)

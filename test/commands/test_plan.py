@@ -68,7 +68,7 @@ def test_gaps_are_those_of_the_search_with_their_ends_and_the_plan_says_so(scene
 
 
 def test_a_scene_without_a_venue_has_a_plan_without_gaps(capsys, tmp_path):
-    options = '--scene', 'street', '--set', 'dragon.benches=5', '--set', 'venue=null'
+    options = '--scene', 'street', '--set', 'dragon.benches=5', '--set', 'venue=null', '--set', 'run.stop_s=20'
     code, out, _ = run(capsys, *options, '--output', tmp_path / 'a.pdf')
     assert (code, out.splitlines()) == (0, [str(tmp_path / 'a.pdf')])
     assert 'gap' not in _said(Plan(load_scene('street', ['venue=null', 'dragon.benches=5']), 'x'))
@@ -155,12 +155,13 @@ def drawn_parts(plan, **options):
 
 
 def test_pages_are_filled_as_far_as_a_standard_scale_allows():
-    scale, parts = drawn_parts(Plan(load_scene('street'), 'x'))
+    plan = Plan(load_scene('street'), 'x')
+    scale, parts = drawn_parts(plan)
     assert (scale, len(parts)) == (300, 2)      # at 1:250, the drawing takes three pages
     assert np.all(parts[:, 0] > 0.75)
     assert np.all(parts[:, 1] < 1)
     for scale in SCALES[:SCALES.index(300)]:
-        assert len(drawn_parts(Plan(load_scene('street'), 'x'), scale=f'1:{scale}')[1]) > 2
+        assert len(drawn_parts(plan, scale=f'1:{scale}')[1]) > 2
 
 
 def test_pages_without_any_part_of_the_dragon_are_left_out_and_pages_say_where_they_belong(plan):

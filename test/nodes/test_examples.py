@@ -1,4 +1,5 @@
 """The programs in docs/examples work beside real nodes over DDS."""
+import os
 import re
 import signal
 import subprocess
@@ -7,6 +8,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from processes import Forked, Started
 
 from dragon_ros.core.batches import velocity_of
 from dragon_ros.core.step import state
@@ -18,13 +20,13 @@ PATIENCE_S = 60.0
 
 @pytest.fixture
 def example(domain, tmp_path, monkeypatch):
-    """Start an example, and kill it if it prints nothing for too long."""
+    """Start an example, forked or, if necessary, ``anew``, and kill it if it prints nothing for too long."""
     monkeypatch.setenv('ROS_LOG_DIR', str(tmp_path / 'log'))
     children = []
 
-    def run(name, *arguments):
-        children.append(subprocess.Popen([sys.executable, EXAMPLES / name, *arguments], stdout=subprocess.PIPE,
-                                         stderr=subprocess.STDOUT, text=True))
+    def run(name, anew=False):
+        children.append(Started([sys.executable, EXAMPLES / name], os.environ, tmp_path) if anew else Forked(
+            [], os.environ, tmp_path, program=EXAMPLES / name))
         guard = threading.Timer(PATIENCE_S, children[-1].kill)
         guard.daemon = True
         guard.start()
@@ -52,7 +54,7 @@ def test_the_subscriber_of_the_tutorial_prints_the_speed_of_the_tail(example, st
 
 
 def test_ctrl_c_ends_the_subscriber_of_the_tutorial_quietly_while_messages_come(example, start):
-    child = example('tail_speed.py')
+    child = example('tail_speed.py', anew=True)
     start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'time_scale:=0.0', '-p',
           'wait_subscribers:=[handles=1]')
     assert 'the tail is at' in child.stdout.readline()

@@ -59,11 +59,10 @@ def by_topic(path):
 def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, node, tmp_path, scale, markers):
     changes = 'run.start_s=409', f'markers={markers}'
     bag, events = tmp_path / 'run.mcap', heard_events(node)
-    monitor = start('monitor', anew=True)
-    record = start('record', '--output', bag, '--keep-going', anew=True)
+    monitor, record = start('monitor'), start('record', '--output', bag, '--keep-going')
     record.wait_for('a monitor has been found')     # discovery may take longer than the run
     sim = start('sim', '--scene', 'first_contact', *overrides(*changes), '--ros-args', '-p', READERS,
-                '-p', f'time_scale:={scale}', anew=True)
+                '-p', f'time_scale:={scale}')
     assert sim.end() == 0, sim.text
     monitor.wait_for('contact of benches 0 and 8')
     node.until(lambda: events and node.count_subscribers('collision') == 2)     # the recorder also subscribes
@@ -180,7 +179,7 @@ def test_a_signal_closes_the_bag_properly(start, node, tmp_path, number):
     from geometry_msgs.msg import PoseArray
     bag = tmp_path / 'run.mcap'
     record = start('record', '--output', bag, anew=True)
-    sim = start('sim', '--json', '--ros-args', '-p', 'wait_subscribers:=[handles=1,benches=1,velocities=1]', anew=True)
+    sim = start('sim', '--json', '--ros-args', '-p', 'wait_subscribers:=[handles=1,benches=1,velocities=1]')
     handles = []
     node.create_subscription(PoseArray, 'handles', handles.append, 100, raw=True)
     node.until(lambda: len(handles) > 30)
@@ -413,7 +412,7 @@ def test_a_sim_that_its_reader_holds_back_still_ends_on_a_signal(start):
 
 def test_a_demo_that_is_terminated_leaves_no_process_behind(start, tmp_path):
     import psutil
-    demo = start('demo', '--output', tmp_path / 'demo', '--pace', '0.5', anew=True)
+    demo = start('demo', '--output', tmp_path / 'demo', '--pace', '0.5')
     demo.wait_for('at 400')
     children = psutil.Process(demo.pid).children(recursive=True)
     assert len(children) >= 3

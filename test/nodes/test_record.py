@@ -62,7 +62,7 @@ def poses(t_ns):
 
 
 def test_recorders_killed_at_random_moments_lose_at_most_the_flush_interval_and_are_repaired(start, tmp_path, capsys):
-    moments = sorted(Random(7).uniform(0.2, 3.5) for _ in range(5))
+    moments = sorted(Random(7).uniform(0.2, 3.5) for _ in range(3))
     records = [start('record', '--output', tmp_path / f'{n}.mcap', '--flush-s', '0.5') for n in range(len(moments))]
     publisher = sim(start, 'run.start_s=400', 'run.stop_s=405', readers=len(moments))
     publisher.wait_for('starting')
@@ -144,7 +144,7 @@ def test_a_bag_of_a_run_that_ends_in_its_contact_is_checked_to_its_last_frame(st
     assert 'the contact at 412.47383768211' in capsys.readouterr().out
 
 
-@pytest.mark.parametrize('how', ['full', 'limit', 'gone'])
+@pytest.mark.parametrize('how', thinned(['full', 'limit', 'gone'], lambda how: how != 'limit'))
 def test_a_disk_that_fails_stops_the_recording_and_nothing_else(start, tmp_path, how):
     (tmp_path / 'bags').mkdir()
     bag = tmp_path / 'bags' / 'run.mcap'
@@ -198,7 +198,7 @@ def test_lost_and_missing_ticks_are_reported_in_the_bag_on_the_terminal_and_by_t
     assert told['/dragon/handles lost'] == '0'
 
 
-@pytest.mark.parametrize('first', ['record', 'sim'])
+@pytest.mark.parametrize('first', thinned(['record', 'sim'], lambda first: first == 'sim'))
 def test_a_live_recording_is_complete_whoever_starts_first(start, node, tmp_path, first):
     """As in the tutorial, no subscribers are named, so the sim waits for those that discovery finds."""
     short = 'run.start_s=412.2', 'run.stop_s=412.7'
@@ -222,6 +222,7 @@ def test_a_recorder_that_missed_the_beginning_says_so_and_exits_3(start, tmp_pat
     while not {'/dragon/scene', '/dragon/handles', '/dragon/benches', '/dragon/velocities'} <= {
             topic for topic, _, _ in streamed(tmp_path / 'a.mcap')}:
         assert record.running
+        time.sleep(0.02)
     assert record.stop() == 3, record.text
     assert '/dragon/handles: the beginning is missing: ' in record.text
     told = received(tmp_path / 'a.mcap')['dragon_ros.received']
@@ -232,12 +233,13 @@ def test_a_recorder_that_missed_the_beginning_says_so_and_exits_3(start, tmp_pat
 
 def test_a_closed_terminal_ends_every_node_as_ctrl_c_does_and_bags_are_whole(start, tmp_path):
     publisher = sim(start, 'run.start_s=400', readers=2)
-    record, kept = (start('record', '--output', tmp_path / f'{name}.mcap', '--flush-s', '0.1', anew=True, under=under)
+    record, kept = (start('record', '--output', tmp_path / f'{name}.mcap', '--flush-s', '0.1', under=under)
                     for name, under in (('a', []), ('b', ['nohup'])))
     monitor = start('monitor')
     for bag in tmp_path / 'a.mcap', tmp_path / 'b.mcap':
         while not bag.exists() or not [row for row in streamed(bag) if row[0] == '/dragon/benches']:
             assert publisher.running
+            time.sleep(0.02)
     for process in record, kept:
         process.signal(signal.SIGHUP)
     assert record.end() == 0, record.text

@@ -11,7 +11,16 @@ from math import ceil
 from typing import Any
 
 import numpy as np
-from shapely import convex_hull, get_coordinates, intersection, linestrings, multipoints, polygons, union_all
+from shapely import (
+    convex_hull,
+    get_coordinates,
+    intersection,
+    linestrings,
+    multipoints,
+    polygons,
+    total_bounds,
+    union_all,
+)
 
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Complexes, Floats
@@ -49,10 +58,16 @@ class SweptArea:
         """The polygon that the body sweeps."""
         return union_all(self.body_parts)
 
-    @property
+    @cached_property
     def whole(self) -> Any:
         """The union of both polygons."""
         return union_all([self.head, self.body])
+
+    @property
+    def bounds(self) -> Floats:
+        """The smallest and the largest coordinates (min x, min y, max x, max y), found without the polygons' union."""
+        out: Floats = total_bounds(self.parts)
+        return out
 
 
 def swept_area(scene: Scene) -> SweptArea:

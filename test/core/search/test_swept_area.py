@@ -19,6 +19,7 @@ def room(piece, stop_s):
 def test_on_a_line_benches_take_half_their_width_to_either_side():
     dragon, swept, _, needed = room(Line(30.0), 15)
     assert needed == pytest.approx(0.5 * dragon.width_m, abs=1e-9)
+    assert tuple(swept.bounds) == swept.whole.bounds
     assert swept.whole.area == pytest.approx(dragon.width_m * (15 + 4 * 2.2 - 3 * 0.55), rel=0.05)
 
 
