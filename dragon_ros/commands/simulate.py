@@ -6,7 +6,14 @@ from contextlib import closing
 from dataclasses import replace
 from threading import Event
 
-from dragon_ros.bags.write.mcap import CHUNK_BYTES, MESSAGE_BYTES, MESSAGE_HEAD_BYTES, PackedChunk, Packer
+from dragon_ros.bags.write.mcap import (
+    CHUNK_BYTES,
+    MESSAGE_BYTES,
+    MESSAGE_HEAD_BYTES,
+    PackedChunk,
+    Packer,
+    RepeatedChunk,
+)
 from dragon_ros.bags.write.writer import BagOptions, BagWriter, prompt_switches
 from dragon_ros.cli import command_line
 from dragon_ros.cli.pool import ALONE, Pool
@@ -17,9 +24,10 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.core.words import counted
-from dragon_ros.messages.cdr import string_message
+from dragon_ros.messages.cdr import Room, string_message
 from dragon_ros.messages.channels import channels, live
-from dragon_ros.messages.encode import Encode, encoders
+from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.fixed_size import Encode, FixedSize, Together
 from dragon_ros.messages.once import once
 from dragon_ros.scenes import provenance
 
@@ -68,18 +76,20 @@ def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event, pool: Po
     processes.
     """
     encoded = {f'{namespace}/{name}': encode for name, encode in encoders(scene, _FRAME_ID).items()}
-    numbers, frame = [bag.channel_of(topic) for topic in encoded], tick(scene, 0)
+    numbers, frame = {bag.channel_of(topic): encode for topic, encode in encoded.items()}, tick(scene, 0)
     size = sum(MESSAGE_HEAD_BYTES + len(encode(frame)) for encode in encoded.values())
     count = compile_scene(scene).last_tick + 1
     each = max(1, CHUNK_BYTES // size)
     parts = [(first, min(first + each, count)) for first in range(0, count, each)]
     with Progress('simulate', 'ticks', count) as bar:
+        if pool.workers == 1 and each > 1 and (fixed := _fixed(numbers)):
+            return _filled_here(_FilledTicks(scene, fixed, each), bag, parts, stop, bar)
         if pool.workers == 1 or size > MESSAGE_BYTES:
             return _in_this_process(scene, bag, encoded, parts, stop, bar)
         done = 0
-        each = min(_CHUNKS, 1 + len(parts) // (_JOBS * pool.workers))
-        jobs = [parts[n:n + each] for n in range(0, len(parts), each)]
-        made = pool.in_order(_PackedTicks(scene, numbers, bag.options.compression), jobs)
+        every = min(_CHUNKS, 1 + len(parts) // (_JOBS * pool.workers))
+        jobs = [parts[n:n + every] for n in range(0, len(parts), every)]
+        made = pool.in_order(_PackedTicks(scene, list(numbers), each, bag.options.compression), jobs)
         with closing(made):
             for (*_, (_, end)), chunks in zip(jobs, made, strict=True):
                 for chunk in chunks:
@@ -104,20 +114,61 @@ def _in_this_process(scene: Scene, bag: BagWriter, encoded: dict[str, Encode], p
     return parts[-1][1]
 
 
+def _fixed(encoded: dict[int, Encode]) -> dict[int, FixedSize] | None:
+    """Return the encoders by channel if the messages of every topic have a fixed size, or None."""
+    fixed = {number: encode for number, encode in encoded.items() if isinstance(encode, FixedSize)}
+    return fixed if len(fixed) == len(encoded) else None
+
+
+class _FilledTicks:
+    """Fills chunks with the ticks of a scene, by patching the messages of all ticks of a chunk together, in place."""
+
+    def __init__(self, scene: Scene, encoded: dict[int, FixedSize], each: int) -> None:
+        """``encoded`` holds the encoders by channel, and ``each`` is the largest number of ticks in a chunk."""
+        frame = tick(scene, 0)
+        self._scene, self._encoders = scene, list(encoded.values())
+        self._chunks = [RepeatedChunk([(number, encode(frame)) for number, encode in encoded.items()], each)
+                        for _ in range(2)]
+
+    def __call__(self, first: int, stop: int) -> RepeatedChunk:
+        """Return a chunk with ticks ``first`` to ``stop`` - 1, which stays as it is until the next call but one."""
+        self._chunks.reverse()
+        chunk, together = self._chunks[0], Together(list(ticks(self._scene, first, stop)))
+        starts = chunk.begin([frame.t_ns for frame in together.frames], first + 1)
+        for encode, start in zip(self._encoders, starts, strict=True):
+            encode.fill(Room(chunk.data, stop - first, start, chunk.stride), together)
+        return chunk
+
+
+def _filled_here(filled: _FilledTicks, bag: BagWriter, parts: list[tuple[int, int]], stop: Event,
+                 bar: Progress) -> int:
+    for first, end in parts:
+        if stop.is_set():
+            return first
+        bag.write_filled(filled(first, end))
+        bar.reach(end)
+    return parts[-1][1]
+
+
 class _PackedTicks:
     """Packs the ticks of a scene into chunks; every process of ``simulate`` does this work."""
 
-    def __init__(self, scene: Scene, numbers: list[int], compression: str) -> None:
-        self._settings = scene, numbers, compression
+    def __init__(self, scene: Scene, numbers: list[int], each: int, compression: str) -> None:
+        """``numbers`` are the channels, and ``each`` is the largest number of ticks in a chunk."""
+        self._settings = scene, numbers, each, compression
         self._scene, self._packer = scene, Packer(compression)
-        self._encoders = list(zip(numbers, encoders(scene, _FRAME_ID).values(), strict=True))
+        self._encoders = dict(zip(numbers, encoders(scene, _FRAME_ID).values(), strict=True))
+        fixed = _fixed(self._encoders) if each > 1 else None
+        self._filled = _FilledTicks(scene, fixed, each) if fixed else None
 
-    def __reduce__(self) -> tuple[type['_PackedTicks'], tuple[Scene, list[int], str]]:
+    def __reduce__(self) -> tuple[type['_PackedTicks'], tuple[Scene, list[int], int, str]]:
         """Return the class and the arguments with which another process creates its own instance."""
         return _PackedTicks, self._settings
 
     def __call__(self, parts: list[tuple[int, int]]) -> list[PackedChunk]:
         """Return the chunks for parts of the run; a part is given by its first tick and the first tick after it."""
+        if self._filled is not None:
+            return [self._packer.packed(self._filled(*part)) for part in parts]
         return [chunk for part in parts for chunk in self._packer.pack(
             (number, encode(frame), frame.t_ns, k) for k, frame in enumerate(ticks(self._scene, *part), part[0] + 1)
-            for number, encode in self._encoders)]
+            for number, encode in self._encoders.items())]

@@ -8,7 +8,7 @@ import numpy as np
 from dragon_ros.core.chain.chain import Chain, stack
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.frame import Frame
-from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import NS, Scene
@@ -38,9 +38,10 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
         together = replace(chains[0], p=np.stack([chain.p for chain in chains]))
         axes = axes_of(together)
         all_benches = benches_of(together, scene.dragon, axes) if simulation.on.benches else None
-        for n, (t_ns, chain) in enumerate(zip(times_ns, chains, strict=True)):
-            benches = replace(all_benches, centre=all_benches.centre[n], axis=axes[n]) if all_benches else None
-            yield frame_of(simulation, begin + n, t_ns, chain, axes[n], benches)
+        half = scene.dragon.half_sizes_m
+        for n, (t_ns, chain, axis) in enumerate(zip(times_ns, chains, axes, strict=True)):
+            benches = Benches(all_benches.centre[n], axis, *half) if all_benches else None
+            yield frame_of(simulation, begin + n, t_ns, chain, axis, benches)
 
 
 def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) -> Chain:

@@ -13,7 +13,8 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of, state, tick
 from dragon_ros.cost.measure import Timing, timing_of
 from dragon_ros.messages.channels import live
-from dragon_ros.messages.encode import Encode, encoders
+from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.fixed_size import Encode
 
 ALONE = 'alone'
 LEAST, MOST = 15, 400         # number of calls

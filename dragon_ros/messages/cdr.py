@@ -1,14 +1,15 @@
 """Frames as CDR bytes: one template per message, built once and patched in place by numpy.
 
 This encoder is written by hand for speed: a template takes microseconds, whereas a general serialiser takes
-milliseconds.
+milliseconds. Messages for several ticks are patched together, since the calls of numpy take longer than the copies.
 
 The layout is plain CDR (OMG DDS-RTPS 2.3, 10.2; the first XCDR encoding): every primitive is aligned to its size,
 counted from the end of the 4-byte encapsulation header. Padding is zero.
 """
 import struct
-from collections.abc import Callable
+from collections.abc import Sequence
 from io import BytesIO
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from dragon_ros.core.numerics.types import Array, Floats
 
 LITTLE = b'\x00\x01\x00\x00'
 NS = 10**9
+_STAMP = struct.Struct('<Q')
 
 
 class Writer:
@@ -75,6 +77,15 @@ def stamp_number(t_ns: int) -> int:
     return seconds | rest_ns << 32
 
 
+class Room(NamedTuple):
+    """The bytes of M messages of equal layout: the offset of the first one, and the distance between their offsets."""
+
+    data: memoryview
+    messages: int = 1
+    start: int = 0
+    stride: int = 0
+
+
 class RowLayout:
     """Rows of equal layout in a message: their count, offset, stride and fields."""
 
@@ -84,10 +95,32 @@ class RowLayout:
         self._dtype = np.dtype({'names': list(fields), 'formats': kinds, 'offsets': offsets})
         self._count, self._start, self._stride = count, start, stride
 
-    def of(self, data: memoryview) -> Array:
-        """Return a view of the rows of a message."""
-        out: Array = np.ndarray((self._count,), self._dtype, data, self._start, (self._stride,))
+    def of(self, room: Room) -> Array:
+        """Return a view of the rows of one message or, if there are M, of shape (M, rows)."""
+        data, messages, start, stride = room
+        shape: tuple[int, ...] = (self._count,)
+        strides: tuple[int, ...] = (self._stride,)
+        if messages > 1:
+            shape, strides = (messages, *shape), (stride, *strides)
+        out: Array = np.ndarray(shape, self._dtype, data, start + self._start, strides)
         return out
+
+
+def stamps_of(times_ns: Sequence[int]) -> int | Array:
+    """Return the stamp of one message as a number (see ``stamp_number``) or those of M messages, of shape (M, 1)."""
+    if len(times_ns) == 1:
+        return stamp_number(times_ns[0])
+    out: Array = np.array([[stamp_number(t_ns)] for t_ns in times_ns], dtype=np.uint64)
+    return out
+
+
+def put_stamps(room: Room, offset: int, stamps: int | Array) -> None:
+    """Write the stamps of messages at an offset from their starts."""
+    if isinstance(stamps, int):
+        _STAMP.pack_into(room.data, room.start + offset, stamps)
+    else:
+        out: Array = np.ndarray((room.messages, 1), '<u8', room.data, room.start + offset, (room.stride, 8))
+        out[:] = stamps
 
 
 class Template:
@@ -100,13 +133,24 @@ class Template:
 
     def __init__(self, data: bytearray) -> None:
         """Start from a complete message."""
-        self._message = BytesIO(bytes(data))
+        self._message, self.size = BytesIO(bytes(data)), len(data)
 
-    def patched(self, patch: Callable[[memoryview], None]) -> bytes:
-        """Apply ``patch``, which must not keep a view of the bytes, and return the patched bytes."""
+    def fill(self, room: Room, stamps: int | Array, *values: Floats) -> None:
+        """Patch copies of this template, given their stamps (see ``stamps_of``) and values.
+
+        The values of several messages have a leading axis.
+        """
+        raise NotImplementedError
+
+    def encode(self, t_ns: int, *values: Floats) -> bytes:
+        """Return the bytes of the message for a tick."""
         with self._message.getbuffer() as data:
-            patch(data)
+            self.fill(Room(data), stamp_number(t_ns), *values)
         return self._message.getvalue()
+
+    def copies(self, messages: int) -> Room:
+        """Return a number of copies of this template, one after another."""
+        return Room(memoryview(bytearray(self._message.getvalue() * messages)), messages, 0, self.size)
 
 
 class PoseArrayTemplate(Template):
@@ -121,16 +165,14 @@ class PoseArrayTemplate(Template):
                                 {'place': ('<c16', 0), 'turn': ('<c16', 40)})
         super().__init__(writer.finish())
 
-    def encode(self, t_ns: int, p: Floats, axis: Floats) -> bytes:
-        """Return the bytes for handles at ``p`` (m, shape (N+1, 2)) and links along ``axis`` (shape (N, 2))."""
-        return self.patched(lambda data: self._patch(data, t_ns, p, axis))
-
-    def _patch(self, data: memoryview, t_ns: int, p: Floats, axis: Floats) -> None:
-        struct.pack_into('<II', data, self._stamp, *stamp_of(t_ns))
-        poses, turns = self._poses.of(data), turns_of(axis)
+    def fill(self, room: Room, stamps: int | Array, *values: Floats) -> None:
+        """Patch messages; ``values`` are the handles (m, shape (..., N+1, 2)) and the axes of links (..., N, 2)."""
+        p, axis = values
+        put_stamps(room, self._stamp, stamps)
+        poses, turns = self._poses.of(room), turns_of(axis)
         poses['place'] = plane(p)
-        poses['turn'][:-1] = turns
-        poses['turn'][-1] = turns[-1]
+        poses['turn'][..., :-1] = turns
+        poses['turn'][..., -1] = turns[..., -1]
 
 
 class VelocitiesTemplate(Template):
@@ -148,14 +190,12 @@ class VelocitiesTemplate(Template):
                                {'velocity': ('<c16', 0), 'speed': ('<f8', 16)})
         super().__init__(writer.finish())
 
-    def encode(self, velocity_m_s: Floats) -> bytes:
-        """Return the bytes for velocities (m/s, shape (N+1, 2))."""
-        return self.patched(lambda data: self._patch(data, velocity_m_s))
-
-    def _patch(self, data: memoryview, velocity_m_s: Floats) -> None:
-        rows = self._rows.of(data)
+    def fill(self, room: Room, stamps: int | Array, *values: Floats) -> None:
+        """Patch messages, which have no stamp; the only value is the velocities (m/s, shape (..., N+1, 2))."""
+        velocity_m_s, = values
+        rows = self._rows.of(room)
         rows['velocity'] = plane(velocity_m_s)
-        np.hypot(velocity_m_s[:, 0], velocity_m_s[:, 1], out=rows['speed'])
+        np.hypot(velocity_m_s[..., 0], velocity_m_s[..., 1], out=rows['speed'])
 
 
 class CloudTemplate(Template):
@@ -182,19 +222,17 @@ class CloudTemplate(Template):
             'x': ('<f4', 0), 'y': ('<f4', 4), 'velocity': ('<c16', 16), 'speed': ('<f8', 32), 'handle': ('<u4', 40)})
         writer.put('?', True)
         with memoryview(writer.data) as data:
-            self._points.of(data)['handle'] = np.arange(handles)
+            self._points.of(Room(data))['handle'] = np.arange(handles)
         super().__init__(writer.finish())
 
-    def encode(self, t_ns: int, p: Floats, velocity_m_s: Floats) -> bytes:
-        """Return the bytes for handles at ``p`` (m) with these velocities (m/s), both of shape (N+1, 2)."""
-        return self.patched(lambda data: self._patch(data, t_ns, p, velocity_m_s))
-
-    def _patch(self, data: memoryview, t_ns: int, p: Floats, velocity_m_s: Floats) -> None:
-        struct.pack_into('<II', data, self._stamp, *stamp_of(t_ns))
-        points = self._points.of(data)
-        points['x'], points['y'] = p[:, 0], p[:, 1]
+    def fill(self, room: Room, stamps: int | Array, *values: Floats) -> None:
+        """Patch messages; ``values`` are the handles (m) and their velocities (m/s), both of shape (..., N+1, 2)."""
+        p, velocity_m_s = values
+        put_stamps(room, self._stamp, stamps)
+        points = self._points.of(room)
+        points['x'], points['y'] = p[..., 0], p[..., 1]
         points['velocity'] = plane(velocity_m_s)
-        points['speed'] = np.hypot(velocity_m_s[:, 0], velocity_m_s[:, 1])
+        points['speed'] = np.hypot(velocity_m_s[..., 0], velocity_m_s[..., 1])
 
 
 class JointsTemplate(Template):
@@ -212,13 +250,11 @@ class JointsTemplate(Template):
         writer.put('I', 0, 0)       # no velocities and no efforts
         super().__init__(writer.finish())
 
-    def encode(self, t_ns: int, position_rad: Floats) -> bytes:
-        """Return the bytes for joint positions (rad)."""
-        return self.patched(lambda data: self._patch(data, t_ns, position_rad))
-
-    def _patch(self, data: memoryview, t_ns: int, position_rad: Floats) -> None:
-        struct.pack_into('<II', data, self._stamp, *stamp_of(t_ns))
-        self._positions.of(data)['position'] = position_rad
+    def fill(self, room: Room, stamps: int | Array, *values: Floats) -> None:
+        """Patch messages; the only value is the joint positions (rad, shape (..., joints))."""
+        put_stamps(room, self._stamp, stamps)
+        position_rad, = values
+        self._positions.of(room)['position'] = position_rad
 
 
 def float64_of(value: float) -> bytes:
@@ -227,9 +263,9 @@ def float64_of(value: float) -> bytes:
 
 
 def half_turns(axis: Floats) -> Floats:
-    """Return (z, w) of the quaternions that rotate x onto ``axis`` (shape (N, 2)): square roots of complex axes."""
+    """Return (z, w) of the quaternions that rotate x onto ``axis`` (..., N, 2): square roots of complex axes."""
     half, out = np.sqrt(plane(axis)), np.empty(axis.shape)
-    out[:, 0], out[:, 1] = half.imag, half.real
+    out[..., 0], out[..., 1] = half.imag, half.real
     return out
 
 
@@ -240,7 +276,7 @@ class _Turns:
         self._last: tuple[Floats | None, Array] = None, np.empty(0, np.complex128)
 
     def of(self, axis: Floats) -> Array:
-        """Return (z, w) of the quaternions that rotate x onto ``axis`` (shape (N, 2)), as complex numbers."""
+        """Return (z, w) of the quaternions that rotate x onto ``axis`` (shape (..., N, 2)), as complex numbers."""
         known, turns = self._last
         if axis is not known or axis.flags.writeable:
             turns = plane(half_turns(axis))
@@ -249,8 +285,8 @@ class _Turns:
 
 
 def plane(points: Floats) -> Array:
-    """View points (shape (N, 2)) as complex numbers (shape (N,)), which numpy copies in a single loop."""
-    out: Array = np.ascontiguousarray(points).view(np.complex128)[:, 0]
+    """View points (shape (..., N, 2)) as complex numbers (..., N), which numpy copies in a single loop."""
+    out: Array = np.ascontiguousarray(points).view(np.complex128)[..., 0]
     return out
 
 

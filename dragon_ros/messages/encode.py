@@ -1,13 +1,11 @@
 """Encodes frames as the bytes of messages, for each topic that a scene's effects enable."""
 from collections.abc import Callable
 
-from dragon_ros.core.frame import Frame
 from dragon_ros.core.scene import Scene
 from dragon_ros.messages.cdr import PoseArrayTemplate, VelocitiesTemplate
 from dragon_ros.messages.channels import live
+from dragon_ros.messages.fixed_size import Encode, FixedSize, axes, handles, velocities
 from dragon_ros.messages.markers import CubesTemplate, TrianglesTemplate
-
-Encode = Callable[[Frame], bytes]
 
 
 def encoders(scene: Scene, frame_id: str = 'dragon') -> dict[str, Encode]:
@@ -16,26 +14,17 @@ def encoders(scene: Scene, frame_id: str = 'dragon') -> dict[str, Encode]:
 
 
 def _handles(scene: Scene, frame_id: str) -> Encode:
-    template = PoseArrayTemplate(scene.dragon.benches + 1, frame_id)
-    return lambda frame: template.encode(frame.t_ns, frame.chain.p, frame.axis)
+    return FixedSize(PoseArrayTemplate(scene.dragon.benches + 1, frame_id), handles, axes)
 
 
 def _benches(scene: Scene, frame_id: str) -> Encode:
     template = _STYLES[scene.markers](scene.dragon.bench_lengths_m, scene.dragon.width_m, frame_id)
-
-    def encode(frame: Frame) -> bytes:
-        assert frame.benches is not None
-        return template.encode(frame.t_ns, frame.benches.centre, frame.axis)
-    return encode
+    return FixedSize(template, lambda frame: None if frame.benches is None else frame.benches.centre,
+                     axes)
 
 
-def _velocities(scene: Scene, frame_id: str) -> Encode:
-    template = VelocitiesTemplate(scene.dragon.benches + 1)
-
-    def encode(frame: Frame) -> bytes:
-        assert frame.velocity_m_s is not None
-        return template.encode(frame.velocity_m_s)
-    return encode
+def _velocities(scene: Scene, _: str) -> Encode:
+    return FixedSize(VelocitiesTemplate(scene.dragon.benches + 1), velocities)
 
 
 _STYLES: dict[str, type[CubesTemplate] | type[TrianglesTemplate]] = {

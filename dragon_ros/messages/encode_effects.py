@@ -16,10 +16,10 @@ from dragon_ros.messages.cdr import (
     half_turns,
     stamp_of,
 )
+from dragon_ros.messages.fixed_size import Encode, FixedSize, handles, velocities
 from dragon_ros.messages.markers import SPHERE, YELLOW, MarkerSpec, contact_markers, red_benches, trail_marker
 from dragon_ros.messages.urdf import joint_names
 
-Encode = Callable[[Frame], bytes]
 _OK, _ERROR = 0, 2          # levels of a diagnostic status
 _POINT_M = 0.12
 _COVARIANCE = 36
@@ -58,12 +58,7 @@ def _contact_markers(scene: Scene, frame_id: str) -> Encode:
 
 
 def _accelerations(scene: Scene, _: str) -> Encode:
-    template = VelocitiesTemplate(scene.dragon.benches + 1, 'ax_ay_size')
-
-    def encode(frame: Frame) -> bytes:
-        assert frame.acceleration_m_s2 is not None
-        return template.encode(frame.acceleration_m_s2)
-    return encode
+    return FixedSize(VelocitiesTemplate(scene.dragon.benches + 1, 'ax_ay_size'), lambda frame: frame.acceleration_m_s2)
 
 
 def _forces(_: Scene, __: str) -> Encode:
@@ -74,12 +69,9 @@ def _forces(_: Scene, __: str) -> Encode:
 
 
 def _measured(scene: Scene, frame_id: str) -> Encode:
-    template = PoseArrayTemplate(scene.dragon.benches + 1, frame_id)
-
-    def encode(frame: Frame) -> bytes:
-        assert frame.measured is not None
-        return template.encode(frame.t_ns, frame.measured.p, frame.measured.axis)
-    return encode
+    return FixedSize(PoseArrayTemplate(scene.dragon.benches + 1, frame_id),
+                     lambda frame: None if frame.measured is None else frame.measured.p,
+                     lambda frame: None if frame.measured is None else frame.measured.axis)
 
 
 def _trail(_: Scene, frame_id: str) -> Encode:
@@ -117,21 +109,11 @@ def _leader(_: Scene, frame_id: str) -> Encode:
 
 
 def _cloud(scene: Scene, frame_id: str) -> Encode:
-    template = CloudTemplate(scene.dragon.benches + 1, frame_id)
-
-    def encode(frame: Frame) -> bytes:
-        assert frame.velocity_m_s is not None
-        return template.encode(frame.t_ns, frame.chain.p, frame.velocity_m_s)
-    return encode
+    return FixedSize(CloudTemplate(scene.dragon.benches + 1, frame_id), handles, velocities)
 
 
 def _joints(scene: Scene, frame_id: str) -> Encode:
-    template = JointsTemplate(joint_names(scene.dragon.benches), frame_id)
-
-    def encode(frame: Frame) -> bytes:
-        assert frame.joint_rad is not None
-        return template.encode(frame.t_ns, frame.joint_rad)
-    return encode
+    return FixedSize(JointsTemplate(joint_names(scene.dragon.benches), frame_id), lambda frame: frame.joint_rad)
 
 
 BUILDERS: dict[str, Callable[[Scene, str], Encode]] = {

@@ -16,7 +16,7 @@ from rclpy.serialization import serialize_message
 from dragon_ros.core.errors import InputError, shown
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.limits import SUBSCRIBERS
-from dragon_ros.messages.encode import Encode
+from dragon_ros.messages.fixed_size import Encode, Together, each
 from dragon_ros.nodes import shell
 from dragon_ros.nodes.params import DISCOVERY_S
 
@@ -143,16 +143,16 @@ class EncodedTopic:
         self._encoded: deque[tuple[Frame, bytes]] = deque()
         self.published = 0
 
-    def put(self, frame: Frame, queue: PublisherQueue, ahead: Iterable[Frame] = ()) -> None:
-        """Queue a frame's message; nothing is encoded if there are no subscribers.
+    def put(self, together: Together, queue: PublisherQueue) -> None:
+        """Queue the message of the first of several frames; nothing is encoded if there are no subscribers.
 
         A late subscriber receives only later frames, as with any volatile topic. A latched topic is always published,
-        and keeps its last message for late subscribers. The frames ``ahead``, which probably follow, are encoded too,
-        because encoding one frame after another takes less time.
+        and keeps its last message for late subscribers. The other frames, which probably follow, are encoded too,
+        because encoding frames together takes less time.
         """
         if self._latched or self.publisher.get_subscription_count():
-            if not (self._encoded and self._encoded[0][0] is frame):
-                self._encoded = deque((each, self._encode(each)) for each in (frame, *ahead))
+            if not (self._encoded and self._encoded[0][0] is together.frames[0]):
+                self._encoded = deque(zip(together.frames, each(self._encode, together), strict=True))
             queue.put(self.publisher, self._encoded.popleft()[1])
             self.published += 1
 

@@ -18,6 +18,7 @@ from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.fixed_size import Together
 from dragon_ros.messages.once import DESCRIPTION, ENCODE, once
 from dragon_ros.nodes import publisher_queue, qos, shell
 from dragon_ros.nodes.base import DragonNode
@@ -50,8 +51,9 @@ class Broadcast:
         self.shown = frame = self.frames.take()
         for observe in self.also:
             observe(frame)
+        together = Together((frame, *self.frames.ahead))
         for topic in self._topics:
-            topic.put(frame, self._queue, self.frames.ahead)
+            topic.put(together, self._queue)
         self.flush()
 
     def flush(self) -> bool:

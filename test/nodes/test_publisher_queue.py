@@ -7,6 +7,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.decode import read_pose_array
 from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.fixed_size import Together
 from dragon_ros.nodes import publisher_queue, qos
 
 READER = ('geometry_msgs/msg/PoseArray', 'handles')
@@ -25,7 +26,7 @@ class Source:
     def show(self, *ticks):
         queue = publisher_queue.PublisherQueue()
         for k in ticks:
-            self.feed.put(tick(self.scene, k), queue)
+            self.feed.put(Together([tick(self.scene, k)]), queue)
         assert queue.flush()
 
 
@@ -57,9 +58,9 @@ def test_the_frames_ahead_are_encoded_once_and_published_in_the_order_of_the_run
     node.until(source.feed.publisher.get_subscription_count)
     queue, frames = publisher_queue.PublisherQueue(), [tick(source.scene, k) for k in range(8)]
     for k in (0, 1):
-        source.feed.put(frames[k], queue, frames[k + 1:4])
+        source.feed.put(Together(frames[k:4]), queue)
     for k in (5, 6, 2):     # seeks to tick 5, and back
-        source.feed.put(frames[k], queue, frames[6:7] if k == 5 else ())
+        source.feed.put(Together(frames[5:7] if k == 5 else frames[k:k + 1]), queue)
     assert queue.flush()
     node.until(lambda: len(got) == 5)
     assert [read_pose_array(data).t_ns for data in got] == [source.scene.run.time_ns(k) for k in (0, 1, 5, 6, 2)]

@@ -42,7 +42,8 @@ from dragon_ros.messages.decode import (
     read_stamp_ns,
     stamp_of_message,
 )
-from dragon_ros.messages.encode import Encode, encoders
+from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.fixed_size import Encode
 from dragon_ros.messages.once import ENCODE
 from dragon_ros.scenes.provenance import RECORD, other_kernel
 from dragon_ros.version import __version__

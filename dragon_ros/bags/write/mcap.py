@@ -30,6 +30,7 @@ from dragon_ros.bags.write.empty_bag import holds_no_message
 from dragon_ros.bags.write.page_cache import PageCache
 from dragon_ros.core import limits
 from dragon_ros.core.errors import DiskError, MissingError
+from dragon_ros.core.numerics.types import Array
 from dragon_ros.version import __version__
 
 _CHUNK = struct.Struct('<QQQQQH')       # start, size, raw size, first log time, last log time, number of channels
@@ -38,6 +39,7 @@ _CHUNK_HEAD, _INDEX_HEAD, _INDEX_ENTRY = 49, 15, 16     # bytes: Chunk without i
 CHUNK_BYTES = 2**20
 _BUFFER_BYTES = 2 * CHUNK_BYTES
 _MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; the data follow
+_HEAD = np.dtype({'names': ['sequence', 'log', 'publish'], 'formats': ['<u4', '<u8', '<u8'], 'offsets': [11, 15, 23]})
 MESSAGE_HEAD_BYTES = _MESSAGE.size
 MESSAGE_BYTES = limits.CHUNK_BYTES - _MESSAGE.size      # limit on a message's data, since readers reject larger chunks
 MAGIC = b'\x89MCAP0\r\n'
@@ -218,6 +220,38 @@ class OpenChunk:
         return tuple((channel, len(entries)) for channel, entries in self.index.items())
 
 
+class RepeatedChunk(OpenChunk):
+    """A chunk that repeats a round of messages of fixed sizes: it is laid out once, and filled in place."""
+
+    def __init__(self, messages: Sequence[tuple[int, bytes]], rounds: int) -> None:
+        """Lay out ``rounds`` copies of a round; each message is given as (channel, data)."""
+        layout, self._offsets = bytearray(), dict[int, int]()
+        for channel, data in messages:
+            self._offsets[channel] = len(layout)
+            layout += _MESSAGE.pack(Opcode.MESSAGE, 22 + len(data), channel, 0, 0, 0) + data
+        super().__init__()
+        self._buffer, self.stride = memoryview(layout * rounds), len(layout)
+
+    def clear(self) -> None:
+        """Keep the layout, but count no round as filled."""
+        self.size, self.index = 0, {}
+
+    def begin(self, times_ns: Sequence[int], sequence: int) -> list[int]:
+        """Begin a chunk with one round for each time, numbered from ``sequence`` on.
+
+        Return the offset in ``data`` of each message's data in the first round; the caller patches these data and their
+        copies, which are ``stride`` bytes apart.
+        """
+        rounds = len(times_ns)
+        self.size = rounds * self.stride
+        for channel, offset in self._offsets.items():
+            heads: Array = np.ndarray(rounds, _HEAD, self._buffer, offset, (self.stride,))
+            heads['sequence'] = np.arange(sequence, sequence + rounds)
+            heads['log'] = heads['publish'] = np.array(times_ns, np.uint64)
+            self.index[channel] = list(zip(times_ns, range(offset, self.size, self.stride), strict=True))
+        return [offset + _MESSAGE.size for offset in self._offsets.values()]
+
+
 def _memory(size: int) -> memoryview:
     """Return a buffer; pages that are never written use no memory."""
     return np.empty(size, np.uint8).data
@@ -289,10 +323,15 @@ class Packer:
                 chunks.append(self._ended())
         return [*chunks, self._ended()] if self._open.size else chunks
 
-    def _ended(self) -> PackedChunk:
-        done = packed(self._open, self._compression, self._compress)
-        self._open.clear()
+    def packed(self, chunk: OpenChunk) -> PackedChunk:
+        """Return a filled chunk in its stored form."""
+        done = packed(chunk, self._compression, self._compress)
         return done._replace(data=bytes(done.data))     # uncompressed data are in a buffer that will be reused
+
+    def _ended(self) -> PackedChunk:
+        done = self.packed(self._open)
+        self._open.clear()
+        return done
 
 
 def mcap_name(compression: str) -> str:
@@ -406,6 +445,11 @@ class McapWriter:
         self._open.add(channel, data, t_ns, sequence, publish_ns)
         if self._open.is_full:
             self.end_chunk()
+
+    def add_filled(self, chunk: OpenChunk) -> None:
+        """Write the open chunk, and then hand over another one, which must not change until the next call returns."""
+        self.flush()
+        self._thread.start(partial(self._write_chunk, chunk))
 
     def add_chunk(self, chunk: PackedChunk) -> None:
         """Write the open chunk, and then a chunk that was packed elsewhere."""

@@ -6,7 +6,7 @@ or more files.
 import os
 import sys
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
@@ -17,7 +17,7 @@ import yaml
 
 from dragon_ros.bags.write import COMPRESSIONS
 from dragon_ros.bags.write.bag_folder import BagFolder
-from dragon_ros.bags.write.mcap import MESSAGE_BYTES, McapWriter, PackedChunk, statistics
+from dragon_ros.bags.write.mcap import MESSAGE_BYTES, McapWriter, OpenChunk, PackedChunk, statistics
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import DiskError, FieldError, InputError, MissingError
 from dragon_ros.messages.channels import Channel
@@ -152,9 +152,13 @@ class BagWriter:
         """Append a chunk that was packed elsewhere with channels from ``channel_of``; the bag must have no limits."""
         assert not self._limited
         self._open_file().add_chunk(chunk)
-        topics = {channel: topic for topic, channel in self._ids.items()}
-        for channel, messages in chunk.counts:
-            self.counts[topics[channel]] += messages
+        self._count(chunk.counts)
+
+    def write_filled(self, chunk: OpenChunk) -> None:
+        """Append a chunk filled elsewhere, which must not change until the next call; the bag must have no limits."""
+        assert not self._limited
+        self._open_file().add_filled(chunk)
+        self._count(chunk.counts())
 
     def end_chunk(self) -> None:
         """End the open chunk, so that the next message begins a new one."""
@@ -191,6 +195,11 @@ class BagWriter:
         if self._broken is not None:
             raise self._broken
         return self._file
+
+    def _count(self, counts: Iterable[tuple[int, int]]) -> None:
+        topics = {channel: topic for topic, channel in self._ids.items()}
+        for channel, messages in counts:
+            self.counts[topics[channel]] += messages
 
     def _leave_folder(self) -> None:
         if self._folder is not None:
