@@ -18,7 +18,7 @@ from dragon_ros.cost.measure import circumstances
 _LENGTHS = 1400         # seconds of the run for each second of the timing budget
 _LONGEST_S = 432.0      # maximum duration of a run, shortly before the chain locks
 _RATE_HZ = 100.0
-_REPEATS = 3            # number of runs; the fastest run counts, since other load can only slow runs down
+_ROUNDS = 3             # number of runs of each kind; the fastest run counts, since other load can only slow runs down
 # These stand for numbers of workers:
 _PINNED = 0             # one worker that may use only one core
 _APART = -1             # one command per core, each with one worker and an equal part of the run
@@ -49,13 +49,17 @@ class Written:
 
 
 def measure(budget_s: float = 0.3) -> list[Written]:
-    """Write the bag of the classic dragon with each number of workers, as separate commands, and copy it."""
+    """Write the bag of the classic dragon with each number of workers, as separate commands, and copy it.
+
+    The kinds of runs take turns, because the speed of a shared machine changes within minutes.
+    """
     cores = sorted(os.sched_getaffinity(0))
     run_s = min(_LONGEST_S, _LENGTHS * budget_s)
     kinds: list[int | None] = [_PINNED, *range(1, 2 * len(cores) + 1), _APART, None]
     with TemporaryDirectory() as name:
-        return [min((_timed(kind, run_s, Path(name), cores) for _ in range(_REPEATS)), key=lambda one: one.wall_s)
-                for kind in Progress('cost simulate', 'parts', len(kinds))(kinds)]
+        runs = [_timed(kind, run_s, Path(name), cores)
+                for kind in Progress('cost simulate', 'runs', _ROUNDS * len(kinds))(_ROUNDS * kinds)]
+    return [min(runs[n::len(kinds)], key=lambda one: one.wall_s) for n in range(len(kinds))]
 
 
 def _timed(workers: int | None, run_s: float, folder: Path, cores: list[int]) -> Written:

@@ -4,7 +4,7 @@ from dragon_ros.cli.pool import workers_of
 
 
 def test_every_number_of_workers_is_measured(monkeypatch):
-    monkeypatch.setattr(simulate, '_REPEATS', 1)
+    monkeypatch.setattr(simulate, '_ROUNDS', 1)
     rows = simulate.measure(1e-4)
     assert [row.workers for row in rows] == [0, *range(1, 2 * workers_of(None) + 1), -1, None]
     assert len({row.mb for row in rows if row.workers != -1}) == 1
