@@ -39,26 +39,25 @@ def _values(text: str, option: str, read: Callable[[str], float]) -> Iterator[fl
     room = _MOST
     for part in text.split(','):
         try:
-            values = _range(part, option, read)
+            start, step, count = _range(part, option, read)
         except ValueError:
             raise InputError(f'{option} {shown(text)}: {shown(part)} is neither a number nor a range; write 0,60,300 '
                              'or 0-10 or START:STOP:STEP', field=option.removeprefix('--')) from None
-        room -= len(values)
+        room -= count
         if room < 0:
             raise InputError(f'{option} {text}: it gives more than {_MOST} values; use a larger step',
                              field=option.removeprefix('--'))
-        yield from values
+        yield from (start + k * step for k in range(count))
 
 
-def _range(part: str, option: str, read: Callable[[str], float]) -> list[float]:
-    """Return the values of a part, which is a number, FIRST-LAST or START:STOP[:STEP]."""
+def _range(part: str, option: str, read: Callable[[str], float]) -> tuple[float, float, int]:
+    """Return the first value, the step and the number of values of a number, FIRST-LAST or START:STOP[:STEP]."""
     dashed = _DASHED.fullmatch(part)
     ends = dashed.groups() if dashed else part.split(':')
     if len(ends) == 1:
-        return [read(part)]
+        return read(part), 0, 1
     start, stop, step = (*map(read, ends), 1) if len(ends) == 2 else map(read, ends)
     if not (step > 0 and stop >= start):
         raise InputError(f'{option} {part}: the step must be positive, and the stop must not be before the start',
                          field=option.removeprefix('--'))
-    count = int(min((stop - start) / step * (1 + 1e-12), _MOST)) + 1
-    return [start + k * step for k in range(count)]
+    return start, step, int(min((stop - start) / step * (1 + 1e-12), _MOST)) + 1

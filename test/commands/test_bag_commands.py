@@ -140,6 +140,7 @@ def test_simulate_that_is_interrupted_leaves_a_whole_bag(tmp_path):
     while not (path.exists() and path.stat().st_size > 10**6):
         assert time.monotonic() < end
         assert child.poll() is None
+        time.sleep(0.01)
     child.send_signal(signal.SIGINT)
     _, err = child.communicate(timeout=60)
     assert child.returncode == 1
@@ -547,7 +548,7 @@ def test_a_table_of_a_bag_is_the_table_of_its_scene(capsys, bag):
 @pytest.mark.parametrize(('arguments', 'says'), [
     (['inspect', 'nothing.mcap'], 'nothing.mcap'),
     (['inspect', CORPUS / 'text.mcap'], 'not an MCAP file'),
-    (['inspect', CORPUS], None),
+    pytest.param(['inspect', CORPUS], None, marks=pytest.mark.long),      # takes a second
     (['inspect', CORPUS / 'good_none.mcap', '--looks', '-1'], '--looks'),
     (['inspect', CORPUS / 'good_none.mcap', '--check', '--looks', '3'], '--looks: --check does not accept it'),
     (['inspect', CORPUS / 'good_none.mcap', '--repair', 'a.mcap', '--check'], '--check: --repair does not accept it'),

@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+from properties import thinned
 
 NAME = os.fsdecode('舞龙'.encode('gbk'))         # as unpacked from a ZIP file that was made in Chinese Windows
 ESCAPED = r'\udcce\udce8\udcc1\udcfa'
@@ -21,7 +22,7 @@ def run(*arguments, **environment):
                           check=False, env={**os.environ, **environment}, errors='surrogateescape')
 
 
-@pytest.mark.parametrize('suffix', ['html', 'json', 'csv'])
+@pytest.mark.parametrize('suffix', thinned(['html', 'json', 'csv'], lambda suffix: suffix == 'html'))
 def test_a_team_may_have_any_name(tmp_path, suffix):
     (tmp_path / 'class' / NAME).mkdir(parents=True)
     (tmp_path / 'class' / NAME / 'result1.xlsx').write_bytes(b'')
@@ -31,7 +32,8 @@ def test_a_team_may_have_any_name(tmp_path, suffix):
     assert ESCAPED in report.read_text()
 
 
-@pytest.mark.parametrize('arguments', [['plan'], ['plot', 'dragon', '--times', '0']])
+@pytest.mark.parametrize('arguments', thinned([['plan'], ['plot', 'dragon', '--times', '0']],
+                                              lambda arguments: arguments[0] == 'plot'))
 def test_a_scene_may_have_any_name_in_a_picture(scene, arguments):
     done = run(*arguments, '--output', f'{scene}.pdf', '--scene', scene)
     assert done.returncode == 0, done.stderr
@@ -41,10 +43,11 @@ def test_a_scene_may_have_any_name_in_a_picture(scene, arguments):
 
 @pytest.mark.parametrize(('arguments', 'shown'), [
     (['contact', '--verify', 'CERTIFICATE'], f'{ESCAPED}.json: '),
-    (['grade', '--t', '412.4', '--lang', 'zh'], r'\u95ee\u9898 2')])
+    (['grade', '--turn', '13.6', '--lang', 'zh'], r'\u95ee\u9898 4')])
 def test_characters_that_the_locale_lacks_are_escaped(scene, arguments, shown):
     certificate = scene.with_suffix('.json')
-    assert run('contact', '--scene', scene, '--certificate', certificate).returncode == 0
+    if 'CERTIFICATE' in arguments:
+        assert run('contact', '--scene', scene, '--certificate', certificate).returncode == 0
     given = [certificate if one == 'CERTIFICATE' else one for one in arguments]
     done = run(*given, PYTHONUTF8='0', PYTHONIOENCODING='ascii', LC_ALL='C')
     assert (done.returncode, shown in done.stdout) == (0, True), done.stdout + done.stderr

@@ -114,9 +114,13 @@ def test_a_mistake_is_one_line_and_exit_code_2(tmp_path, monkeypatch, capsys, ar
 
 
 def test_a_missing_library_is_named_with_the_cure(tmp_path):
-    for name in ('pyarrow', 'distributed'):
-        code = f'import sys; sys.modules[{name!r}] = None\nfrom dragon_ros.__main__ import main\n' \
-               f'sys.exit(main(["study", "pitch_map", "--output", {str(tmp_path)!r}]))'
-        done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
-        assert done.returncode == 2
-        assert f"{name}: it is not installed, but studies need it; pip install 'dragon_ros[study]'" in done.stderr
+    names = 'pyarrow', 'distributed'
+    code = 'import sys\nfrom dragon_ros.__main__ import main\n' \
+           f'for name in {names}:\n' \
+           '    sys.modules[name] = None\n' \
+           f'    assert main(["study", "pitch_map", "--output", {str(tmp_path)!r}]) == 2\n' \
+           '    del sys.modules[name]'
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
+    assert (done.returncode, len(done.stderr.splitlines())) == (0, 2), done.stderr
+    for name, line in zip(names, done.stderr.splitlines(), strict=True):
+        assert f"{name}: it is not installed, but studies need it; pip install 'dragon_ros[study]'" in line
