@@ -42,22 +42,28 @@ class _Pattern:
         self._stamp, self._pose, self._stride = at['header.stamp.sec'], at['pose'], run.stride
         self._head = bytes(markers.data[:self._stamp])
         self._first, last = at['header.frame_id'], run.layout.lengths[-1]
-        self._words = (last + _WORD - self._first) // _WORD
-        self._free = np.zeros(self._words, dtype=bool)
+        row = (last + _WORD - self._first) // _WORD     # words of a marker from the frame to the last length
+        free = np.ones((self._count, max(self._stride // _WORD, row)), dtype=bool)
+        free[:, :row] = False
         for start, end in ((at['pose'], at['scale']), (at['color'], at['points'])):
-            self._free[(start - self._first) // _WORD:(end - self._first) // _WORD] = True
-        self._same = self._rows(markers.data).copy()
+            free[:, (start - self._first) // _WORD:(end - self._first) // _WORD] = True
+        self._free = free.ravel()[:free.size - free.shape[1] + row]
+        self._same = self._words(markers.data).copy()
         self._equal = np.empty(self._same.shape, dtype=bool)
 
-    def _rows(self, data: bytes | bytearray) -> Array:
-        """Return a view of the words of a message, with one row per marker, from the frame to the last length."""
-        return strided(data, 'u4', self._first, self._stride, self._count, self._words)
+    def _words(self, data: bytes | bytearray) -> Array:
+        """Return a view of the words of a message from the first marker's frame to the last marker's last length.
+
+        It includes words between the markers, because numpy compares contiguous words several times as fast as rows.
+        """
+        out: Array = np.frombuffer(data, 'u4', self._free.size, self._first)
+        return out
 
     def fits(self, data: bytes) -> bool:
         """Return whether a message has the same layout as the previous message."""
         if len(data) != self._size or not data.startswith(self._head):
             return False
-        equal = np.equal(self._rows(data), self._same, out=self._equal)
+        equal = np.equal(self._words(data), self._same, out=self._equal)
         equal |= self._free
         return bool(equal.all())
 

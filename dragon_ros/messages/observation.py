@@ -3,6 +3,8 @@
 If a dragon is published by another program, this module also computes the MarkerArray of its benches from its handles,
 so that a monitor can observe that dragon.
 """
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,6 +117,47 @@ def observation_of(poses: Poses, shown: ShownBenches) -> Observation:
     if poses.frame_id != shown.frame_id:
         raise MessageError(f'benches: frame {shown.frame_id!r} is not the frame of the handles, {poses.frame_id!r}')
     return Observation(poses.t_ns, handles_m, rectangles, poses.frame_id)
+
+
+def observations_of(pairs: Sequence[tuple[Poses, ShownBenches]]) -> list[Observation | MessageError]:
+    """Return for each tick what ``observation_of`` returns or raises; ticks of one layout are computed together."""
+    out: list[Observation | MessageError | None] = [None] * len(pairs)
+    like: dict[tuple[int, int, str, str], list[int]] = defaultdict(list)
+    for n, (poses, shown) in enumerate(pairs):
+        if isinstance(shown, BenchCubes):
+            like[id(shown.half_length), len(poses.poses), poses.frame_id, shown.frame_id].append(n)
+    for rows in like.values():
+        for n, observation in zip(rows, _together([pairs[n] for n in rows]), strict=False):
+            out[n] = observation
+    return [_tried(*pair) if known is None else known for pair, known in zip(pairs, out, strict=True)]
+
+
+def _tried(poses: Poses, shown: ShownBenches) -> Observation | MessageError:
+    try:
+        return observation_of(poses, shown)
+    except MessageError as error:
+        return error
+
+
+def _together(pairs: Sequence[tuple[Poses, ShownBenches]]) -> list[Observation]:
+    """Return the observations of ticks that differ only in stamps and poses, or nothing if each must be checked."""
+    handles, shown = zip(*pairs, strict=True)
+    count, benches = len(pairs), len(shown[0].poses)
+    if count == 1 or len(handles[0].poses) != benches + 1 or handles[0].frame_id != shown[0].frame_id:
+        return []
+    handles_m, poses = np.empty((count, benches + 1, 2)), np.empty((count, benches, 7))
+    for n in range(count):
+        handles_m[n], poses[n] = handles[n].poses[:, :2], shown[n].poses
+    if poses[..., 3:5].any():       # tilted benches are computed by another formula, which may return another zero
+        return []
+    try:
+        centre, axis = placed(poses.reshape(-1, 7))
+    except MessageError:
+        return []
+    centre, axis = (np.ascontiguousarray(each).reshape(count, benches, 2) for each in (centre, axis))
+    return [Observation(handles[n].t_ns, handles_m[n],
+                        Benches(centre[n], axis[n], shown[n].half_length, shown[n].half_width), handles[n].frame_id)
+            for n in range(count)]
 
 
 def read_benches(data: bytes) -> BenchMarkers:
@@ -307,7 +350,7 @@ def _finite(what: str, values: Floats) -> Floats:
     """Return values as native floats. Raises MessageError unless all of them are finite and below the limit."""
     values = np.ascontiguousarray(values, dtype=np.float64)
     size = np.abs(values)
-    if not np.max(size, initial=0.0) < COORDINATE_M:
+    if not np.maximum.reduce(size, axis=None, initial=0.0) < COORDINATE_M:
         row = int(np.argwhere(~(size < COORDINATE_M))[0][0])
         raise MessageError(f'{what} {row} is {values[row].tolist()}; expected finite numbers below {COORDINATE_M:g}')
     return values

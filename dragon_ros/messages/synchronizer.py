@@ -162,6 +162,11 @@ class Streams:
         if self._known is None and self._all:
             self._known = min(self._all, key=lambda stream: abs(stream.t_ns - t_ns))
 
+    @property
+    def has_adopted(self) -> bool:
+        """Whether a publisher has been adopted."""
+        return self._known is not None
+
     def forget(self) -> None:
         """Forget all publishers because the adopted publisher is gone."""
         self._known = None

@@ -22,12 +22,12 @@ class Inbox:
     """
 
     def __init__(self, node: DragonNode, sources: dict[str, Publishers], read: Callable[[str, bytes, Any], None],
-                 tell: Callable[[], None], held: Callable[[], bool] = lambda: False) -> None:
-        """``sources`` maps topics to publishers; ``tell`` is called when a tick is skipped.
+                 rest: Callable[[], None], tell: Callable[[], None], held: Callable[[], bool] = lambda: False) -> None:
+        """``sources`` maps topics to publishers; ``rest`` is called after some messages have been read.
 
-        Messages wait while ``held()`` is true; call ``work`` afterwards.
+        ``tell`` is called when a tick is skipped. Messages wait while ``held()`` is true; call ``work`` afterwards.
         """
-        self._sources, self._read, self._tell, self._held = sources, read, tell, held
+        self._sources, self._read, self._rest, self._tell, self._held = sources, read, rest, tell, held
         self._waiting: deque[tuple[str, bytes, Any]] = deque()
         self._bytes, self._skips = 0, EvenSkips()
         self._timer = node.create_timer(0.0, self.work, clock=STEADY)
@@ -82,3 +82,4 @@ class Inbox:
             message = self._waiting.popleft()
             self._bytes -= len(message[1])
             self._read(*message)
+        self._rest()

@@ -13,14 +13,16 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Bool
 
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.geometry.contacts import Observation
 from dragon_ros.core.geometry.tracker import NS, ContactTracker, Report
 from dragon_ros.core.limits import INBOX_MESSAGES
 from dragon_ros.core.words import counted
 from dragon_ros.messages.bench_reader import BenchReader
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
+from dragon_ros.messages.decode import MessageError
 from dragon_ros.messages.monitor_markers import clearance_marker, report_markers, stamped_clearance, vector_of
-from dragon_ros.messages.observation import observation_of, read_handles
+from dragon_ros.messages.observation import observations_of, read_handles
 from dragon_ros.messages.synchronizer import Pair, Synchronizer
 from dragon_ros.nodes import contact_messages as messages
 from dragon_ros.nodes import publisher_queue, publishers, qos, raw_subscription, shell
@@ -29,6 +31,7 @@ from dragon_ros.nodes.inbox import Inbox
 from dragon_ros.nodes.obstacles import Obstacles
 from dragon_ros.nodes.params import MONITOR
 
+_TOGETHER_HANDLES = 2**11   # handles of the ticks that are examined together: few enough to stay in the cache
 _PARTNER_S = 10.0       # maximum wait for the other message of a tick; Fast DDS resends lost messages within 3 s
 _HEALTH_S = 1.0         # interval between messages on /diagnostics, in wall time
 _REST_S = 5.0           # maximum time to read what arrived before a signal, which launch sends when the source ends
@@ -53,7 +56,9 @@ class Monitor(DragonNode):
                          for name in ('handles', 'benches')}
         self._obstacles = Obstacles(self, self._tracker.surround, lambda: self._inbox.work(),
                                     lambda data: self.topic_publishers[_OBSTACLES].publish(data))
-        self._inbox = Inbox(self, self._sources, self._take, self._skip, self._obstacles.awaited)
+        self._inbox = Inbox(self, self._sources, self._take, self._examine, self._skip, self._obstacles.awaited)
+        self._complete: list[tuple[Pair, int]] = []     # ticks to examine, with the sequence numbers of their handles
+        self._unexamined = 0        # number of ticks that are examined after the current one
         self.pace, self._numbers = messages.Pace(), dict[int, int]()
         self._several: dict[str, list[str]] = {}
         self.seen = self.dropped = 0
@@ -74,13 +79,13 @@ class Monitor(DragonNode):
         self._warn_below_m = float(self.setting['warn_below_m'])
 
     def _take(self, topic: str, data: bytes, info: Any) -> None:
-        """Read a message; if it belongs to the observed dragon and completes a tick, examine that tick."""
+        """Read a message; if it belongs to the observed dragon, it may complete a tick, which is then examined."""
         def take() -> None:
             half, number = self._read[topic](data), raw_subscription.number(info)
             if self._sources[topic].keeps(number, half.t_ns):
                 if topic == 'handles':
                     self._number(half.t_ns, number)
-                self._observe(self._pairs.add(topic, half, time.monotonic()))
+                self._gather(self._pairs.add(topic, half, time.monotonic()))
         self._guarded(take)
 
     def _number(self, t_ns: int, number: int) -> None:
@@ -114,18 +119,39 @@ class Monitor(DragonNode):
             other = {'handles': 'benches', 'benches': 'handles'}[topic]
             self._drop(f'{topic} at {t_ns / NS:.9f} s: no {other} arrived with that stamp')
 
-    def _observe(self, pair: Pair | None) -> None:
+    def _gather(self, pair: Pair | None) -> None:
+        """Examine ticks once some are complete, because several take less time together than one by one.
+
+        Until a dragon has been chosen, each tick is examined at once, since it decides which messages belong to it.
+        """
         self._drop_unmatched()
         if pair is None:
             return
-        t_ns = pair[0].t_ns
-        if self.pace.see(t_ns, self._numbers.pop(t_ns, 0), time.monotonic()):
+        self._complete.append((pair, self._numbers.pop(pair[0].t_ns, 0)))
+        adopted = all(source.streams.has_adopted for source in self._sources.values())
+        if not adopted or len(self._complete) * len(pair[0].poses) >= _TOGETHER_HANDLES:
+            self._examine()
+
+    def _examine(self) -> None:
+        """Examine the complete ticks in order."""
+        complete, self._complete = self._complete, []
+        if not complete:
+            return
+        observed = observations_of([pair for pair, _ in complete])
+        self._tracker.expect([each for each in observed if isinstance(each, Observation)])
+        for n, ((pair, number), each) in enumerate(zip(complete, observed, strict=True), 1):
+            self._unexamined = len(complete) - n
+            self._guarded(partial(self._observe, pair[0].t_ns, number, each))
+
+    def _observe(self, t_ns: int, number: int, observed: Observation | MessageError) -> None:
+        if self.pace.see(t_ns, number, time.monotonic()):
             self._publish_health(always=True)
-        observation = observation_of(*pair)
+        if isinstance(observed, MessageError):
+            raise observed
         for source in self._sources.values():       # their publishers form a dragon: observe it from now on
-            source.streams.adopt(observation.t_ns)
-        self._obstacles.see(observation.frame_id, observation.t_ns)
-        for report in self._tracker.add(observation):
+            source.streams.adopt(observed.t_ns)
+        self._obstacles.see(observed.frame_id, observed.t_ns)
+        for report in self._tracker.add(observed):
             self._report(report)
 
     def _drop(self, why: str) -> None:
@@ -182,7 +208,8 @@ class Monitor(DragonNode):
         dragon = self.get_namespace().strip('/')
         last = self._changes.last
         if self._changes.level(messages.level_of(last, self._warn_below_m)) or always:
-            status = messages.health_of(dragon, last, self._warn_below_m, self.dropped, self._inbox.waiting, leaves)
+            status = messages.health_of(dragon, last, self._warn_below_m, self.dropped,
+                                        self._inbox.waiting + 2 * self._unexamined, leaves)
             message = DiagnosticArray(status=[status, *self._obstacles.statuses(dragon),
                                               *self.pace.warnings(dragon, time.monotonic()),
                                               *publishers.warnings_of(f'{dragon}: monitor', self._several)])

@@ -1,4 +1,6 @@
 """Benches received in either marker style, from any publisher, are the rectangles of the model."""
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -6,10 +8,18 @@ from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.geometry.tracker import ContactTracker
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
+from dragon_ros.messages.bench_reader import BenchReader
 from dragon_ros.messages.cdr import PoseArrayTemplate
 from dragon_ros.messages.decode import MessageError
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.observation import BenchesFromHandles, observation_of, placed, read_benches, read_handles
+from dragon_ros.messages.observation import (
+    BenchesFromHandles,
+    observation_of,
+    observations_of,
+    placed,
+    read_benches,
+    read_handles,
+)
 from dragon_ros.scenes.load import load_scene
 
 rng = np.random.default_rng(5)
@@ -57,6 +67,35 @@ def test_a_tracker_sees_the_contact_of_mixed_benches_in_both_styles(style):
     assert_shows(*messages(scene, 0))
     begins = [one for k in range(11) for report in tracker.add(seen(messages(scene, k)[1])) for one in report.begins]
     assert [(one.benches, round(one.t_contact_s, 4)) for one in begins] == [((40, 71), 395.6224)]
+
+
+@pytest.mark.parametrize('spoil', [None, (0, np.nan), (0, 1e20), (3, 0.0, 0.0, 0.0, 0.0), (3, 0.1, 0.1)])
+@pytest.mark.parametrize('style', ['cubes', 'triangles'])
+def test_observations_of_several_ticks_equal_those_of_single_ticks(style, spoil):
+    scenes, reader, pairs = [scene_in(style, 12)] * 4 + [scene_in(style, 7)] * 3, BenchReader(), []
+    for k, scene in enumerate(scenes):
+        data = {name: bytes(encode(tick(scene, k))) for name, encode in encoders(scene).items()}
+        if spoil and k in (2, 5) and style == 'cubes':
+            copy = bytearray(data['benches'])
+            read_benches(copy).markers.poses[2, spoil[0]:spoil[0] + len(spoil) - 1] = spoil[1:]
+            data['benches'] = bytes(copy)
+        pairs.append((read_handles(data['handles']), reader.read(data['benches'])))
+    pairs[1] = pairs[1][0], pairs[1][1].to_wait()
+    pairs.append((pairs[0][0], pairs[-1][1]))       # handles and benches of different dragons
+    pairs.append((dataclasses.replace(pairs[3][0], frame_id='other'), pairs[3][1]))
+    assert [outcome(lambda each=each: each) for each in observations_of(pairs)] == [
+        outcome(lambda pair=pair: observation_of(*pair)) for pair in pairs]
+
+
+def outcome(observe):
+    """Return all bits of an observation, or the text of the error that is raised or returned."""
+    try:
+        seen_ = observe()
+    except MessageError as error:
+        seen_ = error
+    if isinstance(seen_, MessageError):
+        return str(seen_)
+    return seen_.t_ns, seen_.frame_id, seen_.p.tobytes(), *(each.tobytes() for each in vars(seen_.benches).values())
 
 
 def test_both_styles_give_the_same_verdicts():

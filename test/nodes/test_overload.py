@@ -11,6 +11,7 @@ from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.core.step import tick
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.observation import read_benches
 from dragon_ros.nodes import inbox, qos, shell
 from dragon_ros.nodes.contact_messages import Pace
 from dragon_ros.scenes.load import load_scene
@@ -87,6 +88,26 @@ def test_a_monitor_that_cannot_follow_skips_whole_ticks_and_says_so_and_what_it_
     assert 0.001 < after_s - before_s <= float(values(pace)['longest_step_s']) < 0.1
     assert pace.level == pace.WARN
     assert 'contacts shorter than' in monitor.pace.text()
+
+
+def test_a_monitor_examines_waiting_ticks_together_and_drops_an_invalid_one_alone(monitor, node, messages):
+    stamped = heard(node, 'clearance/stamped')
+    node.until(lambda: monitor.topic_publishers['clearance/stamped'].get_subscription_count())
+    sizes, expect = [], monitor._tracker.expect
+    monitor._tracker.expect = lambda observations: (sizes.append(len(observations)), expect(observations))
+    for name, data, _, number in messages[:60]:
+        if (name, number) == ('benches', 8):
+            data = bytearray(data)
+            read_benches(data).markers.poses[2, 0] = float('nan')
+        monitor._inbox.put(name, channels()[name].type, bytes(data), info(number))
+    while monitor._inbox._waiting:
+        monitor._inbox.work()
+    assert (monitor.seen, monitor.dropped, monitor._inbox.waiting, monitor._unexamined) == (29, 1, 0, 0)
+    assert sizes[0] == 1        # until a dragon has been chosen
+    assert max(sizes) > 4
+    node.until(lambda: len(stamped) == 29)
+    assert [one.header.stamp.sec * 10**9 + one.header.stamp.nanosec for one in stamped] == [
+        t_ns for name, _, t_ns, number in messages[:60] if name == 'handles' and number != 8]
 
 
 def test_a_monitor_reads_first_where_the_publisher_waits_for_it(monitor, node, messages, monkeypatch):

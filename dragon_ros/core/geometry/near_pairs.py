@@ -28,6 +28,7 @@ for pairs that these bounds do not exclude; these include the closest pair and a
 rounding, a bound is lowered by ``_HAIR`` times coordinates and sizes, which is 64 times the error of a gap
 (``rounding_m``).
 """
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite, sqrt
 from typing import NamedTuple
@@ -83,12 +84,30 @@ def _of(i: Ints, j: Ints, gap_m: Floats) -> Closeness:
 
 
 class _ComplexBenches(NamedTuple):
-    """The benches of one sample: centres, axes and conjugate axes as complex numbers (N,), and half diagonals (N,)."""
+    """The benches of one sample: centres, axes and conjugate axes as complex numbers (N,), and half diagonals (N,).
+
+    The arrays of complex numbers may also hold several samples (K, N). If the sample is row ``row`` of ``ahead``, its
+    bounds are computed together with those of the samples that follow it.
+    """
 
     centre: Complexes
     axis: Complexes
     back: Complexes
     far: Floats
+    ahead: '_Ahead | None' = None
+    row: int = 0
+
+    def change_m(self, part: '_NearList') -> float:
+        """Return an upper bound on the change of a part's gaps since its reference state."""
+        return self.ahead.change_m(part, self.row) if self.ahead else float(part.change_m(self))
+
+    def separations(self, pairs: PartedPairs) -> Floats:
+        """Return the separation of each pair along its axis."""
+        return self.ahead.separations(pairs, self.row) if self.ahead else pairs.separations(*self[:3])
+
+    def samples(self, rows: int | slice) -> '_ComplexBenches':
+        """Return some of several samples."""
+        return _ComplexBenches(self.centre[rows], self.axis[rows], self.back[rows], self.far)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,20 +133,21 @@ class _NearList:
     close: int
     list: PartedPairs
 
-    def change_m(self, bodies: _ComplexBenches) -> float:
+    def change_m(self, bodies: _ComplexBenches) -> Floats:
         """Return an upper bound on the change of gaps since the reference state (bound 2 in the module's docstring)."""
-        turn = bodies.axis[self.first:self.end] * self.turned_back
-        held = bodies.centre.item(self.held)
-        turn_held = turn.item(self.held - self.first)
+        turn = bodies.axis[..., self.first:self.end] * self.turned_back
+        held = bodies.centre[..., self.held, None]
+        turn_held = turn[..., self.held - self.first, None].copy()
         back = turn_held.conjugate()
-        moved = bodies.centre[self.first:self.end] * back
+        moved = bodies.centre[..., self.first:self.end] * back
         moved -= self.from_held
         moved -= held * back
         turn -= turn_held
         away: Floats = np.abs(turn)
         away *= bodies.far[self.first:self.end]
         away += np.abs(moved)
-        return 2 * float(np.maximum.reduce(away))
+        out: Floats = 2 * np.maximum.reduce(away, axis=-1)
+        return out
 
     def moved(self, bodies: _ComplexBenches, spent_m: float, nearest_m: float) -> '_NearList':
         """Return the part with the current state as its reference."""
@@ -172,13 +192,13 @@ def _middle(bodies: _ComplexBenches, first: int, end: int) -> int:
 def _seen_part(part: _NearList, bodies: _ComplexBenches, p: Floats, benches: Benches, limit_m: float,
                skin_m: float) -> tuple[_NearList, Ints] | None:
     """Return a part after another sample, and the rows of pairs that may be within a limit, or None if too many may."""
-    change_m = part.change_m(bodies)
+    change_m = bodies.change_m(part)
     if not part.beyond_m - part.spent_m - change_m > limit_m:
         listed = _listed(bodies, p, benches, (part.first, part.stop, part.end), max(limit_m, 0.0) + skin_m, limit_m)
         return None if listed is None else (listed[0], np.flatnonzero(listed[1] <= limit_m))
     if part.nearest_m - change_m > limit_m:
         return part, _NONE
-    apart = part.list.separations(*bodies[:3])
+    apart = bodies.separations(part.list)
     rows = (apart <= limit_m).nonzero()[0]
     if rows.size > 2 * part.close + _FEW:       # by now, other axes may separate the pairs better
         found, apart = parted_pairs(bodies.centre, bodies.axis, benches, *part.list.pairs)
@@ -269,6 +289,46 @@ def _bodies(benches: Benches, far: Floats) -> _ComplexBenches:
     return _ComplexBenches(centre, axis, axis.conjugate(), far)
 
 
+class _Ahead:
+    """Samples that are expected next, with benches of equal sizes.
+
+    A bound is computed for a sample together with all later ones. It is computed again once the state that it refers to
+    has been replaced.
+    """
+
+    def __init__(self, samples: Sequence[Benches], sizes: bytes, far: Floats) -> None:
+        """Start without bounds; ``sizes`` and ``far`` belong to all samples."""
+        self.sizes, self._samples = sizes, samples
+        self._rows = {id(benches): row for row, benches in enumerate(samples)}
+        centre, axis = (np.array(values).view(np.complex128)[..., 0] for values in (
+            [benches.centre for benches in samples], [benches.axis for benches in samples]))
+        self._bodies = _ComplexBenches(centre, axis, axis.conjugate(), far)
+        self._changes: dict[int, tuple[Complexes, int, list[float]]] = {}
+        self._separations: dict[int, tuple[PartedPairs, int, Floats]] = {}
+
+    def find(self, benches: Benches) -> _ComplexBenches | None:
+        """Return a sample, or None if it was not expected."""
+        row = self._rows.get(id(benches))
+        return None if row is None else self._bodies.samples(row)._replace(ahead=self, row=row)
+
+    def change_m(self, part: _NearList, row: int) -> float:
+        """Return ``part.change_m`` of a sample."""
+        known = self._changes.get(part.first)
+        if known is None or known[0] is not part.from_held or row < known[1]:
+            changes: list[float] = part.change_m(self._bodies.samples(slice(row, None))).tolist()
+            known = self._changes[part.first] = part.from_held, row, changes
+        return known[2][row - known[1]]
+
+    def separations(self, pairs: PartedPairs, row: int) -> Floats:
+        """Return ``pairs.separations`` of a sample."""
+        known = self._separations.get(id(pairs))
+        if known is None or row < known[1]:
+            rest = self._bodies.samples(slice(row, None))
+            known = self._separations[id(pairs)] = pairs, row, pairs.separations(*rest[:3])
+        out: Floats = known[2][row - known[1]]
+        return out
+
+
 def _sizes(benches: Benches) -> bytes:
     return benches.half_length.tobytes() + benches.half_width.tobytes()
 
@@ -282,15 +342,25 @@ class NearPairs:
     def __init__(self) -> None:
         """Start without a state."""
         self._kept: _Kept | None = None
+        self._ahead: _Ahead | None = None
+
+    def expect(self, samples: Sequence[Benches]) -> None:
+        """Prepare for samples that will probably be looked at next, in this order; this saves time."""
+        kept, self._ahead = self._kept, None
+        alike = len(samples) > 1 and all(benches.half_length is samples[0].half_length
+                                         and benches.half_width is samples[0].half_width for benches in samples)
+        if kept and alike and kept.sizes == _sizes(samples[0]):
+            self._ahead = _Ahead(samples, kept.sizes, kept.far)
 
     def look(self, p: Floats, benches: Benches) -> Closeness:
         """Return the closest two benches and all benches that touch, given the handles ``p`` (N+1, 2).
 
         Raises CrowdError if too many benches are close together.
         """
-        kept = self._kept
-        if kept and kept.sizes == _sizes(benches):
-            found = self._again(kept, p, benches)
+        kept, ahead = self._kept, self._ahead
+        bodies = ahead.find(benches) if kept and ahead and ahead.sizes == kept.sizes else None
+        if kept and (bodies or kept.sizes == _sizes(benches)):
+            found = self._again(kept, p, benches, bodies or _bodies(benches, kept.far))
             if found:
                 return found
         self._kept, found = None, closeness(p, benches)
@@ -298,9 +368,9 @@ class NearPairs:
             self._kept = _first_kept(p, benches, found)
         return found
 
-    def _again(self, kept: _Kept, p: Floats, benches: Benches) -> Closeness | None:
+    def _again(self, kept: _Kept, p: Floats, benches: Benches, bodies: _ComplexBenches) -> Closeness | None:
         """Return the result for a sample, computed from the previous state, or None if that state is of no use."""
-        above_m, bodies = gap_of(benches, *kept.closest), _bodies(benches, kept.far)
+        above_m = gap_of(benches, *kept.closest)
         size_m = sqrt(np.vdot(bodies.centre, bodies.centre).real)   # one call yields an upper bound on all coordinates
         limit_m = max(above_m, TOUCH_M) + _HAIR * (size_m + kept.skin_m)
         if not (above_m <= max(kept.clearance_m, 0.0) + kept.skin_m and kept.across_m(bodies) > limit_m):

@@ -149,18 +149,21 @@ class PartedPairs(NamedTuple):
     sizes: Floats
 
     def separations(self, centre: Complexes, axis: Complexes, back: Complexes) -> Floats:
-        """Return the separation of each pair along its axis (at most the gap); ``back`` holds the conjugate axes."""
-        towards = back.take(self.owner)
+        """Return the separation (..., P) of each pair along its axis (at most the gap).
+
+        ``centre`` and ``axis`` have the shape (..., N), and ``back`` holds the conjugate axes.
+        """
+        towards = back.take(self.owner, axis=-1)
         towards *= self.towards
-        offset = centre.take(self.other)
-        offset -= centre.take(self.owner)
+        offset = centre.take(self.other, axis=-1)
+        offset -= centre.take(self.owner, axis=-1)
         offset *= towards
-        towards *= axis.take(self.other)
-        reach = np.abs(towards.view(np.float64)).reshape(-1, 2)
+        towards *= axis.take(self.other, axis=-1)
+        reach = np.abs(towards.view(np.float64)).reshape(*towards.shape, 2)
         reach *= self.sizes
         out: Floats = offset.real - self.extent
-        out -= reach[:, 0]
-        out -= reach[:, 1]
+        out -= reach[..., 0]
+        out -= reach[..., 1]
         return out
 
     def rows(self, index: Ints) -> 'PartedPairs':

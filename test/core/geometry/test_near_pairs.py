@@ -35,9 +35,11 @@ def told(found):
 
 
 def agree(looks):
-    near = NearPairs()
-    for p, benches in looks:
-        assert told(near.look(p, benches)) == of_all_pairs(benches)
+    near, expecting, looks = NearPairs(), NearPairs(), list(looks)
+    for n, (p, benches) in enumerate(looks):
+        if n % 4 == 1:
+            expecting.expect([benches for _, benches in looks[n:n + 4]])
+        assert told(near.look(p, benches)) == told(expecting.look(p, benches)) == of_all_pairs(benches)
     return near
 
 
@@ -259,7 +261,24 @@ def searches(monkeypatch):
 
 def test_pairs_are_searched_for_a_few_times_a_second(searches):
     agree(placed(Scene(run=Run(0, 425)), times(300, 304, 50)))
-    assert len(searches) < 200 / 20
+    assert len(searches) < 2 * 200 / 20     # with and without expected samples
+
+
+def test_expected_samples_are_bounded_together_whatever_is_looked_at(monkeypatch):
+    calls, change_m = [], near_pairs._NearList.change_m
+    monkeypatch.setattr(near_pairs._NearList, 'change_m', lambda part, bodies: (
+        calls.append(bodies.centre.ndim), change_m(part, bodies))[1])
+    looks = list(placed(Scene(run=Run(0, 425)), times(300, 300.16, 50)))
+    near = NearPairs()
+    near.expect([benches for _, benches in looks])      # nothing is known yet
+    assert told(near.look(*looks[0])) == of_all_pairs(looks[0][1])
+    near.expect([benches for _, benches in looks[1:]])
+    for n in (3, 4):
+        assert told(near.look(*looks[n])) == of_all_pairs(looks[n][1])
+    assert calls == [2]
+    for n in (1, 5, 0):         # an earlier sample, the next one, and one that was not expected
+        assert told(near.look(*looks[n])) == of_all_pairs(looks[n][1])
+    assert calls == [2, 2, 1]
 
 
 def test_a_dragon_that_moves_as_one_is_searched_once(searches):
