@@ -49,6 +49,7 @@ def test_table_csv_and_picture_have_the_run(tmp_path):
     assert read[12] == {'seconds': '60.00', 'resident_mb': '80.006'}
 
 
+@pytest.mark.long
 def test_a_short_run_is_recorded_to_the_last_message():
     pytest.importorskip('rclpy')
     row = memory.measure(3.0)

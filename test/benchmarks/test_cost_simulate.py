@@ -1,9 +1,22 @@
 """The page ``cost simulate`` measures each number of workers, separate commands and a copy of the bag."""
+import os
+
+import pytest
+
 from benchmarks import simulate
 from dragon_ros.cli.pool import workers_of
 
 
-def test_every_number_of_workers_is_measured(monkeypatch):
+@pytest.fixture
+def one_core():
+    """Let this process use one core only, so that few numbers of workers are measured."""
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(cores)})
+    yield
+    os.sched_setaffinity(0, cores)
+
+
+def test_every_number_of_workers_is_measured(monkeypatch, one_core):
     monkeypatch.setattr(simulate, '_ROUNDS', 1)
     rows = simulate.measure(1e-4)
     assert [row.workers for row in rows] == [0, *range(1, 2 * workers_of(None) + 1), -1, None]

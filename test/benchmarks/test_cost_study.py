@@ -40,6 +40,7 @@ def test_the_page_shows_each_row_and_a_million_on_paper(rows, tmp_path):
     assert [row['workers'] for row in found] == ['0', '1', '2'] * 2
 
 
+@pytest.mark.long
 def test_a_study_is_measured_without_dask_and_on_a_worker(study):
     alone, one = study._alone('its lock', 3), study._on_dask('its lock', 1, 8)
     assert (alone.rows, one.rows, one.workers) == (3, 8, 1)

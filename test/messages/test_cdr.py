@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from properties import thinned
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
@@ -52,10 +53,10 @@ def test_frames_come_back_from_their_bytes_bit_for_bit(benches):
     np.testing.assert_allclose(values[:, 2], np.hypot(*frame.velocity_m_s.T))
 
 
-@pytest.mark.parametrize('benches', [1, 2, 8, 223])
+@pytest.mark.parametrize('benches', thinned([1, 2, 8, 223], (1, 223).__contains__))
 @pytest.mark.parametrize(('name', 'markers'), [('handles', 'cubes'), ('velocities', 'cubes'), ('benches', 'cubes'),
                                                ('benches', 'triangles')])
-@pytest.mark.parametrize('frame_id', ['dragon', '', 'map', 'a_long_frame'])
+@pytest.mark.parametrize('frame_id', thinned(['dragon', '', 'map', 'a_long_frame'], ('dragon', '').__contains__))
 def test_the_real_serialiser_reads_and_writes_the_same(benches, name, markers, frame_id):
     serialization = pytest.importorskip('rclpy.serialization')
     from dragon_ros.messages.channels import channels

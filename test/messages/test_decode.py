@@ -257,7 +257,7 @@ def test_markers_that_change_their_layout_without_end_are_refused(monkeypatch):
         return one[:4] + struct.pack('<I', count) + one[8:] + (count // 8 - 1) * two[len(one):]
 
     assert serialization.deserialize_message(message(24), MarkerArray) == markers(24)
-    most = 800      # far below the limit, and far above any message of the package
+    most = 160      # far below the limit, and far above any message of the package
     assert most < MARKER_RUNS
     monkeypatch.setattr(decoder, 'MARKER_RUNS', most)
     assert len(read_marker_array(message(most)).runs) == most

@@ -102,7 +102,7 @@ def test_both_styles_give_the_same_verdicts():
     reports = {}
     for style in ('cubes', 'triangles'):
         scene, tracker = scene_in(style, 60), ContactTracker()
-        reports[style] = [report for k in range(22, 156, 2) for report in tracker.add(seen(messages(scene, k)[1]))]
+        reports[style] = [report for k in range(22, 156, 4) for report in tracker.add(seen(messages(scene, k)[1]))]
     assert sum(len(report.begins) for report in reports['cubes']) == 1
     for mine, other in zip(*reports.values(), strict=True):
         assert mine.clearance_m == pytest.approx(other.clearance_m, abs=1e-13)

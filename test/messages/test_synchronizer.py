@@ -103,7 +103,7 @@ def test_waiting_for_partners_is_bounded_in_bytes_over_both_topics():
 
 @pytest.mark.parametrize(('markers', 'bytes_each'), [('cubes', 50), ('triangles', 66)])
 def test_waiting_benches_of_a_long_dragon_take_what_their_rectangles_take(markers, bytes_each):
-    count = 5_000
+    count = 3_000
     scene = Scene(dragon=Dragon(count), markers=markers, run=Run(0, 1))
     frame = tick(scene, 0)
     data = encoders(scene)['benches'](frame)

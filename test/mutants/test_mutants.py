@@ -92,7 +92,7 @@ def outcome_of(folder, source, **limits):
 
 @pytest.mark.parametrize(('source', 'outcome', 'by'), [
     ('def two():\n    return 1 + 1\n', 'caught', 'test_two.py::test_two'),
-    ('def two():\n    return 2 or 1 + 1\n', 'survived', ''),
+    pytest.param('def two():\n    return 2 or 1 + 1\n', 'survived', '', marks=pytest.mark.long),
     ('ONE = [1][1 - 1]\n\n\ndef two():\n    return 2\n', 'incompetent', '')])
 def test_a_mutant_counts_as_caught_where_a_test_fails(tmp_path, source, outcome, by):
     assert outcome_of(tmp_path, source) == (outcome, by)

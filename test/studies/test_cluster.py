@@ -103,6 +103,7 @@ def nothing(progress):
     pass
 
 
+@pytest.mark.long
 def test_a_worker_that_is_killed_half_way_costs_no_row(cluster, study, undisturbed, without_times, shared, tmp_path):
     file, workers = shared
     victim = next(one for one in psutil.Process(workers.pid).children() if 'spawn_main' in ' '.join(one.cmdline()))
@@ -113,6 +114,7 @@ def test_a_worker_that_is_killed_half_way_costs_no_row(cluster, study, undisturb
     assert without_times(open_set(tmp_path).table()) == undisturbed
 
 
+@pytest.mark.long
 def test_a_full_disk_half_way_keeps_what_was_there_and_the_next_run_goes_on(cluster, study, undisturbed, without_times,
                                                                             shared, tmp_path):
     with writing(tmp_path, study(SLOWER)) as data:
@@ -129,6 +131,7 @@ def test_workers_that_cannot_be_started_are_told_in_one_line(cluster, study, tmp
         cluster.complete(data, Event(), nothing, workers=1)
 
 
+@pytest.mark.long
 def test_a_study_that_is_killed_half_way_goes_on(cluster, study, undisturbed, without_times, shared, tmp_path):
     (tmp_path / 'study.yaml').write_text(SLOWER)
     command = [sys.executable, '-m', 'dragon_ros', 'study', str(tmp_path / 'study.yaml'), '--output',
@@ -147,6 +150,7 @@ def test_a_study_that_is_killed_half_way_goes_on(cluster, study, undisturbed, wi
     assert without_times(open_set(tmp_path / 'data').table()) == undisturbed
 
 
+@pytest.mark.long
 def test_batches_grow_with_the_speed_of_rows(cluster, study, shared, tmp_path):
     told = []
     with writing(tmp_path, study().with_samples(300)) as data:
@@ -155,6 +159,7 @@ def test_batches_grow_with_the_speed_of_rows(cluster, study, shared, tmp_path):
     assert max(later - sooner for sooner, later in pairwise(told)) > 20
 
 
+@pytest.mark.long
 def test_a_stopped_study_goes_on_where_it_was(cluster, study, undisturbed, without_times, shared, tmp_path):
     stop = Event()
     with writing(tmp_path, study(SLOWER)) as data:
@@ -180,6 +185,7 @@ def test_a_row_that_kills_its_workers_is_a_row_that_says_so(cluster, study, tmp_
     assert 'ok' in table.column('status').to_pylist()
 
 
+@pytest.mark.long
 def test_other_versions_are_refused_before_anything_is_computed(cluster, study, shared, tmp_path, monkeypatch):
     wanted = cluster.versions() | {'numpy': '0.9'}
     monkeypatch.setattr(cluster, 'versions', lambda: wanted)

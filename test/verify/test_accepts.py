@@ -86,7 +86,7 @@ SCENES = {
 
 SIMILAR = ('ten thousand turns out', 'a tail led backwards', 'a lock that is reached from far out', 'a body in',
            'unwinding', 'a loop', 'a tight S-turn', 'two alternating lengths', 'the centre',
-           'a tail that leaves the track')        # to others of the scenes
+           'a tail that leaves the track', 'millimetres')        # to others of the scenes
 
 
 @pytest.mark.parametrize('name', thinned(SCENES, lambda name: name not in SIMILAR))
@@ -107,7 +107,7 @@ SAID_OF_0_2_0 = {
     'unwinding_tail': 'end of the run at 40 s (it stops)'}
 
 
-@pytest.mark.parametrize('name', SAID_OF_0_2_0)
+@pytest.mark.parametrize('name', thinned(SAID_OF_0_2_0, lambda name: name not in ('contact', 'contact_on_a_turn')))
 def test_a_certificate_that_0_2_0_wrote_is_proved_and_its_contact_found_again(name):
     values = json.loads((MADE_BY_0_2_0 / f'{name}.json').read_text())
     assert SAID_OF_0_2_0[name] in proved(values)
@@ -132,7 +132,7 @@ def bare(scene, **contact):
 
 
 @pytest.mark.parametrize('name', thinned(['a lock', 'an S-turn', 'out and in', 'a tail'],
-                                         ('a lock', 'out and in').__contains__))
+                                         lambda name: name == 'a lock'))
 def test_intervals_are_hints_and_none_is_needed(name):
     values = written(SCENES[name][0])
     assert len(values['intervals']) > 10
@@ -145,7 +145,7 @@ def test_benches_that_all_go_round_one_circle_are_cleared_at_once_however_near_t
     assert 'it stops' in proved(bare(circle), effort=1e-3)
 
 
-@pytest.mark.parametrize('pitch_m', [1e4, 1e8])
+@pytest.mark.parametrize('pitch_m', thinned([1e4, 1e8], lambda pitch_m: pitch_m == 1e8))
 def test_a_spiral_far_wider_than_the_dragon_is_long_takes_a_few_steps(pitch_m):
     assert 'the head reaches the centre' in proved(written(Scene(track=Spiral(pitch_m))), effort=0.02)
 

@@ -73,7 +73,7 @@ def test_a_contact_that_the_leader_overshoots_is_not_proved_an_hour_later(beyond
 
 
 @pytest.mark.parametrize('beyond_m', thinned([-1e-12, -1e-11, -1e-10, -5e-10, -9e-10, -1e-3],
-                                             (-1e-12, -9e-10).__contains__))
+                                             lambda beyond_m: beyond_m == -9e-10))
 def test_one_contact_alone_is_proved_of_a_leader_that_first_turns_back_just_before_it(beyond_m):
     head, turn_s, again_s = there_and_back(beyond_m)
     assert 'do not overlap' in refusal(claim(head, turn_s))
@@ -101,7 +101,7 @@ def test_a_leader_that_rests_just_beyond_a_contact_came_to_it_before():
     assert refusal(claim(head, stop_s=rest_s + HOUR))
 
 
-@pytest.mark.parametrize('early_m', [-9e-10, 0.0, 9e-10])
+@pytest.mark.parametrize('early_m', thinned([-9e-10, 0.0, 9e-10], lambda early_m: early_m > 0))
 def test_where_the_leader_creeps_through_the_slack_both_times_are_told(early_m):
     """At a picometre per second, a slack of a nanometre makes the time uncertain by half an hour."""
     slow_s = there_m() - 2e-9

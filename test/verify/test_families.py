@@ -34,6 +34,7 @@ def test_it_proves_what_the_solver_proves(honest):
         f'touches itself from 40.0 s to {proof.proved_s!r} s')
 
 
+@pytest.mark.long
 def test_it_proves_a_run_without_contact_to_its_end():
     scene = replace(SMALL, run=Run(40.0, 45.0))
     assert 'from 40.0 s to 45.0 s' in proved(family_values(scene, first_contact_within(scene, BOX)))
@@ -53,7 +54,8 @@ def test_it_refuses_a_time_at_which_some_dragon_touches(honest):
 
 
 @pytest.mark.parametrize(('key', 'value'), [
-    ('dragon.width_m', 0.0034), ('dragon.hole_inset_m', 0.01), ('track.pitch_m', 0.0016)])
+    ('dragon.width_m', 0.0034), pytest.param('dragon.hole_inset_m', 0.01, marks=pytest.mark.long),
+    ('track.pitch_m', 0.0016)])
 def test_it_refuses_tolerances_within_which_some_dragon_touches(honest, key, value):
     values, _ = honest
     assert 'benches may touch' in refusal({**values, 'within': {**BOX, key: value}})
@@ -92,7 +94,8 @@ def test_an_effort_that_is_too_small_says_so(honest):
 
 @pytest.mark.parametrize(('dragon', 'track'), [
     pytest.param({'benches': 100_000}, {'start_turns': 1e6}, marks=pytest.mark.long),
-    ({'benches': 100_000, 'body_length_m': 1e-3, 'hole_inset_m': 0.0, 'width_m': 1e-4}, {}),
+    pytest.param({'benches': 100_000, 'body_length_m': 1e-3, 'hole_inset_m': 0.0, 'width_m': 1e-4}, {},
+                 marks=pytest.mark.long),
     ({'benches': 100_000, 'body_length_m': 1e9}, {}),
 ])
 def test_a_scene_that_takes_too_long_is_refused_within_the_budget(honest, dragon, track):

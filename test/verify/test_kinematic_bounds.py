@@ -79,7 +79,7 @@ def test_derivatives_stay_within_their_bounds(kind, dragon, begin, length, share
 
 
 @pytest.mark.parametrize('share', thinned([0.05, 0.21, 0.37, 0.52, 0.66, 0.83, 0.93],
-                                          (0.05, 0.52, 0.93).__contains__))
+                                          lambda share: share == 0.52))
 @pytest.mark.parametrize('kind', [*CENTRED, *BENT])
 def test_on_short_intervals_bounds_are_hardly_wider_than_what_happens(kind, share):
     made_of = made(kind, DRAGON)

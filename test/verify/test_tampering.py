@@ -205,7 +205,7 @@ def test_no_contact_is_proved_of_a_scene_with_a_sign_a_side_or_a_sense_changed(h
 @pytest.mark.parametrize(('forgery', 'kind'), thinned(
     [(forgery, kind) for forgery in ('removed', 'begun early', 'shifted', 'said of fewer benches', 'one alone')
      for kind in ('contact', 'law', 'turn')],
-    lambda case: case[1] == 'contact' or case == ('one alone', 'turn')))
+    lambda case: case[1] == 'contact' and case[0] != 'shifted'))
 def test_hints_that_are_changed_within_the_run_change_nothing_that_is_proved(honest, proof_of, kind, forgery):
     values = copy.deepcopy(honest[kind])
     rows = values['intervals']
@@ -231,7 +231,7 @@ def test_a_contact_of_the_last_two_benches_that_can_touch_is_not_passed_over():
     assert 'benches 0 and 2 overlap' in refusal(hidden)
 
 
-@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize('kind', thinned(KINDS, ('contact', 'none', 'lock', 'start').__contains__))
 def test_certificates_without_a_version_are_read_as_those_of_0_2_0(honest, proof_of, kind):
     assert honest[kind]['version'] == 2
     assert proved(tampered(honest[kind], ('version',), REMOVED)) == proof_of(kind)

@@ -2,6 +2,7 @@
 import numpy as np
 import pytest
 from arb_balls import ArbBall, each_exact, each_upper, in_arb
+from properties import thinned
 
 from dragon_ros.core.enclosures.ball_arithmetic import LEAST, OUTWARDS, Ball, between
 
@@ -22,7 +23,7 @@ def random_balls(seed, scale):
 
 
 @pytest.mark.parametrize('name', OPERATIONS)
-@pytest.mark.parametrize('scale', [0.05, 3])
+@pytest.mark.parametrize('scale', thinned([0.05, 3], lambda scale: scale == 3))
 def test_an_operation_holds_what_it_does_in_exact_arithmetic(name, scale):
     x, y = random_balls(1, scale), random_balls(2, scale)
     with np.errstate(all='ignore'):

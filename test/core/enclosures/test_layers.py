@@ -4,7 +4,7 @@ import pytest
 from flint import arb, ctx
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
-from properties import examples
+from properties import examples, thinned
 
 from dragon_ros.core.chain.chain import marched_many
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
@@ -204,7 +204,7 @@ STEEP = [(Mixed((Group(2.1), Group(2.1), Group(14.0), Group(2.1), Group(2.1)), 4
          (Mixed((Group(2.1), Group(3.002), Group(4.0), Group(1.7), Group(1.7)), 0.3, 0.001), 2.0, 6.0)]
 
 
-@pytest.mark.parametrize('seed', range(6))
+@pytest.mark.parametrize('seed', thinned(range(6), lambda seed: seed % 3 == 0))
 @pytest.mark.parametrize('ratio', [1.0, 1.1, 2.0])
 def test_no_bound_exceeds_what_arb_proves_or_is_below_it_by_more_than_rounding(seed, ratio):
     before, ctx.prec, positive = ctx.prec, 200, 0

@@ -59,7 +59,7 @@ NEAR_A_LOCK = [np.array([2.86, *(1.65,) * 8]), np.array([1.2, *(3.4,) * 5]), np.
 
 
 @pytest.mark.parametrize('links', NEAR_A_LOCK, ids=range(len(NEAR_A_LOCK)))
-@pytest.mark.parametrize('pitch_m', thinned([0.55, 1.2, 2.0], lambda pitch_m: pitch_m != 1.2))
+@pytest.mark.parametrize('pitch_m', thinned([0.55, 1.2, 2.0], lambda pitch_m: pitch_m == 0.55))
 @pytest.mark.parametrize('apart_m', [0.1, 0.01])
 def test_near_the_centre_no_handle_is_faster_than_its_bound_where_none_turns_back_in_between(links, pitch_m, apart_m):
     spiral = Spiral(pitch_m, 4.0)
@@ -77,7 +77,7 @@ def test_near_the_centre_no_handle_is_faster_than_its_bound_where_none_turns_bac
 
 
 @pytest.mark.parametrize('links', NEAR_A_LOCK, ids=range(len(NEAR_A_LOCK)))
-@pytest.mark.parametrize('pitch_m', [0.3, 0.55, 1.2, 2.0])
+@pytest.mark.parametrize('pitch_m', thinned([0.3, 0.55, 1.2, 2.0], (0.3, 2.0).__contains__))
 def test_between_the_places_where_a_handle_turns_back_every_handle_goes_one_way(links, pitch_m):
     spiral = Spiral(pitch_m, 16.0)
     leader = Leader(track_of(spiral), links, 0.0, BEHIND)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
+from properties import thinned
 
 from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
@@ -101,8 +102,9 @@ def test_the_bound_is_infinite_at_a_lock_and_finite_where_the_second_handle_turn
     assert np.all(np.isfinite(bound(dragon, turn - 1e-3, turn)))
 
 
-@pytest.mark.parametrize('chord', [0.0, 1.0, 1.6, 1.9, 3.0, 4.6, 4.8, 5.0, 5.5, 5.75, 5.8, 6.0, 8.0, 10.0, 19.0, 32.7,
-                                   300.0])
+@pytest.mark.parametrize('chord', thinned(
+    [0.0, 1.0, 1.6, 1.9, 3.0, 4.6, 4.8, 5.0, 5.5, 5.75, 5.8, 6.0, 8.0, 10.0, 19.0, 32.7, 300.0],
+    (0.0, 1.6, 4.6, 4.8, 5.75, 5.8, 300.0).__contains__))
 def test_a_follower_turns_back_at_the_places_that_are_named_and_nowhere_else(chord):
     lock = lock_angle(chord) * (1 + 1e-12)
     turns = turning_places([chord, chord], lock, chord + 5)

@@ -31,7 +31,7 @@ def boxes(seed):
     return dragon, found, scale
 
 
-@pytest.mark.parametrize('seed', range(12))
+@pytest.mark.parametrize('seed', thinned(range(12), lambda seed: seed % 3 == 0))
 def test_no_bound_of_a_bench_on_a_spiral_is_below_what_arb_proves(seed):
     dragon, (low, _, high, corner), (small, large) = boxes(seed)
     arm = np.hypot(0.5 * dragon.bench_lengths_m, 0.5 * dragon.width_m)[None] * large[:, None]
@@ -76,7 +76,7 @@ def wound(seed):
     return states, links, bends, way
 
 
-@pytest.mark.parametrize('seed', thinned(range(24), lambda seed: seed % 3 == 0))
+@pytest.mark.parametrize('seed', thinned(range(24), lambda seed: seed % 6 == 0))
 @pytest.mark.parametrize('leader', [0, -1])
 def test_no_bound_of_two_benches_on_any_track_is_below_what_arb_proves(seed, leader):
     states, links, bends, way = wound(seed)

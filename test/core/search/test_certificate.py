@@ -8,6 +8,7 @@ import pytest
 from certificates import proved, refusal
 from hypothesis import given
 from hypothesis import strategies as st
+from properties import thinned
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
@@ -70,8 +71,8 @@ def inside(first, scene, start, stop):
 
 
 @pytest.mark.parametrize('first', [0, 1])
-@pytest.mark.parametrize('start', [16.0, 20.0, 27.0, 40.0, 90.0])
-@pytest.mark.parametrize('length', [0.001, 0.01, 0.05, 0.3])
+@pytest.mark.parametrize('start', thinned([16.0, 20.0, 27.0, 40.0, 90.0], (16.0, 27.0, 90.0).__contains__))
+@pytest.mark.parametrize('length', thinned([0.001, 0.01, 0.05, 0.3], (0.001, 0.3).__contains__))
 def test_a_bound_is_below_every_gap_inside_its_stretch(first, start, length):
     low, least = inside(first, CLASSIC, start, start + length)
     assert np.isneginf(low) or low <= least + 1e-12
@@ -124,7 +125,7 @@ def nearest(width):
     return next(miss for miss in near_misses(scene, none, 0.01).nearest if miss.bench == 11)
 
 
-@pytest.mark.parametrize(('wanted', 'grazes'), [(1e-12, True), (1e-10, False)])
+@pytest.mark.parametrize(('wanted', 'grazes'), thinned([(1e-12, True), (1e-10, False)], lambda case: case[1]))
 def test_a_gap_within_what_positions_may_err_is_grazing_with_both_bounds(wanted, grazes):
     width, step = 0.3, 0.865235e-3
     for _ in range(13):     # the gap decreases by slightly more than one per unit of width
@@ -176,17 +177,21 @@ def test_the_checker_rejects_a_contact_that_is_none_or_not_the_first(written, ch
     assert refusal(values)
 
 
-@pytest.mark.parametrize('scene', [
-    Scene(dragon=Dragon(30, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), head=Head(-1.0), run=Run(0, 5)),
-    Scene(dragon=Dragon(30, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), run=Run(0, 5)),
-    Scene(dragon=Dragon(30, 0.9), run=Run(420.0)),
-    Scene(dragon=Dragon(12, width_m=0.01), run=Run(425.0)),
-    Scene(dragon=Dragon(6, 0.55, 1.5, 0.02), track=Spiral(0.9, 1.5)),
-    Scene(dragon=Dragon(6, 0.8, 0.8, 0.02), track=Spiral(0.55, 1.5), head=Head(3.0)),
-    Scene(run=Run(413.0)),
-    Scene(dragon=Dragon(2))], ids=['body out', 'body in', 'body from afar', 'lock', 'lock of a joined head', 'centre',
-                                   'at the start', 'two benches'])
-def test_the_checker_accepts_every_kind_of_certificate(scene):
+EVERY_KIND = {
+    'body out': Scene(dragon=Dragon(30, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), head=Head(-1.0), run=Run(0, 5)),
+    'body in': Scene(dragon=Dragon(30, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), run=Run(0, 5)),
+    'body from afar': Scene(dragon=Dragon(30, 0.9), run=Run(420.0)),
+    'lock': Scene(dragon=Dragon(12, width_m=0.01), run=Run(425.0)),
+    'lock of a joined head': Scene(dragon=Dragon(6, 0.55, 1.5, 0.02), track=Spiral(0.9, 1.5)),
+    'centre': Scene(dragon=Dragon(6, 0.8, 0.8, 0.02), track=Spiral(0.55, 1.5), head=Head(3.0)),
+    'at the start': Scene(run=Run(413.0)),
+    'two benches': Scene(dragon=Dragon(2))}
+
+
+@pytest.mark.parametrize('name', thinned(EVERY_KIND, (
+    'body from afar', 'lock of a joined head', 'centre').__contains__))     # the others are in test/verify, too
+def test_the_checker_accepts_every_kind_of_certificate(name):
+    scene = EVERY_KIND[name]
     found = first_contact(scene)
     assert found.certificate.complete
     values = certificate.as_values(scene, found)

@@ -164,7 +164,7 @@ def test_whether_the_head_passes_is_known_from_fewer_states_than_where_it_touche
         assert 0 < sum(told) < 0.6 * found.states
 
 
-@pytest.mark.parametrize('scale', thinned([1e-8, 1e-5, 1e3, 1e8], (1e-8, 1e8).__contains__))
+@pytest.mark.parametrize('scale', thinned([1e-8, 1e-5, 1e3, 1e8], lambda scale: scale == 1e-8))
 def test_speed_and_uncertainty_of_a_contact_are_the_same_in_any_unit_of_length(scale):
     classic, d = Scene(effects=Effect(0), run=Run(400.0)), Dragon()
     scene = replace(classic, head=Head(scale), track=Spiral(0.55 * scale), dragon=Dragon(

@@ -35,7 +35,7 @@ SCENES = {
     'rest': Scene(dragon=Dragon(30), head=Head(0.0), run=Run(0, 5))}
 
 
-@pytest.mark.parametrize('name', thinned(SCENES, lambda name: name not in ('steady', 'in, then out to the contact')))
+@pytest.mark.parametrize('name', thinned(SCENES, ('tail', 'lock', 'rest').__contains__))
 def test_every_law_on_a_spiral_has_a_certificate_that_holds(name):
     found = first_contact(SCENES[name])
     assert found.certificate.complete

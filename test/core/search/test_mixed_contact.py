@@ -104,8 +104,8 @@ def test_nothing_touches_before_the_first_contact_of_a_mixed_dragon(dragon, pitc
 
 
 @pytest.mark.parametrize(('scene', 'pair'), [
-    (load_scene('mixed', ['run.start_s=394.5']), (40, 71)),
-    (Scene(dragon=MIDDLE, track=Spiral(0.5, 7.0), run=Run(56.0)), (0, 6)),
+    pytest.param(load_scene('mixed', ['run.start_s=394.5']), (40, 71), marks=pytest.mark.long),
+    pytest.param(Scene(dragon=MIDDLE, track=Spiral(0.5, 7.0), run=Run(56.0)), (0, 6), marks=pytest.mark.long),
     (Scene(dragon=Mixed((Group(3.41), *(Group(length) for _ in range(12) for length in (2.2, 1.7)))), run=Run(405)),
      (0, 9)),
     (Scene(dragon=Mixed((Group(1.2, 4), Group(2.0), Group(1.2, 9))), track=Spiral(0.6, 2.5), head=Head(-1.0),

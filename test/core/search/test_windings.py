@@ -84,7 +84,7 @@ def test_a_winding_is_the_chain_that_the_march_places():
 @pytest.mark.parametrize('dragon', [*DRAGONS, MIXED])
 @pytest.mark.parametrize('first', [0, 1])
 @pytest.mark.parametrize(('wide', 'tall'), thinned([(1e-4, 1e-4), (0.1, 0.01), (0.4, 0.05)],
-                                                   lambda case: case[0] != 0.1))
+                                                   lambda case: case[0] == 0.4))
 def test_no_corner_bends_more_than_the_bounds_anywhere_in_a_cell(dragon, first, wide, tall):
     rng = np.random.default_rng(6)
     for pitch, radius in zip(rng.uniform(0.3, 1.0, 8), rng.uniform(3.5, 12.0, 8), strict=True):
@@ -115,8 +115,9 @@ def test_of_benches_so_wide_that_their_turning_is_all_the_bounds_are_within_a_tw
         assert np.median(bound / true) < 1.05
 
 
-@pytest.mark.parametrize('dragon', [DRAGONS[0], MIXED])
-@pytest.mark.parametrize('first', [0, 1])
+@pytest.mark.parametrize(('dragon', 'first'), thinned(
+    [(dragon, first) for dragon in (DRAGONS[0], MIXED) for first in (0, 1)],
+    [(DRAGONS[0], 0), (MIXED, 1)].__contains__))
 def test_in_a_cell_angles_lie_in_their_enclosures_and_reach_both_ends(first, dragon):
     rng, search = np.random.default_rng(7), descending(first, dragon)
     for pitch, radius in zip(rng.uniform(0.3, 1.0, 40), rng.uniform(3.0, 12.0, 40), strict=True):
@@ -129,8 +130,9 @@ def test_in_a_cell_angles_lie_in_their_enclosures_and_reach_both_ends(first, dra
             assert np.all(2 * ball.rad <= 1.001 * np.ptp(values, axis=0))
 
 
-@pytest.mark.parametrize('dragon', [DRAGONS[0], MIXED])
-@pytest.mark.parametrize('first', [0, 1])
+@pytest.mark.parametrize(('dragon', 'first'), thinned(
+    [(dragon, first) for dragon in (DRAGONS[0], MIXED) for first in (0, 1)],
+    [(DRAGONS[0], 0), (MIXED, 1)].__contains__))
 def test_inside_a_cell_no_separation_sags_below_what_its_corners_say(first, dragon):
     rng = np.random.default_rng(6)
     for pitch, radius in zip(rng.uniform(0.3, 1.0, 40), rng.uniform(3.0, 12.0, 40), strict=True):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from properties import examples
+from properties import examples, thinned
 
 from dragon_ros.core.batches import states
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
@@ -36,8 +36,8 @@ def bits(frame):
     return frame.chain.p.tobytes() + frame.velocity_m_s.tobytes()
 
 
-@pytest.mark.parametrize('stop_s', [0.8, 40.0, 199.0, 1e6, None])
-@pytest.mark.parametrize('k', [0, 40, 5000])
+@pytest.mark.parametrize('stop_s', thinned([0.8, 40.0, 199.0, 1e6, None], (0.8, None).__contains__))
+@pytest.mark.parametrize('k', thinned([0, 40, 5000], lambda k: k != 40))
 def test_a_tick_of_turning_does_not_depend_on_when_its_run_stops(stop_s, k):
     other, t_ns = replace(TURNING, run=Run(0, stop_s)), TURNING.run.time_ns(k)
     simulation = fresh(other)

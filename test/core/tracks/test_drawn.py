@@ -122,8 +122,9 @@ def test_a_circle_is_one_arc_behind_a_line_that_lets_the_body_in():
 
 
 @pytest.mark.parametrize(('part', 'at'), [
-    (Cubic((0j, 30 + 0j, 5 + 20j, 40 + 25j)),
-     lambda u: 3 * (1 - u)**2 * u * 30 + 3 * (1 - u) * u**2 * (5 + 20j) + u**3 * (40 + 25j)),
+    pytest.param(Cubic((0j, 30 + 0j, 5 + 20j, 40 + 25j)),
+                 lambda u: 3 * (1 - u)**2 * u * 30 + 3 * (1 - u) * u**2 * (5 + 20j) + u**3 * (40 + 25j),
+                 marks=pytest.mark.long),
     (EllipseArc(3j, (9 + 2j, -1 + 6j), 1.0, -4.0),
      lambda u: 3j + (9 + 2j) * np.cos(1 - 4 * u) + (6j - 1) * np.sin(1 - 4 * u))], ids=['Bézier', 'ellipse'])
 def test_a_curve_is_met_within_the_tolerance_and_the_largest_distance_is_said(part, at):
