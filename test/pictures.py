@@ -91,11 +91,14 @@ def outside(axes, points):
     return points[~inside]
 
 
-def readable(save):
-    """Wrap a function that saves the figure of a cost page: the figure must be readable before it is saved."""
+def readable(save, drawn=True):
+    """Wrap a function that saves the figure of a cost page: the figure must be readable before it is saved.
+
+    Unless ``drawn``, an empty figure is saved in its place, because drawing it twice more takes most of the time.
+    """
     def saved(figure, stem):
         seen = Picture(figure)
         assert (seen.cropped(), seen.hidden(), seen.small()) == ([], [], [])
         figure.set_layout_engine('none')        # the layout stays as it was examined, and is not computed twice more
-        return save(figure, stem)
+        return save(figure if drawn else type(figure)(), stem)
     return saved

@@ -6,5 +6,5 @@ from dragon_ros.cli import figures
 
 
 @pytest.fixture(autouse=True)
-def _pictures_are_readable(monkeypatch):
-    monkeypatch.setattr(figures, 'save', pictures.readable(figures.save))
+def _pictures_are_readable(monkeypatch, request):
+    monkeypatch.setattr(figures, 'save', pictures.readable(figures.save, request.config.getoption('--long')))

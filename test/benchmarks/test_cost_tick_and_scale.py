@@ -183,6 +183,7 @@ def test_the_limit_of_a_size_copies_as_fast_as_the_bytes_of_each_stage_are_copie
     assert scale.limit_of(scene, 1.0, 0.0) == pytest.approx(sum(one.get('product', 0.0) for one in needs), rel=1e-3)
 
 
+@pytest.mark.long
 def test_processes_over_dds_are_counted_to_the_last_message():
     pytest.importorskip('rclpy')
     row = live.run(20, 0, 60)

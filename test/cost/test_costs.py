@@ -126,11 +126,12 @@ def test_a_long_dragon_behind_its_tail_is_timed_without_a_reference():
 
 
 @pytest.mark.parametrize('name', thinned(['winding', 'turning'], lambda name: name == 'turning'))
-def test_the_picture_is_readable(name, tmp_path):
+def test_the_picture_is_readable(name, tmp_path, request):
     from dragon_ros.cli import figures
 
     with np.errstate(all='warn'), figures.style(log_ticks=True):
-        paths = pictures.readable(figures.save)(picture(measured(name)), tmp_path / 'costs')
+        save = pictures.readable(figures.save, request.config.getoption('--long'))
+        paths = save(picture(measured(name)), tmp_path / 'costs')
     assert all(path.stat().st_size for path in paths)
 
 

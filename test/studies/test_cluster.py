@@ -227,6 +227,7 @@ def test_the_embedded_cluster_is_on_this_host_alone_and_encrypted(cluster, study
     assert without_times(open_set(tmp_path).table()) == without_times(rows_of(study(), range(12)))
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_a_study_in_order_and_says_how_to_go_on(tmp_path):
     (tmp_path / 'study.yaml').write_text(SLOWER.replace('samples: 48', 'samples: 20000'))
     command = [sys.executable, '-m', 'dragon_ros', 'study', 'study.yaml', '--output', 'data', '--workers', '1']

@@ -62,7 +62,7 @@ def there_and_back(beyond_m):
 
 @pytest.mark.parametrize(('beyond_m', 'grazing'), thinned(
     [(beyond_m, grazing) for beyond_m in (1e-12, 1e-11, 1e-10, 5e-10, 9e-10, 5e-9, 1e-3) for grazing in (False, True)],
-    [(1e-12, True), (5e-9, False)].__contains__))
+    lambda case: case == (5e-9, False)))
 def test_a_contact_that_the_leader_overshoots_is_not_proved_an_hour_later(beyond_m, grazing):
     head, turn_s, again_s = there_and_back(beyond_m)
     said = 'already been beyond' if beyond_m > (1e-7 if grazing else 1e-9) else 'overlap'

@@ -152,7 +152,7 @@ def test_outside_the_lock_of_a_mixed_chain_all_links_have_places_and_just_inside
 
 
 @pytest.mark.parametrize('chord', thinned([0.3, 2.0, 4.0, 5.5, 6.0, 7.0, 8.0, 12.0, 20.0, 33.0, 60.0],
-                                          (0.3, 5.5, 60.0).__contains__))
+                                          (0.3, 5.5).__contains__))
 def test_a_link_turns_back_exactly_where_its_rear_handle_is_nearest_or_furthest_in(chord):
     heads = np.linspace(lock_angle(chord) + 1e-6, chord + 5, 8001)
     rear = np.array([follower(head, chord) for head in heads])

@@ -118,9 +118,10 @@ def test_the_bound_for_one_pitch_is_that_of_the_range_of_this_pitch_bit_for_bit(
             Layers(b_m, Dragon()).gaps_from_m(np.array([radius_m]), np.array([0]))[0])
 
 
-@pytest.mark.parametrize(('link_m', 'width_m', 'inset_m', 'pitch_m', 'radius_m', 'share'), [
+@pytest.mark.parametrize(('link_m', 'width_m', 'inset_m', 'pitch_m', 'radius_m', 'share'), thinned([
     (1.65, 0.3, 0.275, 0.55, 10, 0.97), (1.65, 0.3, 0.275, 0.55, 30, 0.99), (1.65, 0.3, 0.0, 0.55, 20, 0.98),
-    (1.65, 0.01, 0.0, 0.2, 20, 0.98), (0.8, 0.01, 0.35, 0.2, 20, 0.98), (0.4, 0.3, 0.05, 3.0, 2.6, 0.85)])
+    (1.65, 0.01, 0.0, 0.2, 20, 0.98), (0.8, 0.01, 0.35, 0.2, 20, 0.98), (0.4, 0.3, 0.05, 3.0, 2.6, 0.85)],
+    lambda case: case[4] in (10, 2.6)))
 def test_the_bound_gives_away_hardly_more_than_benches_take_of_the_pitch(link_m, width_m, inset_m, pitch_m, radius_m,
                                                                          share):
     count = int(2 * np.pi * (radius_m + 2 * pitch_m) * 1.4 / link_m)

@@ -49,7 +49,7 @@ MEETING = {'a tight turn': (113.28625812330225, (0, 15)), 'loop': (22.1601779701
            'back and forth': (59.66017797019889, (0, 10))}
 
 
-@pytest.mark.parametrize('name', thinned(SCENES, lambda name: name != 'turn'))
+@pytest.mark.parametrize('name', thinned(SCENES, lambda name: name not in ('turn', 'a tight turn')))
 def test_every_joined_track_has_a_certificate_that_holds(name):
     found = first_contact(SCENES[name])
     assert found.certificate.complete
@@ -177,6 +177,7 @@ def passing(width):
     return scene, near_misses(scene, none, 1.0).nearest[0]
 
 
+@pytest.mark.long
 def test_what_cannot_be_told_from_a_contact_is_grazing_with_bounds():
     width, (scene, miss) = 0.39, passing(0.39)
     step = 1e-3

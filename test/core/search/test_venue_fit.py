@@ -47,13 +47,15 @@ def checked(scene, seed, step_s=STEP_S):
     return found
 
 
-@pytest.mark.parametrize('name', thinned(SCENES, ('street', 'mixed street led by the tail').__contains__))
+@pytest.mark.parametrize('name', thinned(SCENES, (
+    'street', 'mixed street led by the tail', 'mixed spiral').__contains__))
 def test_gaps_are_those_of_shapely(name):
     checked(SCENES[name], 1)
 
 
-def test_gaps_are_those_of_shapely_in_many_venues(request):
-    for seed in range(2, 12 if request.config.getoption('--long', default=False) else 3):
+@pytest.mark.long
+def test_gaps_are_those_of_shapely_in_many_venues():
+    for seed in range(2, 12):
         for scene in SCENES.values():
             checked(scene, seed, 0.05)
 

@@ -32,8 +32,7 @@ MIXED = Mixed((Group(3.41), Group(2.2, 12), Group(2.55), Group(1.8, 10), Group(2
 # Floats cannot resolve the distances travelled along these tracks, or the dragon starts so close to its lock.
 UNCOVERED = {'far-1e6', 'far-1e9', 'link-is-diameter'}
 FEW = {'far-joined'}        # coordinates of 16 km are rounded too coarsely for the series of most cells
-HARDEST = {'mixed', 'mixed-by-the-tail', 'tight', 'wiggle', 'spirals', 'after-a-long-way', 'unwinding',
-           'a-year-of-rounds'}
+HARDEST = {'mixed-by-the-tail', 'tight', 'spirals', 'a-year-of-rounds'}
 MAPPED = [name for name, scene in CASES.items() if compile_scene(scene).model.placement.leader_map]
 
 
@@ -135,7 +134,8 @@ def fresh(scene):
     return placement(model.track, model.links_m, model.direction), model.leader
 
 
-@pytest.mark.parametrize('name', ['mixed-by-the-tail', 'turn-by-the-tail', 'tight'])
+@pytest.mark.parametrize('name', thinned(
+    ['mixed-by-the-tail', 'turn-by-the-tail', 'tight'], lambda name: name != 'mixed-by-the-tail'))
 def test_places_have_the_same_bits_in_any_order_and_after_their_cells_were_dropped(name, monkeypatch):
     distances = np.random.default_rng(3).uniform(*compile_scene(CASES[name]).extent_m, 60).tolist()
     place, leader = fresh(CASES[name])

@@ -267,8 +267,8 @@ def kept(scene):
                for tile in shift.tiles for entrance in (tile.entrance, *filter(None, tile.entrances.values())))
 
 
-@pytest.mark.parametrize('dragon', [Dragon(60), Mixed((Group(3.41), Group(2.2, 12), Group(2.5, 12)))],
-                         ids=['classic', 'mixed'])
+@pytest.mark.parametrize('dragon', [Dragon(60), pytest.param(
+    Mixed((Group(3.41), Group(2.2, 12), Group(2.5, 12))), marks=pytest.mark.long)], ids=['classic', 'mixed'])
 def test_a_run_of_any_length_keeps_the_series_of_a_few_cells(dragon):
     """The run of 3 km covers several tiles and many stretches; in a soak test, sim's memory once grew by 45 kB/s."""
     scene = Scene(dragon=dragon, track=Spiral(0.55, 1e5), run=Run(0.0, 3000.0, 1.0))
@@ -373,6 +373,7 @@ def street(pieces, turns_deg, seed):
     return Scene(track=Composite(track, start_m=end_m - 40), run=Run(0, 20))
 
 
+@pytest.mark.long
 def test_series_that_rounding_ends_a_little_early_have_a_table_that_keeps_the_promise():
     simulation = compile_scene(street(120, (30, 60), 2))
     chain, other = simulation.model.place((3.0, 0.0)), simulation.model.march((3.0, 0.0))
