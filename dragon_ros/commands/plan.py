@@ -1,6 +1,7 @@
 """``plan``: draw a scene to scale for printing, with the swept area, the gaps to obstacles and the times."""
 import json
 from argparse import Namespace
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import date
 from functools import cached_property
@@ -13,6 +14,7 @@ import numpy as np
 from dragon_ros.cli import command_line, figures
 from dragon_ros.cli.figures import BODY, HATCH, HEAD, OBSTACLE, QUIET, add_lines
 from dragon_ros.cli.language import language_of, say
+from dragon_ros.cli.progress import Progress
 from dragon_ros.commands.plan_words import WORDS
 from dragon_ros.core.errors import FieldError, InputError
 from dragon_ros.core.model import compile_scene
@@ -58,7 +60,7 @@ def run(arguments: Namespace) -> int:
         print(f'{path}: {plan.say("metres" if plan.origin_deg is None else "degrees")}')
     else:
         with figures.style(chinese=lang == 'zh'):
-            _write_pages(path, _pages(plan, *_sheet(arguments, plan)))
+            _write_pages(path, *_pages(plan, *_sheet(arguments, plan)))
         print(path)
     for gap in plan.gaps:
         print(plan.exact_gap(gap))
@@ -279,16 +281,19 @@ def _check_count(pages: int, paper: str, scale: int) -> None:
                          f'{_MOST_PAGES}; give a smaller scale{larger}', field='scale')
 
 
-def _pages(plan: Plan, paper: str, scale: int, around: Floats) -> list['Figure']:
-    """Return the pages: first the drawing, then the tables."""
+def _pages(plan: Plan, paper: str, scale: int, around: Floats) -> tuple[int, Iterator['Figure']]:
+    """Return the number of pages, and the pages: first the drawing, then the tables."""
     windows = _windows(plan, paper, scale, around)
     tables = _tables(plan)
     total = len(windows) + len(tables)
-    pages = []
-    for n, ((row, column), window) in enumerate(windows, 1):
-        place = plan.say('page_at', row=row, column=column) if len(windows) > 1 else ''
-        pages.append(_drawing(plan, paper, scale, window, (n, total), place))
-    return pages + [_table(plan, paper, rows, (len(windows) + n, total)) for n, rows in enumerate(tables, 1)]
+
+    def drawn() -> Iterator['Figure']:
+        for n, ((row, column), window) in enumerate(windows, 1):
+            place = plan.say('page_at', row=row, column=column) if len(windows) > 1 else ''
+            yield _drawing(plan, paper, scale, window, (n, total), place)
+        for n, rows in enumerate(tables, len(windows) + 1):
+            yield _table(plan, paper, rows, (n, total))
+    return total, drawn()
 
 
 def _page(plan: Plan, paper: str, number: tuple[int, int], title: str, place: str = '') -> 'Figure':
@@ -405,19 +410,23 @@ def mark_offsets(places: Floats, headings: Floats, labels: list[str]) -> list[tu
 
     If both sides are occupied, a label is placed further out.
     """
-    out, taken = list[tuple[float, float]](), [(x, y, 2.0) for x, y in places.tolist()]
+    out, marks = list[tuple[float, float]](), len(labels)
+    taken = np.zeros((2 * marks, 3))        # the centres of marks and labels, and half their widths
+    taken[:marks, :2], taken[:marks, 2] = places, 2.0
     for n, (here, (x, y), label) in enumerate(zip(places.tolist(), headings.tolist(), labels, strict=True)):
         half = 0.5 * _WIDE * _TEXT_PT * len(label)
         away = [side * (radius + (half - 4.0) * abs(y)) for radius in (9.0, 20.0, 32.0) for side in (1, -1)]
         for far in away:
             offset = -far * y, far * x
             spot = here[0] + offset[0], here[1] + offset[1]
-            if all(abs(spot[0] - other) > half + wide or abs(spot[1] - level) > 1.2 * _TEXT_PT
-                   for k, (other, level, wide) in enumerate(taken) if k != n):
+            across, level, wide = taken[:marks + n].T
+            hidden = (np.abs(across - spot[0]) <= half + wide) & (np.abs(level - spot[1]) <= 1.2 * _TEXT_PT)
+            hidden[n] = False       # its own mark
+            if not hidden.any():
                 break
         else:
             offset = -away[0] * y, away[0] * x
-        taken.append((here[0] + offset[0], here[1] + offset[1], half))
+        taken[marks + n] = here[0] + offset[0], here[1] + offset[1], half
         out.append(offset)
     return out
 
@@ -531,12 +540,12 @@ def _table(plan: Plan, paper: str, rows: list[tuple[str, ...]], number: tuple[in
     return figure
 
 
-def _write_pages(path: Path, pages: list['Figure']) -> None:
+def _write_pages(path: Path, total: int, pages: Iterable['Figure']) -> None:
     from io import BytesIO
 
     from matplotlib.backends.backend_pdf import PdfPages
     with BytesIO() as file:     # on a full disk, zlib would raise its own error
         with PdfPages(file, metadata={'CreationDate': None}) as pdf:
-            for page in pages:
+            for page in Progress('plan', 'pages', total)(pages):
                 pdf.savefig(page)
         command_line.write_output(path, file.getvalue())

@@ -172,9 +172,9 @@ def test_pages_without_any_part_of_the_dragon_are_left_out_and_pages_say_where_t
     assert unary_union([box(*window.ravel()) for _, window in windows]).buffer(1e-9).contains(whole)
     rows, columns = np.array([place for place, _ in windows]).T
     assert 1 < len(windows) < rows.max() * columns.max()
-    texts = [one.get_text() for one in _pages(plan, paper, scale, around)[0].texts]
+    texts = [one.get_text() for one in next(_pages(plan, paper, scale, around)[1]).texts]
     assert any('(row {}, column {})'.format(*windows[0][0]) in one for one in texts)
-    assert not any('(row' in one.get_text() for one in _pages(plan, 'A3', 1000, around)[0].texts)
+    assert not any('(row' in one.get_text() for one in next(_pages(plan, 'A3', 1000, around)[1]).texts)
 
 
 def test_a_plan_can_be_read_without_its_colours():
