@@ -1,9 +1,11 @@
 """The notebooks in docs/notebooks run from top to bottom and are stored without outputs."""
 import warnings
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
+from properties import thinned
 
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 
@@ -15,8 +17,12 @@ def by_name(path):
     return path.stem
 
 
-@pytest.mark.parametrize('path', NOTEBOOKS, ids=by_name)
-def test_the_cells_of_a_notebook_run_from_top_to_bottom_without_a_word_on_stderr(path, tmp_path, monkeypatch, capfd):
+# test_documents.py runs a study on a worker by default.
+@pytest.mark.parametrize('path', thinned(NOTEBOOKS, lambda path: path.stem != 'a-study'), ids=by_name)
+def test_the_cells_of_a_notebook_run_from_top_to_bottom_without_a_word_on_stderr(path, tmp_path, request, monkeypatch,
+                                                                                 capfd):
+    if request.config.getoption('--long') and find_spec('nbclient'):
+        pytest.skip('with --long, the cells run in a kernel')
     nbformat, plt = pytest.importorskip('nbformat'), pytest.importorskip('matplotlib.pyplot')
     monkeypatch.chdir(tmp_path)
     names = {'__name__': '__main__'}
