@@ -16,7 +16,7 @@ import numpy as np
 from dragon_ros.core.errors import InputError, shown
 from dragon_ros.core.limits import COORDINATE_M, DRAWING_POINTS, MARKER_RUNS
 from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints
-from dragon_ros.messages.cdr import NS, strided
+from dragon_ros.messages.cdr import LITTLE, NS, strided
 from dragon_ros.messages.schemas import TEXT, Field, fields_of
 
 _MOST_LISTS = 2         # number of markers if all benches are in two lists: faces and edges
@@ -162,6 +162,7 @@ class Poses:
         return self.poses.nbytes + 8 * len(self.frame_id)
 
 
+_STAMP = struct.Struct('<iI')
 _STAMP_AT = {'visualization_msgs/msg/MarkerArray': 8, 'std_msgs/msg/Float64MultiArray': None,
              'std_msgs/msg/Float64': None, 'std_msgs/msg/Bool': None, 'std_msgs/msg/String': None}
 
@@ -174,12 +175,16 @@ def stamp_at_of(kind: str) -> int | None:
 def stamp_of_message(kind: str, data: bytes) -> int | None:
     """Return the first stamp (ns) of a message, or None if its type has no stamp. Raises MessageError."""
     at = stamp_at_of(kind)
-    return None if at is None else read_stamp_ns(data[:4] + data[at:at + 8])
+    return None if at is None else read_stamp_ns(data, at)
 
 
-def read_stamp_ns(data: bytes) -> int:
-    """Return the stamp of a message that starts with a std_msgs/Header."""
-    return Reader(data).stamp_ns()
+def read_stamp_ns(data: bytes, at: int = 4) -> int:
+    """Return the stamp at an offset, by default that of a message that starts with a std_msgs/Header."""
+    if data.startswith(LITTLE) and len(data) >= at + 8:
+        sec, nanosec = _STAMP.unpack_from(data, at)
+        if sec >= 0 and nanosec < NS:
+            return int(sec * NS + nanosec)
+    return Reader(data[:4] + data[at:at + 8]).stamp_ns()
 
 
 def read_odometry(data: bytes) -> tuple[int, float]:

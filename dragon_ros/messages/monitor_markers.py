@@ -1,9 +1,13 @@
 """The monitor's markers for a tick, as bytes: the deepest contacts, and the clearance as a label and as a vector."""
+import struct
+from functools import lru_cache
+
 import numpy as np
 
+from dragon_ros.core.geometry.contacts import Observation
 from dragon_ros.core.geometry.signed_distance import shortest_vector, witness
 from dragon_ros.core.geometry.tracker import Report
-from dragon_ros.messages.cdr import Writer
+from dragon_ros.messages.cdr import Writer, stamp_of
 from dragon_ros.messages.markers import (
     BENCH_HEIGHT_M,
     BLACK,
@@ -48,19 +52,29 @@ def clearance_marker(report: Report) -> bytes:
 
 def stamped_clearance(report: Report) -> bytes:
     """Return the clearance of a tick, with its stamp, in field x of a geometry_msgs/Vector3Stamped."""
-    writer = Writer()
-    writer.header(report.observation.frame_id, report.observation.t_ns)
-    writer.put('d', report.clearance_m, 0.0, 0.0)
-    return bytes(writer.finish())
+    return _stamped_vector(report.observation, report.clearance_m, 0.0)
 
 
 def vector_of(report: Report) -> bytes:
     """Return the shortest vector between the closest pair as a geometry_msgs/Vector3Stamped; the pair must exist."""
     assert report.closest
-    observation, writer = report.observation, Writer()
-    writer.header(observation.frame_id, observation.t_ns)
-    writer.put('d', *shortest_vector(*report.two(report.closest)), 0.0)
-    return bytes(writer.finish())
+    return _stamped_vector(report.observation, *shortest_vector(*report.two(report.closest)))
+
+
+@lru_cache(maxsize=16)
+def _vector_layout(frame_id: str) -> tuple[bytes, int, int]:
+    """Return a geometry_msgs/Vector3Stamped with this frame, and the offsets of its stamp and of its vector."""
+    writer = Writer()
+    stamp, vector = writer.header(frame_id), writer.put('d', 0.0, 0.0, 0.0)
+    return bytes(writer.finish()), stamp, vector
+
+
+def _stamped_vector(observation: Observation, x: float, y: float) -> bytes:
+    layout, stamp, vector = _vector_layout(observation.frame_id)
+    data = bytearray(layout)
+    struct.pack_into('<II', data, stamp, *stamp_of(observation.t_ns))
+    struct.pack_into('<dd', data, vector, x, y)
+    return bytes(data)
 
 
 def _point_and_label(report: Report) -> list[MarkerSpec]:

@@ -1,5 +1,6 @@
 """Raw subscriptions in batches: when a message wakes a node, the node takes all waiting messages on that topic."""
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from typing import Any
 
 from rclpy.exceptions import InvalidHandle
@@ -7,7 +8,10 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-_AT_ONCE = 64       # maximum number of messages taken before the callbacks of timers and other topics run
+# Messages are taken until there are at least this many of them and this many bytes; then the callbacks of timers and
+# other topics run. The middleware searches through all messages that have not been taken whenever another one arrives.
+_AT_ONCE, _AT_ONCE_BYTES = 64, 8_000_000
+_MOST_AT_ONCE = 1000
 
 
 class _Callback:
@@ -23,21 +27,24 @@ class _Callback:
         self.take_all()
 
     def take_all(self) -> None:
-        """Take the messages that have arrived, unless the subscription has been destroyed."""
+        """Take the messages that have arrived, unless the subscription was destroyed before this call."""
         self._take_some()
         self._then()
 
     def _take_some(self) -> None:
         handle, kind, raw = self.subscription.handle, self.subscription.msg_type, self.subscription.raw
-        for _ in range(_AT_ONCE):
+        with ExitStack() as held:
             try:
-                with handle:
-                    more = handle.take_message(kind, raw)
+                held.enter_context(handle)
             except InvalidHandle:
                 return
-            if more is None:
-                return
-            self._take(*more)
+            size = 0
+            for taken in range(_MOST_AT_ONCE):
+                more = handle.take_message(kind, raw) if taken < _AT_ONCE or size < _AT_ONCE_BYTES else None
+                if more is None:
+                    return
+                size += len(more[0])
+                self._take(*more)
 
 
 def subscribe_raw(node: Node, kind: Any, name: str, take: Callable[[bytes, Any], None], profile: QoSProfile,

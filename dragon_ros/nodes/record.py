@@ -212,8 +212,9 @@ class Recorder(DragonNode):
                 'peak memory_mb': f'{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000:.1f}'}
 
     def _log(self, topic: str, data: bytes, t_ns: int, sequence: int, source_ns: int) -> None:
-        patient = topic in self._latched or (self.writer.fill > FROM_FILL and self._handles.waits())
-        if kept := patient or self._keeps(topic, t_ns):
+        fill = self.writer.fill
+        patient = topic in self._latched or (fill > FROM_FILL and self._handles.waits())
+        if kept := patient or self._keeps(topic, t_ns, fill):
             self.writer.write(topic, data, t_ns, sequence, source_ns, patient)
         if not self._scenes.busy:
             self.losses.note(topic, t_ns, sequence, kept)
@@ -222,12 +223,12 @@ class Recorder(DragonNode):
         if len(self._unaccounted) > _MOST_UNACCOUNTED:
             self._take_scene(wait=True)
 
-    def _keeps(self, topic: str, t_ns: int) -> bool:
+    def _keeps(self, topic: str, t_ns: int, fill: float) -> bool:
         """Return whether to write a message; if the disk is too slow, whole ticks are left out.
 
         A publisher that waits for its readers also waits for the disk, so that nothing is left out.
         """
-        return self._skips.keeps(topic, t_ns, self.writer.fill) if topic in self._each_tick else self.writer.fill < 1
+        return self._skips.keeps(topic, t_ns, fill) if topic in self._each_tick else fill < 1
 
     def _take(self, topic: str, channel: Channel) -> Callable[[bytes, Any], None]:
         """Return the callback that writes one topic."""
@@ -245,7 +246,7 @@ class Recorder(DragonNode):
             source_ns, sequence = info['source_timestamp'], info['publication_sequence_number'] or 0
             try:
                 t_ns = self._heed(data, dragon) if health else None if stamp_at is None else read_stamp_ns(
-                    data[:4] + data[stamp_at:stamp_at + 8])
+                    data, stamp_at)
                 if t_ns is None:
                     watched.unstamped(topic, data, source_ns, sequence, channel.latched, not (shared or once))
                     if scene:

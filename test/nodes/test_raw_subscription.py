@@ -28,3 +28,19 @@ def test_what_came_while_the_node_was_busy_is_taken_in_order_and_other_topics_ha
     node.until(lambda: len(got) == count and other)
     assert got == list(range(count))
     assert len(sources) == 1
+
+
+@pytest.mark.parametrize(('most_bytes', 'taken'), [(0, 3), (5 * 12, 5), (10**6, 7)])
+def test_messages_are_taken_up_to_a_number_and_a_size(monkeypatch, most_bytes, taken):
+    from contextlib import nullcontext
+    from types import SimpleNamespace
+
+    from dragon_ros.nodes import raw_subscription
+    for name, value in {'_AT_ONCE': 3, '_AT_ONCE_BYTES': most_bytes, '_MOST_AT_ONCE': 7}.items():
+        monkeypatch.setattr(raw_subscription, name, value)
+    got, ends, handle = [], [], nullcontext()
+    handle.take_message = lambda *_: (bytes(12), None)
+    callback = raw_subscription._Callback(lambda data, _: got.append(data), lambda: ends.append(len(got)))
+    callback.subscription = SimpleNamespace(handle=handle, msg_type=None, raw=True)
+    callback.take_all()
+    assert ends == [taken]

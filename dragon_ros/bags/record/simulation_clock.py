@@ -85,10 +85,13 @@ class SimulationClock:
     def mark(self, source_ns: int, t_ns: int, sequence: int = 0) -> None:
         """Record the source time and the sequence number of a tick's stamped message; ``t_ns`` is the stamp."""
         last = self._marks[-1] if self._marks else None
-        if last and _Sent(last.moment, last.sequence).is_before_setting_back(source_ns, sequence):
+        if last and source_ns < last.moment[1] and _Sent(last.moment, last.sequence).is_before_setting_back(
+                source_ns, sequence):
             self._set_back, self._turn_ns = self._set_back + 1, (last.moment[1], source_ns)
         moment = self._set_back, source_ns
-        at = bisect_right(self._moments, moment)
+        at = len(self._moments)
+        if last and moment < last.moment:
+            at = bisect_right(self._moments, moment)
         self._moments.insert(at, moment)
         self._marks.insert(at, _Mark(t_ns, sequence, moment))
         if self._first_moment is None or moment < self._first_moment:

@@ -15,15 +15,18 @@ _Job = tuple[int, Callable[[], object]]      # size in bytes, and the write
 class WriterThread:
     """Accepts messages immediately and writes them in order; the file is flushed every ``flush_s`` seconds.
 
-    If the queue is full, a ``patient`` write waits, and the wait is counted; nothing is dropped here. After a disk
-    error, which is stored in ``error``, nothing more is written.
+    All messages come from one thread. If the queue is full, a ``patient`` write waits, and the wait is counted; nothing
+    is dropped here. After a disk error, which is stored in ``error``, nothing more is written.
     """
 
     def __init__(self, bag: BagWriter, flush_s: float = 1.0, queue_mb: float = 256.0) -> None:
         """Start the thread."""
         self._bag, self._flush_s, self._room = bag, flush_s, int(queue_mb * MB)
         self._jobs: deque[_Job] = deque()
-        self._waiting, self._enough = 0, min(_AT_ONCE_BYTES, self._room // 2)
+        # The bytes queued and written so far. Only one thread changes each of these numbers, and a deque may be shared,
+        # so queueing a message takes no lock.
+        self._put_bytes = self._done_bytes = 0
+        self._enough = min(_AT_ONCE_BYTES, self._room // 2)
         self._due = False       # whether to write before the next flush
         self._changed = threading.Condition()
         self._closing = False
@@ -46,15 +49,22 @@ class WriterThread:
         self._put(len(content), partial(self._bag.attach, name, media_type, content))
 
     def _put(self, size: int, write: Callable[[], object], at_once: bool = True, patient: bool = True) -> None:
-        with self._changed:
-            if patient and self._waiting > self._room:
-                self._wait()
-            self._jobs.append((size, write))
-            self._waiting += size
-            self.fullest_bytes = max(self.fullest_bytes, self._waiting)
-            if not self._due and (at_once or self._waiting >= self._enough):
+        if patient and self._waiting > self._room:
+            self._wait()
+        self._put_bytes += size
+        self._jobs.append((size, write))
+        waiting = self._waiting
+        if waiting > self.fullest_bytes:
+            self.fullest_bytes = waiting
+        if not self._due and (at_once or waiting >= self._enough):
+            with self._changed:
                 self._due = True
                 self._changed.notify_all()
+
+    @property
+    def _waiting(self) -> int:
+        """The number of queued bytes."""
+        return self._put_bytes - self._done_bytes
 
     @property
     def fill(self) -> float:
@@ -76,7 +86,8 @@ class WriterThread:
     def _wait(self) -> None:
         start = time.monotonic()
         self.waits += 1
-        self._changed.wait_for(lambda: self._waiting <= self._room)
+        with self._changed:
+            self._changed.wait_for(lambda: self._waiting <= self._room)
         self.waited_s += time.monotonic() - start
 
     def _work(self) -> None:
@@ -84,13 +95,13 @@ class WriterThread:
         while not (self._closing and not self._jobs):
             with self._changed:
                 self._changed.wait_for(lambda: self._due or self._closing, max(0.0, due - time.monotonic()))
-                jobs, self._jobs, self._due = self._jobs, deque(), False
-            while jobs:
-                size, write = jobs.popleft()        # each message is released once it is written
+                self._due = False
+            for _ in range(len(self._jobs)):
+                size, write = self._jobs.popleft()      # each message is released once it is written
                 self._do(write)
-                with self._changed:
-                    self._waiting -= size
-                    if self.waits:
+                self._done_bytes += size
+                if self.waits:
+                    with self._changed:
                         self._changed.notify_all()
             if time.monotonic() >= due:
                 self._do(self._bag.flush)
