@@ -17,7 +17,7 @@ def by_name(path):
     return path.stem
 
 
-# test_documents.py runs a study on a worker by default.
+# By default, test_study_command.py runs a study on a worker.
 @pytest.mark.parametrize('path', thinned(NOTEBOOKS, lambda path: path.stem != 'a-study'), ids=by_name)
 def test_the_cells_of_a_notebook_run_from_top_to_bottom_without_a_word_on_stderr(path, tmp_path, request, monkeypatch,
                                                                                  capfd):

@@ -104,8 +104,8 @@ def test_head_and_tail_pass_marks_when_they_have_gone_there(scene, plan):
 
 def test_a_pdf_is_to_scale_and_a_geojson_in_metres(capsys, tmp_path, scene):
     pdf, area = tmp_path / 'plan.pdf', tmp_path / 'area.geojson'
-    options = '--scene', 'street', '--set', 'dragon.benches=5'
-    assert run(capsys, *options, '--output', pdf, '--scale', '1:250', '--paper', 'A4')[0] == 0
+    options = '--scene', 'street', '--set', 'dragon.benches=5', '--set', 'run.stop_s=55'
+    assert run(capsys, *options, '--output', pdf, '--scale', '1:200', '--paper', 'A4')[0] == 0
     data = pdf.read_bytes()
     sizes = re.findall(rb'/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]', data)
     assert [tuple(round(float(value) / 72 * 25.4) for value in size) for size in sizes] == [(297, 210)] * len(sizes)
@@ -114,7 +114,7 @@ def test_a_pdf_is_to_scale_and_a_geojson_in_metres(capsys, tmp_path, scene):
     assert (code, 'area.geojson: in metres' in out) == (0, True)
     assert json.loads(area.read_text())['units'] == 'm'
     features = {one['properties']['name']: shape(one['geometry']) for one in json.loads(area.read_text())['features']}
-    assert features['swept by the head'].area > 40
+    assert features['swept by the head'].area > 19
     assert 'gap to lamp post' in features
 
 
@@ -138,7 +138,7 @@ def test_a_geojson_of_a_scene_with_an_origin_is_in_degrees(capsys, tmp_path, sce
 
 def test_a_broken_margin_is_said(capsys, tmp_path):
     code, out, _ = run(capsys, '--scene', 'street', '--set', 'dragon.benches=5', '--set', 'venue.margin_m=1',
-                       '--output', tmp_path / 'a.geojson')
+                       '--set', 'run.stop_s=55', '--output', tmp_path / 'a.geojson')
     assert code == 0
     assert re.search(r'lamp post: 0\.9\d\d m \(too small\)', out)
 
@@ -178,7 +178,7 @@ def test_pages_without_any_part_of_the_dragon_are_left_out_and_pages_say_where_t
 
 
 def test_a_plan_can_be_read_without_its_colours():
-    scene = load_scene('square', ['dragon.benches=5', 'venue.margin_m=1.2'])
+    scene = load_scene('square', ['dragon.benches=5', 'venue.margin_m=1.2', 'run.stop_s=55'])
     drawn = _drawing(Plan(scene, 'x'), 'A3', 500, np.array([[-60.0, -20.0], [80.0, 80.0]]), (1, 1)).axes[0]
     hatches = {one.get_label(): one.get_hatch() for one in drawn.patches if one.get_label()}
     assert len({hatches[name] for name in ('obstacles', 'swept by the head', 'swept by the body')}) == 3

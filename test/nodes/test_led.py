@@ -79,6 +79,7 @@ def test_a_led_dragon_walks_as_commanded_and_its_bag_is_recomputed_bit_for_bit(s
     assert json.loads((tmp_path / 'proof.json').read_text())['scene']['head']['kind'] == 'profile'
 
 
+@pytest.mark.long       # by default, test_compare.py checks such bags, and test_record.py kills recorders
 def test_what_a_killed_recorder_got_of_a_led_run_is_recomputed_up_to_its_last_whole_tick(start, node, tmp_path, capsys):
     bag, leader = tmp_path / 'led.mcap', Leader(node, stamped=False)
     record = start('record', '--output', bag, '--flush-s', '0.2')

@@ -52,7 +52,7 @@ def ends_of(path):
     return line[[-1, 0]], [getattr(piece, 'radius_m', None) for piece in scene.track.pieces]
 
 
-@pytest.mark.parametrize('quality', thinned(QUALITY, lambda quality: quality != 'reliable'))
+@pytest.mark.parametrize('quality', thinned(QUALITY, lambda quality: quality == 'latched'))
 def test_a_live_path_of_any_quality_becomes_a_track(start, node, tmp_path, quality):
     process = routed(start, node, quality, plan('dragon', CORNER))
     assert process.end() == 0, process.text
