@@ -73,6 +73,7 @@ def test_a_line_shows_the_time_as_a_multiple_of_its_limit(workprec):
     assert '| 20 to 40 | - | 30 |' in workprec.table([workprec.replace(row, limit_s=0.0)])
 
 
+@pytest.mark.long
 def test_the_page_is_written_as_table_csv_and_pictures(workprec, tmp_path):
     rows = workprec._tiers(CASES['classic'], [('fine', 'table'), ('exact', 'table')], 0.0)
     with np.errstate(all='warn'):

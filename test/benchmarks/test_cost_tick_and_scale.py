@@ -65,6 +65,7 @@ def test_the_limits_of_stages_are_what_they_need_at_the_rates_of_the_machine(mon
     assert found['chain'] == found['velocities'] == pytest.approx(8e-9 * np.mean(terms))
 
 
+@pytest.mark.long
 def test_publishing_is_measured_where_ros_is():
     pytest.importorskip('rclpy')
     assert set(ticks._messages(0.01)) == {'bytes publish', 'objects encode', 'objects publish'}

@@ -137,19 +137,19 @@ def _rectangle(pair, which, scale):
 
 
 def test_the_command_writes_and_verifies_it(tmp_path, capfd):
-    scene = ['--set', 'dragon.benches=20', '--set', 'track.start_turns=6', '--set', 'run.stop_s=5']
+    scene = ['--set', 'dragon.benches=20', '--set', 'track.start_turns=6', '--set', 'run.stop_s=2']
     file, wide = tmp_path / 'family.json', ['--within', 'dragon.width_m=0.01']
     assert contact.main([*scene, *wide, '--certificate', str(file), '--format', 'json']) == 0
     values = json.loads(capfd.readouterr().out)
-    assert (values['proved_s'], values['why'], values['within']) == (5.0, 'run', {'dragon.width_m': 0.01})
+    assert (values['proved_s'], values['why'], values['within']) == (2.0, 'run', {'dragon.width_m': 0.01})
     assert contact.main(['--verify', str(file)]) == 0
-    assert 'touches itself from 0.0 s to 5.0 s' in capfd.readouterr().out
+    assert 'touches itself from 0.0 s to 2.0 s' in capfd.readouterr().out
     assert contact.main([*scene, *wide, '--within', 'track.pitch_m=0.001']) == 0
     said = capfd.readouterr().out
-    assert 'no dragon touches itself before 5.000000 s' in said
+    assert 'no dragon touches itself before 2.000000 s' in said
     assert 'the run ends at that time' in said
     assert contact.main([*scene, *wide, '--format', 'csv']) == 0
-    assert capfd.readouterr().out.splitlines()[1].startswith('5.0,run,')
+    assert capfd.readouterr().out.splitlines()[1].startswith('2.0,run,')
 
 
 @pytest.mark.parametrize(('options', 'said'), [

@@ -67,6 +67,7 @@ def test_no_dragon_of_a_family_touches_before_the_time_that_is_proved(request):
         assert contact_s(drawn(SMALL, BOX, draw, n % 2)) > proof.proved_s
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(('key', 'change'), thinned([
     ('dragon.width_m', {'dragon': replace(SMALL.dragon, width_m=0.305)}),
     ('track.pitch_m', {'track': replace(SMALL.track, pitch_m=0.545)}),
