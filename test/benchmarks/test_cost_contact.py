@@ -29,6 +29,7 @@ def test_growth_is_the_slope_in_logarithms():
     assert growth.exponent(checks(1.5), 'STRtree') == pytest.approx(1.5, rel=1e-12)
 
 
+@pytest.mark.long
 def test_the_page_is_written_as_table_csv_and_pictures(tmp_path):
     rows = contacts.Measured([search(0.0), search(0.5)], checks(1.0), 4e-3)
     with np.errstate(all='warn'):

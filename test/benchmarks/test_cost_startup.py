@@ -28,6 +28,7 @@ def test_the_page_has_every_executable(tmp_path):
     assert len(startup.csv_text(rows()).splitlines()) == 1 + len(rows())
 
 
+@pytest.mark.long
 def test_a_start_is_measured_in_a_process_of_its_own(monkeypatch):
     assert startup.names() == list(EXECUTABLES)
     monkeypatch.setattr(startup, 'names', lambda: ['table'])

@@ -165,6 +165,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_measuring(tmp_path, cap
     assert 'there is no folder' in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_an_install_needs_neither_scipy_nor_mpmath_nor_the_checkout(tmp_path):
     code = ('import sys\n'
             'for name in ("scipy", "mpmath", "benchmarks", "hard_cases", "rclpy"): sys.modules[name] = None\n'

@@ -36,7 +36,7 @@ def far(vectors):
 
 
 @pytest.mark.parametrize('name', thinned(
-    CASES, lambda name: [*CASES].index(name) % 3 == 1 and name not in ('long', 'law')))
+    CASES, lambda name: [*CASES].index(name) % 3 == 1 and name not in ('long', 'law', 'turning')))
 def test_every_hard_case_is_met_to_the_last_digit_of_its_file(name):
     case, row = CASES[name], TRUTH[name]
     for t_s, wanted in zip(row['times_s'], row['states'], strict=True):
@@ -57,7 +57,7 @@ def test_every_hard_case_is_met_to_the_last_digit_of_its_file(name):
 
 
 @pytest.mark.parametrize('name', thinned(['wiggle', 'spirals', 'law', 'unwinding', 'far-joined', 'lock-1e-4'],
-                                         lambda name: name not in ('unwinding', 'law')))
+                                         ('wiggle', 'spirals', 'far-joined').__contains__))
 def test_mpmath_at_50_digits_agrees_to_40(name):
     walk = importlib.import_module('hard_cases.make_dances')
     case = CASES[name]

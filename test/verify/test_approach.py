@@ -118,7 +118,7 @@ def test_no_times_are_told_where_the_slack_is_soon_over():
     assert 'travelled from' in proved(claim(Head(1e-5), there_m() * 1e5))
 
 
-@pytest.mark.parametrize('before_s', thinned([3.6e-9, 1.5e-9, 1e-9, 3e-10, 0.0], (3.6e-9, 0.0).__contains__))
+@pytest.mark.parametrize('before_s', thinned([3.6e-9, 1.5e-9, 1e-9, 3e-10, 0.0], lambda before_s: before_s > 3e-9))
 def test_a_run_that_starts_just_before_its_contact_is_proved_with_its_intervals(before_s):
     start_s = there_m() - before_s
     honest = written(Scene(dragon=BODY, track=TRACK, run=Run(start_s, 5)))

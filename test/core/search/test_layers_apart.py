@@ -54,7 +54,8 @@ SCENES = [Scene(UNLIKE, Spiral(0.55, 14.0), Head(), Run(0, 300)),
 found_in = cache(first_contact)
 
 
-@pytest.mark.parametrize('scene', SCENES, ids=['in', 'strange, in', 'out', 'strange, out'])
+@pytest.mark.parametrize('scene', thinned(SCENES, lambda scene: scene in SCENES[1::2]),
+                         ids=['in', 'strange, in', 'out', 'strange, out'])
 def test_intervals_join_from_end_to_end_of_the_way_of_each_bench_and_no_gap_in_them_is_below_their_bounds(scene):
     found = found_in(scene)
     assert isinstance(found, NoContact)

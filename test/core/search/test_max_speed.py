@@ -33,8 +33,10 @@ def test_the_head_may_go_1_2462663582_m_s_under_a_cap_of_2():
     assert found.along_m - STurn().length_m == pytest.approx(0.859, abs=5e-4)
 
 
-@pytest.mark.parametrize('track', [STurn(ratio=1.0), STurn(ratio=0.6), STurn(pitch_m=1.2, ratio=2.1), Composite((
-    Line(5.0), Arc(2.0, 170.0), Line(1.0), Arc(1.5, -100.0), Line(60.0)))])
+@pytest.mark.parametrize('track', thinned(
+    [STurn(ratio=1.0), STurn(ratio=0.6), STurn(pitch_m=1.2, ratio=2.1), Composite((
+        Line(5.0), Arc(2.0, 170.0), Line(1.0), Arc(1.5, -100.0), Line(60.0)))],
+    lambda track: track in (STurn(ratio=0.6), STurn(pitch_m=1.2, ratio=2.1))))
 def test_no_look_at_any_time_finds_a_faster_handle_than_the_bound(track):
     scene = Scene(track=track, run=Run(0, 55))
     found = max_speed(scene)

@@ -139,6 +139,7 @@ def test_near_misses_of_a_mixed_dragon_are_the_smallest_gaps_of_its_head():
     assert misses[0].gap_m == pytest.approx(0.03515, abs=1e-5)
 
 
+@pytest.mark.long
 def test_the_tail_of_the_example_touches_first():
     found = first_contact(load_scene('mixed'))
     assert (found.benches, found.certificate.complete) == ((40, 71), True)

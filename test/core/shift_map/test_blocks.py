@@ -96,7 +96,7 @@ def test_stats_say_that_the_table_serves_every_dance_but_two(name):
     assert state(march(scene), t_s).solver == states(march(scene), [t_s]).solver == 'march'
 
 
-@pytest.mark.parametrize('name', thinned(CASES, lambda name: [*CASES].index(name) % 4 == 1))
+@pytest.mark.parametrize('name', thinned(CASES, lambda name: [*CASES].index(name) % 4 == 1 and name != 'unwinding'))
 def test_states_of_a_dance_are_its_single_ones_to_half_the_promise(name):
     scene = CASES[name].scene
     times = sorted({*np.linspace(0.0, compile_scene(scene).end.t_s, 40).tolist(), *CASES[name].times_s})

@@ -57,7 +57,7 @@ NEXT_TO_A_JOINT = {'arcs': (CASES['equal-arcs'], 0), 'handles': (CASES['joint-at
                    'wiggle': (CASES['wiggle'], 0.06)}
 
 
-@pytest.mark.parametrize('name', thinned(NEXT_TO_A_JOINT, ('tail', 'wiggle').__contains__))
+@pytest.mark.parametrize('name', thinned(NEXT_TO_A_JOINT, lambda name: name == 'tail'))
 def test_leaders_next_to_a_joint_are_in_the_product_of_their_block_too(name):
     scene, alone = NEXT_TO_A_JOINT[name]
     simulation = compile_scene(scene)

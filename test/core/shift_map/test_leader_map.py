@@ -67,8 +67,9 @@ def test_chains_from_a_leader_map_are_those_of_the_march_to_a_tenth_of_the_promi
     assert covered > (5 if name in FEW else 20)
 
 
-@pytest.mark.parametrize(('name', 'every'), [('mixed-by-the-tail', 1.0), ('turn-by-the-tail', 1.0), ('mixed', 0.9),
-                                             ('unwinding', 1.0), ('tight', 0.03), ('wiggle', 0.01), ('hairpin', 0.1)])
+@pytest.mark.parametrize(('name', 'every'), thinned([
+    ('mixed-by-the-tail', 1.0), ('turn-by-the-tail', 1.0), ('mixed', 0.9), ('unwinding', 1.0), ('tight', 0.03),
+    ('wiggle', 0.01), ('hairpin', 0.1)], lambda case: case[0] not in ('mixed', 'unwinding')))
 def test_one_product_yields_mixed_benches_and_leaders_at_tight_joints(name, every):
     simulation = compile_scene(CASES[name])
     chains = [simulation.model.place((gone_m, 0.0)) for gone_m in np.linspace(*simulation.extent_m, 201).tolist()]
@@ -173,7 +174,7 @@ def test_cells_are_built_only_where_leaders_are_and_once():
 
 
 def test_on_a_track_of_very_many_pieces_stretches_have_no_cells_and_chains_are_placed_all_the_same(monkeypatch):
-    pieces = tuple(Arc(3.0, (-1) ** k * 6.0) for k in range(100))
+    pieces = tuple(Arc(3.0, (-1) ** k * 6.0) for k in range(70))
     scene = Scene(MIXED, Composite((Line(70.0), *pieces, Line(9.0)), start_m=95.0), run=Run(0, 4))
     place, leader = fresh(scene)
     chain, other = (solver(leader.place((2.0, 0.0))) for solver in (

@@ -26,7 +26,8 @@ CASES = {problem.name: problem for problem in dances()}
 TURNING = CASES['turning'].scene
 
 
-@pytest.mark.parametrize('name', thinned(CASES, lambda name: [*CASES].index(name) % 4 == 0))
+@pytest.mark.parametrize('name', thinned(
+    CASES, lambda name: [*CASES].index(name) % 4 == 0 and name not in ('turning', 'law')))
 def test_every_link_of_a_dance_has_its_length_and_the_next_handle_is_the_first_so_far_behind(name):
     scene = CASES[name].scene
     for t_s in CASES[name].times_s:
