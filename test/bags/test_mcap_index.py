@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from mcap.records import MetadataIndex
+from mcap.records import Chunk, MessageIndex, MetadataIndex
 from mcap.stream_reader import StreamReader
 
 from dragon_ros.bags.record.loss_accounting import LossAccount
 from dragon_ros.bags.record.simulation_clock import MOST_HELD, SimulationClock
 from dragon_ros.bags.record.writer_thread import WriterThread
-from dragon_ros.bags.write.mcap import FileParts, Stored
+from dragon_ros.bags.write.mcap import FileParts, Stored, around, record_bytes
 from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.messages.channels import channels
@@ -34,6 +34,12 @@ def test_chunks_come_back_as_they_were_noted_the_last_one_first(chunks):
     assert not parts
     with pytest.raises(IndexError):
         parts.pop()
+
+
+@given(messages=st.dictionaries(st.integers(0, 2**16 - 1), st.lists(st.tuples(NUMBERS, NUMBERS)), max_size=3))
+def test_the_records_after_a_chunk_have_the_bytes_that_the_library_writes(messages):
+    rows = [MessageIndex(channel_id=channel, records=entries) for channel, entries in messages.items()]
+    assert around(Chunk('zstd', b'', 2, 1, 3, 0), 5, messages)[1] == record_bytes(*rows)
 
 
 def test_the_last_part_goes_first_whatever_it_is():

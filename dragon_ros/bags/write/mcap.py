@@ -1,10 +1,10 @@
 """Writes one MCAP file chunk by chunk. A chunk is written completely or not at all, so the file can always be closed.
 
 It is written by hand because the library's writer ends a chunk only by size, cannot flush on demand, and cannot remove
-a chunk that a full disk truncated. Records are encoded by the library, except for the Message record, which is packed
-here because it is on the hot path. With two alternating buffers, a thread compresses and writes a full chunk while the
-next one is filled. A caller that has its own writer thread does not use this thread, since handing over a chunk costs
-as much as filling it.
+a chunk that a full disk truncated. Records are encoded by the library, except for Message and MessageIndex, which are
+packed here because they are on the hot path. With two alternating buffers, a thread compresses and writes a full chunk
+while the next one is filled. A caller that has its own writer thread does not use this thread, since handing over a
+chunk costs as much as filling it.
 """
 import os
 import struct
@@ -16,6 +16,7 @@ from contextlib import suppress
 from fcntl import LOCK_EX, LOCK_NB, flock
 from functools import partial
 from io import FileIO
+from itertools import chain
 from pathlib import Path
 from pickle import PickleBuffer
 from threading import Lock
@@ -35,6 +36,7 @@ from dragon_ros.version import __version__
 
 _CHUNK = struct.Struct('<QQQQQH')       # start, size, raw size, first log time, last log time, number of channels
 _COUNT = struct.Struct('<HQ')           # channel, number of messages; each chunk's channels come before the chunk
+_INDEX = struct.Struct('<BQHI')         # opcode, length, channel, size of the entries, which follow
 _CHUNK_HEAD, _INDEX_HEAD, _INDEX_ENTRY = 49, 15, 16     # bytes: Chunk without its compression name, MessageIndex
 CHUNK_BYTES = 2**20
 _BUFFER_BYTES = 2 * CHUNK_BYTES
@@ -274,8 +276,14 @@ def around(chunk: records.Chunk, size: int, messages: dict[int, list[tuple[int, 
     assert not chunk.data
     head = record_bytes(chunk)
     head = head[:1] + struct.pack('<Q', len(head) - 9 + size) + head[9:-8] + struct.pack('<Q', size)
-    return head, record_bytes(*(records.MessageIndex(channel_id=channel, records=entries)
-                                for channel, entries in messages.items()))
+    return head, b''.join(_message_index(channel, entries) for channel, entries in messages.items())
+
+
+def _message_index(channel: int, entries: Sequence[tuple[int, int]]) -> bytes:
+    """Return a MessageIndex record, packed with one call for all of its entries."""
+    size = _INDEX_ENTRY * len(entries)
+    return _INDEX.pack(Opcode.MESSAGE_INDEX, _INDEX_HEAD - 9 + size, channel, size) + struct.pack(
+        f'<{2 * len(entries)}Q', *chain.from_iterable(entries))
 
 
 class PackedChunk(NamedTuple):
