@@ -57,7 +57,8 @@ def runs_around(scene, t_s, ways_m):
 def test_results_of_runs_that_start_or_stop_at_their_contact_are_proved(request):
     """At most one result in a thousand is reported as incomplete, and therefore not proved."""
     seen, long = Counter(), request.config.getoption('--long')
-    seeds, ways_m = (SEEDS, (1e-9, 1e-6)) if long else (7, (1e-9,))
+    seeds = SEEDS if long or SEEDS > 10 else 7      # the first contact is that of seed 6
+    ways_m = (1e-9, 1e-6) if long else (1e-9,)
     for seed, scene, t_s in contacts(range(seeds)):
         for run in (scene.run, *runs_around(scene, t_s, ways_m)):
             at = replace(scene, run=run)
