@@ -34,13 +34,11 @@ def test_it_proves_what_the_solver_proves(honest):
         f'touches itself from 40.0 s to {proof.proved_s!r} s')
 
 
-@pytest.mark.long
 def test_it_proves_a_run_without_contact_to_its_end():
     scene = replace(SMALL, run=Run(40.0, 45.0))
     assert 'from 40.0 s to 45.0 s' in proved(family_values(scene, first_contact_within(scene, BOX)))
 
 
-@pytest.mark.long
 def test_boxes_that_are_too_wide_for_derivatives_are_cut_along_the_track():
     scene = Scene(dragon=Dragon(6, 0.99, 1.27, 0.22, 0.247), track=Spiral(0.4866, 5.0), run=Run(start_s=34.0))
     proof = first_contact_within(scene, {'dragon.hole_inset_m': 0.02})

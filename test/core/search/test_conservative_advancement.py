@@ -177,7 +177,6 @@ def passing(width):
     return scene, near_misses(scene, none, 1.0).nearest[0]
 
 
-@pytest.mark.long
 def test_what_cannot_be_told_from_a_contact_is_grazing_with_bounds():
     width, (scene, miss) = 0.39, passing(0.39)
     step = 1e-3

@@ -67,7 +67,6 @@ def test_no_dragon_of_a_family_touches_before_the_time_that_is_proved(request):
         assert contact_s(drawn(SMALL, BOX, draw, n % 2)) > proof.proved_s
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(('key', 'change'), thinned([
     ('dragon.width_m', {'dragon': replace(SMALL.dragon, width_m=0.305)}),
     ('track.pitch_m', {'track': replace(SMALL.track, pitch_m=0.545)}),
@@ -79,7 +78,6 @@ def test_the_worst_dragon_of_a_family_touches_within_centimetres_of_what_is_prov
     assert proof.limit_s == pytest.approx(worst_s, abs=0.02)
 
 
-@pytest.mark.long
 def test_a_wider_family_is_proved_no_further():
     within = (), (('dragon.width_m', 0.005),), (('dragon.width_m', 0.02), ('dragon.body_length_m', 0.002))
     times = [proof_of(SMALL, *one).proved_s for one in within]
@@ -107,7 +105,6 @@ def test_a_profile_of_speeds_is_proved_at_its_own_times():
     assert slow.proved_s == pytest.approx(2 + 2 * steady.proved_s, abs=1e-6)
 
 
-@pytest.mark.long
 def test_a_run_that_starts_late_is_proved_from_there():
     whole, late = proof_of(SMALL, *BOX.items()), first_contact_within(LATE, BOX)
     assert late.proved_s == pytest.approx(whole.proved_s, abs=0.03)

@@ -86,7 +86,6 @@ def test_a_body_that_would_touch_first_is_said_to_be_not_covered():
         min_pitch(Dragon(40, head_length_m=1.0), largest_m=0.6)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(('body_length_m', 'width_m', 'within_m'), [(1.7, 0.2, 4e-11), (1.8, 0.2, 4e-11)])
 def test_slim_benches_of_the_study_are_proved_too(body_length_m, width_m, within_m):
     # The first case needs more than 1.2 turns; in the second, rounding errors exceed the gaps even beyond the bracket.

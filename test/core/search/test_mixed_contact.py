@@ -131,7 +131,6 @@ def test_where_a_link_behind_the_second_turns_back_the_run_is_refused_with_the_t
     assert found.certificate.complete
 
 
-@pytest.mark.long
 def test_near_misses_of_a_mixed_dragon_are_the_smallest_gaps_of_its_head():
     scene = load_scene('mixed', ['run.start_s=390'])
     misses = [miss for miss in near_misses(scene, first_contact(scene), 0.05).nearest if miss.benches[0] == 0]
@@ -139,7 +138,6 @@ def test_near_misses_of_a_mixed_dragon_are_the_smallest_gaps_of_its_head():
     assert misses[0].gap_m == pytest.approx(0.03515, abs=1e-5)
 
 
-@pytest.mark.long
 def test_the_tail_of_the_example_touches_first():
     found = first_contact(load_scene('mixed'))
     assert (found.benches, found.certificate.complete) == ((40, 71), True)

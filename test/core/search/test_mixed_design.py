@@ -48,7 +48,6 @@ def test_the_smallest_pitch_of_a_mixed_dragon_is_between_a_contact_and_pitches_w
         assert isinstance(first_contact(coming_in(dragon, float(above_m), turns, diameter_m)), NoContact)
 
 
-@pytest.mark.long
 def test_the_smallest_pitch_of_an_almost_equal_dragon_is_almost_that_of_equal_benches():
     found, equal = min_pitch(ALMOST_EQUAL, 4.0, 5.0, 0.9, 1e-4, smallest_m=0.45), min_pitch(Dragon(30), 4.0, 5.0, 0.9)
     assert found.low_m - 1e-6 <= equal.high_m <= found.high_m + 1e-6

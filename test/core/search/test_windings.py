@@ -238,7 +238,6 @@ def test_long_windings_are_judged_in_smaller_numbers_until_shorter_ones_suffice(
     assert 2**15 < short.at_once * count <= 2**16
 
 
-@pytest.mark.long
 def test_the_smallest_pitch_is_found_although_scales_come_down_to_two_adjacent_floats():
     found = min_pitch(Dragon(60, 3.41, 1.15))
     assert found.states < 40_000

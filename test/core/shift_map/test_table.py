@@ -373,7 +373,6 @@ def street(pieces, turns_deg, seed):
     return Scene(track=Composite(track, start_m=end_m - 40), run=Run(0, 20))
 
 
-@pytest.mark.long
 def test_series_that_rounding_ends_a_little_early_have_a_table_that_keeps_the_promise():
     simulation = compile_scene(street(120, (30, 60), 2))
     chain, other = simulation.model.place((3.0, 0.0)), simulation.model.march((3.0, 0.0))
