@@ -125,8 +125,8 @@ def pytest_sessionfinish():
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers():
-    """Return two workers per processor, since tests of nodes, browsers and clusters mostly wait."""
-    return 2 * len(os.sched_getaffinity(0))
+    """Return three workers per processor, since tests of nodes, browsers and clusters mostly wait."""
+    return 3 * len(os.sched_getaffinity(0))
 
 
 settings.register_profile('repeatable', derandomize=True, deadline=None, database=None, max_examples=40,
