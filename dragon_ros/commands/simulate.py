@@ -82,8 +82,8 @@ def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event, pool: Po
     each = max(1, CHUNK_BYTES // size)
     parts = [(first, min(first + each, count)) for first in range(0, count, each)]
     with Progress('simulate', 'ticks', count) as bar:
-        if pool.workers == 1 and each > 1 and (fixed := _fixed(numbers)):
-            return _filled_here(_FilledTicks(scene, fixed, each), bag, parts, stop, bar)
+        if pool.workers == 1 and (filled := _filled(scene, numbers, each)):
+            return _filled_here(filled, bag, parts, stop, bar)
         if pool.workers == 1 or size > MESSAGE_BYTES:
             return _in_this_process(scene, bag, encoded, parts, stop, bar)
         done = 0
@@ -114,12 +114,6 @@ def _in_this_process(scene: Scene, bag: BagWriter, encoded: dict[str, Encode], p
     return parts[-1][1]
 
 
-def _fixed(encoded: dict[int, Encode]) -> dict[int, FixedSize] | None:
-    """Return the encoders by channel if the messages of every topic have a fixed size, or None."""
-    fixed = {number: encode for number, encode in encoded.items() if isinstance(encode, FixedSize)}
-    return fixed if len(fixed) == len(encoded) else None
-
-
 class _FilledTicks:
     """Fills chunks with the ticks of a scene, by patching the messages of all ticks of a chunk together, in place."""
 
@@ -140,6 +134,12 @@ class _FilledTicks:
         return chunk
 
 
+def _filled(scene: Scene, encoded: dict[int, Encode], each: int) -> _FilledTicks | None:
+    """Return what fills chunks of up to ``each`` ticks, or None if a chunk has a single tick or some sizes vary."""
+    fixed = {number: encode for number, encode in encoded.items() if isinstance(encode, FixedSize)}
+    return _FilledTicks(scene, fixed, each) if each > 1 and len(fixed) == len(encoded) else None
+
+
 def _filled_here(filled: _FilledTicks, bag: BagWriter, parts: list[tuple[int, int]], stop: Event,
                  bar: Progress) -> int:
     for first, end in parts:
@@ -158,8 +158,7 @@ class _PackedTicks:
         self._settings = scene, numbers, each, compression
         self._scene, self._packer = scene, Packer(compression)
         self._encoders = dict(zip(numbers, encoders(scene, _FRAME_ID).values(), strict=True))
-        fixed = _fixed(self._encoders) if each > 1 else None
-        self._filled = _FilledTicks(scene, fixed, each) if fixed else None
+        self._filled = _filled(scene, self._encoders, each)
 
     def __reduce__(self) -> tuple[type['_PackedTicks'], tuple[Scene, list[int], int, str]]:
         """Return the class and the arguments with which another process creates its own instance."""

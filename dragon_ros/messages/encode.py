@@ -19,8 +19,7 @@ def _handles(scene: Scene, frame_id: str) -> Encode:
 
 def _benches(scene: Scene, frame_id: str) -> Encode:
     template = _STYLES[scene.markers](scene.dragon.bench_lengths_m, scene.dragon.width_m, frame_id)
-    return FixedSize(template, lambda frame: None if frame.benches is None else frame.benches.centre,
-                     axes)
+    return FixedSize(template, lambda frame: None if frame.benches is None else frame.benches.centre, axes)
 
 
 def _velocities(scene: Scene, _: str) -> Encode:
