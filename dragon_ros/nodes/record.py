@@ -320,9 +320,11 @@ def run(bag: BagWriter, keep_going: bool, flush_s: float, queue_mb: float, trust
     """Record a bag until the run ends or a signal arrives; return the exit code."""
     node = Recorder(bag, flush_s, queue_mb, trust)
     try:
-        node.get_logger().info(f'recording to {bag.path}')
-        shell.spin(node, stop, lambda: node.poll(keep_going), _REST_S, node.has_rested, _GATHER_S)
+        try:
+            node.get_logger().info(f'recording to {bag.path}')
+            shell.spin(node, stop, lambda: node.poll(keep_going), _REST_S, node.has_rested, _GATHER_S)
+        finally:
+            complete = node.close()
     finally:
-        complete = node.close()
-        node.destroy_node()
+        node.destroy_node()     # even if the disk fails: a publisher would wait for a reader that seems to be there
     return command_line.OK if complete else command_line.INCOMPLETE

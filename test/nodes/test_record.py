@@ -27,10 +27,10 @@ LATCHED = '/dragon/scene', '/dragon/track'
 SHORT = 'run.start_s=412.2', 'run.stop_s=412.7'
 
 
-def sim(start, *pairs, speed=1.0, readers=1, anew=False):
+def sim(start, *pairs, speed=1.0, readers=1):
     given = [part for pair in pairs for part in ('--set', pair)]
     return start('sim', '--scene', 'first_contact', *given, '--ros-args', '-p',
-                 READERS.replace('=1', f'={readers}'), '-p', f'time_scale:={speed}', anew=anew)
+                 READERS.replace('=1', f'={readers}'), '-p', f'time_scale:={speed}')
 
 
 def streamed(path):
@@ -168,6 +168,8 @@ def test_a_disk_that_fails_stops_the_recording_and_nothing_else(start, tmp_path,
     assert messages
     assert bag.stat().st_size <= 2_000_000 or how == 'gone'
     assert publisher.running, publisher.text
+    assert publisher.stop() == 0
+    assert 'not all readers acknowledged' not in publisher.text, publisher.text     # it knows that the recorder left
 
 
 def test_lost_and_missing_ticks_are_reported_in_the_bag_on_the_terminal_and_by_the_exit_code(start, node, tmp_path):
