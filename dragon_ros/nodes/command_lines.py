@@ -47,6 +47,9 @@ def record(argv: list[str]) -> int:
                          'directory (default: dragon_DATE_TIME.mcap)')
     options.add_argument('--keep-going', action='store_true', help='continue after the publisher leaves, until a '
                          'signal arrives')
+    options.add_argument('--wait-monitor', action='store_true', help='subscribe to the topics of sim only after a '
+                         'monitor has been found, so that a run that waits for this recorder (wait_subscribers) is '
+                         'recorded with all its reports')
     options.add_argument('--force', action='store_true', help='replace an existing bag')
     _add_bag_options(options)
     options.add_argument('--trust', action='store_true', help='read scenes from the topic even if they exceed the '
@@ -137,7 +140,7 @@ def _record(arguments: argparse.Namespace, stop: threading.Event) -> int:
     bag = BagWriter(path, arguments.force, BagOptions(
         arguments.compression, arguments.split_size_mb, arguments.split_duration_s, arguments.max_size_mb,
         arguments.fsync), threaded=False)        # because the recorder has its own writer thread
-    return run(bag, arguments.keep_going, flush_s, queue_mb, arguments.trust, stop)
+    return run(bag, arguments.keep_going, flush_s, queue_mb, arguments.trust, arguments.wait_monitor, stop)
 
 
 def _replay(arguments: argparse.Namespace, stop: threading.Event) -> int:

@@ -44,8 +44,12 @@ _MARKS = ('handles', _REPORT)       # their stamps also apply to the next messag
 class Recorder(DragonNode):
     """Subscribes to every topic of topics.yaml and writes what it receives."""
 
-    def __init__(self, bag: BagWriter, flush_s: float = 1.0, queue_mb: float = 256.0, trust: bool = False) -> None:
-        """Subscribe; ``close`` closes ``bag``. Scenes are read within budgets, unless ``trust`` is true."""
+    def __init__(self, bag: BagWriter, flush_s: float = 1.0, queue_mb: float = 256.0, trust: bool = False,
+                 wait_monitor: bool = False) -> None:
+        """Subscribe; ``close`` closes ``bag``. Scenes are read within budgets, unless ``trust`` is true.
+
+        With ``wait_monitor``, subscribe to the topics of ``sim`` only after a monitor has been heard.
+        """
         super().__init__('record')
         self.bag, self.losses = bag, LossAccount()
         self.writer = WriterThread(bag, flush_s, queue_mb)
@@ -64,11 +68,34 @@ class Recorder(DragonNode):
         self._several: dict[str, list[str]] = {}
         self._named = set[str]()        # topics with messages that were left out
         self._health: Publisher | None = None
-        for name, channel in channels().items():
-            bag.add_channel(self._names[name], channel)
-            raw_subscription.subscribe_raw(self, shell.message_type(channel.type), name,
-                                           self._take(self._names[name], channel),
-                                           qos.lossless(qos.of_channel(channel)))
+        self._unsubscribed = list(channels().values())
+        for channel in self._unsubscribed:
+            bag.add_channel(self._names[channel.name], channel)
+        if wait_monitor:
+            self._subscribe_to_monitor()
+            self.get_logger().info('waiting for a monitor')
+        else:
+            self._subscribe_to_all()
+
+    def _subscribe_to_monitor(self) -> None:
+        """Subscribe to a monitor's topics, and to its health last.
+
+        The monitor discovers these subscriptions in this order, so when its health arrives, it has discovered them all.
+        """
+        own = [channel for channel in self._unsubscribed if channel.publisher == 'monitor']
+        self._unsubscribed = [channel for channel in self._unsubscribed if channel.publisher != 'monitor']
+        for channel in sorted(own, key=lambda channel: channel.name == _HEALTH):
+            self._subscribe(channel)
+
+    def _subscribe_to_all(self) -> None:
+        """Subscribe to the remaining topics."""
+        while self._unsubscribed:
+            self._subscribe(self._unsubscribed.pop(0))
+
+    def _subscribe(self, channel: Channel) -> None:
+        raw_subscription.subscribe_raw(self, shell.message_type(channel.type), channel.name,
+                                       self._take(self._names[channel.name], channel),
+                                       qos.lossless(qos.of_channel(channel)))
 
     def poll(self, keep_going: bool) -> bool:
         """Do periodic work; return whether the recording has ended."""
@@ -273,6 +300,7 @@ class Recorder(DragonNode):
             return None
         if not self._word.heard:
             self.get_logger().info('a monitor has been found')
+            self._subscribe_to_all()
         self._word.health(health)
         if health.waiting:
             self._heard_s = time.monotonic()
@@ -316,9 +344,10 @@ class Recorder(DragonNode):
                                                    'rmw': os.environ.get('RMW_IMPLEMENTATION', 'default')}
 
 
-def run(bag: BagWriter, keep_going: bool, flush_s: float, queue_mb: float, trust: bool, stop: threading.Event) -> int:
+def run(bag: BagWriter, keep_going: bool, flush_s: float, queue_mb: float, trust: bool, wait_monitor: bool,
+        stop: threading.Event) -> int:
     """Record a bag until the run ends or a signal arrives; return the exit code."""
-    node = Recorder(bag, flush_s, queue_mb, trust)
+    node = Recorder(bag, flush_s, queue_mb, trust, wait_monitor)
     try:
         try:
             node.get_logger().info(f'recording to {bag.path}')

@@ -1,4 +1,7 @@
-"""A recorder ends only after the monitor's last report on a run, or states in one line that this report is missing."""
+"""A recorder gets a monitor's first report if it waits for it.
+
+It ends only after the monitor's last report on a run, or states in one line that this report is missing.
+"""
 import signal
 from contextlib import contextmanager
 
@@ -10,6 +13,7 @@ pytest.importorskip('rclpy')
 from test_graph import SHORT, events_of, overrides
 from test_record import received
 
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.messages.channels import channels
 from dragon_ros.nodes import qos
 
@@ -30,9 +34,13 @@ def held(start, node):
     return monitor, maps
 
 
+def start_run(start, *readers):
+    return start('sim', '--scene', 'first_contact', *overrides(*SHORT), '--ros-args', '-p', 'time_scale:=0.0',
+                 '-p', f'wait_subscribers:=[{",".join(readers)}]')
+
+
 def run_to_the_end(start, readers):
-    sim = start('sim', '--scene', 'first_contact', *overrides(*SHORT), '--ros-args', '-p', 'time_scale:=0.0',
-                '-p', f'wait_subscribers:=[handles={readers},benches={readers}]')
+    sim = start_run(start, f'handles={readers}', f'benches={readers}')
     assert sim.end() == 0, sim.text     # all readers have acknowledged all messages
 
 
@@ -102,6 +110,21 @@ def test_a_recorder_that_discovers_a_monitor_late_still_receives_its_contact(sta
     record.stop()
     assert len(events_of(bag)) == 1, record.text
     assert monitor.stop() == 0, monitor.text
+
+
+def test_a_recorder_that_waits_for_a_monitor_gets_all_reports_of_a_run_that_waits_for_both(start, node, tmp_path):
+    bag = tmp_path / 'run.mcap'
+    record = start('record', '--wait-monitor', '--output', bag)
+    sim = start_run(start, 'handles=2', 'benches=2', 'velocities=1')
+    node.until(lambda: node.count_subscribers('clearance/stamped') and node.count_publishers('handles'))
+    assert node.count_subscribers('handles') == 0
+    monitor = start('monitor')
+    assert sim.end() == 0, sim.text
+    assert record.end() == 0, record.text
+    assert monitor.stop() == 0, monitor.text
+    with BagReader(bag) as run:
+        told = {topic.name: topic.messages for topic in run.topics}
+    assert [told[f'/dragon/{name}'] for name in ('handles', 'benches', 'clearance/stamped', 'clearance')] == [26] * 4
 
 
 def test_a_recorder_without_a_monitor_waits_for_none(start, tmp_path):
