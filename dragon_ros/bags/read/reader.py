@@ -5,6 +5,7 @@ from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from heapq import heappop, heappush
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -243,8 +244,13 @@ def _topics(channels: list[tuple[Index, Channel]]) -> list[Topic]:
 def qos_of(metadata: dict[str, str]) -> dict[str, Any]:
     """Return the first QoS profile of a channel, or {} if none is readable."""
     text = metadata.get('offered_qos_profiles', '')
+    return dict(_first_profile(text)) if len(text) <= QOS_CHARACTERS else {}
+
+
+@lru_cache(maxsize=64)      # the channels of a bag share a few profiles, and parsing one takes milliseconds
+def _first_profile(text: str) -> dict[str, Any]:
     try:
-        profiles = values_of(text) if len(text) <= QOS_CHARACTERS else None
+        profiles = values_of(text)
         return dict(profiles[0]) if profiles else {}
     except (yaml.YAMLError, TypeError, ValueError, KeyError, RecursionError):
         return {}
