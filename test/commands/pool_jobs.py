@@ -41,7 +41,7 @@ class FailsHere:
             begun.touch()
             until = time.monotonic() + 1.0      # the other may wait for this result first
             while not failed.exists() and time.monotonic() < until:
-                pass
+                time.sleep(0.001)
         elif begun.exists():
             failed.touch()
             raise DragonError(f'job {job}: no')
