@@ -15,6 +15,7 @@ from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.geometry.signed_distance import gaps
+from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
@@ -253,12 +254,13 @@ def front_gap(p: Floats, width_m: float = 0.3) -> float:
 
 
 def first_touch_s(gap: Callable[[float], float], from_s: float = 405.0, to_s: float = 413.5) -> float:
-    """Return the first time (s) at which a gap is not positive, found by steps of 0.05 s and bisection."""
-    high = next((t_s for t_s in np.arange(from_s, to_s, 0.05).tolist() if gap(t_s) <= 0), inf)
-    low = high - 0.05
-    while low < (middle := 0.5 * (low + high)) < high:
-        low, high = (low, middle) if gap(middle) <= 0 else (middle, high)
-    return high
+    """Return the first time (s) at which a gap vanishes, found by steps of 0.05 s and regula falsi, or inf."""
+    low, at_low = from_s - 0.05, gap(from_s - 0.05)
+    for high in np.arange(from_s, to_s, 0.05).tolist():
+        if (at_high := gap(high)) <= 0 < at_low:
+            return illinois(gap, low, high, at_low, at_high)
+        low, at_low = high, at_high
+    return inf
 
 
 def touch_s(head: Head, rule: Rule, links_m: list[float] | None = None) -> float:
@@ -330,10 +332,7 @@ def sampled_pitch_m(step_s: float) -> float:
 
 def least_pitch_m(gap: Callable[[float], float], low_m: float, high_m: float) -> float:
     """Return the pitch (m) at which a gap changes sign."""
-    while high_m - low_m > 2e-7:
-        middle = 0.5 * (low_m + high_m)
-        low_m, high_m = (middle, high_m) if gap(middle) <= 0 else (low_m, middle)
-    return high_m
+    return illinois(gap, low_m, high_m, gap(low_m), gap(high_m))
 
 
 def pitches_m() -> Iterator[MistakenAnswer]:
