@@ -5,7 +5,7 @@ from argparse import Namespace
 
 import numpy as np
 import pytest
-from shapely import LineString, Polygon, box, distance, polygons, unary_union
+from shapely import LineString, Polygon, box, distance, polygons, prepare, unary_union
 from shapely.geometry import shape
 
 from dragon_ros.__main__ import main
@@ -13,7 +13,7 @@ from dragon_ros.commands.plan import SCALES, Plan, _drawing, _pages, _said, _she
 from dragon_ros.core.batches import states
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.search.swept_area import room_needed_m, swept_area
+from dragon_ros.core.search.swept_area import room_needed_m
 from dragon_ros.core.search.venue_fit import venue_fit
 from dragon_ros.scenes.load import load_scene
 
@@ -44,11 +44,11 @@ def run(capsys, *arguments):
     return code, *capsys.readouterr()
 
 
-def test_every_bench_at_every_time_lies_in_the_swept_area(scene, benches):
-    whole = swept_area(scene).whole
-    grown = whole.buffer(1e-3)
-    assert all(grown.contains(benches))
-    assert not all(whole.buffer(-1e-3).contains(benches))
+def test_every_bench_at_every_time_lies_in_the_swept_area(plan, benches):
+    grown, shrunk = (plan.swept.whole.buffer(by_m) for by_m in (1e-3, -1e-3))
+    prepare([grown, shrunk])
+    assert np.all(grown.contains(benches))
+    assert not np.all(shrunk.contains(benches))
 
 
 def test_gaps_are_those_of_benches_placed_densely(scene, benches, plan):
@@ -86,9 +86,9 @@ def test_dollars_in_a_title_or_a_name_are_no_formula(capsys, tmp_path):
     assert '$x^{$' in picture.read_text()
 
 
-def test_the_room_on_a_line_is_the_width_and_grows_in_bends_as_the_chord_cuts_the_corner(scene):
+def test_the_room_on_a_line_is_the_width_and_grows_in_bends_as_the_chord_cuts_the_corner(scene, plan):
     track = compile_scene(scene).model.track
-    room = room_needed_m(track, swept_area(scene), np.array([20.0, 44.7]))
+    room = room_needed_m(track, plan.swept, np.array([20.0, 44.7]))
     np.testing.assert_allclose(room[0], 0.15, atol=1e-9)
     inner = 6 - np.sqrt(36 - (0.5 * 2.86) ** 2) + 0.15      # the middle of the head's link on a circle
     assert room[1].max() == pytest.approx(inner, abs=2e-3)
@@ -118,7 +118,7 @@ def test_a_pdf_is_to_scale_and_a_geojson_in_metres(capsys, tmp_path, scene):
     assert 'gap to lamp post' in features
 
 
-def test_a_geojson_of_a_scene_with_an_origin_is_in_degrees(capsys, tmp_path, scene):
+def test_a_geojson_of_a_scene_with_an_origin_is_in_degrees(capsys, tmp_path, scene, plan):
     pyproj = pytest.importorskip('pyproj')
     area, origin = tmp_path / 'area.geojson', (113.1, 23.0)
     _, out, _ = run(capsys, '--scene', 'street', '--set', 'dragon.benches=12', '--set',
@@ -130,7 +130,7 @@ def test_a_geojson_of_a_scene_with_an_origin_is_in_degrees(capsys, tmp_path, sce
     head = features['swept by the head']
     square_m, _ = pyproj.Geod(ellps='WGS84').geometry_area_perimeter(head)
     # The area is positive because the outer ring is anticlockwise.
-    assert square_m == pytest.approx(swept_area(scene).head.area, rel=1e-5)
+    assert square_m == pytest.approx(plan.swept.head.area, rel=1e-5)
     x, y = compile_scene(scene).track_line(1e-3)[-1]
     lon, lat, _ = pyproj.Geod(ellps='WGS84').fwd(*origin, np.degrees(np.arctan2(x, y)), np.hypot(x, y))
     assert np.array(features['track'].coords)[0] == pytest.approx((lon, lat), abs=1e-8)
