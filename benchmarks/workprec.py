@@ -26,7 +26,7 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m
 from dragon_ros.core.tracks.spec import Spiral
-from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed, timed_in_turn
+from dragon_ros.cost.measure import PASSES, TIMES, Timing, circumstances, fastest, timed_in_turn
 from hard_cases import Problem, hard_cases
 from hard_cases.truth import truth
 
@@ -68,13 +68,47 @@ class Row:
         return 'kept' if self.error_m <= self.promise_m else 'BROKEN'
 
 
+@dataclass(frozen=True)
+class Untimed:
+    """A row without times, and the calls that take them: ``ticks`` ticks without and, if possible, with velocities."""
+
+    row: Row
+    calls: tuple[Callable[[], object], ...] = ()
+    ticks: int = 1
+    finish: Callable[[Row, Amounts], Row] | None = None     # adds what follows from the times and the machine's rates
+
+    def timed(self, timings: Iterator[Timing], rates: Amounts) -> Row:
+        """Return the row with the times of its calls, which are the next ones of ``timings``."""
+        alone, both = [*(next(timings).shared_by(self.ticks) for _ in self.calls), None, None][:2]
+        row = replace(self.row, timing=alone, with_velocities=both)
+        return self.finish(row, rates) if self.finish else row
+
+
+Job = list[Untimed]     # rows whose calls take turns, because their times are compared
+
+
 def measure(budget_s: float = 0.3) -> list[Row]:
     """Measure everything; progress goes to standard error."""
-    rates = tick_rates(budget_s)
-    jobs = list(_jobs(budget_s, rates))
-    rows = [row for job in tqdm(jobs, desc='cost accuracy', unit='job', disable=None) for row in job()]
+    jobs = [job() for job in tqdm(list(_jobs()), desc='cost accuracy: errors', unit='job', disable=None)]
+    rates, rows = timed_jobs(jobs, budget_s)
     limits_s = {problem.name: tick_limit_s(problem, rates) for problem in hard_cases()}
     return [row if row.limit_s else replace(row, limit_s=limits_s[row.problem]) for row in rows]
+
+
+def timed_jobs(jobs: Sequence[Job], budget_s: float) -> tuple[Amounts, list[Row]]:
+    """Return the machine's rates, and all rows with their times; of each call and rate, the fastest pass counts."""
+    passes: list[list[Timing]] = []
+    rates: list[Amounts] = []
+    with tqdm(total=PASSES * len(jobs), desc='cost accuracy: times', unit='job', disable=None) as bar:
+        for _ in range(PASSES):
+            rates.append(tick_rates(budget_s))
+            passes.append([])
+            for job in jobs:
+                passes[-1] += timed_in_turn([call for one in job for call in one.calls], budget_s / PASSES, 3)
+                bar.update()
+    best = {name: max(rate[name] for rate in rates) for name in rates[0]}
+    timings = iter(fastest(passes))
+    return best, [one.timed(timings, best) for job in jobs for one in job]
 
 
 def tick_limit_s(problem: Problem, rates: Amounts) -> float:
@@ -98,15 +132,15 @@ def batch_limit_s(scene: Scene, times_s: Sequence[float], rates: Amounts) -> flo
     return limit({'product': needs['product'], 'cache': NUMBER * 2.0 * (scene.dragon.benches + 1)}, rates)[0]
 
 
-def _jobs(budget_s: float, rates: Amounts) -> Iterator[Callable[[], list[Row]]]:
+def _jobs() -> Iterator[Callable[[], Job]]:
     for problem in hard_cases():
-        yield partial(_tiers, problem, tuple(_ways(problem)), budget_s)
+        yield partial(_tiers, problem, tuple(_ways(problem)))
         if problem.name != 'long' and _is_one_spiral(problem.scene):     # the only track that the other solvers support
             for name in SOLVERS:
-                yield partial(_baseline, problem, name, budget_s)
+                yield partial(_baseline, problem, name)
         if problem.name == 'classic':
-            yield partial(_batch, problem, 301, rates, budget_s)
-            yield partial(_batch, problem, 1000, rates, budget_s)
+            yield partial(_batch, problem, 301)
+            yield partial(_batch, problem, 1000)
             for step_s in _EULER_S:
                 yield partial(_euler, problem, step_s)
 
@@ -124,20 +158,9 @@ def _is_one_spiral(scene: Scene) -> bool:
     return isinstance(scene.track, Spiral) and scene.head.lead == 'head'
 
 
-def _tiers(problem: Problem, ways: Sequence[Way], budget_s: float) -> list[Row]:
-    """Return a row for each tier and solver; they are timed alternately, because their times are compared."""
-    rows = [_tier(problem, *way) for way in ways]
-    scenes = [(replace(problem.scene, accuracy=tier, solver=solver), _times_s(problem, tier))
-              for (tier, solver), row in zip(ways, rows, strict=True) if np.isfinite(row.error_m)]
-    calls = [partial(_place, *scene, velocities) for scene in scenes for velocities in (False, True)]
-    spent = iter(timed_in_turn(calls, budget_s, 3))
-    per_tick = iter([(next(spent).shared_by(len(times_s)), next(spent).shared_by(len(times_s)))
-                     for _, times_s in scenes])
-    return [_with(row, *next(per_tick)) if np.isfinite(row.error_m) else row for row in rows]
-
-
-def _with(row: Row, alone: Timing, both: Timing) -> Row:
-    return replace(row, timing=alone, with_velocities=both)
+def _tiers(problem: Problem, ways: Sequence[Way]) -> Job:
+    """Return a row for each tier and solver."""
+    return [_tier(problem, *way) for way in ways]
 
 
 def _times_s(problem: Problem, tier: str) -> list[float]:
@@ -152,14 +175,15 @@ def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:
             velocity_of(scene, chain, t_s)
 
 
-def _tier(problem: Problem, tier: str, solver: str) -> Row:
+def _tier(problem: Problem, tier: str, solver: str) -> Untimed:
     """Return the errors of a tier, solved with the default solver or with the march."""
     name = tier if solver == 'table' else f'{tier}{_MARCHED}'
     try:
         scene = replace(problem.scene, accuracy=tier, solver=solver)
         compiled = compile_scene(scene)
     except FieldError:
-        return Row(problem.name, name, np.inf, None, None, 'rejected: double precision cannot keep this promise')
+        return Untimed(Row(problem.name, name, np.inf, None, None,
+                           'rejected: double precision cannot keep this promise'))
     times, error, worst = _times_s(problem, tier), 0.0, 1.0
     for number, t_s in enumerate(problem.times_s):
         if t_s in times:
@@ -168,50 +192,56 @@ def _tier(problem: Problem, tier: str, solver: str) -> Row:
             worst = max(worst, conditioning(chain))
     note = ', '.join([chain.solver] + [f'conditioning {worst:.1e}'] * (worst > 2))
     promise = None if compiled.tier is PAPER else position_promise_m(compiled.tier, compiled.size_m, worst)
-    return Row(problem.name, name, error, promise, None, note)
+    row = Row(problem.name, name, error, promise, None, note)
+    if not np.isfinite(error):
+        return Untimed(row)
+    return Untimed(row, tuple(partial(_place, scene, times, velocities) for velocities in (False, True)), len(times))
 
 
-def _batch(problem: Problem, ticks: int, rates: Amounts, budget_s: float) -> list[Row]:
-    """Measure the exact tier for many ticks, from 0 to 300 s, in one call."""
-    scene, table_s = problem.scene, np.linspace(0, 300, ticks).tolist()
+def _batch(problem: Problem, ticks: int) -> Job:
+    """Return the row of the exact tier for many ticks, from 0 to 300 s, in one call."""
+    scene, times_s = problem.scene, np.linspace(0, 300, ticks).tolist()
     chains = states(scene, problem.times_s)
     error = max(float(np.max(truth(problem).distance(number, p))) for number, p in enumerate(chains.p))
-    alone = timed(lambda: states(scene, table_s), budget_s).shared_by(ticks)
-    both = timed(lambda: velocity_of(scene, states(scene, table_s), table_s), budget_s).shared_by(ticks)
-    handle_ns = both.median_s * 1e9 / (scene.dragon.benches + 1)
-    note = f'{ticks:,} ticks in one call; {handle_ns:.1f} ns per handle with velocities'
-    return [Row(problem.name, f'exact, {ticks:,} at once', error, compile_scene(scene).promise_m, alone, note, both,
-                batch_limit_s(scene, table_s, rates))]
+
+    def finish(row: Row, rates: Amounts) -> Row:
+        assert row.with_velocities is not None
+        handle_ns = row.with_velocities.median_s * 1e9 / (scene.dragon.benches + 1)
+        return replace(row, limit_s=batch_limit_s(scene, times_s, rates),
+                       note=f'{ticks:,} ticks in one call; {handle_ns:.1f} ns per handle with velocities')
+
+    row = Row(problem.name, f'exact, {ticks:,} at once', error, compile_scene(scene).promise_m, None)
+    return [Untimed(row, (lambda: states(scene, times_s),
+                          lambda: velocity_of(scene, states(scene, times_s), times_s)), ticks, finish)]
 
 
-def _timed_all(solve: Callable[[float], object], times: Sequence[float], budget_s: float) -> Timing:
-    """Measure the time of one tick, averaged over all times of the problem."""
-    def run() -> None:
-        for t_s in times:
-            solve(t_s)
-    timing = timed(run, budget_s, 3)
-    return timing.shared_by(len(times))
-
-
-def _baseline(problem: Problem, name: str, budget_s: float) -> list[Row]:
+def _baseline(problem: Problem, name: str) -> Job:
     solve, error = SOLVERS[name], 0.0
-    try:
+
+    def run() -> list[Floats]:
         with np.errstate(all='ignore'):
-            for number, t_s in enumerate(problem.times_s):
-                p = solve(problem.scene, t_s)[list(problem.handles)]
-                error = max(error, float(np.max(truth(problem).distance(number, p))))
-            timing = _timed_all(lambda t_s: solve(problem.scene, t_s), problem.times_s, budget_s)
+            return [solve(problem.scene, t_s) for t_s in problem.times_s]
+
+    try:
+        for number, p in enumerate(run()):
+            error = max(error, float(np.max(truth(problem).distance(number, p[list(problem.handles)]))))
     except (ValueError, ArithmeticError, ModelEnd, RuntimeWarning) as trouble:
-        return [Row(problem.name, name, np.inf, None, None, type(trouble).__name__)]
-    return [Row(problem.name, name, error if np.isfinite(error) else np.inf, None, timing)]
+        return [Untimed(Row(problem.name, name, np.inf, None, None, type(trouble).__name__))]
+    row = Row(problem.name, name, error if np.isfinite(error) else np.inf, None, None)
+    return [Untimed(row, (run,), len(problem.times_s))]
 
 
-def _euler(problem: Problem, step_s: float) -> list[Row]:
-    """Integrate all handles from 0 s; a tick is one second of the run."""
+def _euler(problem: Problem, step_s: float) -> Job:
+    """Return the row of an integration of all handles from 0 s; a tick is one second of the run."""
     scene = problem.scene
-    chain, advance = euler_steps(scene, step_s)
-    timing = timed(lambda: advance(chain), 0.1)
-    error, steps = 0.0, 0
+    start, advance = euler_steps(scene, step_s)
+
+    def tick() -> None:
+        chain = start
+        for _ in range(round(_TICK_S / step_s)):
+            chain = advance(chain)
+
+    chain, error, steps = start, 0.0, 0
     for number, t_s in enumerate(problem.times_s):
         wanted = round(t_s / step_s)
         if abs(wanted * step_s - t_s) > 1e-6:
@@ -221,9 +251,7 @@ def _euler(problem: Problem, step_s: float) -> list[Row]:
         steps = wanted
         p = chain.p[list(problem.handles)]
         error = max(error, float(np.max(truth(problem).distance(number, p))))
-    per = _TICK_S / step_s
-    scaled = Timing(per * timing.median_s, per * timing.low_s, per * timing.high_s, timing.calls)
-    return [Row(problem.name, f'Euler {step_s:g} s', error, None, scaled, 'a tick is 1 s', scaled)]
+    return [Untimed(Row(problem.name, f'Euler {step_s:g} s', error, None, None, 'a tick is 1 s'), (tick, tick))]
 
 
 def _us(seconds: float) -> str:
@@ -234,7 +262,7 @@ def table(rows: list[Row]) -> str:
     """Return the rows as a Markdown table, after a line that states the machine, the versions and the date."""
     head = ('| problem | solver | largest error (m) | promise (m) | verdict | µs per tick | quartiles | '
             'times the limit | with velocities | note |\n|---|---|---:|---:|---|---:|---|---:|---:|---|')
-    return '\n'.join([f'{circumstances()}. Times are medians that exclude the first call.', '', head,
+    return '\n'.join([f'{circumstances()}. Each time is the median of the fastest of {PASSES} passes.', '', head,
                       *map(_line, rows)])
 
 

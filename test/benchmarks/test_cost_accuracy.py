@@ -21,25 +21,30 @@ def workprec():
     return workprec
 
 
+def timed(workprec, job):
+    """Return the rows of one job, each call timed once in every pass."""
+    return workprec.timed_jobs([job], 0.0)[1]
+
+
 @pytest.mark.parametrize('solver', ['table', 'march'])
 @pytest.mark.parametrize('name', thinned(['across', 'mixed', 'unwinding', 'wiggle'], lambda name: name != 'across'))
 def test_a_tier_keeps_its_promise_on_every_kind_of_track(workprec, name, solver):
-    row, = workprec._tiers(CASES[name], [('exact', solver)], 0.0)
+    row, = timed(workprec, workprec._tiers(CASES[name], [('exact', solver)]))
     assert row.verdict == 'kept'
     assert row.timing.median_s > 0
 
 
 def test_a_tier_that_double_precision_cannot_keep_is_refused_in_its_row(workprec):
-    kept, row = workprec._tiers(CASES['far-1e6'], [('standard', 'table'), ('fine', 'table')], 0.0)
+    kept, row = timed(workprec, workprec._tiers(CASES['far-1e6'], [('standard', 'table'), ('fine', 'table')]))
     assert kept.timing.calls >= 3
     assert (row.verdict, row.note) == ('FAILS', 'rejected: double precision cannot keep this promise')
 
 
 def test_other_solvers_have_rows_for_single_spirals_alone(workprec):
-    named = [job.args[0].name for job in workprec._jobs(0.0, RATES) if job.func is workprec._baseline]
+    named = [job.args[0].name for job in workprec._jobs() if job.func is workprec._baseline]
     assert {'classic', 'far-1e9', 'mixed'} <= set(named)
     assert not {'turning', 'unwinding', 'long'} & set(named)
-    row, = workprec._baseline(CASES['classic'], 'scipy brentq', 0.0)
+    row, = timed(workprec, workprec._baseline(CASES['classic'], 'scipy brentq'))
     assert row.error_m < 1e-9
 
 
@@ -48,7 +53,7 @@ def test_integration_starts_exactly_and_drifts(workprec):
     chain, advance = euler_steps(CASES['classic'].scene, 0.1)
     assert chain.u[0] == 32 * np.pi
     assert np.all(advance(chain).u < chain.u)
-    row, = workprec._euler(CASES['classic'], 1.0)
+    row, = timed(workprec, workprec._euler(CASES['classic'], 1.0))
     assert 1e-3 < row.error_m < 10
 
 
@@ -75,7 +80,7 @@ def test_a_line_shows_the_time_as_a_multiple_of_its_limit(workprec):
 
 @pytest.mark.long
 def test_the_page_is_written_as_table_csv_and_pictures(workprec, tmp_path):
-    rows = workprec._tiers(CASES['classic'], [('fine', 'table'), ('exact', 'table')], 0.0)
+    rows = timed(workprec, workprec._tiers(CASES['classic'], [('fine', 'table'), ('exact', 'table')]))
     with np.errstate(all='warn'):
         paths = command.write('accuracy', rows, tmp_path)
     assert [path.name for path in paths] == ['accuracy.md', 'accuracy.csv', 'accuracy.png', 'accuracy.svg']
