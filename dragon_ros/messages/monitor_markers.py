@@ -7,7 +7,7 @@ import numpy as np
 from dragon_ros.core.geometry.contacts import Observation
 from dragon_ros.core.geometry.signed_distance import shortest_vector, witness
 from dragon_ros.core.geometry.tracker import Report
-from dragon_ros.messages.cdr import Writer, stamp_of
+from dragon_ros.messages.cdr import Room, Writer, put_stamps, stamp_number
 from dragon_ros.messages.markers import (
     BENCH_HEIGHT_M,
     BLACK,
@@ -72,7 +72,7 @@ def _vector_layout(frame_id: str) -> tuple[bytes, int, int]:
 def _stamped_vector(observation: Observation, x: float, y: float) -> bytes:
     layout, stamp, vector = _vector_layout(observation.frame_id)
     data = bytearray(layout)
-    struct.pack_into('<II', data, stamp, *stamp_of(observation.t_ns))
+    put_stamps(Room(memoryview(data)), stamp, stamp_number(observation.t_ns))
     struct.pack_into('<dd', data, vector, x, y)
     return bytes(data)
 
