@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from math import ceil
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -14,13 +15,16 @@ import psutil
 
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli.dds_domain import free_domain, local_environment
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import DragonError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
 
 ROLES = ('sim', 'monitor', 'record')
 RATES_HZ = (5, 10, 20, 30, 50, 70, 100, 150, 200, 300, 500, 700, 1000, 1500, 2000, 3000)
 _READERS = 'wait_subscribers:=[handles=2,benches=2,velocities=1]'
 _COUNTED = ('handles', 'benches', 'velocities')
-_START_S = 100.0
+_START_S, _WALK_S = 100.0, 330.0     # the dragon locks 333 s after the start
 _LONGEST_S = 300.0
 _POLL_S = 0.05
 _OVERRUNS, _SEEN = re.compile(r'; (\d+) overruns?\b'), re.compile(r'saw (\d+) ticks?\b')
@@ -64,16 +68,18 @@ class Live:
 
 
 def run(benches: int, rate_hz: float, ticks: int, markers: str = 'cubes') -> Live:
-    """Run ``ticks`` ticks at ``rate_hz`` (0: as fast as the readers can follow) with a monitor and a recorder."""
-    rate = rate_hz or 50.0
-    stop_s = _START_S + (ticks - 1) / rate
+    """Run ``ticks`` ticks at ``rate_hz`` (0: as fast as the readers can follow) with a monitor and a recorder.
+
+    Raises DragonError if the dragon locks earlier.
+    """
+    plan = planned(benches, rate_hz, ticks)
     with TemporaryDirectory() as name, processes(Path(name)) as start:
         bag = Path(name) / 'run.mcap'
         start('monitor')
         start('record', '--output', str(bag))
         start('sim', '--set', f'dragon.benches={benches}', '--set', f'markers={markers}', '--set',
-              f'run.stop_s={stop_s!r}', '--ros-args', '-p', f'start_s:={_START_S}', '-p', f'rate_hz:={rate}',
-              '-p', f'time_scale:={1.0 if rate_hz else 0.0}', '-p', _READERS)
+              f'run.stop_s={plan.stop_s!r}', '--ros-args', '-p', f'start_s:={plan.start_s}', '-p',
+              f'rate_hz:={plan.rate_hz}', '-p', f'time_scale:={1.0 if rate_hz else 0.0}', '-p', _READERS)
         wall_s, usage = _watched(start)
         ended(start.running['record'])
         start.running['monitor'].send_signal(signal.SIGINT)
@@ -83,6 +89,19 @@ def run(benches: int, rate_hz: float, ticks: int, markers: str = 'cubes') -> Liv
             counts = {topic.name.removeprefix('/dragon/'): topic.messages for topic in reader.topics}
     missing = {'seen': ticks - seen, **{topic: ticks - counts.get(topic, 0) for topic in _COUNTED}}
     return Live(benches, rate_hz, ticks, wall_s, overruns, missing, usage)
+
+
+def planned(benches: int, rate_hz: float, ticks: int) -> Run:
+    """Return a run of ``ticks`` ticks; one without a rate has 50 ticks per second, or more if it would be too long.
+
+    Raises DragonError if the dragon locks before the last tick of a run with a rate.
+    """
+    rate = rate_hz or max(50.0, float(ceil(ticks / _WALK_S)))
+    found = Run(_START_S, _START_S + (ticks - 1) / rate, rate)
+    count = compile_scene(Scene(Dragon(benches), run=found)).last_tick + 1
+    if count < ticks:
+        raise DragonError(f'{ticks} ticks at {rate:g} Hz: the dragon locks after {count} ticks; measure fewer ticks')
+    return found
 
 
 def highest(benches: int, seconds: float, guess_hz: float) -> list[Live]:

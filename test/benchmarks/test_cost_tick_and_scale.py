@@ -7,6 +7,7 @@ from benchmarks.scale import build
 from benchmarks.solvers import CHAIN_SOLVERS
 from benchmarks.stages import STAGES, stages_of
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.errors import DragonError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.shift_map.build import NODES
@@ -182,6 +183,18 @@ def test_the_limit_of_a_size_copies_as_fast_as_the_bytes_of_each_stage_are_copie
     assert scale.limit_of(scene, 1e15, 0.0) == pytest.approx(1e-9 * sum(one['cache'] for one in needs))
     assert sizes == [one['cache'] for one in needs]
     assert scale.limit_of(scene, 1.0, 0.0) == pytest.approx(sum(one.get('product', 0.0) for one in needs), rel=1e-3)
+
+
+@pytest.mark.parametrize(('rate_hz', 'ticks'), [(0, 20), (0, 16_646), (0, 20_000), (0, 99_999), (70, 21_000)])
+def test_a_live_run_has_all_its_ticks_before_the_dragon_locks(rate_hz, ticks):
+    plan = live.planned(223, rate_hz, ticks)
+    assert compile_scene(Scene(run=plan)).last_tick + 1 == ticks
+    assert plan.rate_hz == rate_hz or plan.rate_hz >= 50
+
+
+def test_a_live_run_that_the_lock_would_end_is_refused():
+    with pytest.raises(DragonError, match='20000 ticks at 50 Hz: the dragon locks after 16646 ticks'):
+        live.planned(223, 50, 20_000)
 
 
 @pytest.mark.long
