@@ -8,6 +8,7 @@ import signal
 import sys
 from pathlib import Path
 
+import pyarrow.dataset  # noqa: F401 - else every child process would import it
 from slow_study import QUICK
 
 from dragon_ros.scenes.yaml import parse_document
@@ -77,6 +78,7 @@ def killed(number: int, folder: Path) -> None:
 def main(folder: Path, step: int) -> None:
     """Kill the writer before every ``step``-th change."""
     dataset.BLOCK = 8
+    rows_of(study_of(parse_document('f.yaml', QUICK), Path()), range(1))      # fills caches for the child processes
     for number in range(1, 1000, step):
         each = folder / str(number)
         code = ended(killed, number, each)

@@ -18,7 +18,7 @@ from dragon_ros.scenes import certificate
 from dragon_ros.scenes.load import load_scene, scene_of, scene_values
 from dragon_ros.scenes.yaml import Document
 
-CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # at 4.28 turns, the head is between two positions at which the body touches
+CROSSING = Dragon(14, 0.9, 2.9, 0.2)       # at 4.28 turns, the head is between two positions at which the body touches
 LOOP = Composite((Line(5.0), Arc(3.0, 720.0)))
 OUT_AND_IN = Profile(((0.0, 0.0), (5.0, -1.0), (15.0, -1.0), (25.0, 1.0), (60.0, 1.0)), 'smooth')
 SCENES = {

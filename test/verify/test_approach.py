@@ -140,7 +140,7 @@ def test_at_the_start_benches_overlap_as_far_on_as_the_leader_goes_and_no_furthe
 
 def test_a_contact_that_a_leader_overshoots_on_its_way_back_is_not_proved_an_hour_later():
     """The leader overshoots by half a nanometre, which is within the slack."""
-    scene = Scene(dragon=Dragon(30, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), head=Head(-1.0), run=Run(0, 5))
+    scene = Scene(dragon=Dragon(14, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), head=Head(-1.0), run=Run(0, 5))
     found = first_contact(scene)
     turn_s = found.t_s + 5e-10
     again_s = turn_s + 0.05 + HOUR

@@ -24,17 +24,17 @@ from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc,
 
 SHORT = Scene(dragon=Dragon(12), run=Run(409.0, 413.0))
 LOCKING = Scene(dragon=Dragon(12), run=Run(409.0))
-CROSSING = Dragon(30, 0.9, 2.9, 0.2)
+CROSSING = Dragon(14, 0.9, 2.9, 0.2)
 LOOP = Scene(dragon=Dragon(14), track=Composite((Line(5.0), Arc(3.0, 400.0), Arc(3.0, -90.0))), run=Run(10, 24))
-WOUND = Scene(dragon=Dragon(14), run=Run(12, 40), track=Composite((
+WOUND = Scene(dragon=Dragon(14), run=Run(22, 40), track=Composite((
     Line(5.0), SpiralArc(0.6, 6.0, 5.5, 'left'), Arc(2.0, 300.0), Arc(2.0, 400.0))))
 LAW = Scene(dragon=CROSSING, track=Spiral(0.55, 4.28), run=Run(0, 9),
             head=Profile(((0.0, 0.0), (5.0, -1.0), (9.0, -1.0)), 'smooth'))
 THERE_AND_BACK = replace(LAW, head=Profile(((0.0, 1.5), (5.0, -1.6))))
 TAIL = Scene(dragon=CROSSING, track=Spiral(0.55, 4.28), head=Head(1.0, 'tail'), run=Run(0, 5))
 MIXED = Scene(dragon=Mixed((Group(2.0), Group(1.4, 9), Group(2.9, 2))), track=Spiral(0.5, 4.0), run=Run(0, 60))
-TURN = Scene(dragon=Dragon(24), track=STurn(0.8, before_m=100.0), run=Run(110, 114))
-PASSING = Scene(dragon=Dragon(20, width_m=0.30101), run=Run(408.5, 411))     # benches 0 and 11 overlap for a moment
+TURN = Scene(dragon=Dragon(18), track=STurn(0.8, before_m=100.0), run=Run(110, 114))
+PASSING = Scene(dragon=Dragon(12, width_m=0.30101), run=Run(408.5, 411))     # benches 0 and 11 overlap for a moment
 
 
 def lock(patch):

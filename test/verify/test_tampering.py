@@ -19,10 +19,10 @@ KINDS = {
     'none': Scene(dragon=Dragon(12), run=Run(410.5, 412.4)),
     'lock': Scene(dragon=Dragon(3, width_m=0.01), run=Run(430.0)),
     'start': Scene(dragon=Dragon(12), run=Run(413.0)),
-    'law': Scene(dragon=Dragon(30, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), run=Run(0, 9), head=LAW),
-    'tail': Scene(dragon=Dragon(30, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), head=Head(1.0, 'tail'), run=Run(0, 5)),
+    'law': Scene(dragon=Dragon(14, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), run=Run(0, 9), head=LAW),
+    'tail': Scene(dragon=Dragon(14, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), head=Head(1.0, 'tail'), run=Run(0, 5)),
     'mixed': Scene(dragon=Mixed((Group(2.0), Group(1.4, 9), Group(2.9, 2))), track=Spiral(0.5, 4.0), run=Run(0, 60)),
-    'turn': Scene(dragon=Dragon(24), track=STurn(0.8, before_m=100.0), run=Run(110, 114)),
+    'turn': Scene(dragon=Dragon(18), track=STurn(0.8, before_m=100.0), run=Run(110, 114)),
     'joined': Scene(dragon=Dragon(14), run=Run(12, 40), track=Composite((
         Line(5.0, (1.0, 2.0), 30.0), SpiralArc(0.6, 6.0, 5.5, 'left'), Arc(2.0, 300.0), Arc(2.0, 400.0)))),
     'other': Scene(dragon=Dragon(8), track=Composite((Line(20.0), Arc(4.0, 90.0), Line(20.0)), 18.0), run=Run(0, 9))}

@@ -127,7 +127,7 @@ def nearest(width):
 
 @pytest.mark.parametrize(('wanted', 'grazes'), thinned([(1e-12, True), (1e-10, False)], lambda case: case[1]))
 def test_a_gap_within_what_positions_may_err_is_grazing_with_both_bounds(wanted, grazes):
-    width, step = 0.3, 0.865235e-3
+    width, step = 0.300974, 0.0
     for _ in range(13):     # the gap decreases by slightly more than one per unit of width
         width += step
         step = nearest(width).gap_m - wanted

@@ -22,7 +22,7 @@ from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral, STurn
 from dragon_ros.core.venue import LineObstacle, Venue
 
-SMALL = Scene(dragon=Dragon(40), track=Spiral(0.55, 7.0))
+SMALL = Scene(dragon=Dragon(15), track=Spiral(0.55, 7.0))
 LATE = replace(SMALL, run=Run(40.0))
 BOX = {'dragon.width_m': 0.002, 'dragon.body_length_m': 0.002, 'dragon.head_length_m': 0.003,
        'dragon.hole_inset_m': 0.0005, 'track.pitch_m': 0.001}
@@ -108,7 +108,7 @@ def test_a_profile_of_speeds_is_proved_at_its_own_times():
 def test_a_run_that_starts_late_is_proved_from_there():
     whole, late = proof_of(SMALL, *BOX.items()), first_contact_within(LATE, BOX)
     assert late.proved_s == pytest.approx(whole.proved_s, abs=0.03)
-    assert late.states < whole.states < 4000
+    assert late.states < whole.states < 3000
 
 
 def test_what_is_too_wide_to_prove_anything_names_the_tolerance_to_blame_and_the_time_that_is_proved_without_it():

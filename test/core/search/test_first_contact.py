@@ -95,7 +95,7 @@ def test_two_pairs_that_meet_at_the_same_time_are_one_set():
     """With a short head the body touches first, with a longer head the head; in between, both touch simultaneously."""
     def lead(head_length_m):
         return meeting_time(head_length_m, (0, 7)) - meeting_time(head_length_m, (1, 8))
-    length = illinois(lead, 1.8, 1.9, lead(1.8), lead(1.9))
+    length = illinois(lead, 1.872, 1.873, lead(1.872), lead(1.873))
     assert abs(lead(length)) < 1e-11
     found = first_contact(Scene(dragon=Dragon(20, length), run=Run(424.0)))
     assert {found.benches, *found.simultaneous} == {(1, 8), (0, 7)}

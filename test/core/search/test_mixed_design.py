@@ -21,8 +21,8 @@ from dragon_ros.scenes.load import load_scene
 
 
 def test_the_smallest_pitch_of_an_even_list_is_that_of_equal_benches():
-    even = min_pitch(Mixed((Group(3.41), Group(2.2, 39))), largest_m=0.5, within_m=1e-6)
-    assert even == min_pitch(Dragon(40), largest_m=0.5, within_m=1e-6)
+    even = min_pitch(Mixed((Group(3.41), Group(2.2, 19))), largest_m=0.5, within_m=1e-6)
+    assert even == min_pitch(Dragon(20), largest_m=0.5, within_m=1e-6)
 
 
 ALMOST_EQUAL = Mixed((Group(3.41), Group(2.2, 28), Group(2.2001)))

@@ -241,7 +241,7 @@ def test_where_a_track_begins_the_last_links_are_marched_and_said_to_be_unless_t
     simulation = compile_scene(scene)
     if in_blocks:
         vars(simulation.model)['placement'] = by_blocks(simulation.model.placement)
-    seen = {agree(scene, t_s) for t_s in np.linspace(0.0, simulation.end.t_s, 60).tolist()}
+    seen = {agree(scene, t_s) for t_s in np.linspace(0.0, simulation.end.t_s, 30).tolist()}
     assert seen == solvers
 
 
