@@ -67,10 +67,10 @@ SUBSTITUTES = {
                               'costs.png', 'a smaller dragon'),
     './dragon cost': ('cost --help', 'takes minutes; test/benchmarks runs a short form of each page'),
     './dragon plan --scene walled.yaml --output walled.pdf': (
-        'plan --scene walled.yaml --set dragon.benches=5 --set run.stop_s=40 --output walled.pdf --title "The street"',
+        'plan --scene walled.yaml --set dragon.benches=5 --set run.stop_s=5 --output walled.pdf --title "The street"',
         'a smaller dragon and a shorter run'),
     './dragon plan --scene walled.yaml --output area.geojson': (
-        'plan --scene walled.yaml --set dragon.benches=5 --set run.stop_s=40 --output area.geojson',
+        'plan --scene walled.yaml --set dragon.benches=5 --set run.stop_s=5 --output area.geojson',
         'a smaller dragon and a shorter run'),
     './dragon plot dragon --scene street --time': (
         'plot dragon --scene street --time 60 --dpi 30 --output street.png', 'a smaller picture'),

@@ -15,13 +15,17 @@ from dragon_ros.scenes.load import scene_of
 from dragon_ros.scenes.yaml import Document
 
 SEEDS = range(400)
-SCENES = [random_scene(seed) for seed in SEEDS]
 FOR_GOOD = '3bb0ffa7ae26006c8a948bd43e88a3b3bf272cf56e6856709fdff5841d137b1a'    # the digest of all scenes of SEEDS
 
 
-def test_a_seed_is_one_scene_for_good():
-    assert hashlib.sha256(json.dumps(SCENES).encode()).hexdigest() == FOR_GOOD
-    assert random_scene(3) == SCENES[3] != random_scene(4)
+@pytest.fixture(scope='module')
+def scenes():
+    return [random_scene(seed) for seed in SEEDS]
+
+
+def test_a_seed_is_one_scene_for_good(scenes):
+    assert hashlib.sha256(json.dumps(scenes).encode()).hexdigest() == FOR_GOOD
+    assert random_scene(3) == scenes[3] != random_scene(4)
 
 
 def test_the_generator_knows_nothing_of_the_package():
@@ -56,7 +60,7 @@ def pieces_of(scene):
     return scene['track'].get('pieces', [])
 
 
-FEATURES = {        # the minimum number of SCENES that must have the feature
+FEATURES = {        # the minimum number of scenes that must have the feature
     'a tail that leads': (40, lambda scene: scene['head'].get('lead') == 'tail'),
     'a leader that moves backwards': (40, lambda scene: min(speeds_of(scene['head'])) < 0),
     'a profile': (60, lambda scene: 'knots' in scene['head']),
@@ -86,16 +90,16 @@ FEATURES = {        # the minimum number of SCENES that must have the feature
 
 
 @pytest.mark.parametrize('feature', FEATURES)
-def test_many_scenes_have(feature):
+def test_many_scenes_have(scenes, feature):
     least, has = FEATURES[feature]
-    assert sum(map(has, SCENES)) >= least
+    assert sum(map(has, scenes)) >= least
 
 
-def test_most_scenes_load_and_the_others_are_refused_with_a_reason():
+def test_most_scenes_load_and_the_others_are_refused_with_a_reason(scenes):
     refused = 0
-    for seed, values in enumerate(SCENES):
+    for seed, values in enumerate(scenes):
         try:
             scene_of(Document(f'seed {seed}', values))
         except DragonError:
             refused += 1
-    assert refused < 0.1 * len(SCENES)
+    assert refused < 0.1 * len(scenes)

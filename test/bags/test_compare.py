@@ -47,7 +47,6 @@ def test_a_lost_a_doubled_and_a_strange_tick_are_each_found(tmp_path, write_bag)
 
 
 EVERYTHING = Scene(run=Run(412.4, 412.6), effects=~Effect.CLOCK)
-CONTACT_S = first_contact(SCENE).t_s
 
 
 def write_frames(path, scene, frames):
@@ -61,16 +60,22 @@ def write_frames(path, scene, frames):
     return path
 
 
+@pytest.fixture(scope='module')
+def contact_s():
+    return first_contact(SCENE).t_s
+
+
 @pytest.mark.parametrize('scene', [
-    SCENE, EVERYTHING, replace(SCENE, accuracy='preview'), Scene(run=Run(CONTACT_S, 413))],
+    SCENE, EVERYTHING, replace(SCENE, accuracy='preview'), None],
     ids=['usual', 'everything', 'preview', 'from the contact on'])
-def test_a_run_that_ends_in_a_contact_has_the_ticks_before_it_and_its_frame(tmp_path, scene):
-    before = [tick(scene, k) for k in range(ticks_before(scene, CONTACT_S))]
-    end, topics = contact_frame(scene, CONTACT_S), len(encoders(scene))
+def test_a_run_that_ends_in_a_contact_has_the_ticks_before_it_and_its_frame(tmp_path, contact_s, scene):
+    scene = scene or Scene(run=Run(contact_s, 413))
+    before = [tick(scene, k) for k in range(ticks_before(scene, contact_s))]
+    end, topics = contact_frame(scene, contact_s), len(encoders(scene))
 
     def checked(name, frames):
         with BagReader(write_frames(tmp_path / name, scene, frames)) as bag:
-            return compare_with_model(bag, scene, contact_s=CONTACT_S)
+            return compare_with_model(bag, scene, contact_s=contact_s)
     whole = checked('a.mcap', [*before, end])
     assert (whole.equal, whole.faults) == (topics * (len(before) + 1), [])
     lacking = checked('b.mcap', before[1:]) if before else checked('b.mcap', [tick(scene, 1)])

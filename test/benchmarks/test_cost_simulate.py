@@ -16,6 +16,7 @@ def one_core():
     os.sched_setaffinity(0, cores)
 
 
+@pytest.mark.long
 def test_every_number_of_workers_is_measured(monkeypatch, one_core):
     monkeypatch.setattr(simulate, '_ROUNDS', 1)
     rows = simulate.measure(1e-4)

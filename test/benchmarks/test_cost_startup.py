@@ -14,6 +14,7 @@ def rows():
     return [startup.Start(name, line, Timing(0.01 * n, 0.01, 0.5, 5)) for n, (name, line) in enumerate(every, 1)]
 
 
+@pytest.mark.long
 def test_the_page_has_every_executable(tmp_path):
     text = startup.table(rows())
     assert all(f'| `{name}` | ' in text for name in EXECUTABLES)

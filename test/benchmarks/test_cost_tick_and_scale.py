@@ -158,6 +158,7 @@ def test_the_search_ends_with_the_highest_rate_that_is_held(monkeypatch, guess_h
     assert [row.rate_hz for row in live.highest(223, 1.0, guess_hz)] == tried
 
 
+@pytest.mark.long
 def test_the_scale_page_has_exponents_and_verdicts(tmp_path):
     spent = [scale.Stage('march', name, size, timing(1e-6 * size), 100 * size) for size in scale.SIZES
               for name in STAGES]

@@ -1,5 +1,6 @@
 """Each town on the page ``cost venue`` has the stated number of corners, a free street, and a line in the table."""
 import numpy as np
+import pytest
 
 from benchmarks import command, venues
 from dragon_ros.core.search.venue_fit import venue_fit
@@ -15,6 +16,7 @@ def test_the_town_has_as_many_corners_as_it_says_and_leaves_room_for_the_dragon(
     assert 2.0 < found.gaps[0].high_m < 20.0
 
 
+@pytest.mark.long
 def test_the_page_has_a_line_a_town_and_a_picture(tmp_path):
     def row(varied, size, fit_s):
         timings = {name: Timing(one, one, one, 9) for name, one in zip(venues.CALLS, (fit_s, 0.3, 0.2), strict=True)}
