@@ -1,14 +1,20 @@
 """A bag is compared with the model tick by tick, including the contact frame with which a run may end."""
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from properties import examples
 
+from dragon_ros.bags.check import compare
 from dragon_ros.bags.check.compare import compare_with_model
 from dragon_ros.bags.read.frames import law_on
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.record.loss_accounting import RECEIVED
 from dragon_ros.bags.write.writer import BagWriter
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
@@ -44,6 +50,39 @@ def test_a_lost_a_doubled_and_a_strange_tick_are_each_found(tmp_path, write_bag)
         other = compare_with_model(bag, Scene(run=Run(412, 412.4)))
         assert len(other.faults) == 3 * 5
         assert 'belongs to no tick' in other.faults[0]
+
+
+SHORT = Scene(dragon=Dragon(4), run=Run(412, 412.5))
+FAULTS = st.sampled_from(['', '', '', 'lost', 'one lost', 'doubled', 'changed', 'slightly changed', 'stray'])
+
+
+def write_faulty(path, faults):
+    """Write a bag of ``SHORT``; each tick has one of ``FAULTS``."""
+    encode = encoders(SHORT)
+    with BagWriter(path) as bag:
+        for name in encode:
+            bag.add_channel(f'/dragon/{name}', channels()[name])
+        for k, fault in enumerate(faults):
+            frame = tick(SHORT, k)
+            for name in () if fault == 'lost' else encode:
+                data = bytearray(encode[name](frame))
+                if name == 'handles' and fault in ('changed', 'slightly changed'):
+                    read_pose_array(data).poses[0, 0] += 1.0 if fault == 'changed' else 1e-15
+                for _ in range((fault == 'doubled') + (fault != 'one lost' or name != 'benches')):
+                    bag.write(f'/dragon/{name}', bytes(data), frame.t_ns + 7 * (fault == 'stray'), k)
+    return path
+
+
+@examples(10)
+@given(faults=st.lists(FAULTS, max_size=25).map(lambda faults: ['', *faults]))
+@example(faults=['', 'stray', '', 'lost', '', 'doubled', 'one lost', '', 'changed', 'slightly changed', ''])
+def test_ticks_that_are_compared_together_give_the_result_of_single_ones(tmp_path_factory, faults):
+    with BagReader(write_faulty(tmp_path_factory.mktemp('faulty') / 'a.mcap', faults)) as bag:
+        together = compare_with_model(bag, SHORT)
+        with patch.object(compare, '_TOGETHER_BYTES', 1):
+            assert compare_with_model(bag, SHORT) == together
+    wanted = {'one lost': 1, 'doubled': 6, 'changed': 1, 'lost': 3, 'stray': 6}
+    assert together.fault_count == sum(wanted.get(fault, 0) for fault in faults) + 3 * (26 - len(faults))
 
 
 EVERYTHING = Scene(run=Run(412.4, 412.6), effects=~Effect.CLOCK)

@@ -10,8 +10,9 @@ Every message in the bag is either compared or listed as unchecked, with the rea
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from heapq import merge
-from itertools import chain, groupby
+from itertools import chain, count, groupby
 from math import ceil, inf
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,6 +22,7 @@ import numpy as np
 from dragon_ros.bags.read.frames import law_on, log_times_are_ticks
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.record.loss_accounting import RECEIVED
+from dragon_ros.core.batches import ticks
 from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.frame import Frame
@@ -43,7 +45,7 @@ from dragon_ros.messages.decode import (
     stamp_of_message,
 )
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.fixed_size import Encode
+from dragon_ros.messages.fixed_size import Encode, Together, each
 from dragon_ros.messages.once import ENCODE
 from dragon_ros.scenes.provenance import RECORD, other_kernel
 from dragon_ros.version import __version__
@@ -51,7 +53,9 @@ from dragon_ros.version import __version__
 _HUGE = 1e100
 _MOST_LAST = 128        # final ticks of a led run in which topics may be missing because the recorder was killed
 _PART_BYTES = 2**23     # size of a part of a run: about eight message chunks, which take a tenth of a second
-_Instant = tuple[int, dict[str, list[bytes]]]
+_TOGETHER_BYTES = 2**20   # size of the messages that are recomputed together; a group of 2**18 takes a tenth longer
+_Messages = dict[str, list[bytes]]       # by topic name
+_Instant = tuple[int, _Messages]
 _Span = tuple[int, int]
 _SHOWN = 'model/markers'        # drawings may differ between versions; model/contacts has the contacts themselves
 _SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # solver diagnostics, which may differ between versions
@@ -211,6 +215,10 @@ class _PartOfRun:
             self._ticks = min(self._ticks, ticks_before(self._scene, contact_s))
             self._last = contact_frame(self._scene, contact_s)
 
+    @cached_property
+    def _tick_bytes(self) -> int:
+        return sum(len(encode(tick(self._scene, 0))) for encode in self._encode.values())
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the bag's path instead of the open bag."""
         return _reopened, (self._bag.path, *self._settings)
@@ -219,10 +227,9 @@ class _PartOfRun:
         """Return the parts as (first tick, tick after the last); they outnumber the messages by at most one."""
         if not log_times_are_ticks(self._bag, self._namespace):
             return [(0, self._ticks)]
-        size = sum(len(encode(tick(self._scene, 0))) for encode in self._encode.values())
         messages = sum(topic.messages for topic in self._bag.topics)
-        each = max(1, _PART_BYTES // size, ceil(self._ticks / (messages + 1)))
-        return [(k, min(k + each, self._ticks)) for k in range(0, self._ticks, each)] or [(0, 0)]
+        size = max(1, _PART_BYTES // self._tick_bytes, ceil(self._ticks / (messages + 1)))
+        return [(k, min(k + size, self._ticks)) for k in range(0, self._ticks, size)] or [(0, 0)]
 
     def __call__(self, span: _Span) -> Comparison:
         """Compare the ticks of a part and the messages between them; the last part includes all later messages."""
@@ -230,23 +237,51 @@ class _PartOfRun:
         is_last = stop == self._ticks
         last = self._last if is_last else None
         start_ns, end_ns = (scene.run.time_ns(k) if k else None), (None if is_last else scene.run.time_ns(stop))
+        waiting = _Waiting(result, scene, encode, self._tick_bytes)
         for t_ns, recorded in _instants(self._bag, self._namespace, encode, start_ns, end_ns):
-            if last and t_ns == last.t_ns:
+            here, is_contact = scene.run.tick_at(t_ns), last is not None and t_ns == last.t_ns
+            is_tick = not is_contact and 0 <= here < stop and scene.run.time_ns(here) == t_ns
+            if not is_tick or here != k:
+                waiting.compare()
+            if last is not None and is_contact:
                 k = _missing(result, encode, k, stop)
-                _compare_tick(result, scene, encode, k, last, recorded)
+                _compare_ticks(result, scene, encode, [(k, last, recorded)])
                 k += 1
-                continue
-            here = scene.run.tick_at(t_ns)
-            is_tick = 0 <= here < stop and scene.run.time_ns(here) == t_ns
-            k = _missing(result, encode, k, min(here if is_tick else here + 1, stop))
-            if not is_tick:
+            elif is_tick:
+                _missing(result, encode, k, here)
+                waiting.add(here, recorded)
+                k = here + 1
+            else:
+                k = _missing(result, encode, k, min(here + 1, stop))
                 for name, found in recorded.items():
                     result.stray(name, t_ns, len(found))
-                continue
-            _compare_tick(result, scene, encode, here, tick(scene, here), recorded)
-            k = here + 1
+        waiting.compare()
         _missing(result, encode, k, stop + (last is not None))
         return result
+
+
+class _Waiting:
+    """Consecutive ticks of a run that are compared together, which takes less time than one by one."""
+
+    def __init__(self, result: Comparison, scene: Scene, encode: Mapping[str, Encode], tick_bytes: int) -> None:
+        """``tick_bytes`` is the size of a tick's messages."""
+        self._result, self._scene, self._encode, self._tick_bytes = result, scene, encode, tick_bytes
+        self._first, self._bytes, self._recorded = 0, 0, list[_Messages]()
+
+    def add(self, k: int, recorded: _Messages) -> None:
+        """Add the messages of a tick; it must be the one after the last added tick, or the first since ``compare``."""
+        self._first = self._first if self._recorded else k
+        self._recorded.append(recorded)
+        self._bytes += max(self._tick_bytes, sum(len(data) for found in recorded.values() for data in found))
+        if self._bytes >= _TOGETHER_BYTES:
+            self.compare()
+
+    def compare(self) -> None:
+        """Compare the ticks, and remove them."""
+        frames = ticks(self._scene, self._first, self._first + len(self._recorded))
+        _compare_ticks(self._result, self._scene, self._encode, list(zip(count(self._first), frames, self._recorded)))
+        self._bytes = 0
+        self._recorded.clear()
 
 
 def _reopened(path: Path, *settings: Any) -> _PartOfRun:
@@ -260,7 +295,7 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
     A led run may end at any tick. In up to ``most`` final ticks, messages may be missing because a killed recorder had
     not received them yet, but those that exist must not differ. After a missing speed, no tick can be recomputed.
     """
-    law, waiting, left = None, list[tuple[int, Frame, dict[str, list[bytes]]]](), iter(instants)
+    law, waiting, left = None, list[tuple[int, Frame, _Messages]](), iter(instants)
     for k, (t_ns, recorded) in enumerate(left):
         speed_m_s = _walked_m_s(recorded.get('leader', []), t_ns)
         if t_ns != scene.run.time_ns(k) or speed_m_s is None:
@@ -272,24 +307,25 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
         law = law_on(scene, law, t_ns, speed_m_s)
         waiting.append((k, led_tick(compile_scene(scene), law, k), recorded))
         if set(recorded) >= set(encode) or len(waiting) > most:
-            for one in waiting:
-                _compare_tick(result, scene, encode, *one)
+            for one in waiting:         # one by one, because the messages of all could be large
+                _compare_ticks(result, scene, encode, [one])
             waiting.clear()
         progress(k)
-    for number, frame, found in waiting:
+    for one in waiting:
         trial = Comparison(result.other_version, result.other_kernel)
-        _compare_tick(trial, scene, {name: encode[name] for name in found}, number, frame, found)
+        _compare_ticks(trial, scene, {name: encode[name] for name in one[2]}, [one])
         for line in trial.faults:
             result.fault(line, 1)
 
 
-def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, frame_id: str, each: set[str]) -> None:
+def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, frame_id: str,
+             per_tick: set[str]) -> None:
     """Account for messages that belong to no tick, or to a tick that could not be compared."""
     once = dict[str, str]()
     for topic in bag.topics:
         name = topic.name.removeprefix(f'{namespace}/')
         left, row = topic.messages - result.seen[name], channels().get(name)
-        if name in each:
+        if name in per_tick:
             why = 'the last ticks are incomplete, probably because the recorder was killed'
         elif name in ENCODE and result.other_version is not None:
             why = 'another version draws it differently'
@@ -346,11 +382,14 @@ def _walked_m_s(found: list[bytes], t_ns: int) -> float | None:
     return speed_m_s if stamp_ns == t_ns else None
 
 
-def _compare_tick(result: Comparison, scene: Scene, encode: Mapping[str, Encode], k: int, frame: Frame,
-                  recorded: Mapping[str, list[bytes]]) -> None:
-    """Compare all messages of a run's frame k."""
-    for name in encode:
-        _compare(result, name, k, frame, encode[name](frame), recorded.get(name, []), scene)
+def _compare_ticks(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
+                   compared: Sequence[tuple[int, Frame, _Messages]]) -> None:
+    """Compare all messages of frames of a run, given as (number, frame, recorded messages)."""
+    together = Together([frame for _, frame, _ in compared])
+    wanted = {name: each(encode[name], together) for name in encode}
+    for n, (k, frame, recorded) in enumerate(compared):
+        for name in encode:
+            _compare(result, name, k, frame, wanted[name][n], recorded.get(name, []), scene)
 
 
 def _instants(bag: BagReader, namespace: str, names: Iterable[str], start_ns: int | None = None,
