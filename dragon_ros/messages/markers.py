@@ -40,6 +40,7 @@ YELLOW: Colour = (0.94, 0.89, 0.26, 1.0)
 _TRACK_GREY, _TRAIL_GREY = (0.6, 0.6, 0.6, 1.0), (0.4, 0.4, 0.4, 1.0)
 _NO_SCALE, _NO_COLOUR = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
 _HEAD, _BODY = VERMILION, BLUE
+_DIFFERENT = 3      # number of cubes that are laid out one by one; others repeat the bytes of the second
 _FACES, _EDGES = (0, 1, 2, 0, 2, 3), (0, 1, 1, 2, 2, 3, 3, 0)      # corners of a bench's triangles and lines
 
 
@@ -65,20 +66,22 @@ class MarkerSpec:
 
 
 class Offsets(NamedTuple):
-    """The offsets of the fields of a marker that change from tick to tick."""
+    """The offsets of the fields of a marker that change from tick to tick or from marker to marker."""
 
     stamp: int
+    id: int
     pose: int
+    scale: int
     points: int
 
 
 def put_marker(writer: Writer, spec: MarkerSpec, frame_id: str, t_ns: int = 0) -> Offsets:
-    """Append one Marker with all points set to zero; return the offsets of its stamp, pose and points."""
+    """Append one Marker with all points set to zero; return the offsets of its fields."""
     stamp = writer.header(frame_id, t_ns)
     writer.text(spec.ns)
-    writer.put('i', spec.id, spec.type, spec.action)
+    number = writer.put('i', spec.id, spec.type, spec.action)
     pose = writer.put('d', *spec.place, 0, 0, *spec.turn)
-    writer.put('d', *spec.scale)
+    scale = writer.put('d', *spec.scale)
     writer.put('f', *spec.colour)
     writer.put('i', 0, 0)           # lifetime: unlimited
     writer.put('?', False)          # frame_locked
@@ -95,7 +98,7 @@ def put_marker(writer: Writer, spec: MarkerSpec, frame_id: str, t_ns: int = 0) -
     writer.text('')                 # mesh_file
     writer.put('I', 0)
     writer.put('?', False)          # mesh_use_embedded_materials
-    return Offsets(stamp, pose, points)
+    return Offsets(stamp, number, pose, scale, points)
 
 
 class CubesTemplate(Template):
@@ -106,14 +109,21 @@ class CubesTemplate(Template):
         writer = Writer()
         writer.put('I', lengths_m.size)
         specs = [MarkerSpec(BENCH, bench, CUBE, (length_m, width_m, BENCH_HEIGHT_M), _BODY if bench else _HEAD)
-                 for bench, length_m in enumerate(lengths_m.tolist())]
+                 for bench, length_m in enumerate(lengths_m[:_DIFFERENT].tolist())]
         offsets = [put_marker(writer, spec, frame_id) for spec in specs]
-        super().__init__(writer.finish())
-        stride = offsets[1].stamp - offsets[0].stamp if len(offsets) > 1 else 0
+        data = writer.finish()
+        start, number, pose, scale, _ = offsets[0]
+        stride = offsets[1].stamp - start if len(offsets) > 1 else 0
         assert all(after.stamp - before.stamp == stride for before, after in pairwise(offsets))
-        start, pose = offsets[0].stamp, offsets[0].pose - offsets[0].stamp
-        self._markers = RowLayout(len(offsets), start, stride, {
-            'stamp': ('<u8', 0), 'place': ('<c16', pose), 'turn': ('<c16', pose + 40)})
+        if alike := lengths_m.size - len(offsets):
+            second = data[offsets[1].stamp:offsets[2].stamp]
+            data[offsets[1].stamp:offsets[1].stamp] = second * alike
+        self._markers = RowLayout(lengths_m.size, start, stride, {
+            'stamp': ('<u8', 0), 'id': ('<i4', number - start), 'place': ('<c16', pose - start),
+            'turn': ('<c16', pose - start + 40), 'length': ('<f8', scale - start)})
+        markers = self._markers.of(Room(memoryview(data)))
+        markers['id'], markers['length'] = np.arange(lengths_m.size), lengths_m
+        super().__init__(data)
 
     def fill(self, room: Room, stamps: int | Array, *values: Floats) -> None:
         """Patch messages; ``values`` are the centres (m) and axes of the benches, both of shape (..., N, 2)."""

@@ -10,10 +10,10 @@ from properties import thinned
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.messages.cdr import PoseArrayTemplate, half_turns, turns_of
+from dragon_ros.messages.cdr import PoseArrayTemplate, Writer, half_turns, turns_of
 from dragon_ros.messages.decode import MessageError, Reader, read_marker_array, read_multi_array, read_pose_array
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.markers import CubesTemplate
+from dragon_ros.messages.markers import BLUE, CUBE, VERMILION, CubesTemplate, MarkerSpec, put_marker
 from dragon_ros.messages.observation import observation_of, read_benches, read_handles
 
 
@@ -242,3 +242,14 @@ def test_templates_are_patched_not_rebuilt():
     second = template.encode(5, np.ones((2, 2)), np.array([[1.0, 0], [0, 1]]))
     assert first != second
     assert template.encode(0, np.zeros((2, 2)), np.array([[1.0, 0], [0, 1]])) == first
+
+
+@pytest.mark.parametrize('frame_id', ['', 'map', 'dragon'])
+@pytest.mark.parametrize('benches', [1, 2, 3, 4, 9])
+def test_repeated_cubes_have_the_bytes_of_markers_laid_out_one_by_one(benches, frame_id):
+    writer, lengths_m = Writer(), np.linspace(1.0, 2.0, benches)
+    writer.put('I', benches)
+    for bench, length_m in enumerate(lengths_m.tolist()):
+        put_marker(writer, MarkerSpec('bench', bench, CUBE, (length_m, 0.3, 0.1), BLUE if bench else VERMILION),
+                   frame_id)
+    assert CubesTemplate(lengths_m, 0.3, frame_id).copies(1).data.tobytes() == bytes(writer.finish())
