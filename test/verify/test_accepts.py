@@ -87,7 +87,8 @@ SCENES = {
 SIMILAR = ('ten thousand turns out', 'a tail led backwards', 'a lock that is reached from far out', 'a body in',
            'unwinding', 'a loop', 'a tight S-turn', 'two alternating lengths', 'the centre',
            'a tail that leaves the track', 'millimetres', 'a third of the speed of light', 'a tail', 'a body out',
-           'a lock', 'two benches', 'out and in')        # to others of the scenes or of test_tampering.py
+           'a lock', 'two benches', 'out and in',
+           'a mixed dragon')        # to others of the scenes or of test_tampering.py
 
 
 @pytest.mark.parametrize('name', thinned(SCENES, lambda name: name not in SIMILAR))

@@ -135,7 +135,7 @@ def _rectangle(pair, which, scale):
 
 
 def test_the_command_writes_and_verifies_it(tmp_path, capfd):
-    scene = ['--set', 'dragon.benches=20', '--set', 'track.start_turns=6', '--set', 'run.stop_s=2']
+    scene = ['--set', 'dragon.benches=10', '--set', 'track.start_turns=6', '--set', 'run.stop_s=2']
     file, wide = tmp_path / 'family.json', ['--within', 'dragon.width_m=0.01']
     assert contact.main([*scene, *wide, '--certificate', str(file), '--format', 'json']) == 0
     values = json.loads(capfd.readouterr().out)

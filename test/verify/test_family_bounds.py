@@ -352,7 +352,7 @@ def test_distances_and_slopes_of_a_box_hold_those_of_its_points(seed, wide):
 
 @pytest.mark.parametrize(('rows', 'seed'), thinned(
     [(rows, seed) for rows in (*((row,) for row in range(5)), (0, 1), (2, 3, 4), (0, 1, 2, 3, 4)) for seed in range(3)],
-    lambda case: case[1] == 0 and (len(case[0]) > 2 or case[0] == (4,))), ids=str)
+    lambda case: case[1] == 0 and (len(case[0]) > 3 or case[0] == (4,))), ids=str)
 def test_a_box_is_cleared_while_its_benches_are_apart_and_no_longer(rows, seed):
     """The box is widened around benches with a small gap; the mean value theorem loses only a second-order term."""
     draw, over = random.Random(seed), 0.2

@@ -1,5 +1,6 @@
 """In a venue, the tracker begins, ends and names contacts with obstacles like those between benches."""
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,9 +23,14 @@ SCENE = Scene(Dragon(5), Composite((Line(40.0), Arc(6.0, -90.0), Line(10.0)), 25
               venue=Venue((WALL, POST)))
 
 
+@cache
+def frame_at(k):
+    return tick(SCENE, k)
+
+
 def reports(tracker, ticks):
     for k in ticks:
-        frame = tick(SCENE, k)
+        frame = frame_at(k)
         yield from tracker.add(Observation(frame.t_ns, frame.chain.p, frame.benches, 'dragon'))
 
 
@@ -51,7 +57,7 @@ def test_the_event_of_an_obstacle_is_the_first_contact_within_what_a_tick_allows
 def test_each_look_has_the_clearance_and_the_pairs_of_the_effects():
     seen = set()
     for k, report in zip(range(0, 900, 9), reports(tracked(), range(0, 900, 9)), strict=True):
-        frame = tick(SCENE, k)
+        frame = frame_at(k)
         found = closeness(compile_scene(SCENE), frame.chain, frame.benches)
         assert (report.clearance_m, report.closest, report.count) == (found.clearance_m, found.closest, found.i.size)
         seen.add(report.obstacle(report.closest))

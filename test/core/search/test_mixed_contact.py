@@ -131,6 +131,7 @@ def test_where_a_link_behind_the_second_turns_back_the_run_is_refused_with_the_t
     assert found.certificate.complete
 
 
+@pytest.mark.long       # by default, test_near_misses.py compares those of a mixed dragon with a dense scan
 def test_near_misses_of_a_mixed_dragon_are_the_smallest_gaps_of_its_head():
     scene = load_scene('mixed', ['run.start_s=390'])
     misses = [miss for miss in near_misses(scene, first_contact(scene), 0.05).nearest if miss.benches[0] == 0]

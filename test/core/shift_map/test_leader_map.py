@@ -136,7 +136,7 @@ def fresh(scene):
 
 
 @pytest.mark.parametrize('name', thinned(
-    ['mixed-by-the-tail', 'turn-by-the-tail', 'tight'], lambda name: name != 'mixed-by-the-tail'))
+    ['mixed-by-the-tail', 'turn-by-the-tail', 'tight'], lambda name: name == 'turn-by-the-tail'))
 def test_places_have_the_same_bits_in_any_order_and_after_their_cells_were_dropped(name, monkeypatch):
     distances = np.random.default_rng(3).uniform(*compile_scene(CASES[name]).extent_m, 40).tolist()
     place, leader = fresh(CASES[name])
@@ -153,7 +153,7 @@ def test_places_have_the_same_bits_in_any_order_and_after_their_cells_were_dropp
 def test_places_have_the_same_bits_while_another_thread_builds_cells():
     place, leader = fresh(CASES['mixed-by-the-tail'])
     other, _ = fresh(CASES['mixed-by-the-tail'])
-    leaders = [leader.place((gone_m, 0.0)) for gone_m in np.linspace(0, 45, 100).tolist()]
+    leaders = [leader.place((gone_m, 0.0)) for gone_m in np.linspace(0, 45, 60).tolist()]
     expected = [place.place(one).p.tobytes() for one in leaders]
     thread = Thread(target=lambda: [other.place(one) for one in leaders])
     thread.start()

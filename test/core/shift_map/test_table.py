@@ -176,7 +176,7 @@ def test_a_shift_map_keeps_the_tiles_that_were_used_last_within_its_bytes(monkey
     scene = Scene(dragon=Dragon(20), track=Spiral(0.55, 1e5), accuracy='standard', run=Run(0, 1e6))
     monkeypatch.setattr('dragon_ros.core.shift_map.table._MOST_BYTES', 3.5 * tile(scene, 0.0).memory_bytes)
     first = state(scene, 100.0).p
-    for t_s in np.linspace(0, 2e4, 30).tolist():
+    for t_s in np.linspace(0, 2e4, 15).tolist():
         state(scene, t_s)
     assert len(tiles(scene)) == 3
     assert state(scene, 100.0).p.tobytes() == first.tobytes()
@@ -276,7 +276,7 @@ def test_a_run_of_any_length_keeps_the_series_of_a_few_cells(dragon):
     vars(model)['placement'] = replace(model.placement, uses_leader_map=False)      # its cells need no copies
     first = tick(scene, 0).chain.p.tobytes()
     most = 0
-    for k in range(0, 3000, 2):
+    for k in range(0, 3000, 4):
         tick(scene, k)
         most = max(most, kept(scene))
     assert 50 < most <= 64 * len(compile_scene(scene).model.placement.maps)
