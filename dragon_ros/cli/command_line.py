@@ -7,6 +7,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from dragon_ros.bags.write.whole_file import whole_or_none
 from dragon_ros.core.errors import DragonError, InputError, MissingError, ModelEnd, did_you_mean, shown
 
 if TYPE_CHECKING:       # --help must not import numpy
@@ -275,7 +276,8 @@ def write_output(path: Path | None, content: str | bytes, option: str = '--outpu
             raise MissingError(f'standard output cannot be written: {error.strerror}') from None
         return
     try:
-        path.write_bytes(content if isinstance(content, bytes) else f'{content}\n'.encode(errors='backslashreplace'))
+        with whole_or_none(path, overwrite=True) as file:
+            file.write(content if isinstance(content, bytes) else f'{content}\n'.encode(errors='backslashreplace'))
     except OSError as error:
         raise MissingError(f'{option} {path}: cannot be written: {error.strerror}') from None
 

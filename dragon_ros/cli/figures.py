@@ -4,6 +4,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from dragon_ros.bags.write.whole_file import whole_or_none
 from dragon_ros.core.errors import MissingError
 from dragon_ros.version import __version__
 
@@ -134,8 +135,9 @@ def write(figure: Any, path: Path, dpi: int = 130, caption: str = '') -> Path:
         _add_caption(figure, caption)
     about = _in_metres(figure) if suffix == '.svg' else {}
     try:
-        with matplotlib.rc_context({key: _STYLE[key] for key in ('svg.hashsalt', 'svg.fonttype', 'pdf.fonttype')}):
-            figure.savefig(path, dpi=dpi, metadata={**_UNDATED[suffix], **about})
+        with (whole_or_none(path, overwrite=True) as file,
+              matplotlib.rc_context({key: _STYLE[key] for key in ('svg.hashsalt', 'svg.fonttype', 'pdf.fonttype')})):
+            figure.savefig(file, format=suffix[1:], dpi=dpi, metadata={**_UNDATED[suffix], **about})
     except OSError as error:
         raise MissingError(f'{path}: cannot be written: {error.strerror}') from None
     return path

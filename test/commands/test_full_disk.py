@@ -1,4 +1,4 @@
-"""On a full disk, commands end with one line and exit code 2."""
+"""On a full disk, commands end with one line and exit code 2, and an old file stays as it was."""
 import os
 import subprocess
 import sys
@@ -9,6 +9,7 @@ from small_disk import small_disk
 
 from dragon_ros.__main__ import main
 
+BAG = Path(__file__).parents[1] / 'data' / 'made_by_0_1_0.mcap'
 SHORT = '--scene winding --set dragon.benches=3 --set run.stop_s=1'
 
 
@@ -17,13 +18,18 @@ SHORT = '--scene winding --set dragon.benches=3 --set run.stop_s=1'
     (f'plan {SHORT} --output OUT.geojson', 'plan: --output OUT.geojson: cannot be written: File too large'),
     (f'table {SHORT} --times 0:1:0.001 --output OUT.xlsx',
      'table: xlsx: the temporary file of the sheet cannot be written: File too large; free some space, or set TMPDIR'),
+    (f'plot clearance {SHORT} --output OUT.svg', 'plot: OUT.svg: cannot be written: File too large'),
+    (f'export {BAG} --force --output OUT.csv', 'export: --output OUT.csv: it cannot be written: File too large'),
     ('contact --scene first_contact --certificate OUT.json',
      'contact: --certificate OUT.json: cannot be written: File too large')])
 def test_a_full_disk_is_said_in_one_line(capsys, tmp_path, arguments, says):
     arguments, says = (text.replace('OUT', str(tmp_path / 'out')) for text in (arguments, says))
+    old = next(Path(word) for word in arguments.split() if word.startswith(str(tmp_path)))
+    old.write_bytes(b'old')
     with small_disk(1000):
         code = main(arguments.split())
     assert (code, capsys.readouterr().err) == (2, f'{says}\n')
+    assert [one.read_bytes() for one in tmp_path.iterdir()] == [b'old']
 
 
 @pytest.mark.skipif(not Path('/dev/full').exists(), reason='the system has no /dev/full')

@@ -4,9 +4,9 @@ from base64 import b64encode
 from hashlib import sha256
 from pathlib import Path
 
+from dragon_ros.cli import command_line
 from dragon_ros.commands.sources import Progress, Source
 from dragon_ros.commands.view.data import ViewData
-from dragon_ros.core.errors import MissingError
 from dragon_ros.core.numerics.types import Floats
 
 WEB = Path(__file__).with_name('web')
@@ -20,10 +20,7 @@ def write_page(source: Source, times_s: Floats, pace: float, path: Path, progres
                'clearance.json': json.dumps(data.clearance()).encode(), 'frames/contact': data.contact_frame()}
     answers |= {f'frames/{chunk}': data.frames(chunk) for chunk in range(data.chunks)}
     embedded = json.dumps({name: b64encode(answer).decode() for name, answer in answers.items()})
-    try:
-        path.write_text(_page(f'window.EMBEDDED = {embedded};'), encoding='utf-8')
-    except OSError as error:
-        raise MissingError(f'--output {path}: cannot be written: {error.strerror}') from None
+    command_line.write_output(path, _page(f'window.EMBEDDED = {embedded};').encode())
     return path
 
 
