@@ -9,7 +9,6 @@ from dragon_ros.commands import contacts_in_bag, sources
 from dragon_ros.core.chain.commanded import walked_from
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.limits import FOLDER_FILES
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Run, Scene
 from dragon_ros.core.step import led_tick, tick
@@ -29,12 +28,13 @@ def written(path, scene, name, frames, options=None):
     return path
 
 
-def test_a_folder_of_too_many_files_is_refused(tmp_path):
-    for number in range(FOLDER_FILES):
+def test_a_folder_of_too_many_files_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(folder, 'FOLDER_FILES', 20)
+    for number in range(20):
         (tmp_path / f'{number}.mcap').touch()
-    assert len(folder.files_of(tmp_path)) == FOLDER_FILES
+    assert len(folder.files_of(tmp_path)) == 20
     (tmp_path / 'one_more.mcap').touch()
-    with pytest.raises(BagError, match=f'has {FOLDER_FILES + 1} files; the limit is {FOLDER_FILES}'):
+    with pytest.raises(BagError, match='has 21 files; the limit is 20'):
         BagReader(tmp_path)
 
 

@@ -22,7 +22,6 @@ from dragon_ros.commands.grade.truth import truth_at
 from dragon_ros.core import limits
 from dragon_ros.core.errors import InputError
 
-openpyxl = pytest.importorskip('openpyxl')
 NAMES = handle_names(223)
 TIMES = np.array([0.0, 60.0, 120.0, 240.0, 300.0])
 STATE = truth_at('result1', TIMES)
@@ -32,8 +31,12 @@ SPEEDS = [[f'{name} (m/s)', *V[:, k].tolist()] for k, name in enumerate(NAMES)]
 HEAD = ['', *(f'{t:g} s' for t in TIMES)]
 
 
+def new_book():
+    return pytest.importorskip('openpyxl').Workbook()
+
+
 def book(path, **sheets):
-    made = openpyxl.Workbook()
+    made = new_book()
     made.remove(made.active)
     for name, rows in sheets.items():
         page = made.create_sheet(name)
@@ -134,7 +137,7 @@ PAGE = ('<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/
 
 def plain_book():
     out = io.BytesIO()
-    made = openpyxl.Workbook()
+    made = new_book()
     made.active['A1'], made.active['B2'] = 'x', 1.5
     made.save(out)
     return out.getvalue()
@@ -142,7 +145,7 @@ def plain_book():
 
 def merged_book():
     out = io.BytesIO()
-    made = openpyxl.Workbook()
+    made = new_book()
     for row in [HEAD, *PLACES]:
         made.active.append(row)
     made.active.merge_cells('B5:C6')
@@ -199,7 +202,7 @@ def test_a_hostile_or_broken_workbook_is_refused_in_one_line(name, tmp_path, cap
 
 def test_merged_headings_are_read(tmp_path):
     path = tmp_path / 'result1.xlsx'
-    made = openpyxl.Workbook()
+    made = new_book()
     for row in [['板凳龙'], HEAD, *PLACES]:
         made.active.append([None if cell == '' else cell for cell in row])
     made.active.merge_cells('A1:F1')

@@ -11,10 +11,14 @@ from dragon_ros.scenes.load import load_scene, scene_of, scene_values
 from dragon_ros.scenes.schema import scene_schema, text
 from dragon_ros.scenes.yaml import parse_document
 
-jsonschema = pytest.importorskip('jsonschema')
+
+@pytest.fixture(autouse=True, scope='module')
+def _requires_jsonschema():
+    pytest.importorskip('jsonschema')
 
 
 def accepted(document):
+    import jsonschema
     try:
         jsonschema.Draft202012Validator(scene_schema()).validate(yaml.safe_load(document) or {})
     except jsonschema.ValidationError:
@@ -23,6 +27,7 @@ def accepted(document):
 
 
 def test_the_published_schema_is_current_and_a_schema():
+    import jsonschema
     published = (configuration.folder() / 'scene.schema.json').read_text(encoding='utf-8')
     assert published == text(), 'run msg_configs/make_scene_schema.py'
     jsonschema.Draft202012Validator.check_schema(json.loads(published))
