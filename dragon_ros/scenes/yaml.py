@@ -11,7 +11,6 @@ import yaml
 from dragon_ros.core.errors import InputError, MissingError, did_you_mean, shown
 from dragon_ros.core.limits import SCENE_FILE_BYTES, YAML_DEPTH, YAML_VALUES
 
-_LONG = 16_384      # pure PyYAML reads this many characters in 30 ms
 _EXPONENT = pattern(r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+')
 
 
@@ -98,13 +97,13 @@ def _document(name: str, text: str, kind: Callable[[str], Any]) -> Document:
 
 
 def _composed(text: str, kind: Callable[[str], Any]) -> tuple[Any, yaml.Node | None]:
-    """Return a loader and the root node of a text. Long texts use libyaml if PyYAML includes it, because it is faster.
+    """Return a loader and the root node of a text, using libyaml if PyYAML includes it, because it is faster.
 
     ``kind`` reads texts that libyaml rejects or that are nested too deeply, because the errors of ``kind`` quote the
     text and the position. Raises YAMLError or ValueError.
     """
     fast = getattr(yaml, 'CSafeLoader', None)
-    if fast is not None and kind is _Loader and len(text) > _LONG:
+    if fast is not None and kind is _Loader:
         with suppress(yaml.YAMLError, UnicodeError):
             if _is_shallow(text, fast):
                 loader = fast(text)

@@ -95,10 +95,12 @@ def test_an_empty_file_is_the_classic_scene():
     ('head: {lead: middle}', r'f:1: head.lead: .middle.'),
     ('accuracy: paper\nhead: {lead: tail}', r'f:1: accuracy: .paper.* one spiral, led by the head'),
 ], ids=lambda text: text[:40])
-def test_bad_scenes_name_file_line_and_key(text, says):
-    for size in (0, 20_000):        # libyaml reads long texts, and reports the same errors
+def test_bad_scenes_name_file_line_and_key_with_and_without_libyaml(monkeypatch, text, says):
+    for fast in (True, False):
+        if not fast:
+            monkeypatch.delattr(yaml, 'CSafeLoader', raising=False)
         with pytest.raises(InputError) as error:
-            scene_of(parse_document('f', f'{text}\n# {"-" * size}'))
+            scene_of(parse_document('f', text))
         assert re.match(says, str(error.value)), str(error.value)
 
 
