@@ -215,6 +215,7 @@ def test_a_scheduler_that_goes_away_is_told_and_what_came_is_kept(cluster, study
         assert 24 <= data.count < 48
 
 
+@pytest.mark.long
 def test_the_embedded_cluster_is_on_this_host_alone_and_encrypted(cluster, study, without_times, tmp_path):
     before = set(psutil.Process().children(recursive=True))
     with cluster.local_client(1) as client, writing(tmp_path, study()) as data:

@@ -16,7 +16,7 @@ from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes.load import scene_values
 from dragon_ros.verify.posture import overlap
 
-BODY, TRACK = Dragon(30, 0.9, 2.9, 0.2), Spiral(0.55, 4.28)
+BODY, TRACK = Dragon(14, 0.9, 2.9, 0.2), Spiral(0.55, 4.28)
 HOUR = 3600.0
 BACK_S = 0.1        # further back on the track, other benches touch
 

@@ -27,7 +27,7 @@ from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
 from dragon_ros.scenes import certificate
 
-CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # at 4.28 turns, the head is between two positions at which the body touches
+CROSSING = Dragon(14, 0.9, 2.9, 0.2)       # at 4.28 turns, the head is between two positions at which the body touches
 
 
 @examples(15)
@@ -178,7 +178,7 @@ def test_speed_and_uncertainty_of_a_contact_are_the_same_in_any_unit_of_length(s
 
 @pytest.mark.parametrize('link_m', thinned([0.0, 1e-9, 1e-7], lambda link_m: link_m == 0.0))
 def test_a_short_link_leaves_the_speed_and_the_uncertainty_of_other_benches_alone(link_m):
-    found, usual = (first_contact(Scene(effects=Effect(0), run=Run(400.0), dragon=Mixed(
+    found, usual = (first_contact(Scene(effects=Effect(0), run=Run(411.0), dragon=Mixed(
         (Group(3.41, 1), Group(2.2, 221), Group(0.6 + last_m, 1)), 0.3, 0.3))) for last_m in (link_m, 0.01))
     assert (found.benches, found.t_s) == (usual.benches, pytest.approx(usual.t_s, abs=1e-9))
     assert found.approach_m_s == pytest.approx(usual.approach_m_s, rel=1e-6)

@@ -23,7 +23,7 @@ from dragon_ros.scenes import certificate
 from dragon_ros.scenes.load import load_scene
 
 OUT_AND_IN = Profile(((0.0, 0.0), (5.0, -1.0), (15.0, -1.0), (25.0, 1.0), (60.0, 1.0)), 'smooth')
-CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # at 4.28 turns, the head is between two positions at which the body touches
+CROSSING = Dragon(14, 0.9, 2.9, 0.2)       # at 4.28 turns, the head is between two positions at which the body touches
 SCENES = {
     'steady': Scene(run=Run(405, 413), head=Profile(((0.0, 1.0),))),
     'out and in': Scene(track=Spiral(0.55, 5.0), head=OUT_AND_IN, run=Run(2, 200)),
