@@ -254,7 +254,7 @@ NEEDS = {
     'export BAG --output OUT.csv': (BAG, 'messages'),
     'inspect BAG': (BAG, 'messages core.enclosures core.search'),
     # This command imports shapely to mark overlaps.
-    'plot dragon --output OUT.png': ('numpy numpy.ma yaml shapely matplotlib subprocess', ''),
+    'plot dragon --set dragon.benches=3 --output OUT.png': ('numpy numpy.ma yaml shapely matplotlib subprocess', ''),
 }
 ROOMS = {'messages', 'core.enclosures', 'core.search', 'core.effects', 'nodes', 'studies'}
 HEAVY = {'numpy', 'numpy.ma', 'yaml', 'mcap', 'zstandard', 'lz4', 'shapely', 'matplotlib', 'scipy', 'pyarrow', 'dask',

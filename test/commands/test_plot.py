@@ -277,10 +277,13 @@ def source(request):
     return SceneSource(request.param, SHOWN[request.param]())
 
 
-def figures_of(source):
-    """Yield (name, figure) for every kind of picture of a source; for an animation, the figure is its first frame."""
+def figures_of(source, numbers):
+    """Yield (name, figure) for every kind of picture of a source; for an animation, the figure is its first frame.
+
+    ``numbers`` are the numbers of times that one picture shows.
+    """
     first, last = source.span_s
-    for many in (1, 2, 5):
+    for many in numbers:
         yield f'{many} dragons', dragon_picture(source, np.linspace(first, last, many).tolist())
     yield 'clearance', clearance_picture(source, iter)
     yield 'speeds', speeds_picture(source, np.linspace(first, last, 30).tolist())
@@ -292,9 +295,9 @@ def figures_of(source):
         yield 'film', AnimatedFigure(source, np.linspace(first, last, 3), around, around is not None, (640, 360)).figure
 
 
-def test_no_text_of_a_picture_is_small_cropped_or_on_another_and_no_legend_lies_on_a_curve(source):
+def test_no_text_of_a_picture_is_small_cropped_or_on_another_and_no_legend_lies_on_a_curve(source, request):
     with style():
-        for kind, figure in figures_of(source):
+        for kind, figure in figures_of(source, (1, 2, 5) if request.config.getoption('--long') else (1, 5)):
             seen = pictures.Picture(figure)
             assert (kind, seen.cropped(), seen.overlapping(), seen.hidden()) == (kind, [], [], [])
             assert kind == 'film' or (kind, seen.small()) == (kind, [])

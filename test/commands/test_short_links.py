@@ -40,7 +40,7 @@ def test_positions_benches_and_velocities_with_a_short_link_are_those_with_none(
         assert np.max(np.abs(axes_of(one) - axes_of(other))) <= 1e-5
 
 
-@pytest.mark.parametrize('link_m', thinned(KEPT, (0.0, 1e-7).__contains__))
+@pytest.mark.parametrize('link_m', thinned(KEPT, lambda link_m: link_m == 1e-7))
 def test_a_contact_with_a_short_link_is_found_and_proved(link_m, tmp_path, capsys):
     certificate = tmp_path / 'c.json'
     assert main(['contact', *scene_options(link_m), '--format', 'json', '--certificate', str(certificate)]) == 0

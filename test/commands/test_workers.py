@@ -374,7 +374,7 @@ def test_a_bag_is_drawn_from_the_same_numbers_with_any_number_of_workers(variant
         ticks = []
         assert one.first_touch(lambda rows: (ticks.append(0) or row for row in rows)) == two.first_touch(iter)
         assert len(ticks) > 400
-        times_s = one.ticks_s(*one.span_s, 200)
+        times_s = one.ticks_s(*one.span_s, 100)
         assert list(one.gaps(times_s)) == list(two.gaps(times_s))
 
 
