@@ -57,8 +57,14 @@ class Inbox:
         if self._keeps(topic, kind, data):
             self._waiting.append((topic, data, info))
             self._bytes += len(data)
+            self._stay_within_budget()
         if self.skipped > before:
             self._tell()
+
+    def _stay_within_budget(self) -> None:
+        """Read the first messages if the inbox is too full: a kept tick is whole, and some parts of it arrive late."""
+        while self.fill > 1 and not self._held():
+            self._read_one()
 
     def _keeps(self, topic: str, kind: str, data: bytes) -> bool:
         try:
@@ -79,7 +85,10 @@ class Inbox:
 
     def _work_until(self, end_s: float) -> None:
         while self._waiting and time.monotonic() < end_s:
-            message = self._waiting.popleft()
-            self._bytes -= len(message[1])
-            self._read(*message)
+            self._read_one()
         self._rest()
+
+    def _read_one(self) -> None:
+        message = self._waiting.popleft()
+        self._bytes -= len(message[1])
+        self._read(*message)

@@ -124,6 +124,21 @@ def test_a_monitor_reads_first_where_the_publisher_waits_for_it(monitor, node, m
     assert (monitor.pace.before, monitor._numbers) == (0, {})
 
 
+def test_benches_that_arrive_long_after_their_handles_do_not_exceed_the_budget_of_a_monitor(monitor, messages,
+                                                                                           monkeypatch):
+    early = [row for row in messages[:120] if row[0] == 'handles']
+    late = [row for row in messages[:120] if row[0] == 'benches']
+    budget = 2.2 * sum(len(data) for _, data, _, _ in early)        # the handles alone fill less than half of it
+    assert sum(len(data) for _, data, _, _ in early + late) > 1.2 * budget
+    monkeypatch.setattr(inbox, 'INBOX_BYTES', budget)
+    for name, data, _, number in early + late:
+        monitor._inbox.put(name, channels()[name].type, data, info(number))
+        assert monitor._inbox.fill <= 1
+    while monitor._inbox._waiting:
+        monitor._inbox.work()
+    assert (monitor.seen, monitor.dropped, monitor._inbox.skipped) == (60, 0, 0)
+
+
 @pytest.mark.parametrize('read', [0, 100])
 def test_a_monitor_reads_all_messages_of_a_publisher_that_waited_for_it_and_has_left(monitor, node, messages,
                                                                                     monkeypatch, read):
