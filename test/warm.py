@@ -1,6 +1,7 @@
 """Fill the caches that each node would fill; the process that nodes are forked from imports this module last.
 
-Nothing here depends on a scene, an environment or a folder, and nothing starts a thread.
+Nothing here depends on an environment or a folder, and nothing starts a thread. The model of the default scene is the
+one of most scenes that tests run; without it, each ``sim`` would build its first tables again.
 """
 import gc
 import inspect
@@ -8,6 +9,9 @@ from contextlib import suppress
 from importlib import import_module
 
 import dragon_ros.__main__  # noqa: F401, every process imports it
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.step import tick
 from dragon_ros.messages.channels import channels
 from dragon_ros.scenes.provenance import versions
 
@@ -19,5 +23,8 @@ for package in ('builtin_interfaces', *(f'{name}_msgs' for name in (
         import_module(f'.{package}_s__rosidl_typesupport_c', package)
 channels()
 versions()
+default = Scene()
+tick(default, compile_scene(default).last_tick)
+tick(default, 0)
 inspect.getmodule(inspect.currentframe())       # indexes all modules; a node's first log line looks up its caller there
 gc.freeze()     # a collection in a forked process would copy the memory of all these objects
