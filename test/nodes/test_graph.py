@@ -1,5 +1,6 @@
 """All nodes run together, and each of them works as documented."""
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -370,9 +371,11 @@ def test_the_monitor_survives_every_unusable_message(start, node):
     monitor.wait_for('contact of benches 0 and 8')
     assert sim.end() == 0
     assert monitor.stop() == 0
+    assert re.search(r'dropped \d messages', monitor.text)
     assert 'Traceback' not in monitor.text
 
 
+@pytest.mark.long       # by default, test_overload.py shows that the monitor drops such handles when their wait ends
 def test_handles_without_benches_are_counted_and_logged(start, node):
     from geometry_msgs.msg import Pose, PoseArray
     monitor = start('monitor')

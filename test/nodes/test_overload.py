@@ -61,6 +61,18 @@ def heard(node, name):
     return got
 
 
+def test_handles_whose_benches_do_not_come_in_time_are_counted_and_logged(monitor, messages, monkeypatch, capfd):
+    monkeypatch.setattr('dragon_ros.nodes.monitor._PARTNER_S', 0.0)
+    (name, data, _, number), *_ = messages
+    monitor._inbox.put(name, channels()[name].type, data, info(number))
+    while monitor._inbox._waiting:
+        monitor._inbox.work()
+    assert monitor.dropped == 0
+    monitor._on_timer()
+    assert monitor.dropped == 1
+    assert 'handles at 412.200000000 s: no benches arrived with that stamp' in capfd.readouterr().err
+
+
 def test_a_monitor_that_cannot_follow_skips_whole_ticks_and_says_so_and_what_it_may_miss(monitor, node, messages,
                                                                                        monkeypatch):
     monkeypatch.setattr(inbox, 'INBOX_MESSAGES', 40)
