@@ -219,6 +219,17 @@ def test_beyond_both_ends_of_a_track_leaders_have_no_cell_and_the_march_says_why
         place.place(place.track.place_at(high_m + 0.1))
 
 
+@pytest.mark.parametrize(('back_m', 'covered'), [(2.0**34.5, True), (2.0**35.5, False)])
+def test_so_far_along_a_track_that_floats_resolve_stretches_too_coarsely_leaders_have_no_cells(back_m, covered):
+    """At these distances, floats are 3.8e-6 and 7.6e-6 m apart, and a millionth of a stretch is 5.7e-6 m long."""
+    model = compile_scene(Scene(MIXED, Composite((Arc(9.0, 200.0), Line(20.0)), start_m=50.0), run=Run(0, 1))).model
+    place, leader = placement(model.track, model.links_m, model.direction), model.track.place_at(-back_m)
+    chain, other = place.place(leader), marched(model.track, model.links_m, leader, BEHIND)
+    assert bool(place.leader_map.cells) is covered
+    assert isinstance(chain.parts[0], MappedLinks) is covered
+    np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=5e-13)
+
+
 def test_leaders_next_to_a_lock_have_no_cell():
     scene = Scene(MIXED, Spiral(0.55, 6.0))
     simulation = compile_scene(scene)
